@@ -1,0 +1,206 @@
+"""Measuring speed, compile time and memory, one fresh process a configuration.
+
+A fresh process is the only way to know the peak memory of one configuration, and nothing that an
+earlier one left behind (caches, threads, heap) can change a later one. `python -m
+jaxenstein.benchmark SETTINGS` is such a process: settings and results are JSON.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import JAXensteinError
+
+# XLA's CPU backend uses one thread with these; more would fight over one core.
+ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """One configuration.
+
+    Attributes:
+        id: the environment.
+        batch: environments side by side.
+        steps: steps of each environment in one repeat.
+        repeats: measured repeats, after one that warms up.
+        height: image height in pixels.
+        width: image width in pixels.
+        observation: kind of observation.
+        seed: of the resets and the policy.
+        core: the processor core to stay on with a single thread, or None for all.
+    """
+
+    id: str
+    batch: int
+    steps: int
+    repeats: int
+    height: int = 64
+    width: int = 64
+    observation: str = "rgb"
+    seed: int = 0
+    core: int | None = None
+
+
+class BenchmarkError(JAXensteinError, RuntimeError):
+    """A measuring process failed; the message is its last line."""
+
+
+def measure_apart(settings: Settings) -> dict[str, Any]:
+    """Measure one configuration in a process of its own; see `measure` for the result.
+
+    Raises:
+        BenchmarkError: if the process fails.
+    """
+    environment = dict(os.environ)
+    source = str(Path(__file__).parents[1])
+    paths = [source, *filter(None, [environment.get("PYTHONPATH")])]
+    environment["PYTHONPATH"] = os.pathsep.join(paths)
+    if settings.core is not None:
+        flags = [ONE_THREAD, *filter(None, [environment.get("XLA_FLAGS")])]
+        environment["XLA_FLAGS"] = " ".join(reversed(flags))
+    command = [sys.executable, "-m", "jaxenstein.benchmark"]
+    command.append(json.dumps(dataclasses.asdict(settings)))
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        lines = done.stderr.strip().splitlines() or [f"ended with code {done.returncode}"]
+        where = f"{settings.id} with batch {settings.batch}"
+        raise BenchmarkError(f"measuring {where} failed: {lines[-1]}")
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def measure(settings: Settings) -> dict[str, Any]:
+    """Measure one configuration in this process.
+
+    Returns:
+        the settings and: `seconds`, of every repeat; `steps_per_second` with `median`,
+        `lower_quartile`, `upper_quartile`, and `repeats`, of every one; `compile_seconds` of
+        `reset`, `step` and the whole `rollout`; `peak_memory_bytes` of the process;
+        `device_peak_bytes` where the device tells; `device`.
+    """
+    if settings.core is not None:
+        os.sched_setaffinity(0, {settings.core})
+    import jax
+
+    from .measure import make_random_rollout
+    from .registry import make
+
+    env, params = make(
+        settings.id,  # pyright: ignore[reportArgumentType]
+        height=settings.height,
+        width=settings.width,
+        observation=settings.observation,
+    )
+    compiling = _compile_times(env, params, settings.batch)
+    rollout, start = make_random_rollout(env, params, settings.batch, settings.steps)
+    carry = jax.block_until_ready(start(jax.random.key(settings.seed)))
+    begin = time.perf_counter()
+    compiled = rollout.lower(carry).compile()
+    compiling["rollout"] = time.perf_counter() - begin
+    carry = jax.block_until_ready(compiled(carry))
+    seconds = []
+    for _ in range(settings.repeats):
+        begin = time.perf_counter()
+        carry = jax.block_until_ready(compiled(carry))
+        seconds.append(time.perf_counter() - begin)
+    device = jax.devices()[0]
+    return {
+        **dataclasses.asdict(settings),
+        "steps_per_second": summarise(settings.batch * settings.steps / np.array(seconds)),
+        "seconds": seconds,
+        "compile_seconds": compiling,
+        "peak_memory_bytes": _peak_memory(),
+        "device_peak_bytes": (device.memory_stats() or {}).get("peak_bytes_in_use"),
+        "device": f"{device.platform}: {device.device_kind}",
+    }
+
+
+def _compile_times(env: Any, params: Any, batch: int) -> dict[str, float]:
+    """Seconds to lower and compile the batched reset and step."""
+    import jax
+    import jax.numpy as jnp
+
+    keys = jax.random.split(jax.random.key(0), batch)
+    times = {}
+    begin = time.perf_counter()
+    reset = jax.jit(jax.vmap(lambda key: env.reset(key, params)))
+    reset.lower(keys).compile()
+    times["reset"] = time.perf_counter() - begin
+    _, states = jax.eval_shape(reset, keys)
+    actions = jnp.zeros(batch, jnp.int32)
+    step = jax.jit(jax.vmap(lambda key, state, action: env.step(key, state, action, params)))
+    begin = time.perf_counter()
+    step.lower(keys, states, actions).compile()
+    times["step"] = time.perf_counter() - begin
+    return times
+
+
+def summarise(rates: np.ndarray) -> dict[str, Any]:
+    """Median and quartiles of the rates of all repeats, and the rates."""
+    lower, median, upper = (float(q) for q in np.quantile(rates, [0.25, 0.5, 0.75]))
+    return {
+        "median": median,
+        "lower_quartile": lower,
+        "upper_quartile": upper,
+        "repeats": [float(rate) for rate in rates],
+    }
+
+
+def describe_machine() -> dict[str, Any]:
+    """What a reader of the numbers needs to know: versions and hardware."""
+    import jax
+
+    from .version import __version__
+
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+    return {
+        "versions": {
+            "python": platform.python_version(),
+            "jax": jax.__version__,
+            "numpy": np.__version__,
+            "jaxenstein": __version__,
+        },
+        "hardware": {
+            "cpu": cpu_model(),
+            "cores": os.cpu_count(),
+            "cores_allowed": allowed,
+            "platform": platform.platform(),
+        },
+    }
+
+
+def cpu_model() -> str:
+    """The processor's name as the system tells it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            name, _, value = line.partition(":")
+            if name.strip() == "model name":
+                return value.strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _peak_memory() -> int | None:
+    """Most bytes of memory that this process ever held; None where the system cannot tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # The unit is bytes on macOS and kibibytes elsewhere.
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
+if __name__ == "__main__":
+    print(json.dumps(measure(Settings(**json.loads(sys.argv[1])))))

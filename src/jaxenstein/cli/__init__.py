@@ -1,0 +1,83 @@
+"""The command line: `jaxenstein list | rollout | record | bench`.
+
+Importing this package is cheap; JAX is imported by the commands that need it, when they run.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from ..errors import JAXensteinError
+from ..version import __version__
+from ..view.files import OutputError
+from . import bench, listing, record, rollout
+from .arguments import Parser, UsageError
+
+FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
+
+EXAMPLES = """\
+examples:
+  jaxenstein list
+  jaxenstein rollout my-way-home --envs 512 --steps 500 --out demo
+  jaxenstein record key-door --policy forward --out key-door.gif
+  jaxenstein bench my-way-home --batch 64,256,1024 --json bench.json
+
+'jaxenstein COMMAND --help' explains a command and all its options.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        argv: the arguments, by default those of the process.
+
+    Returns:
+        The exit code: 0; 1 if something could not be written or run; 2 for wrong arguments; 130
+        after Ctrl-C; 141 if the reader of the output went away.
+    """
+    try:
+        options = build_parser().parse_args(argv)
+        options.run(options)
+        sys.stdout.flush()
+    except UsageError as error:
+        return _complain(str(error), WRONG_ARGUMENTS)
+    except OutputError as error:
+        return _complain(f"jaxenstein: {error}", FAILED)
+    except JAXensteinError as error:
+        return _complain(f"jaxenstein: {error}", WRONG_ARGUMENTS)
+    except BrokenPipeError:
+        # Python would complain about the rest of the buffer at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except (MemoryError, RuntimeError) as error:
+        # JAX's own errors (out of memory, no such device) are RuntimeErrors with long texts.
+        return _complain(f"jaxenstein: {type(error).__name__}: {error}", FAILED)
+    return 0
+
+
+def build_parser() -> Parser:
+    """The parser of all commands."""
+    parser = Parser(
+        prog="jaxenstein",
+        description="First-person visual environments for reinforcement learning, in JAX.",
+        epilog=EXAMPLES,
+    )
+    parser.add_argument("--version", action="version", version=f"jaxenstein {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for command in (listing, rollout, record, bench):
+        command.add_command(commands)
+    return parser
+
+
+def _complain(message: str, code: int) -> int:
+    line = " ".join(message.split())
+    print(line, file=sys.stderr)
+    return code
+
+
+__all__ = ["build_parser", "main"]

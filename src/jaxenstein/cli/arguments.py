@@ -1,0 +1,166 @@
+"""What the commands share: the parser, kinds of arguments, and making an environment from them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from ..errors import MapWarning
+
+if TYPE_CHECKING:
+    from ..environment import Environment
+
+OBSERVATIONS = ("rgb", "gray", "depth", "labels", "dict")
+
+
+class UsageError(Exception):
+    """Wrong arguments; the message is one line."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that reports mistakes as `UsageError` and keeps the layout of texts."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Take the arguments of `argparse.ArgumentParser`."""
+        kwargs.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        super().__init__(allow_abbrev=False, **kwargs)
+
+    def error(self, message: str) -> NoReturn:
+        """Raise `UsageError` instead of printing the usage."""
+        raise UsageError(f"{self.prog}: {message} (see '{self.prog} --help')")
+
+
+def whole(least: int = 1, most: int | None = None) -> Callable[[str], int]:
+    """An argument type: a whole number of at least `least` and at most `most`."""
+
+    def convert(text: str) -> int:
+        try:
+            number = int(text)
+        except ValueError:
+            number = None
+        if number is None or number < least or (most is not None and number > most):
+            bounds = f"at least {least}" if most is None else f"from {least} to {most}"
+            raise argparse.ArgumentTypeError(f"must be a whole number {bounds}, not {text!r}")
+        return number
+
+    return convert
+
+
+def real(least: float, most: float) -> Callable[[str], float]:
+    """An argument type: a number from `least` to `most`."""
+
+    def convert(text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            number = float("nan")
+        if not least <= number <= most:
+            raise argparse.ArgumentTypeError(
+                f"must be a number from {least:g} to {most:g}, not {text!r}"
+            )
+        return number
+
+    return convert
+
+
+def size(text: str) -> tuple[int, int]:
+    """An argument type: WIDTHxHEIGHT in pixels, such as 160x120, as (height, width)."""
+    parts = text.lower().split("x")
+    if len(parts) == 2 and all(part.isdecimal() and 0 < int(part) <= 4096 for part in parts):
+        return int(parts[1]), int(parts[0])
+    raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels like 64x64, not {text!r}")
+
+
+def add_environment(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say which environment, and how it is seen."""
+    parser.add_argument("id", nargs="?", metavar="ID", help="an environment, see 'jaxenstein list'")
+    parser.add_argument(
+        "--map-file",
+        metavar="FILE",
+        type=Path,
+        help="a map as text instead of ID; 'jaxenstein list --symbols' explains the symbols",
+    )
+    view = parser.add_argument_group("what the agent sees")
+    view.add_argument(
+        "--height",
+        type=whole(1, 4096),
+        default=64,
+        metavar="PX",
+        help="image height in pixels (default %(default)s)",
+    )
+    view.add_argument(
+        "--width",
+        type=whole(1, 4096),
+        default=64,
+        metavar="PX",
+        help="image width in pixels (default %(default)s)",
+    )
+    view.add_argument(
+        "--fov",
+        type=real(30, 120),
+        metavar="DEGREES",
+        help="horizontal field of view, 30 to 120 (default: the environment's own, mostly 60)",
+    )
+    view.add_argument(
+        "--observation",
+        choices=OBSERVATIONS,
+        default="rgb",
+        metavar="KIND",
+        help=f"one of {', '.join(OBSERVATIONS)} (default %(default)s)",
+    )
+
+
+def add_seed(parser: argparse.ArgumentParser) -> None:
+    """Add --seed."""
+    parser.add_argument(
+        "--seed",
+        type=whole(0, 2**32 - 1),
+        default=0,
+        metavar="S",
+        help="seed of all random choices; the same seed gives the same result "
+        "(default %(default)s)",
+    )
+
+
+def open_environment(options: argparse.Namespace, **settings: Any) -> tuple[Environment, Any, str]:
+    """The environment that the arguments name, its default params, and a name for files.
+
+    Warnings about the map are printed, one line each.
+    """
+    import jaxenstein
+
+    if (options.id is None) == (options.map_file is None):
+        raise UsageError("jaxenstein: give either the ID of an environment or --map-file FILE")
+    settings = {
+        "height": options.height,
+        "width": options.width,
+        "observation": options.observation,
+        **({} if options.fov is None else {"field_of_view": options.fov}),
+        **settings,
+    }
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", MapWarning)
+        if options.map_file is None:
+            env, params = jaxenstein.make(options.id, **settings)
+            name = options.id
+        else:
+            env, params = jaxenstein.from_ascii(read_map(options.map_file), **settings)
+            name = options.map_file.stem
+    for warning in caught:
+        print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)
+    return env, params, name
+
+
+def read_map(path: Path) -> str:
+    """The text of a map file."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise UsageError(f"jaxenstein: cannot read the map {path}: {reason}") from error
+    except UnicodeDecodeError as error:
+        raise UsageError(f"jaxenstein: cannot read the map {path}: it is not text") from error

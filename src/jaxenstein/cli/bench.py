@@ -1,0 +1,162 @@
+"""`jaxenstein bench`: steps per second, compile time and memory."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from ..view.files import atomic, check_writable
+from ..view.progress import Progress, si
+from .arguments import OBSERVATIONS, UsageError, add_seed, size, whole
+from .listing import format_table
+
+DESCRIPTION = """\
+Measure rollouts under a uniform random policy inside one compiled scan: policy draw, dynamics,
+automatic resets and a frame every step. Each configuration (environment and batch size) runs
+in a process of its own: it compiles, warms up, and repeats the rollout. Shown are the median
+of the repeats with the quartiles, the time to compile reset and step, and the peak memory.
+"""
+EPILOG = """\
+examples:
+  jaxenstein bench
+  jaxenstein bench my-way-home key-door --batch 64,256,1024 --json bench.json
+  jaxenstein bench my-way-home --size 160x120 --core 0
+
+Close other programs first; where the quartiles lie far apart, something else was running.
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "bench",
+        help="measure steps per second, compile time and memory",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+    )
+    parser.add_argument(
+        "ids", nargs="*", metavar="ID", help="environments to measure (default my-way-home)"
+    )
+    parser.add_argument(
+        "--batch",
+        type=batches,
+        default=[64, 256, 1024],
+        metavar="N,N,...",
+        help="numbers of environments side by side (default 64,256,1024)",
+    )
+    parser.add_argument(
+        "--steps",
+        type=whole(),
+        default=256,
+        metavar="T",
+        help="steps of each environment in a repeat (default %(default)s)",
+    )
+    parser.add_argument(
+        "--repeats",
+        type=whole(),
+        default=9,
+        metavar="R",
+        help="measured repeats, after one that warms up (default %(default)s)",
+    )
+    parser.add_argument(
+        "--size",
+        type=size,
+        default=(64, 64),
+        metavar="WxH",
+        help="image size in pixels, width first (default 64x64)",
+    )
+    parser.add_argument(
+        "--observation",
+        choices=OBSERVATIONS,
+        default="rgb",
+        metavar="KIND",
+        help=f"one of {', '.join(OBSERVATIONS)} (default %(default)s)",
+    )
+    parser.add_argument(
+        "--core",
+        type=whole(0),
+        metavar="N",
+        help="use only processor core N, with one thread (default: all cores)",
+    )
+    parser.add_argument(
+        "--json",
+        type=Path,
+        metavar="FILE",
+        help="also write every repeat, with versions, hardware and settings, as JSON",
+    )
+    add_seed(parser)
+    parser.set_defaults(run=run)
+
+
+def batches(text: str) -> list[int]:
+    """An argument type: batch sizes separated by commas."""
+    return [whole()(part.strip()) for part in text.split(",")]
+
+
+def run(options: argparse.Namespace) -> None:
+    """Measure, print the table, write the JSON file."""
+    from .. import make
+    from ..benchmark import Settings, describe_machine, measure_apart
+
+    ids = options.ids or ["my-way-home"]
+    height, width = options.size
+    for name in ids:
+        # A wrong id or setting is told before anything is measured.
+        make(name, height=height, width=width, observation=options.observation)
+    _check_core(options.core)
+    if options.json is not None:
+        check_writable(options.json)
+    plan = [
+        Settings(
+            name, batch, options.steps, options.repeats, height, width, options.observation,
+            options.seed, options.core,
+        )
+        for name in ids
+        for batch in options.batch
+    ]  # fmt: skip
+    results = []
+    with Progress(len(plan), "measuring", unit="runs") as progress:
+        for done, settings in enumerate(plan, 1):
+            progress.label = f"{settings.id}, batch {settings.batch}"
+            progress.show()
+            results.append(measure_apart(settings))
+            progress.update(done)
+    print(table(results))
+    if options.json is not None:
+        report = {**describe_machine(), "results": results}
+        with atomic(options.json) as temporary:
+            temporary.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        print(f"wrote {options.json}")
+
+
+def table(results: list[dict[str, Any]]) -> str:
+    """The results as text."""
+    rows = [("ENVIRONMENT", "SIZE", "BATCH", "STEPS/S", "QUARTILES", "COMPILE", "MEMORY")]
+    for result in results:
+        rates, compiling = result["steps_per_second"], result["compile_seconds"]
+        peak = result["peak_memory_bytes"]
+        rows.append(
+            (
+                result["id"],
+                f"{result['width']}x{result['height']}",
+                str(result["batch"]),
+                si(rates["median"]),
+                f"{si(rates['lower_quartile'])} - {si(rates['upper_quartile'])}",
+                f"{compiling['reset'] + compiling['step']:.1f} s",
+                "-" if peak is None else f"{peak / 2**20:.0f} MiB",
+            )
+        )
+    return format_table(rows, right=(1, 2, 3, 5, 6))
+
+
+def _check_core(core: int | None) -> None:
+    if core is None:
+        return
+    if not hasattr(os, "sched_getaffinity"):
+        raise UsageError("jaxenstein bench: --core: this system cannot pin a process to a core")
+    allowed = sorted(os.sched_getaffinity(0))
+    if core not in allowed:
+        raise UsageError(f"jaxenstein bench: --core: no core {core}; there are {allowed}")

@@ -1,0 +1,240 @@
+"""`jaxenstein rollout`: many environments under a random policy, and what they saw."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..view.files import check_writable, make_folder
+from ..view.progress import Progress, si
+from ..view.recording import contact_sheet, evenly, mosaic, save_gif, scale_to
+from .arguments import add_environment, add_seed, open_environment, whole
+from .frames import image_of, picture
+
+if TYPE_CHECKING:
+    from ..environment import Environment
+
+DESCRIPTION = """\
+Step many environments side by side with a uniform random policy, resetting each when its
+episode ends, and report the speed, the returns and how often the goal was reached.
+With --out also write DIR/ID.gif, the views of up to 16 of them over time, and DIR/ID.png,
+a contact sheet: one row an environment, time running to the right.
+"""
+EPILOG = """\
+examples:
+  jaxenstein rollout my-way-home --envs 512 --steps 500 --out demo
+  jaxenstein rollout key-door --envs 64 --width 160 --height 120 --fov 90
+  jaxenstein rollout --map-file maze.txt --observation depth --out pictures
+"""
+# Frames of the GIF, environments in it, and rows and columns of the contact sheet.
+GIF_FRAMES, GIF_ENVS, GIF_COLUMNS = 100, 16, 4
+SHEET_ENVS, SHEET_COLUMNS = 6, 8
+GIF_FPS = 12.5
+# Without pictures, the number of steps between updates of the progress bar aims at this time.
+CALL_SECONDS = 0.2
+# Larger images are thinned out for the pictures, to at most this many pixels a side.
+THUMBNAIL = 192
+# Pixels that the mosaic of the GIF and each view on the contact sheet are high, at least.
+GIF_HEIGHT, SHEET_HEIGHT = 256, 112
+Carry = dict[str, Any]
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "rollout",
+        help="run many environments with a random policy, and picture what they see",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+    )
+    add_environment(parser)
+    parser.add_argument(
+        "--envs",
+        type=whole(),
+        default=256,
+        metavar="N",
+        help="environments side by side (default %(default)s)",
+    )
+    parser.add_argument(
+        "--steps",
+        type=whole(),
+        default=500,
+        metavar="T",
+        help="steps of each environment (default %(default)s)",
+    )
+    parser.add_argument(
+        "--horizon",
+        type=whole(),
+        metavar="T",
+        help="steps in an episode (default: the environment's own)",
+    )
+    add_seed(parser)
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the pictures, made if missing (default: no pictures)",
+    )
+    parser.set_defaults(run=run)
+
+
+@dataclasses.dataclass
+class Tally:
+    """What a rollout came to.
+
+    Attributes:
+        episodes: episodes that ended.
+        returns: the sum of their returns.
+        successes: how many of them reached the goal; None where the task knows no goal.
+        seconds: time spent stepping, without compiling.
+        compiling: seconds it took to compile.
+    """
+
+    episodes: int
+    returns: float
+    successes: int | None
+    seconds: float
+    compiling: float
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run the rollout, print its figures, write its pictures."""
+    env, params, name = open_environment(options)
+    if options.horizon is not None:
+        params = params.replace(max_steps_in_episode=options.horizon)
+    targets: tuple[Path, ...] = ()
+    if options.out is not None:
+        folder = make_folder(options.out)
+        targets = folder / f"{name}.gif", folder / f"{name}.png"
+        for target in targets:
+            check_writable(target)
+    watched = min(GIF_ENVS, options.envs) if targets else 0
+    print(f"{name}: compiling a rollout of {options.envs} environments ...", file=sys.stderr)
+    begin = time.perf_counter()
+    advance, carry = compile_rollout(env, params, options.envs, options.seed, watched)
+    compiling = time.perf_counter() - begin
+    frames, tally = play(advance, carry, options.steps, options.envs, bool(targets))
+    tally.compiling = compiling
+    _report(options, tally)
+    if targets:
+        write_pictures(picture(np.stack(frames), options.observation), *targets)
+        print(f"pictures      {targets[0]}, {targets[1]}")
+
+
+def compile_rollout(
+    env: Environment[Any, Any], params: Any, envs: int, seed: int, watched: int
+) -> tuple[Callable[[Carry, Any], tuple[Carry, Any]], Carry]:
+    """Reset the environments and compile their rollout.
+
+    Args:
+        env: the environment, with automatic resets.
+        params: its params.
+        envs: how many run side by side.
+        seed: of the resets, the policy and the steps.
+        watched: of how many the images are returned.
+
+    Returns:
+        `(advance, carry)`: `advance(carry, n)` takes n steps, for any n, with one compilation, and
+        returns the new carry, reusing the old one's memory, and the latest images of the first
+        `watched` environments.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    def step(_: Any, carry: Carry) -> Carry:
+        key, policy_key, step_key = jax.random.split(carry["key"], 3)
+        actions = jax.random.randint(policy_key, (envs,), 0, env.num_actions, jnp.int32)
+        stepping = jax.vmap(env.step, in_axes=(0, 0, 0, None))
+        obs, state, _, terminated, truncated, info = stepping(
+            jax.random.split(step_key, envs), carry["state"], actions, params
+        )
+        ended = terminated | truncated
+        reached = terminated & info.get("reached_goal", jnp.zeros_like(terminated))
+        return {
+            "key": key,
+            "obs": obs,
+            "state": state,
+            "episodes": carry["episodes"] + ended.astype(jnp.int32),
+            "returns": carry["returns"] + jnp.where(ended, info["episode_return"], 0),
+            "successes": carry["successes"] + reached.astype(jnp.int32),
+        }
+
+    def advance(carry: Carry, steps: Any) -> tuple[Carry, Any]:
+        carry = jax.lax.fori_loop(0, steps, step, carry)
+        image = image_of(carry["obs"])[:watched]
+        thin = max(1, -(-max(image.shape[1:3]) // THUMBNAIL))
+        return carry, image[:, ::thin, ::thin]
+
+    key, reset_key = jax.random.split(jax.random.key(seed))
+    obs, state = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(
+        jax.random.split(reset_key, envs), params
+    )
+    counts = {name: jnp.zeros(envs, jnp.int32) for name in ("episodes", "successes")}
+    returns = jnp.zeros(envs, jnp.float32)
+    carry = {"key": key, "obs": obs, "state": state, "returns": returns, **counts}
+    return jax.jit(advance, donate_argnums=0).lower(carry, np.int32(0)).compile(), carry
+
+
+def play(
+    advance: Callable[[Carry, Any], tuple[Carry, Any]],
+    carry: Carry,
+    steps: int,
+    envs: int,
+    with_frames: bool,
+) -> tuple[list[np.ndarray], Tally]:
+    """Run a compiled rollout under a progress bar.
+
+    Returns:
+        images [watched, h, w, ...] at regular times from the reset on if `with_frames`, else
+        none; and the figures.
+    """
+    import jax
+
+    frames: list[np.ndarray] = []
+    done, seconds = 0, 0.0
+    chunk = -(-steps // GIF_FRAMES) if with_frames else 1
+    carry, shown = jax.block_until_ready(advance(carry, np.int32(0)))
+    with Progress(steps * envs, "rollout") as progress:
+        while True:
+            if with_frames:
+                frames.append(np.asarray(shown))
+            if done == steps:
+                break
+            count = min(chunk, steps - done)
+            begin = time.perf_counter()
+            carry, shown = jax.block_until_ready(advance(carry, np.int32(count)))
+            elapsed = time.perf_counter() - begin
+            done, seconds = done + count, seconds + elapsed
+            progress.update(done * envs)
+            if not with_frames and elapsed < CALL_SECONDS:
+                chunk *= 2
+    totals = [np.asarray(carry[name]).sum() for name in ("episodes", "returns", "successes")]
+    return frames, Tally(int(totals[0]), float(totals[1]), int(totals[2]), seconds, 0.0)
+
+
+def _report(options: argparse.Namespace, tally: Tally) -> None:
+    total = options.envs * options.steps
+    print(f"speed         {si(total / tally.seconds)} steps/s ({total} steps "
+          f"in {tally.seconds:.2f} s, after {tally.compiling:.1f} s of compiling)")  # fmt: skip
+    print(f"episodes      {tally.episodes} ended")
+    if tally.episodes:
+        print(f"mean return   {tally.returns / tally.episodes:.4g}")
+        print(f"success       {tally.successes / tally.episodes:.1%} reached the goal")
+
+
+def write_pictures(frames: np.ndarray, gif: Path, sheet: Path) -> None:
+    """Write the animation and the contact sheet of uint8[T, N, H, W, 3]."""
+    height = frames.shape[2]
+    columns = min(GIF_COLUMNS, frames.shape[1])
+    scale = scale_to(height * -(-frames.shape[1] // columns), GIF_HEIGHT)
+    save_gif([mosaic(shot, columns, scale=scale) for shot in frames], gif, GIF_FPS)
+    times = evenly(len(frames), SHEET_COLUMNS)
+    chosen = frames[times, :SHEET_ENVS].swapaxes(0, 1).reshape(-1, *frames.shape[2:])
+    contact_sheet(chosen, len(times), sheet, scale=scale_to(height, SHEET_HEIGHT))

@@ -1,0 +1,32 @@
+"""Pictures of sprites and panels, 32 by 32 characters each, as bit planes.
+
+`.` is empty, `#` is drawn in the first colour, `o` in the second: shape and detail of a sprite,
+shadow and accent of a panel.
+"""
+
+from __future__ import annotations
+
+import functools
+from importlib import resources
+
+import numpy as np
+
+SIZE = 32
+
+
+@functools.cache
+def load_art(name: str) -> np.ndarray:
+    """uint32[2, 32]: planes (drawn at all, drawn in the second colour) by column, top bit least.
+
+    Args:
+        name: the file beside this module, without its suffix.
+    """
+    text = resources.files(__name__).joinpath(f"{name}.txt").read_text(encoding="ascii")
+    cells = np.array([list(line) for line in text.split()])
+    if cells.shape != (SIZE, SIZE) or not np.isin(cells, [".", "#", "o"]).all():
+        raise ValueError(f"art {name!r} must be {SIZE} by {SIZE} characters of '.', '#' and 'o'")
+    weights = np.left_shift(np.uint32(1), np.arange(SIZE, dtype=np.uint32))[:, None]
+    planes = np.stack([cells != ".", cells == "o"])
+    words = np.where(planes, weights, np.uint32(0)).sum(axis=1, dtype=np.uint32)
+    words.setflags(write=False)
+    return words

@@ -1,0 +1,51 @@
+"""The camera: image size and field of view, and the constants that follow from them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class Camera:
+    """A pinhole camera at half the wall height, looking horizontally.
+
+    Attributes:
+        height: image rows, in pixels.
+        width: image columns, in pixels.
+        field_of_view: horizontal angle of view in degrees, 30 to 120. Pixels are square.
+    """
+
+    height: int = 64
+    width: int = 64
+    field_of_view: float = 60.0
+
+    @property
+    def half_plane(self) -> float:
+        """Half the width of the image plane at distance one."""
+        return math.tan(math.radians(self.field_of_view) / 2)
+
+    @property
+    def focal(self) -> float:
+        """Distance of the image plane in pixels: a wall at depth `d` is `focal / d` pixels high."""
+        return self.width / (2 * self.half_plane)
+
+    def column_slopes(self) -> np.ndarray:
+        """float32[width]: sideways offset of each pixel column's centre at distance one."""
+        centres = (2 * (np.arange(self.width) + 0.5) / self.width - 1) * self.half_plane
+        return centres.astype(np.float32)
+
+    def row_offsets(self) -> np.ndarray:
+        """float32[height]: pixels of each row's centre below the horizon."""
+        return (np.arange(self.height) + 0.5 - self.height / 2).astype(np.float32)
+
+    def row_distances(self) -> np.ndarray:
+        """float32[height]: depth in tiles at which floor or ceiling shows in each row.
+
+        The row on the horizon (images of odd height) would be infinitely far; it gets the depth
+        of a hundredth of a pixel, which a wall always hides.
+        """
+        below = np.maximum(np.abs(self.row_offsets()), 0.01)
+        return (0.5 * self.focal / below).astype(np.float32)

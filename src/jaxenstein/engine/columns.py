@@ -1,0 +1,113 @@
+"""What the pixels of an image column have in common."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..pytree import Record, record
+from .camera import Camera
+from .level import WORD
+from .raycast import Hits, rays
+from .scene import Sprites, Theme
+from .shade import SIDE_LIGHT, ImageKind, brightness, pack_rgb, tone
+from .sprites import Layers, project
+
+# A panel's shadow plane has the wall's colour times this.
+PANEL_SHADOW = 0.45
+
+
+@record
+class Columns(Record):
+    """The columns of one image, ready to paint; W of them.
+
+    Paints are what ends up in the image: packed colours, grey values, labels (uint32) or depths
+    (float32).
+
+    Attributes:
+        half: float32[W], half the height of the wall in pixels.
+        wall: paint[W].
+        ray: float32[2, W], the ray's direction (x, y) on the map, scaled to depth one.
+        panels: the panels on the walls, or None if no wall of the theme has one.
+        layers: the billboards, or None if the scene has none.
+    """
+
+    half: jax.Array
+    wall: jax.Array
+    ray: jax.Array
+    panels: Panels | None
+    layers: Layers | None
+
+
+@record
+class Panels(Record):
+    """Panels: shadows and accents on a wall.
+
+    Attributes:
+        planes: uint32[2, W], words of shadow and accent, least bit on top.
+        paint: paint[2, W].
+    """
+
+    planes: jax.Array
+    paint: jax.Array
+
+
+def prepare(
+    position: jax.Array,
+    heading: jax.Array,
+    hits: Hits,
+    sprites: Sprites,
+    *,
+    theme: Theme,
+    camera: Camera,
+    kind: ImageKind,
+    layers: int,
+) -> Columns:
+    """Look up what each column shows.
+
+    Args:
+        position: float32[2], the eye.
+        heading: float32[], radians.
+        hits: what the rays hit.
+        sprites: the billboards of the scene.
+        theme: how everything looks.
+        camera: size and field of view of the image.
+        kind: the kind of image.
+        layers: how many billboards one column can show.
+    """
+    light = brightness(hits.depth) * jnp.where(hits.horizontal, jnp.float32(SIDE_LIGHT), 1)
+    index = hits.wall.astype(jnp.int32)
+    table = jnp.asarray(theme.wall_colours)
+    colour = [table[:, i].at[index].get(mode="promise_in_bounds") for i in range(3)]
+    drawn = None
+    if sprites.look.shape[0]:
+        eye = position, heading
+        drawn = project(sprites, theme, *eye, hits.depth, camera=camera, kind=kind, layers=layers)
+    return Columns(
+        half=jnp.float32(0.5 * camera.focal) / jnp.maximum(hits.depth, 1e-6),
+        wall=tone(kind, pack_rgb(colour, light), hits.wall, hits.depth),
+        ray=jnp.stack(rays(heading, camera)),
+        panels=_panels(index, hits, colour, light, theme, kind),
+        layers=drawn,
+    )
+
+
+def _panels(
+    index: jax.Array,
+    hits: Hits,
+    colour: list[jax.Array],
+    light: jax.Array,
+    theme: Theme,
+    kind: ImageKind,
+) -> Panels | None:
+    if kind in ("depth", "labels") or not np.any(theme.wall_panels):
+        return None
+    panel = jnp.asarray(theme.wall_panels).at[index].get(mode="promise_in_bounds")
+    texel = jnp.minimum((hits.along * WORD).astype(jnp.int32), WORD - 1)
+    art = jnp.asarray(theme.panels)
+    planes = [art[:, i].at[panel, texel].get(mode="promise_in_bounds") for i in (0, 1)]
+    accent = [jnp.asarray(theme.panel_accent)[i] for i in range(3)]
+    words = pack_rgb(colour, light * PANEL_SHADOW), pack_rgb(accent, light)
+    paint = [tone(kind, word, hits.wall, hits.depth) for word in words]
+    return Panels(planes=jnp.stack(planes), paint=jnp.stack(paint))

@@ -1,0 +1,63 @@
+"""Keeping XLA's CPU compiler from computing a stage again inside its consumer.
+
+XLA fuses producers into consumers. Where a consumer has one element per pixel and the producer
+one per column, the CPU compiler then repeats the column's work for every pixel, tens of times
+slower. `jax.lax.optimization_barrier` forbids it, but the CPU compiler of JAX 0.10 drops the
+barrier. A conditional is never fused through, provided its predicate is unknown to the compiler
+and is one scalar for the whole batch (a batched predicate turns into a select). Hence this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.custom_batching import custom_vmap
+
+
+def staged(stage: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap `stage` so that its results are computed once, into memory, before they are used.
+
+    The stage may take and return any pytrees of arrays; its first array leaf must be a float
+    one, from which the predicate is taken. Works under any nesting of `jax.vmap`.
+    """
+
+    @custom_vmap
+    def call(*args: Any) -> Any:
+        return lax.platform_dependent(
+            *args, cpu=_behind_cond(stage), default=_behind_barrier(stage)
+        )
+
+    @call.def_vmap
+    def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
+        axes = jax.tree.map(lambda batched: 0 if batched else None, tuple(in_batched))
+        mapped = jax.vmap(stage, in_axes=axes, axis_size=axis_size)
+        out = staged(mapped)(*args)
+        return out, jax.tree.map(lambda _: True, out)
+
+    return call
+
+
+def _behind_barrier(stage: Callable[..., Any]) -> Callable[..., Any]:
+    def run(*args: Any) -> Any:
+        return lax.optimization_barrier(stage(*args))
+
+    return run
+
+
+def _behind_cond(stage: Callable[..., Any]) -> Callable[..., Any]:
+    def run(*args: Any) -> Any:
+        witness = jnp.ravel(jax.tree.leaves(args)[0])[0]
+        # True for every float, NaN included, but not provable for the compiler.
+        always = jnp.logical_not(witness > jnp.finfo(witness.dtype).max)
+        shapes = jax.eval_shape(stage, *args)
+
+        def never(*_: Any) -> Any:
+            return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+
+        return lax.cond(always, stage, never, *args)
+
+    return run

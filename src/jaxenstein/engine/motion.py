@@ -1,0 +1,73 @@
+"""Moving through a level: turning, walking, touching. Bodies are points."""
+
+from __future__ import annotations
+
+import math
+
+import jax
+import jax.numpy as jnp
+
+from .level import Level, door_at, is_solid
+
+
+def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
+    """float32[]: the heading turned clockwise on the map by an angle, in [0, 2 pi)."""
+    turned = jnp.mod(heading + angle, jnp.float32(2 * math.pi))
+    # A tiny negative heading rounds up to the full circle itself.
+    return jnp.where(turned >= jnp.float32(2 * math.pi), 0, turned)
+
+
+def forward(heading: jax.Array) -> jax.Array:
+    """float32[2]: the unit vector (x, y) of a heading."""
+    return jnp.stack([jnp.cos(heading), jnp.sin(heading)])
+
+
+def path_tiles(start: jax.Array, end: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """int32[2], int32[2]: the tiles (column, row) that a short segment enters.
+
+    A segment shorter than one tile crosses at most one vertical and one horizontal grid line.
+    The first tile is the one entered at the first crossing, the second the one of the end; they
+    are equal, or equal to the start's, where there are fewer crossings.
+    """
+    tile, last = jnp.floor(start), jnp.floor(end)
+    crossed = tile != last
+    step = end - start
+    # Where along the segment each line is crossed.
+    line = jnp.maximum(tile, last)
+    when = (line - start) / jnp.where(crossed, step, 1)
+    x_first = crossed[0] & (~crossed[1] | (when[0] <= when[1]))
+    first = jnp.where(jnp.stack([x_first, ~x_first]), last, tile)
+    return first.astype(jnp.int32), last.astype(jnp.int32)
+
+
+def walk(level: Level, closed: jax.Array, position: jax.Array, step: jax.Array) -> jax.Array:
+    """float32[2]: the position after a step, or the old one if anything solid is in the way.
+
+    Args:
+        level: the level.
+        closed: bool[D], which doors are closed.
+        position: float32[2], (x, y) in tiles.
+        step: float32[2], shorter than one tile: longer ones could jump over walls.
+    """
+    target = position + step
+    first, last = path_tiles(position, target)
+    blocked = is_solid(level, closed, first[0], first[1])
+    blocked = blocked | is_solid(level, closed, last[0], last[1])
+    return jnp.where(blocked, position, target)
+
+
+def touched_door(
+    level: Level, closed: jax.Array, position: jax.Array, reach: jax.Array
+) -> jax.Array:
+    """bool[D]: the closed door that an arm of this reach touches, if any; never through a wall.
+
+    Args:
+        level: the level.
+        closed: bool[D], which doors are closed.
+        position: float32[2], (x, y) in tiles.
+        reach: float32[2], the arm, shorter than one tile.
+    """
+    first, last = path_tiles(position, position + reach)
+    blocked = is_solid(level, closed, first[0], first[1])
+    tile = jnp.where(blocked, first, last) + level.margin
+    return closed & door_at(level, tile[0], tile[1])

@@ -1,0 +1,40 @@
+"""From a scene to an image: rays, then columns, then pixels.
+
+Each stage is finished before the next one starts (see `fusion`):
+
+1. `raycast.cast`: one ray a column finds its wall.
+2. `columns.prepare`: all that the pixels of a column have in common, billboards included.
+3. `pixels.paint`: one comparison tells wall from floor and ceiling, one shifted word a panel from
+   its wall and a billboard from what is behind it.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import jax
+
+from .camera import Camera
+from .columns import prepare
+from .fusion import staged
+from .pixels import paint
+from .raycast import cast
+from .scene import Scene
+from .shade import ImageKind
+
+
+def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 4) -> jax.Array:
+    """Draw what the eye sees.
+
+    Args:
+        scene: what there is to see, and from where.
+        camera: size and field of view of the image.
+        kind: `"rgb"` uint8[height, width, 3]; `"gray"` uint8[height, width], BT.601 luma of the
+            same colours; `"depth"` float32[height, width], perpendicular distance in tiles;
+            `"labels"` uint8[height, width], what each pixel shows (see `scene.Theme`).
+        layers: how many billboards one column can show behind each other.
+    """
+    pose = scene.position, scene.heading
+    hits = staged(partial(cast, camera=camera))(*pose, scene.closed, scene.level)
+    stage = partial(prepare, theme=scene.theme, camera=camera, kind=kind, layers=layers)
+    return paint(staged(stage)(*pose, hits, scene.sprites), scene, camera, kind)

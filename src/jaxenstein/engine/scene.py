@@ -1,0 +1,80 @@
+"""What the renderer draws: a level seen from a pose, its look, and billboards."""
+
+from __future__ import annotations
+
+import jax
+
+from ..pytree import Record, record
+from .level import Array, Level
+
+# Labels of what is neither wall nor sprite.
+CEILING = 0
+FLOOR = 1
+
+
+@record
+class Theme(Record):
+    """How walls, floor, ceiling and sprites look: tables of constants.
+
+    Attributes:
+        wall_colours: float32[n, 3], RGB 0 to 255 of each entry of `Level.walls`.
+        wall_panels: int32[n], row of `panels` drawn on each; 0 is the empty panel.
+        panels: uint32[m, 2, 32], bit planes (shadow, accent) by column, least bit on top.
+        panel_accent: float32[3], colour of the accent plane.
+        floor: float32[2, 3], the two colours of the checker.
+        ceiling: float32[3].
+        sprite_art: uint32[s, 2, 32], bit planes (shape, detail) of each sprite look.
+        sprite_colours: float32[s, 2, 3], colours of the shape and of the detail.
+        sprite_radius: float32[s], half the side of the square billboard, in tiles.
+        sprite_drop: float32[s], tiles from the eye's height down to the billboard's centre.
+        sprite_labels: uint8[s], what the `labels` image says of each; of a wall it says the
+            entry of `Level.walls`, of ceiling and floor `CEILING` and `FLOOR`.
+    """
+
+    wall_colours: Array
+    wall_panels: Array
+    panels: Array
+    panel_accent: Array
+    floor: Array
+    ceiling: Array
+    sprite_art: Array
+    sprite_colours: Array
+    sprite_radius: Array
+    sprite_drop: Array
+    sprite_labels: Array
+
+
+@record
+class Sprites(Record):
+    """Billboards, which always face the camera. N is their number.
+
+    Attributes:
+        position: float32[N, 2], (x, y) in tiles.
+        look: int32[N], row of the theme's sprite tables.
+        visible: bool[N].
+    """
+
+    position: jax.Array
+    look: jax.Array
+    visible: jax.Array
+
+
+@record
+class Scene(Record):
+    """All that one image depends on.
+
+    Attributes:
+        level: the geometry.
+        closed: bool[D], which doors of the level are closed.
+        position: float32[2], (x, y) of the eye in tiles.
+        heading: float32[], radians, 0 along +x, growing clockwise on the map.
+        sprites: the billboards.
+        theme: how everything looks.
+    """
+
+    level: Level
+    closed: jax.Array
+    position: jax.Array
+    heading: jax.Array
+    sprites: Sprites
+    theme: Theme

@@ -1,0 +1,259 @@
+"""The contract that every environment keeps.
+
+An environment supplies functions of states alone: `init_state`, `transition` and `observe`, and
+`describe` for what `info` says of a state. Everything a training loop calls is built from them
+here, once: time limits, automatic resets, and exactly one observation a step.
+
+Argument order and the six values of `step` are those of gymnax 1.0.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import functools
+from typing import Any, ClassVar, Generic, Literal, TypeVar, get_args
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .errors import SettingError
+from .pytree import Record, record
+from .spaces import Discrete, Space
+
+Autoreset = Literal["same-step", "next-step"]
+Info = dict[str, Any]
+
+
+@record
+class Params(Record):
+    """Numbers that may differ between environments of one batch: traced, never static.
+
+    Attributes:
+        max_steps_in_episode: steps after which an episode is truncated.
+        discount: the task's discount factor, for the learner; the environment does not use it.
+    """
+
+    max_steps_in_episode: Any = 1000
+    discount: Any = 0.99
+
+
+@record
+class State(Record):
+    """What every state has.
+
+    Attributes:
+        position: float32[2], (x, y) in tiles: x along a row of the map, y down the rows.
+        heading: float32[], radians in [0, 2 pi), 0 along +x, growing clockwise on the map.
+        time: int32[], steps since the reset.
+        episode_return: float32[], undiscounted sum of rewards since the reset.
+        done: bool[], whether the last step ended the episode. `step` with `"same-step"` resets
+            never shows a state where it is true.
+    """
+
+    position: jax.Array
+    heading: jax.Array
+    time: jax.Array
+    episode_return: jax.Array
+    done: jax.Array
+
+
+S = TypeVar("S", bound=State)
+P = TypeVar("P", bound=Params)
+
+_jit = functools.partial(jax.jit, static_argnums=0, inline=True)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Environment(abc.ABC, Generic[S, P]):
+    """Base of all environments: frozen and hashable, so equal settings share one compilation.
+
+    All functions are pure, take unbatched arguments and compose with `jax.jit`, `jax.vmap` and
+    `jax.lax.scan`. Keys may be typed (`jax.random.key`) or old (`jax.random.PRNGKey`). `params`
+    may be left out, which means `default_params`. Actions outside the action space do nothing
+    (the step still takes its time).
+
+    Attributes:
+        name: the id, or the name of a custom map.
+        version: grows when the behaviour of the environment changes.
+        autoreset: `"same-step"`: the step that ends an episode returns the next episode's first
+            observation and state. `"next-step"`: it returns the last observation, and the step
+            after it ignores its action, resets, and returns reward 0. `None`: never; stepping on
+            after the end goes on with the old episode.
+        final_observation: with `"same-step"`, add `info["final_observation"]`, the observation
+            before the reset, at every step. It costs a second render a step.
+    """
+
+    name: str = "custom"
+    version: int = 1
+    autoreset: Autoreset | None = "same-step"
+    final_observation: bool = False
+
+    action_names: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        """Check the settings; subclasses extend it."""
+        if self.autoreset is not None and self.autoreset not in get_args(Autoreset):
+            modes = ", ".join(map(repr, (*get_args(Autoreset), None)))
+            raise SettingError(f"autoreset must be one of {modes}, not {self.autoreset!r}")
+        if self.final_observation and self.autoreset != "same-step":
+            raise SettingError(
+                f"final_observation=True needs autoreset='same-step': with {self.autoreset!r} "
+                "the observation that `step` returns is already the final one"
+            )
+
+    # What a task supplies.
+
+    @property
+    @abc.abstractmethod
+    def default_params(self) -> P:
+        """The params that `params=None` stands for."""
+
+    @abc.abstractmethod
+    def init_state(self, key: jax.Array, params: P) -> S:
+        """Draw the first state of an episode."""
+
+    @abc.abstractmethod
+    def transition(
+        self, key: jax.Array, state: S, action: jax.Array, params: P
+    ) -> tuple[S, jax.Array, jax.Array, Info]:
+        """Apply an action: next state, float32[] reward, bool[] terminated, events.
+
+        `time`, `episode_return` and `done` are kept by the base. Events are small scalars for
+        `info` that are false or zero when nothing happens.
+        """
+
+    @abc.abstractmethod
+    def observe(self, state: S, params: P) -> Any:
+        """The observation of a state."""
+
+    @abc.abstractmethod
+    def observation_space(self, params: P | None = None) -> Space:
+        """The space of observations."""
+
+    def describe(self, state: S, params: P) -> Info:
+        """What `info` says of a state; tasks add to it."""
+        del params
+        return {
+            "position": state.position,
+            "heading": state.heading,
+            "cell": jnp.floor(state.position).astype(jnp.int32),
+            "episode_return": state.episode_return,
+            "episode_length": state.time,
+        }
+
+    # What a training loop calls.
+
+    def action_space(self, params: P | None = None) -> Discrete:
+        """The space of actions: one of `action_names` by its index."""
+        del params
+        return Discrete(self.num_actions)
+
+    @property
+    def num_actions(self) -> int:
+        """Number of actions."""
+        return len(self.action_names)
+
+    @_jit
+    def reset(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
+        """Begin an episode: observation and state."""
+        params = self._cast(params)
+        state = self.init_state(key, params)
+        return self.observe(state, params), state
+
+    @_jit
+    def step(
+        self, key: jax.Array, state: S, action: Any, params: P | None = None
+    ) -> tuple[Any, S, jax.Array, jax.Array, jax.Array, Info]:
+        """Take a step, then reset as `autoreset` says.
+
+        Returns:
+            observation; state; float32[] reward; bool[] terminated, the task's own end; bool[]
+            truncated, the time limit (both can be true); info. `info` tells of the state that
+            the action led to, so `episode_return` and `episode_length` are those of the whole
+            episode where `terminated | truncated`.
+        """
+        params = self._cast(params)
+        step_key, reset_key = jax.random.split(key)
+        after, reward, terminated, info = self._advance(step_key, state, action, params)
+        truncated = after.time >= params.max_steps_in_episode
+        if self.autoreset is None:
+            return self.observe(after, params), after, reward, terminated, truncated, info
+        fresh = self.init_state(reset_key, params)
+        if self.autoreset == "same-step":
+            if self.final_observation:
+                info["final_observation"] = self.observe(after, params)
+            state = _select(after.done, fresh, after)
+            return self.observe(state, params), state, reward, terminated, truncated, info
+        was_done = state.done
+        state = _select(was_done, fresh, after)
+        events = {name: jnp.zeros_like(value) for name, value in info.items()}
+        info = _select(was_done, events | self.describe(fresh, params), info)
+        reward = jnp.where(was_done, 0, reward)
+        ends = terminated & ~was_done, truncated & ~was_done
+        return self.observe(state, params), state, reward, *ends, info
+
+    @_jit
+    def reset_env(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
+        """The same as `reset`, under gymnax' name for the pair without automatic resets."""
+        return self.reset(key, params)
+
+    @_jit
+    def step_env(
+        self, key: jax.Array, state: S, action: Any, params: P | None = None
+    ) -> tuple[Any, S, jax.Array, jax.Array, Info]:
+        """Take a step without an automatic reset: observation, state, reward, terminated, info.
+
+        Truncation is `state.time >= params.max_steps_in_episode`; `state.done` covers both ends.
+        """
+        params = self._cast(params)
+        state, reward, terminated, info = self._advance(key, state, action, params)
+        return self.observe(state, params), state, reward, terminated, info
+
+    def _advance(
+        self, key: jax.Array, state: S, action: Any, params: P
+    ) -> tuple[S, jax.Array, jax.Array, Info]:
+        """Transition, clock and sums: no reset, no observation."""
+        action = self._check_action(action)
+        after, reward, terminated, events = self.transition(key, state, action, params)
+        time = state.time + 1
+        after = after.replace(
+            time=time,
+            episode_return=state.episode_return + reward,
+            done=terminated | (time >= params.max_steps_in_episode),
+        )
+        return after, reward, terminated, events | self.describe(after, params)
+
+    def _check_action(self, action: Any) -> jax.Array:
+        """int32[]: the action, with anything out of range as -1."""
+        action = jnp.asarray(action)
+        if action.shape != () or not jnp.issubdtype(action.dtype, jnp.integer):
+            raise SettingError(
+                f"an action must be one integer of shape (), not {action.dtype}"
+                f"{list(action.shape)}; for a batch use jax.vmap(env.step)"
+            )
+        # Compared in the action's own type, before a cast could wrap it around.
+        valid = (action >= 0) & (action < self.num_actions)
+        return jnp.where(valid, action, 0).astype(jnp.int32) - (~valid).astype(jnp.int32)
+
+    def _cast(self, params: P | None) -> P:
+        """The params as arrays of the default's kinds: float32, int32 or bool."""
+        default = self.default_params
+        if params is None:
+            params = default
+        if type(params) is not type(default):
+            raise SettingError(
+                f"params must be a {type(default).__name__}, as `make` returns it, "
+                f"not {type(params).__name__}"
+            )
+        return jax.tree.map(_as_kind, params, default)
+
+
+def _as_kind(value: Any, default: Any) -> jax.Array:
+    kind = np.asarray(default).dtype.kind
+    return jnp.asarray(value).astype({"i": jnp.int32, "b": jnp.bool_}.get(kind, jnp.float32))
+
+
+def _select(condition: jax.Array, true: Any, false: Any) -> Any:
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), true, false)

@@ -1,0 +1,88 @@
+"""Spaces: what actions and observations look like, in the terms of Gymnasium."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class Discrete:
+    """The integers 0 to `n - 1`, as int32[]."""
+
+    n: int
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The empty shape."""
+        return ()
+
+    @property
+    def dtype(self) -> np.dtype:
+        """int32."""
+        return np.dtype(np.int32)
+
+    def sample(self, key: jax.Array) -> jax.Array:
+        """Draw uniformly."""
+        return jax.random.randint(key, (), 0, self.n, jnp.int32)
+
+    def contains(self, value: Any) -> bool:
+        """Whether a concrete value lies in the space."""
+        array = np.asarray(value)
+        return array.shape == () and array.dtype.kind in "iu" and 0 <= int(array) < self.n
+
+
+@dataclasses.dataclass(frozen=True)
+class Box:
+    """Arrays of one shape and dtype between two bounds, both included."""
+
+    low: float
+    high: float
+    shape: tuple[int, ...]
+    dtype: np.dtype = dataclasses.field(default_factory=lambda: np.dtype(np.float32))
+
+    def sample(self, key: jax.Array) -> jax.Array:
+        """Draw uniformly between the bounds; with infinite bounds from [-1, 1] around zero."""
+        if np.issubdtype(self.dtype, np.integer):
+            return jax.random.randint(key, self.shape, int(self.low), int(self.high) + 1).astype(
+                self.dtype
+            )
+        low = self.low if np.isfinite(self.low) else -1.0
+        high = self.high if np.isfinite(self.high) else low + 2.0
+        return jax.random.uniform(key, self.shape, self.dtype, low, high)
+
+    def contains(self, value: Any) -> bool:
+        """Whether a concrete value lies in the space."""
+        array = np.asarray(value)
+        if array.shape != self.shape or array.dtype != self.dtype:
+            return False
+        return bool(np.all((array >= self.low) & (array <= self.high)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Dict:
+    """Dictionaries with one space for each key."""
+
+    spaces: Mapping[str, Discrete | Box]
+
+    def sample(self, key: jax.Array) -> dict[str, jax.Array]:
+        """Draw each entry by itself."""
+        keys = jax.random.split(key, len(self.spaces))
+        return {
+            name: space.sample(k)
+            for (name, space), k in zip(self.spaces.items(), keys, strict=True)
+        }
+
+    def contains(self, value: Any) -> bool:
+        """Whether a concrete value lies in the space."""
+        if not isinstance(value, Mapping) or set(value) != set(self.spaces):
+            return False
+        return all(space.contains(value[name]) for name, space in self.spaces.items())
+
+
+Space = Discrete | Box | Dict

@@ -1,0 +1,17 @@
+"""Random draws from bits, so that a reset needs one call of the generator."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+
+
+def draw_unit(bits: jax.Array) -> jax.Array:
+    """float32 in [0, 1), uniform over multiples of 2**-24, from uint32 bits."""
+    return (bits >> 8).astype(jnp.float32) * jnp.float32(2.0**-24)
+
+
+def draw_index(bits: jax.Array, count: int) -> jax.Array:
+    """int32 from 0 to `count - 1`, uniform up to `count / 2**24`, from uint32 bits."""
+    index = (draw_unit(bits) * jnp.float32(count)).astype(jnp.int32)
+    return jnp.minimum(index, count - 1)

@@ -1,0 +1,107 @@
+"""What all tasks seen through the renderer share: the camera and the kinds of observation."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import functools
+import math
+from typing import Any, Literal, TypeVar, cast, get_args
+
+import jax
+import numpy as np
+
+from ..engine.camera import Camera
+from ..engine.render import render
+from ..engine.scene import Scene
+from ..engine.shade import ImageKind
+from ..environment import Environment, Params, State
+from ..errors import SettingError
+from ..spaces import Box, Dict, Space
+
+ObservationKind = Literal["rgb", "gray", "depth", "labels", "dict"]
+MAX_PIXELS = 4096
+FIELD_OF_VIEW = (30.0, 120.0)
+
+S = TypeVar("S", bound=State)
+P = TypeVar("P", bound=Params)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FirstPerson(Environment[S, P]):
+    """Base of tasks that are seen in first person.
+
+    Attributes:
+        height: image rows in pixels, 1 to 4096. Every size is drawn natively.
+        width: image columns in pixels, 1 to 4096.
+        field_of_view: horizontal angle of view in degrees, 30 to 120; pixels are square.
+        observation: `"rgb"` uint8[height, width, 3]; `"gray"` uint8[height, width]; `"depth"`
+            float32[height, width], perpendicular distance in tiles; `"labels"` uint8[height,
+            width], ids of what each pixel shows, named by `jaxenstein.maps.symbols.LABEL_NAMES`;
+            `"dict"`: the rgb image under `"image"` and the task's variables beside it.
+        sprite_layers: how many sprites can be seen behind each other in one image column.
+    """
+
+    height: int = 64
+    width: int = 64
+    field_of_view: float = 60.0
+    observation: ObservationKind = "rgb"
+    sprite_layers: int = 4
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        _check_whole("height", self.height, MAX_PIXELS)
+        _check_whole("width", self.width, MAX_PIXELS)
+        _check_whole("sprite_layers", self.sprite_layers, 64)
+        low, high = FIELD_OF_VIEW
+        angle = self.field_of_view
+        if not isinstance(angle, int | float | np.number) or not low <= float(angle) <= high:
+            raise SettingError(f"field_of_view must be {low:g} to {high:g} degrees, not {angle!r}")
+        if self.observation not in get_args(ObservationKind):
+            kinds = ", ".join(map(repr, get_args(ObservationKind)))
+            raise SettingError(f"observation must be one of {kinds}, not {self.observation!r}")
+
+    @abc.abstractmethod
+    def scene(self, state: S, params: P) -> Scene:
+        """What there is to see in a state, and from where."""
+
+    def variables(self, state: S) -> dict[str, jax.Array]:
+        """The task's variables for the `dict` observation."""
+        del state
+        return {}
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """Their spaces."""
+        return {}
+
+    @functools.cached_property
+    def camera(self) -> Camera:
+        """The camera that observations are drawn with."""
+        return Camera(int(self.height), int(self.width), float(self.field_of_view))
+
+    def observe(self, state: S, params: P) -> Any:
+        """Draw the observation of a state; see the class for its kinds."""
+        kind = "rgb" if self.observation == "dict" else cast(ImageKind, self.observation)
+        image = render(self.scene(state, params), self.camera, kind, self.sprite_layers)
+        if self.observation == "dict":
+            return {"image": image, **self.variables(state)}
+        return image
+
+    def observation_space(self, params: P | None = None) -> Space:
+        """The space of observations."""
+        del params
+        size = self.height, self.width
+        if self.observation == "depth":
+            return Box(0.0, math.inf, size, np.dtype(np.float32))
+        colour = self.observation in ("rgb", "dict")
+        image = Box(0, 255, (*size, 3) if colour else size, np.dtype(np.uint8))
+        if self.observation == "dict":
+            return Dict({"image": image, **self.variable_spaces()})
+        return image
+
+
+def _check_whole(field: str, value: Any, highest: int) -> None:
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not 1 <= value <= highest:
+        raise SettingError(f"{field} must be a whole number from 1 to {highest}, not {value!r}")

@@ -1,0 +1,264 @@
+"""Finding a goal in a fixed map: walls, keys, doors."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engine.level import Level, compile_level
+from ..engine.motion import forward, touched_door, turn, walk
+from ..engine.scene import Scene, Sprites, Theme
+from ..environment import Info, Params, State
+from ..errors import SettingError
+from ..maps.symbols import COLOUR_NAMES, GOAL_LABEL, key_label
+from ..maps.tilemap import TileMap
+from ..pytree import record
+from ..spaces import Box
+from .appearance import CEILING, FLOOR, RGB, build_theme
+from .draws import draw_index, draw_unit
+from .first_person import FirstPerson
+
+TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
+
+
+@record
+class NavigationParams(Params):
+    """The numbers of the task.
+
+    Attributes:
+        turn_angle: radians turned by one action.
+        move_distance: tiles moved by one action; below 1.
+        goal_radius: tiles from the goal at which it is reached.
+        pickup_radius: tiles from a key at which it is picked up.
+        interact_distance: reach of the interact action in tiles; below 1.
+        goal_reward: reward of reaching the goal.
+        living_reward: reward of every step, that one included.
+    """
+
+    turn_angle: Any = math.radians(15)
+    move_distance: Any = 0.15
+    goal_radius: Any = 0.35
+    pickup_radius: Any = 0.35
+    interact_distance: Any = 0.9
+    goal_reward: Any = 1.0
+    living_reward: Any = 0.0
+
+
+DEFAULTS = NavigationParams()
+
+
+@record
+class NavigationState(State):
+    """State of a navigation task; D doors and K keys on the map.
+
+    Attributes:
+        goal: int32[], index into the map's goals.
+        opened: bool[D], which doors are open.
+        taken: bool[K], which keys have been picked up.
+    """
+
+    goal: jax.Array
+    opened: jax.Array
+    taken: jax.Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Navigation(FirstPerson[NavigationState, NavigationParams]):
+    """Reach the goal.
+
+    Actions: turn left, turn right, move forward, move backward, interact. A move into anything
+    solid is cancelled. Keys are picked up by walking over them and kept; interact opens the door
+    in front, a locked one if a key of its colour is carried. Doors stay open.
+
+    Reward: `goal_reward` on reaching the goal, which terminates, and `living_reward` each step.
+
+    Attributes:
+        tilemap: the map. At each reset one of its spawns and one of its goals is drawn.
+        heading: degrees of the first heading: None for any, a number, or (lowest, highest).
+        floor: RGB of the two tiles of the floor's checker.
+        ceiling: RGB of the ceiling.
+        defaults: the params that `params=None` stands for.
+    """
+
+    tilemap: TileMap
+    heading: float | tuple[float, float] | None = None
+    floor: tuple[RGB, RGB] = FLOOR
+    ceiling: RGB = CEILING
+    defaults: NavigationParams = DEFAULTS
+
+    action_names: ClassVar[tuple[str, ...]] = (
+        "turn left",
+        "turn right",
+        "forward",
+        "backward",
+        "interact",
+    )
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        _heading_range(self.heading)
+
+    @property
+    def default_params(self) -> NavigationParams:
+        """The params that `params=None` stands for."""
+        return self.defaults
+
+    @functools.cached_property
+    def level(self) -> Level:
+        """The map compiled for the renderer: constants of every program."""
+        return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the map looks."""
+        doors = bool(self.tilemap.doors)
+        return build_theme(self._looks, doors=doors, floor=self.floor, ceiling=self.ceiling)
+
+    @functools.cached_property
+    def _looks(self) -> tuple[int, ...]:
+        """Labels of the sprites' looks: the goal's, then one for each key colour of the map."""
+        return GOAL_LABEL, *sorted({key_label(key.colour) for key in self.tilemap.keys})
+
+    def init_state(self, key: jax.Array, params: NavigationParams) -> NavigationState:
+        """Draw start, heading and goal, each uniformly."""
+        del params
+        bits = jax.random.bits(key, (3,), jnp.uint32)
+        spawn = draw_index(bits[0], len(self.tilemap.spawns))
+        low, high = _heading_range(self.heading)
+        return NavigationState(
+            position=_centres(self.tilemap.spawns)[spawn],
+            heading=turn(jnp.float32(low), jnp.float32(high - low) * draw_unit(bits[1])),
+            time=jnp.int32(0),
+            episode_return=jnp.float32(0),
+            done=jnp.bool_(False),
+            goal=draw_index(bits[2], len(self.tilemap.goals)),
+            opened=jnp.zeros(len(self.tilemap.doors), bool),
+            taken=jnp.zeros(len(self.tilemap.keys), bool),
+        )
+
+    def transition(
+        self,
+        key: jax.Array,
+        state: NavigationState,
+        action: jax.Array,
+        params: NavigationParams,
+    ) -> tuple[NavigationState, jax.Array, jax.Array, Info]:
+        """Move, open a door, pick up keys, look whether the goal is reached."""
+        del key
+        before = state
+        state = self._open(self._move(state, action, params), action, params)
+        state = self._pick_up(state, params)
+        reached = self._distance(state) <= params.goal_radius
+        reward = params.living_reward + jnp.where(reached, params.goal_reward, 0)
+        events = {
+            "reached_goal": reached,
+            "picked_key": jnp.any(state.taken & ~before.taken),
+            "opened_door": jnp.any(state.opened & ~before.opened),
+        }
+        return state, reward, reached, events
+
+    def describe(self, state: NavigationState, params: NavigationParams) -> Info:
+        """Add the straight-line distance to the goal, in tiles."""
+        return super().describe(state, params) | {"distance_to_goal": self._distance(state)}
+
+    def scene(self, state: NavigationState, params: NavigationParams) -> Scene:
+        """The map with its closed doors, the keys left and the goal."""
+        del params
+        goal = _centres(self.tilemap.goals)[state.goal]
+        keys = _centres([(key.column, key.row) for key in self.tilemap.keys])
+        looks = [0, *(self._looks.index(key_label(key.colour)) for key in self.tilemap.keys)]
+        sprites = Sprites(
+            position=jnp.concatenate([goal[None], keys]),
+            look=jnp.array(looks, jnp.int32),
+            visible=jnp.concatenate([jnp.ones(1, bool), ~state.taken]),
+        )
+        return Scene(
+            level=self.level,
+            closed=~state.opened,
+            position=state.position,
+            heading=state.heading,
+            sprites=sprites,
+            theme=self.theme,
+        )
+
+    def variables(self, state: NavigationState) -> dict[str, jax.Array]:
+        """`keys`: float32[6], which key colours are carried (red, green, blue, ... )."""
+        return {"keys": self._carried(state).astype(jnp.float32)}
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """The space of `keys`."""
+        return {"keys": Box(0.0, 1.0, (len(COLOUR_NAMES),), np.dtype(np.float32))}
+
+    def _move(
+        self, state: NavigationState, action: jax.Array, params: NavigationParams
+    ) -> NavigationState:
+        spin = _either(action, TURN_RIGHT, TURN_LEFT)
+        pace = _either(action, FORWARD, BACKWARD)
+        heading = turn(state.heading, spin * params.turn_angle)
+        step = forward(heading) * (pace * params.move_distance)
+        position = walk(self.level, ~state.opened, state.position, step)
+        return state.replace(position=position, heading=heading)
+
+    def _open(
+        self, state: NavigationState, action: jax.Array, params: NavigationParams
+    ) -> NavigationState:
+        doors = self.tilemap.doors
+        if not doors:
+            return state
+        arm = forward(state.heading) * params.interact_distance
+        touched = touched_door(self.level, ~state.opened, state.position, arm)
+        locked = np.array([door.locked for door in doors])
+        colours = np.array([door.colour for door in doors])
+        allowed = ~locked | self._carried(state)[colours]
+        return state.replace(opened=state.opened | (touched & allowed & (action == INTERACT)))
+
+    def _pick_up(self, state: NavigationState, params: NavigationParams) -> NavigationState:
+        keys = self.tilemap.keys
+        if not keys:
+            return state
+        offset = _centres([(key.column, key.row) for key in keys]) - state.position[None]
+        near = jnp.sqrt(jnp.sum(offset**2, axis=-1)) <= params.pickup_radius
+        return state.replace(taken=state.taken | near)
+
+    def _carried(self, state: NavigationState) -> jax.Array:
+        """bool[6]: which key colours are carried."""
+        colours = np.array([key.colour for key in self.tilemap.keys], np.int32)
+        same = colours[:, None] == np.arange(len(COLOUR_NAMES))[None]
+        return jnp.any(same & state.taken[:, None], axis=0)
+
+    def _distance(self, state: NavigationState) -> jax.Array:
+        offset = _centres(self.tilemap.goals)[state.goal] - state.position
+        return jnp.sqrt(jnp.sum(offset**2))
+
+
+def _either(action: jax.Array, plus: int, minus: int) -> jax.Array:
+    """float32[]: 1 for one action, -1 for the other, else 0."""
+    return (action == plus).astype(jnp.float32) - (action == minus).astype(jnp.float32)
+
+
+def _centres(cells: Any) -> jax.Array:
+    """float32[n, 2]: the centres of (column, row) tiles."""
+    return jnp.asarray(np.array(cells, np.float32).reshape(-1, 2) + np.float32(0.5))
+
+
+def _heading_range(heading: Any) -> tuple[float, float]:
+    """The heading setting in radians, as (lowest, highest)."""
+    if heading is None:
+        return 0.0, 2 * math.pi
+    try:
+        low, high = (heading, heading) if np.ndim(heading) == 0 else heading
+        low, high = float(low), float(high)
+    except (TypeError, ValueError):
+        low, high = math.nan, math.nan
+    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+        raise SettingError(
+            f"heading must be None, degrees, or (lowest, highest) degrees, not {heading!r}"
+        )
+    return math.radians(low), math.radians(high)

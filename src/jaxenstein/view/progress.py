@@ -1,0 +1,108 @@
+"""A progress line for people who wait."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Self, TextIO
+
+WIDTH = 24
+# Seconds between updates: on a terminal the line is redrawn, elsewhere a new line is printed.
+LIVE_INTERVAL = 0.1
+SPARSE_INTERVAL = 10.0
+
+
+class Progress:
+    """Shows the fraction done, the rate and the time left, on standard error.
+
+    Use as a context manager and call `update` with the amount done so far. On a terminal one
+    line is redrawn in place; in a log file a line appears every ten seconds and at the end.
+    """
+
+    def __init__(
+        self, total: int, label: str, *, unit: str = "steps", stream: TextIO | None = None
+    ) -> None:
+        """Start the clock.
+
+        Args:
+            total: the amount at which the work is done, in `unit`.
+            label: what is being done, shown before the bar.
+            unit: what `total` counts.
+            stream: where to write, by default standard error.
+        """
+        self.total = max(total, 1)
+        self.label = label
+        self.unit = unit
+        self.stream = sys.stderr if stream is None else stream
+        self.live = self.stream.isatty()
+        self.done = 0
+        self._start = self._shown = time.monotonic()
+
+    def __enter__(self) -> Self:
+        """Show the empty bar."""
+        if self.live:
+            self.show()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Show the final state and end the line."""
+        self.show()
+        if self.live:
+            self.stream.write("\n")
+        self.stream.flush()
+
+    def update(self, done: int) -> None:
+        """Say that `done` of the total is done; redraws only as often as is useful."""
+        self.done = done
+        interval = LIVE_INTERVAL if self.live else SPARSE_INTERVAL
+        if time.monotonic() - self._shown >= interval:
+            self.show()
+
+    def line(self) -> str:
+        """The current text."""
+        elapsed = max(time.monotonic() - self._start, 1e-9)
+        fraction = min(self.done / self.total, 1.0)
+        filled = round(fraction * WIDTH)
+        rate = self.done / elapsed
+        if self.done >= self.total:
+            when = f"in {_duration(elapsed)}"
+        elif self.done:
+            when = f"{_duration((self.total - self.done) / rate)} left"
+        else:
+            when = ""
+        bar = "#" * filled + "-" * (WIDTH - filled)
+        return f"{self.label} [{bar}] {fraction:4.0%}  {si(rate)} {self.unit}/s  {when}".rstrip()
+
+    def show(self) -> None:
+        """Show the current state now."""
+        self._shown = time.monotonic()
+        text = self.line()
+        self.stream.write(f"\r{text}\x1b[K" if self.live else f"{text}\n")
+        self.stream.flush()
+
+
+def si(number: float) -> str:
+    """A number with three significant digits and k, M or G: 217000 -> '217k'."""
+    for size, suffix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if abs(number) >= 0.9995 * size:
+            scaled = number / size
+            return f"{scaled:.{max(0, 3 - len(str(int(scaled))))}f}{suffix}"
+    return f"{number:.3g}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 10:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes}:{rest:02} min"
+    return f"{minutes // 60}:{minutes % 60:02} h"
