@@ -15,11 +15,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from .errors import JAXensteinError
+if TYPE_CHECKING:
+    from .environment import Environment
+    from .registry import EnvironmentId
 
 # XLA's CPU backend uses one thread with these; more would fight over one core.
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
@@ -52,7 +54,7 @@ class Settings:
     core: int | None = None
 
 
-class BenchmarkError(JAXensteinError, RuntimeError):
+class BenchmarkError(RuntimeError):
     """A measuring process failed; the message is its last line."""
 
 
@@ -93,14 +95,8 @@ def measure(settings: Settings) -> dict[str, Any]:
     import jax
 
     from .measure import make_random_rollout
-    from .registry import make
 
-    env, params = make(
-        settings.id,  # pyright: ignore[reportArgumentType]
-        height=settings.height,
-        width=settings.width,
-        observation=settings.observation,
-    )
+    env, params = open_environment(settings)
     compiling = _compile_times(env, params, settings.batch)
     rollout, start = make_random_rollout(env, params, settings.batch, settings.steps)
     carry = jax.block_until_ready(start(jax.random.key(settings.seed)))
@@ -123,6 +119,14 @@ def measure(settings: Settings) -> dict[str, Any]:
         "device_peak_bytes": (device.memory_stats() or {}).get("peak_bytes_in_use"),
         "device": f"{device.platform}: {device.device_kind}",
     }
+
+
+def open_environment(settings: Settings) -> tuple[Environment[Any, Any], Any]:
+    """The environment and params that the settings name; wrong ones raise `JAXensteinError`."""
+    from .registry import make
+
+    size = {"height": settings.height, "width": settings.width}
+    return make(cast("EnvironmentId", settings.id), observation=settings.observation, **size)
 
 
 def _compile_times(env: Any, params: Any, batch: int) -> dict[str, float]:

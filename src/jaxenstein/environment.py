@@ -247,7 +247,12 @@ class Environment(abc.ABC, Generic[S, P]):
                 f"params must be a {type(default).__name__}, as `make` returns it, "
                 f"not {type(params).__name__}"
             )
-        return jax.tree.map(_as_kind, params, default)
+        return cast_params(params, default)
+
+
+def cast_params(params: P, default: P) -> P:
+    """The params as arrays of the default's kinds: float32, int32 or bool."""
+    return jax.tree.map(_as_kind, params, default)
 
 
 def _as_kind(value: Any, default: Any) -> jax.Array:

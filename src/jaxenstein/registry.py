@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any, Literal, get_args
 
-from .environment import Environment
+from .environment import Environment, cast_params
 from .errors import SettingError, UnknownEnvironmentError, nearest
 from .maps.ascii import load_layout, parse_ascii
 from .tasks.first_person import FirstPerson
@@ -131,7 +131,7 @@ def make(id: EnvironmentId, **settings: Any) -> tuple[Environment[Any, Any], Any
         )
     _check_names(settings, SETTINGS, NavigationParams)
     env = entry.build(name=id, **settings)
-    return env, env.default_params
+    return env, _on_device(env.default_params)
 
 
 def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams]:
@@ -157,7 +157,12 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
     name = settings.get("name", "custom")
     tilemap = parse_ascii(text, name, regions=settings.pop("regions", None))
     env = Navigation(tilemap=tilemap, **settings)
-    return env, env.default_params
+    return env, _on_device(env.default_params)
+
+
+def _on_device(params: Any) -> Any:
+    """The params as arrays: a call that is given Python numbers transfers each of them anew."""
+    return cast_params(params, params)
 
 
 def _check_names(settings: dict[str, Any], known: tuple[str, ...], params: type) -> None:

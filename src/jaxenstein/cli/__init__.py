@@ -55,8 +55,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except (MemoryError, RuntimeError) as error:
-        # JAX's own errors (out of memory, no such device) are RuntimeErrors with long texts.
-        return _complain(f"jaxenstein: {type(error).__name__}: {error}", FAILED)
+        # JAX's own errors (out of memory, no such device) are RuntimeErrors of several lines.
+        return _complain(f"jaxenstein: {error or 'out of memory'}", FAILED)
     return 0
 
 

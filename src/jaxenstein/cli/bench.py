@@ -98,25 +98,31 @@ def batches(text: str) -> list[int]:
 
 def run(options: argparse.Namespace) -> None:
     """Measure, print the table, write the JSON file."""
-    from .. import make
-    from ..benchmark import Settings, describe_machine, measure_apart
+    from ..benchmark import Settings, describe_machine, measure_apart, open_environment
 
     ids = options.ids or ["my-way-home"]
     height, width = options.size
-    for name in ids:
-        # A wrong id or setting is told before anything is measured.
-        make(name, height=height, width=width, observation=options.observation)
     _check_core(options.core)
     if options.json is not None:
         check_writable(options.json)
     plan = [
         Settings(
-            name, batch, options.steps, options.repeats, height, width, options.observation,
-            options.seed, options.core,
+            id=name,
+            batch=batch,
+            steps=options.steps,
+            repeats=options.repeats,
+            height=height,
+            width=width,
+            observation=options.observation,
+            seed=options.seed,
+            core=options.core,
         )
         for name in ids
         for batch in options.batch
-    ]  # fmt: skip
+    ]
+    for settings in plan:
+        # A wrong id or setting is told before anything is measured.
+        open_environment(settings)
     results = []
     with Progress(len(plan), "measuring", unit="runs") as progress:
         for done, settings in enumerate(plan, 1):

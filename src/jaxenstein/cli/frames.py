@@ -9,7 +9,7 @@ import numpy as np
 from ..maps.symbols import LABEL_COLOURS
 
 # Depth in tiles at which a depth image is at half brightness.
-HALF_DEPTH = 2.5
+HALF_DEPTH = 1.3
 
 
 def image_of(obs: Any) -> Any:

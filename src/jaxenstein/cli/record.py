@@ -52,7 +52,7 @@ actions are numbers or names (see 'jaxenstein list'), separated by commas; 2*10 
 policies: random draws every action uniformly; forward walks on and turns where it is blocked.
 """
 # The side of the map in pixels, and the least height of the first-person view.
-MAP_SIZE, VIEW_HEIGHT = 448, 320
+MAP_SIZE, VIEW_HEIGHT = 448, 384
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_HEIGHT = 32, 8, 112
 
 
@@ -83,7 +83,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--scale",
         type=whole(1, 64),
         metavar="N",
-        help="enlarge the view N times (default: to a height of about 320 pixels)",
+        help="enlarge the view N times (default: to a height of about 384 pixels)",
     )
     out.add_argument(
         "--fps",

@@ -42,7 +42,7 @@ CALL_SECONDS = 0.2
 # Larger images are thinned out for the pictures, to at most this many pixels a side.
 THUMBNAIL = 192
 # Pixels that the mosaic of the GIF and each view on the contact sheet are high, at least.
-GIF_HEIGHT, SHEET_HEIGHT = 256, 112
+GIF_HEIGHT, SHEET_HEIGHT = 480, 112
 Carry = dict[str, Any]
 
 
@@ -101,7 +101,7 @@ class Tally:
     returns: float
     successes: int | None
     seconds: float
-    compiling: float
+    compiling: float = 0.0
 
 
 def run(options: argparse.Namespace) -> None:
@@ -151,20 +151,22 @@ def compile_rollout(
     def step(_: Any, carry: Carry) -> Carry:
         key, policy_key, step_key = jax.random.split(carry["key"], 3)
         actions = jax.random.randint(policy_key, (envs,), 0, env.num_actions, jnp.int32)
-        stepping = jax.vmap(env.step, in_axes=(0, 0, 0, None))
         obs, state, _, terminated, truncated, info = stepping(
             jax.random.split(step_key, envs), carry["state"], actions, params
         )
         ended = terminated | truncated
-        reached = terminated & info.get("reached_goal", jnp.zeros_like(terminated))
-        return {
+        carry = {
+            **carry,
             "key": key,
             "obs": obs,
             "state": state,
             "episodes": carry["episodes"] + ended.astype(jnp.int32),
             "returns": carry["returns"] + jnp.where(ended, info["episode_return"], 0),
-            "successes": carry["successes"] + reached.astype(jnp.int32),
         }
+        if "successes" in carry:
+            reached = terminated & info["reached_goal"]
+            carry["successes"] = carry["successes"] + reached.astype(jnp.int32)
+        return carry
 
     def advance(carry: Carry, steps: Any) -> tuple[Carry, Any]:
         carry = jax.lax.fori_loop(0, steps, step, carry)
@@ -172,13 +174,14 @@ def compile_rollout(
         thin = max(1, -(-max(image.shape[1:3]) // THUMBNAIL))
         return carry, image[:, ::thin, ::thin]
 
+    stepping = jax.vmap(env.step, in_axes=(0, 0, 0, None))
     key, reset_key = jax.random.split(jax.random.key(seed))
-    obs, state = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(
-        jax.random.split(reset_key, envs), params
-    )
-    counts = {name: jnp.zeros(envs, jnp.int32) for name in ("episodes", "successes")}
-    returns = jnp.zeros(envs, jnp.float32)
-    carry = {"key": key, "obs": obs, "state": state, "returns": returns, **counts}
+    keys, nothing = jax.random.split(reset_key, envs), jnp.zeros(envs, jnp.int32)
+    obs, state = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(keys, params)
+    carry = {"key": key, "obs": obs, "state": state, "episodes": nothing}
+    carry["returns"] = jnp.zeros(envs, jnp.float32)
+    if "reached_goal" in jax.eval_shape(stepping, keys, state, nothing, params)[-1]:
+        carry["successes"] = jnp.zeros(envs, jnp.int32)
     return jax.jit(advance, donate_argnums=0).lower(carry, np.int32(0)).compile(), carry
 
 
@@ -215,17 +218,19 @@ def play(
             progress.update(done * envs)
             if not with_frames and elapsed < CALL_SECONDS:
                 chunk *= 2
-    totals = [np.asarray(carry[name]).sum() for name in ("episodes", "returns", "successes")]
-    return frames, Tally(int(totals[0]), float(totals[1]), int(totals[2]), seconds, 0.0)
+    successes = int(np.sum(carry["successes"])) if "successes" in carry else None
+    returns = float(np.sum(carry["returns"]))
+    return frames, Tally(int(np.sum(carry["episodes"])), returns, successes, seconds)
 
 
 def _report(options: argparse.Namespace, tally: Tally) -> None:
     total = options.envs * options.steps
-    print(f"speed         {si(total / tally.seconds)} steps/s ({total} steps "
-          f"in {tally.seconds:.2f} s, after {tally.compiling:.1f} s of compiling)")  # fmt: skip
+    times = f"{total} steps in {tally.seconds:.2f} s, after {tally.compiling:.1f} s of compiling"
+    print(f"speed         {si(total / tally.seconds)} steps/s ({times})")
     print(f"episodes      {tally.episodes} ended")
     if tally.episodes:
         print(f"mean return   {tally.returns / tally.episodes:.4g}")
+    if tally.episodes and tally.successes is not None:
         print(f"success       {tally.successes / tally.episodes:.1%} reached the goal")
 
 

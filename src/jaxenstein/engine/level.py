@@ -15,6 +15,8 @@ import numpy as np
 from ..pytree import Record, record, static
 
 WORD = 32
+# What the margin looks like: the first wall (see `scene.Theme`).
+OUTSIDE = 2
 Array = jax.Array | np.ndarray
 
 
@@ -61,7 +63,7 @@ def compile_level(walls: np.ndarray, doors: np.ndarray) -> Level:
     margin = 0 if border.all() else 1
     ring = ((margin, margin), (margin, margin))
     solid = np.pad(solid, ring, constant_values=True)
-    faces = np.pad(faces, ((0, 0), *ring), constant_values=1).astype(np.uint8)
+    faces = np.pad(faces, ((0, 0), *ring), constant_values=OUTSIDE).astype(np.uint8)
     return Level(
         columns=pack_bits(solid.T),
         rows=pack_bits(solid),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +11,7 @@ from jax import lax
 
 from .camera import Camera
 from .columns import Columns
+from .fusion import staged
 from .level import WORD
 from .scene import CEILING, FLOOR, Scene, Theme
 from .shade import ImageKind, brightness, pack_rgb, tone
@@ -23,23 +26,33 @@ _ROUNDER_BITS = int(np.float32(_ROUNDER).view(np.uint32))
 
 def paint(columns: Columns, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
     """Paint an image; see `render.render` for its shape and type."""
-    columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
-    below = jnp.asarray(camera.row_offsets())[:, None]
-    image = _background(columns, below, scene, camera, kind)
-    image = jnp.where(jnp.abs(below) < columns.half, _walls(columns, below), image)
-    if columns.layers is not None:
-        image = _billboards(columns.layers, below, image)
+    stage = partial(_paint, theme=scene.theme, camera=camera, kind=kind)
+    # Without extra columns, one pass paints and cuts pixels to bytes.
+    image = (staged(stage) if camera.extra else stage)(scene.position, columns)
+    image = image[:, : camera.width]
     if kind == "rgb":
         # Bytes of whole words vectorise; an image made with three channels does not.
         return lax.bitcast_convert_type(image, jnp.uint8)[..., :3]
     return image if kind == "depth" else image.astype(jnp.uint8)
 
 
+def _paint(
+    position: jax.Array, columns: Columns, *, theme: Theme, camera: Camera, kind: ImageKind
+) -> jax.Array:
+    """paint[height, width + extra]."""
+    columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
+    below = jnp.asarray(camera.row_offsets())[:, None]
+    image = _background(columns, below, position, theme, camera, kind)
+    image = jnp.where(jnp.abs(below) < columns.half, _walls(columns, below), image)
+    return image if columns.layers is None else _billboards(columns.layers, below, image)
+
+
 def _whole(value_less_half: jax.Array) -> jax.Array:
     """uint32: the integer part of a value, modulo 2**32, given the value less one half.
 
     For magnitudes below 2**22. A conversion would do, but XLA clamps those, which costs more
-    than all the rest of a pixel.
+    than all the rest of a pixel. The half must not be a constant here: the compiler would merge
+    it with the rounder, which cannot hold it.
     """
     bits = lax.bitcast_convert_type(value_less_half + jnp.float32(_ROUNDER), jnp.uint32)
     return bits - jnp.uint32(_ROUNDER_BITS)
@@ -51,16 +64,21 @@ def _test(word: jax.Array, bit: jax.Array) -> jax.Array:
 
 
 def _background(
-    columns: Columns, below: jax.Array, scene: Scene, camera: Camera, kind: ImageKind
+    columns: Columns,
+    below: jax.Array,
+    position: jax.Array,
+    theme: Theme,
+    camera: Camera,
+    kind: ImageKind,
 ) -> jax.Array:
-    """paint[height, width] of floor and ceiling."""
+    """paint[height, width or 1] of floor and ceiling."""
     distance = camera.row_distances()[:, None]
     if kind == "depth":
         return jnp.asarray(distance)
-    ceiling, even, odd = _row_paints(scene.theme, distance, kind)
+    ceiling, even, odd = _row_paints(theme, distance, kind)
     if kind == "labels":
         return jnp.where(below > 0, even, ceiling)
-    eye = scene.position - jnp.float32(0.5)
+    eye = position - jnp.float32(0.5)
     x, y = (_whole(eye[i] + distance * columns.ray[i]) for i in (0, 1))
     floor = jnp.where((x ^ y) & jnp.uint32(1) != 0, odd, even)
     return jnp.where(below > 0, floor, ceiling)
@@ -91,7 +109,7 @@ def _walls(columns: Columns, below: jax.Array) -> jax.Array:
     if panels is None:
         return columns.wall
     scale = (WORD // 2) / columns.half
-    bit = _whole(below * scale + jnp.float32(WORD // 2 - 0.5))
+    bit = _whole(below * scale + panels.offset)
     image = jnp.where(_test(panels.planes[0], bit), panels.paint[0], columns.wall)
     return jnp.where(_test(panels.planes[1], bit), panels.paint[1], image)
 

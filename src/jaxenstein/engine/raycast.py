@@ -24,7 +24,11 @@ from .level import WORD, Level, occupancy
 
 # More lines than this are marched in a loop of blocks of this size, to bound the program.
 BLOCK = 64
-_March = tuple[jax.Array, jax.Array]
+# Place of the line at hand; number and place of the nearest hit so far.
+_March = tuple[jax.Array, jax.Array, jax.Array]
+# Crossings count as this much of a tile further on. A ray through a corner then enters the tile
+# across it on both kinds of line, whichever way each is rounded, and does not slip between.
+NUDGE = 2.0**-16
 # A direction component below this never crosses a line inside any map.
 PARALLEL = 1e-12
 
@@ -68,10 +72,12 @@ def cast(
         camera: width and field of view of the image.
     """
     columns, rows = occupancy(level, closed)
-    eye = position + jnp.float32(level.margin)
+    # The tile and the place in it apart, so that the margin rounds nothing.
+    floor = jnp.floor(position)
+    home, inside = floor.astype(jnp.int32) + level.margin, position - floor
     ray_x, ray_y = rays(heading, camera)
-    vertical = _march(columns, eye[0], eye[1], ray_x, ray_y)
-    crosswise = _march(rows, eye[1], eye[0], ray_y, ray_x)
+    vertical = _march(columns, home, inside, ray_x, ray_y)
+    crosswise = _march(rows, home[::-1], inside[::-1], ray_y, ray_x)
     horizontal = crosswise.depth < vertical.depth
     column = jnp.where(horizontal, crosswise.across, vertical.line)
     row = jnp.where(horizontal, crosswise.line, vertical.across)
@@ -126,14 +132,14 @@ class _Crossing(Record):
 
 
 def _march(
-    words: jax.Array, start: jax.Array, start_across: jax.Array, ray: jax.Array, across: jax.Array
+    words: jax.Array, home: jax.Array, inside: jax.Array, ray: jax.Array, across: jax.Array
 ) -> _Crossing:
     """March the grid lines of one kind; described here for the vertical ones.
 
     Args:
         words: uint32[C, words], solid rows of each column.
-        start: float32[], x of the eye.
-        start_across: float32[], y of the eye.
+        home: int32[2], (column, row) of the eye's tile.
+        inside: float32[2], (x, y) of the eye within that tile.
         ray: float32[W], x component of each ray.
         across: float32[W], y component.
     """
@@ -144,25 +150,25 @@ def _march(
     fraction_bits = WORD - 1 - max(lines, n_words * WORD).bit_length()
     one = 2.0**fraction_bits
 
-    home = jnp.clip(jnp.floor(start), 0, lines - 1)
-    home_line = home.astype(jnp.int32)
+    home_line = jnp.clip(home[0], 0, lines - 1)
     forwards = ray >= 0
     spacing = 1 / jnp.maximum(jnp.abs(ray), PARALLEL)
-    first = jnp.where(forwards, home + 1 - start, start - home) * spacing
-    slope = across * spacing
-    place = ((start_across + first * across) * one).astype(jnp.int32)
-    stride = jnp.rint(slope * one).astype(jnp.int32)
+    first = jnp.where(forwards, 1 - inside[0], inside[0]) * spacing
+    place = inside[1] + first * across + jnp.sign(across) * NUDGE
+    place = jnp.floor(place * one).astype(jnp.int32) + (home[1] << fraction_bits)
+    stride = jnp.rint(across * spacing * one).astype(jnp.int32)
 
     order = jnp.arange(blocks * block, dtype=jnp.int32)
     ahead = words.at[jnp.minimum(home_line + 1 + order, lines - 1)].get(mode="promise_in_bounds")
     behind = words.at[jnp.maximum(home_line - 1 - order, 0)].get(mode="promise_in_bounds")
 
     def visit(k: jax.Array | int, state: _March, far: jax.Array, near: jax.Array) -> _March:
-        place, hit = state
+        place, hit, hit_place = state
         tile = lax.shift_right_arithmetic(place, jnp.int32(fraction_bits))
         word = _select_word(jnp.where(forwards[:, None], far[None], near[None]), tile)
         solid = lax.shift_right_logical(word, (tile & (WORD - 1)).astype(jnp.uint32)) & 1
-        return place - stride, jnp.where(solid != 0, k, hit)
+        hit, hit_place = jnp.where(solid != 0, k, hit), jnp.where(solid != 0, place, hit_place)
+        return place - stride, hit, hit_place
 
     def visit_block(i: jax.Array | int, state: _March) -> _March:
         base = (blocks - 1 - i) * block
@@ -172,12 +178,16 @@ def _march(
             state = visit(base + k, state, far[k], near[k])
         return state
 
-    state: _March = place + stride * (blocks * block - 1), jnp.full(ray.shape, steps, jnp.int32)
+    # The place of the hit is kept, not computed again: another rounding could be another tile.
+    state: _March = (
+        place + stride * (blocks * block - 1),
+        jnp.full(ray.shape, steps, jnp.int32),
+        place,
+    )
     if blocks == 1:
-        _, hit = visit_block(0, state)
+        _, hit, place = visit_block(0, state)
     else:
-        _, hit = lax.fori_loop(0, blocks, visit_block, state)
-    place = place + stride * hit
+        _, hit, place = lax.fori_loop(0, blocks, visit_block, state)
     return _Crossing(
         depth=first + hit.astype(jnp.float32) * spacing,
         line=jnp.where(forwards, home_line + 1 + hit, home_line - 1 - hit),

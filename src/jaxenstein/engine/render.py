@@ -34,6 +34,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
             `"labels"` uint8[height, width], what each pixel shows (see `scene.Theme`).
         layers: how many billboards one column can show behind each other.
     """
+    camera = camera.widened()
     pose = scene.position, scene.heading
     hits = staged(partial(cast, camera=camera))(*pose, scene.closed, scene.level)
     stage = partial(prepare, theme=scene.theme, camera=camera, kind=kind, layers=layers)

@@ -103,7 +103,7 @@ def _nearest(depth: jax.Array, seen: jax.Array, layers: int) -> tuple[jax.Array,
         found.append(best)
         keys = jnp.where(keys == best[None], jnp.uint32(_NONE), keys)
     best = jnp.stack(found)
-    present = best != _NONE
+    present = best != jnp.uint32(_NONE)
     return jnp.where(present, (best & mask).astype(jnp.int32), 0), present
 
 

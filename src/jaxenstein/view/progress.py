@@ -38,6 +38,7 @@ class Progress:
         self.live = self.stream.isatty()
         self.done = 0
         self._start = self._shown = time.monotonic()
+        self._complete = False
 
     def __enter__(self) -> Self:
         """Show the empty bar."""
@@ -52,7 +53,8 @@ class Progress:
         traceback: TracebackType | None,
     ) -> None:
         """Show the final state and end the line."""
-        self.show()
+        if self.live or not self._complete:
+            self.show()
         if self.live:
             self.stream.write("\n")
         self.stream.flush()
@@ -77,11 +79,14 @@ class Progress:
         else:
             when = ""
         bar = "#" * filled + "-" * (WIDTH - filled)
-        return f"{self.label} [{bar}] {fraction:4.0%}  {si(rate)} {self.unit}/s  {when}".rstrip()
+        # Below one a second the time left says more.
+        speed = f"{si(rate)} {self.unit}/s" if rate >= 1 else ""
+        return "  ".join(filter(None, [f"{self.label} [{bar}] {fraction:4.0%}", speed, when]))
 
     def show(self) -> None:
         """Show the current state now."""
         self._shown = time.monotonic()
+        self._complete = self.done >= self.total
         text = self.line()
         self.stream.write(f"\r{text}\x1b[K" if self.live else f"{text}\n")
         self.stream.flush()
@@ -89,10 +94,11 @@ class Progress:
 
 def si(number: float) -> str:
     """A number with three significant digits and k, M or G: 217000 -> '217k'."""
+    number = float(f"{number:.3g}")
     for size, suffix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
-        if abs(number) >= 0.9995 * size:
-            scaled = number / size
-            return f"{scaled:.{max(0, 3 - len(str(int(scaled))))}f}{suffix}"
+        if abs(number) >= size:
+            whole_digits = len(str(int(abs(number) / size)))
+            return f"{number / size:.{max(0, 3 - whole_digits)}f}{suffix}"
     return f"{number:.3g}"
 
 

@@ -18,7 +18,7 @@ FAINT = (150, 153, 160)
 CAPTION_HEIGHT = 30
 # Frames from which a GIF's palette is taken, and their longest side while doing so.
 PALETTE_SAMPLES = 16
-PALETTE_SIZE = 256
+PALETTE_SIZE = 400
 # GIF delays are whole hundredths of a second, and browsers slow down delays below two.
 MAX_FPS = 50
 
@@ -141,14 +141,21 @@ def save_gif(frames: Sequence[np.ndarray], path: str | Path, fps: float = 15.0) 
 
 
 def _common_palette(frames: Sequence[np.ndarray]) -> Image.Image:
-    """A palette image made from frames spread over the whole sequence."""
-    chosen = np.linspace(0, len(frames) - 1, min(PALETTE_SAMPLES, len(frames))).round()
-    samples = np.stack([frames[int(i)] for i in chosen])
+    """A palette image made from frames spread over the whole sequence.
+
+    Each colour counts by the root of its area, so that small bright things keep theirs beside
+    large surfaces.
+    """
+    samples = np.stack([frames[i] for i in evenly(len(frames), PALETTE_SAMPLES)])
     # Skipping pixels instead of averaging them keeps the colours that are really there.
     stride = max(1, -(-max(samples.shape[1:3]) // PALETTE_SIZE))
-    thin = samples[:, ::stride, ::stride]
-    flat = np.ascontiguousarray(thin.reshape(-1, thin.shape[2], 3))
-    return Image.fromarray(flat).quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    pixels = samples[:, ::stride, ::stride].reshape(-1, 3).astype(np.uint32)
+    packed = pixels[:, 0] << 16 | pixels[:, 1] << 8 | pixels[:, 2]
+    words, areas = np.unique(packed, return_counts=True)
+    colours = np.stack([words >> 16, words >> 8 & 255, words & 255], axis=-1).astype(np.uint8)
+    strip = np.repeat(colours, np.ceil(np.sqrt(areas)).astype(int), axis=0)
+    coverage = Image.Quantize.MAXCOVERAGE
+    return Image.fromarray(strip[None]).quantize(256, coverage, 3, dither=Image.Dither.NONE)
 
 
 def _with_palette(frame: np.ndarray, palette: Image.Image) -> Image.Image:

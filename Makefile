@@ -1,0 +1,73 @@
+# Development tasks; `make` alone lists them. Needs Python 3.11 or newer with its venv module.
+
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := demo
+
+# The first interpreter that runs (a name on the path may be a shim that does not), is new enough
+# and can make virtual environments. Looked for only when $(VENV) has to be made.
+PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
+	"$$python" -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' \
+		>/dev/null 2>&1 && { echo "$$python"; break; }; \
+	done)
+
+# On a terminal pip shows its progress bars; in a log it keeps quiet.
+PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || echo --quiet)
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+.PHONY: help setup test check demo bench compare clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
+	@echo "  PYTHON=/path/to/python chooses the interpreter for a new $(VENV), ARGS=... adds arguments"
+
+setup: $(VENV)/.dev ## make .venv with everything that tests and checks need
+
+test: $(VENV)/.dev ## run the tests
+	$(BIN)/python -m pytest $(ARGS)
+
+check: $(VENV)/.dev ## lint, formatting and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+
+demo: $(VENV)/.core ## a rollout of 512 environments, with a GIF and a contact sheet in demo/
+	$(BIN)/jaxenstein rollout my-way-home --envs 512 --steps 500 --out $(DEMO)
+
+bench: $(VENV)/.core ## measure steps per second
+	$(BIN)/jaxenstein bench my-way-home $(ARGS)
+
+compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
+	$(BIN)/python -m benchmarks.compare_vizdoom $(ARGS)
+
+clean: ## remove .venv and everything generated
+	rm -rf $(VENV) $(DEMO) build dist .pytest_cache .ruff_cache .hypothesis
+	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# A stamp is written only after its step has succeeded, so an interrupted one is done again.
+# An environment that is there already and has a working pip is kept.
+$(VENV)/.created:
+	@[ -n "$(PYTHON)" ] || \
+		{ echo "no Python 3.11 or newer with venv on the path; set PYTHON=..." >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "$(PYTHON) is not a working Python 3.11 or newer" >&2; exit 1; }
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || \
+		{ echo "Making $(VENV) with $(PYTHON) ..." && $(PYTHON) -m venv --clear $(VENV); }
+	@touch $@
+
+$(VENV)/.core: pyproject.toml src/jaxenstein/version.py $(VENV)/.created
+	@echo "Installing jaxenstein with jax, numpy and pillow (a download of about 150 MB) ..."
+	@$(PIP) --editable .
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.core
+	@echo "Installing the tools for tests and checks ..."
+	@$(PIP) --editable '.[dev]'
+	@touch $@
+
+$(VENV)/.bench: $(VENV)/.core
+	@echo "Installing ViZDoom, Gymnasium and OpenCV ..."
+	@$(PIP) --editable '.[bench]'
+	@touch $@

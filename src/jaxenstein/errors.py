@@ -1,0 +1,69 @@
+"""The errors and warnings that this package raises, and the phrase that suggests a name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class JAXensteinError(ValueError):
+    """Base of every error of this package."""
+
+
+class MapError(JAXensteinError):
+    """A map that cannot be used.
+
+    Attributes:
+        line: line of the text at fault, counted from 1; None if no single line is.
+        column: character of that line, counted from 1; None if no single one is.
+    """
+
+    def __init__(
+        self, message: str, *, line: int | None = None, column: int | None = None, source: str = ""
+    ) -> None:
+        """Build the error; its message begins with the place.
+
+        Args:
+            message: what is wrong, without the place.
+            line: line of the text, from 1.
+            column: character of the line, from 1.
+            source: which text is meant, where there are several.
+        """
+        place = ", ".join(
+            part
+            for part in (
+                source,
+                "" if line is None else f"line {line}",
+                "" if column is None else f"column {column}",
+            )
+            if part
+        )
+        super().__init__(f"{place}: {message}" if place else message)
+        self.line = line
+        self.column = column
+
+
+class SettingError(JAXensteinError):
+    """A setting of an environment that is unknown or has a value it cannot have."""
+
+
+class UnknownEnvironmentError(JAXensteinError):
+    """An environment id that does not exist."""
+
+
+class MapWarning(UserWarning):
+    """A map that can be used but is likely not what its author meant."""
+
+
+def nearest(word: str, candidates: Iterable[str]) -> str:
+    """A phrase to append, such as ", did you mean 'simple'?"; "" if no candidate is near.
+
+    Args:
+        word: what was given.
+        candidates: the names that exist; letter case is ignored in comparing.
+    """
+    by_fold = {name.casefold(): name for name in candidates}
+    near = difflib.get_close_matches(str(word).casefold(), by_fold, n=2, cutoff=0.6)
+    if not near:
+        return ""
+    return f", did you mean {' or '.join(repr(by_fold[name]) for name in near)}?"

@@ -1,0 +1,155 @@
+"""Where a player can get to on a map, on the host. Paths are 4-connected over open tiles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from .symbols import COLOUR_NAMES
+from .tilemap import Cell, TileMap
+
+_STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))
+# What a group of spawns, equal in what they reach, reaches: bool[rows, columns].
+_Groups = list[tuple[np.ndarray, list[Cell]]]
+
+
+def open_tiles(tilemap: TileMap, *, locked: bool = True) -> np.ndarray:
+    """bool[rows, columns], the tiles that can be walked on with doors open.
+
+    Args:
+        tilemap: the map.
+        locked: whether the locked doors are open as well as the others.
+    """
+    walkable = np.array([list(row) for row in tilemap.tiles]) == 0
+    for door in tilemap.doors:
+        walkable[door.row, door.column] = locked or not door.locked
+    return walkable
+
+
+def flood(walkable: np.ndarray, starts: Iterable[Cell]) -> np.ndarray:
+    """bool[rows, columns], the tiles that some path from a start reaches.
+
+    Args:
+        walkable: bool[rows, columns].
+        starts: (column, row) of each; one that is not walkable reaches nothing.
+    """
+    seen = np.zeros(walkable.shape, bool)
+    for _ in _walk(walkable, starts, seen):
+        pass
+    return seen
+
+
+def explore(tilemap: TileMap, start: Cell) -> np.ndarray:
+    """bool[rows, columns], the tiles reached from a start by a player who uses every key.
+
+    A locked door opens once a key of its colour has been reached; a key opens any number.
+    """
+    walkable = open_tiles(tilemap, locked=False)
+    seen = np.zeros(walkable.shape, bool)
+    keys = {(key.column, key.row): key.colour for key in tilemap.keys}
+    shut = [door for door in tilemap.doors if door.locked]
+    held: set[int] = set()
+    starts = [start]
+    while starts:
+        held.update(keys[cell] for cell in _walk(walkable, starts, seen) if cell in keys)
+        opened = [(door.column, door.row) for door in shut if door.colour in held]
+        shut = [door for door in shut if door.colour not in held]
+        for column, row in opened:
+            walkable[row, column] = True
+        # A door that opens far from where the player has been is met later, as an open tile.
+        starts = [cell for cell in opened if _touches(seen, cell)]
+    return seen
+
+
+def problems(tilemap: TileMap) -> list[tuple[str, Cell]]:
+    """Goals that cannot be reached, and spawns that reach none: (what is wrong, cell) of each.
+
+    Empty for a map without goals.
+    """
+    if not tilemap.goals or not tilemap.spawns:
+        return []
+    numbers = _numbered(open_tiles(tilemap))
+    groups = [
+        (numbers == number, spawns) for number, spawns in _by_number(tilemap, numbers).items()
+    ]
+    goals, spawns = _unreached(tilemap, groups)
+    found = [("no path reaches this goal, even with all doors open", goal) for goal in goals]
+    found += [("no path from here reaches a goal, even with all doors open", s) for s in spawns]
+    if any(door.locked for door in tilemap.doors):
+        found += _key_problems(tilemap, {cell for _, cell in found})
+    return found
+
+
+def _key_problems(tilemap: TileMap, told: set[Cell]) -> list[tuple[str, Cell]]:
+    """What `problems` finds if locked doors need their keys, without the cells told already."""
+    numbers = _numbered(open_tiles(tilemap, locked=False))
+    groups = [
+        (explore(tilemap, spawns[0]), spawns) for spawns in _by_number(tilemap, numbers).values()
+    ]
+    reached = np.logical_or.reduce([mask for mask, _ in groups])
+    shut = {
+        COLOUR_NAMES[door.colour]
+        for door in tilemap.doors
+        if not reached[door.row, door.column] and _touches(reached, (door.column, door.row))
+    }
+    keys = f"a key that cannot be reached ({', '.join(sorted(shut))})" if shut else "a missing key"
+    goals, spawns = _unreached(tilemap, groups)
+    goal_text = f"paths to this goal need {keys}"
+    spawn_text = f"paths from here to a goal need {keys}"
+    found = [(goal_text, goal) for goal in goals] + [(spawn_text, spawn) for spawn in spawns]
+    return [(text, cell) for text, cell in found if cell not in told]
+
+
+def _unreached(tilemap: TileMap, groups: _Groups) -> tuple[list[Cell], list[Cell]]:
+    """The goals that no spawn reaches, and the spawns that reach no goal.
+
+    Where no spawn reaches any goal, naming the goals says it all: then no spawns.
+    """
+    column, row = np.array(tilemap.goals).T
+    reaches = [mask[row, column] for mask, _ in groups]
+    reached = np.logical_or.reduce(reaches)
+    goals = [goal for goal, some in zip(tilemap.goals, reached, strict=True) if not some]
+    if len(goals) == len(tilemap.goals):
+        return goals, []
+    lost = zip(reaches, groups, strict=True)
+    return goals, [spawn for reach, (_, spawns) in lost if not reach.any() for spawn in spawns]
+
+
+def _by_number(tilemap: TileMap, numbers: np.ndarray) -> dict[int, list[Cell]]:
+    """The spawns of each connected part."""
+    parts: dict[int, list[Cell]] = {}
+    for column, row in tilemap.spawns:
+        parts.setdefault(int(numbers[row, column]), []).append((column, row))
+    return parts
+
+
+def _numbered(walkable: np.ndarray) -> np.ndarray:
+    """int32[rows, columns], the number of each tile's connected part; -1 where not walkable."""
+    numbers = np.full(walkable.shape, -1, np.int32)
+    seen = np.zeros(walkable.shape, bool)
+    for number, (row, column) in enumerate(np.argwhere(walkable).tolist()):
+        for reached_column, reached_row in _walk(walkable, [(column, row)], seen):
+            numbers[reached_row, reached_column] = number
+    return numbers
+
+
+def _walk(walkable: np.ndarray, starts: Iterable[Cell], seen: np.ndarray) -> Iterator[Cell]:
+    """Each tile that paths from the starts newly reach; marks it in `seen`."""
+    rows, columns = walkable.shape
+    pending = list(starts)
+    while pending:
+        column, row = pending.pop()
+        inside = 0 <= column < columns and 0 <= row < rows
+        if not inside or seen[row, column] or not walkable[row, column]:
+            continue
+        seen[row, column] = True
+        yield column, row
+        pending += [(column + dx, row + dy) for dx, dy in _STEPS]
+
+
+def _touches(seen: np.ndarray, cell: Cell) -> bool:
+    """Whether a tile beside the cell has been seen."""
+    rows, columns = seen.shape
+    beside = [(cell[0] + dx, cell[1] + dy) for dx, dy in _STEPS]
+    return any(seen[r, c] for c, r in beside if 0 <= c < columns and 0 <= r < rows)

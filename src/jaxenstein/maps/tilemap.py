@@ -1,0 +1,219 @@
+"""Tile maps: a map as data on the host, hashable and independent of JAX.
+
+Tile (column, row) covers [column, column + 1) x [row, row + 1); everything outside is solid.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import MapError
+from .symbols import (
+    COLOUR_NAMES,
+    DOOR_LABELS,
+    TILE_CHARACTERS,
+    WALL_LABELS,
+    door_label,
+    key_character,
+)
+
+MAX_SIZE = 256
+"""The most columns, and the most rows, that a map may have."""
+
+Cell = tuple[int, int]
+"""(column, row) of a tile."""
+Tiles = tuple[bytes, ...]
+"""One bytes object per row, one label id per tile, 0 where open."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key lying on the floor: its tile and colour index."""
+
+    column: int
+    row: int
+    colour: int
+
+
+@dataclass(frozen=True)
+class Door:
+    """A door filling a tile: its tile, colour index and whether it needs the key."""
+
+    column: int
+    row: int
+    colour: int
+    locked: bool
+
+
+@dataclass(frozen=True)
+class TileMap:
+    """One map. Equal maps are equal and hash alike.
+
+    Attributes:
+        name: what the map is called.
+        tiles: label id of the wall or door on each tile, 0 where it is open.
+        faces: None, or the label ids of the faces of each tile that look west, east, north and
+            south, each laid out as `tiles` and nonzero at the same places.
+        spawns: tiles where an episode may start.
+        goals: tiles where the goal may lie.
+        keys: the keys, at most one a tile.
+        doors: the doors; each one's tile holds its label.
+
+    Raises:
+        MapError: if the parts contradict one another, such as a goal inside a wall.
+    """
+
+    name: str
+    tiles: Tiles
+    faces: tuple[Tiles, ...] | None = None
+    spawns: tuple[Cell, ...] = ()
+    goals: tuple[Cell, ...] = ()
+    keys: tuple[Key, ...] = ()
+    doors: tuple[Door, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that the parts agree."""
+        _check_tiles(self.tiles)
+        _check_doors(self)
+        _check_faces(self)
+        _check_cells(self, "spawn", self.spawns)
+        _check_cells(self, "goal", self.goals)
+        _check_cells(self, "key", tuple((key.column, key.row) for key in self.keys))
+        for key in self.keys:
+            _check_colour(key.colour)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.tiles)
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+        return len(self.tiles[0])
+
+    @property
+    def walls(self) -> np.ndarray:
+        """uint8[rows, columns], or uint8[4, rows, columns] if the faces differ; read-only."""
+        if self.faces is None:
+            return _as_array(self.tiles)
+        faces = np.stack([_as_array(face) for face in self.faces])
+        faces.setflags(write=False)
+        return faces
+
+    @property
+    def door_tiles(self) -> np.ndarray:
+        """int32[D, 2], (column, row) of each door."""
+        cells = [(door.column, door.row) for door in self.doors]
+        return np.array(cells, np.int32).reshape(-1, 2)
+
+    def is_floor(self, column: int, row: int) -> bool:
+        """Whether a tile lies on the map and holds neither wall nor door."""
+        inside = 0 <= column < self.columns and 0 <= row < self.rows
+        return inside and self.tiles[row][column] == 0
+
+    def with_spawns(self, cells: Iterable[Sequence[int]]) -> TileMap:
+        """The same map with other places to start from.
+
+        Args:
+            cells: (column, row) of each.
+
+        Raises:
+            MapError: if there is none, or one is not a floor cell.
+        """
+        spawns = tuple((int(column), int(row)) for column, row in cells)
+        if not spawns:
+            raise MapError("a map needs at least one spawn")
+        return dataclasses.replace(self, spawns=spawns)
+
+    def tile_text(self) -> str:
+        """The map as text, one line per row.
+
+        Each tile shows one symbol: of several things on it the key, else the goal. The faces
+        are not part of the text.
+        """
+        lines = [[TILE_CHARACTERS[tile] for tile in row] for row in self.tiles]
+        for column, row in self.spawns:
+            lines[row][column] = "S"
+        for column, row in self.goals:
+            lines[row][column] = "G"
+        for key in self.keys:
+            lines[key.row][key.column] = key_character(key.colour)
+        return "".join("".join(line) + "\n" for line in lines)
+
+
+def _as_array(tiles: Tiles) -> np.ndarray:
+    return np.frombuffer(b"".join(tiles), np.uint8).reshape(len(tiles), -1)
+
+
+def _check_tiles(tiles: Tiles) -> None:
+    if not isinstance(tiles, tuple) or not all(isinstance(row, bytes) for row in tiles):
+        raise MapError("the tiles of a map are a tuple of bytes objects, one per row")
+    if not tiles or not tiles[0]:
+        raise MapError("the map is empty")
+    columns = len(tiles[0])
+    if any(len(row) != columns for row in tiles):
+        raise MapError("the rows of a map must be equally long")
+    if max(columns, len(tiles)) > MAX_SIZE:
+        raise MapError(
+            f"a map of {columns} columns and {len(tiles)} rows is too large: "
+            f"the limit is {MAX_SIZE} of each"
+        )
+    unknown = set(b"".join(tiles)) - {0, *WALL_LABELS, *DOOR_LABELS}
+    if unknown:
+        raise MapError(f"label {min(unknown)} is neither wall nor door")
+
+
+def _check_doors(tilemap: TileMap) -> None:
+    listed = {}
+    for door in _tuple_of(tilemap.doors, "doors"):
+        _check_colour(door.colour)
+        listed[door.column, door.row] = door_label(door.colour, door.locked)
+    standing = {
+        (column, row): tile
+        for row, line in enumerate(tilemap.tiles)
+        for column, tile in enumerate(line)
+        if tile in DOOR_LABELS
+    }
+    if listed != standing or len(listed) != len(tilemap.doors):
+        raise MapError("the list of doors and the doors among the tiles differ")
+
+
+def _check_faces(tilemap: TileMap) -> None:
+    if tilemap.faces is None:
+        return
+    if len(_tuple_of(tilemap.faces, "faces")) != 4:
+        raise MapError("a map has four kinds of faces: west, east, north and south")
+    tiles = _as_array(tilemap.tiles)
+    doors = tiles >= DOOR_LABELS.start
+    for face in tilemap.faces:
+        _check_tiles(face)
+        shown = _as_array(face)
+        if shown.shape != tiles.shape or ((shown != 0) != (tiles != 0)).any():
+            raise MapError("the faces of a map must belong to its solid tiles, one to each")
+        if (shown >= DOOR_LABELS.start)[~doors].any() or (shown != tiles)[doors].any():
+            raise MapError("a door shows its own label on all faces, and no wall shows a door's")
+
+
+def _check_cells(tilemap: TileMap, what: str, cells: tuple[Cell, ...]) -> None:
+    for column, row in _tuple_of(cells, f"{what}s"):
+        if not tilemap.is_floor(column, row):
+            raise MapError(f"{what} at column {column}, row {row} (from 0) is not on a floor cell")
+    if len(set(cells)) != len(cells):
+        raise MapError(f"two {what}s of a map share a cell")
+
+
+def _check_colour(colour: int) -> None:
+    if not 0 <= colour < len(COLOUR_NAMES):
+        raise MapError(f"colour index {colour} is not in 0 to {len(COLOUR_NAMES) - 1}")
+
+
+def _tuple_of(values: tuple, what: str) -> tuple:
+    """`values` if they are a tuple: a list would make the map unhashable."""
+    if not isinstance(values, tuple):
+        raise MapError(f"the {what} of a map are a tuple, not {type(values).__name__}")
+    return values

@@ -1,0 +1,80 @@
+"""`jaxenstein bench` and what it measures with."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxenstein import benchmark
+from jaxenstein.benchmark import BenchmarkError, Settings, measure_apart, summarise
+from jaxenstein.cli import main
+
+
+def fake(settings: Settings) -> dict[str, object]:
+    return {
+        "id": settings.id,
+        "width": settings.width,
+        "height": settings.height,
+        "batch": settings.batch,
+        "steps_per_second": summarise(np.array([1e3, 2e3, 3e3])),
+        "compile_seconds": {"reset": 1.0, "step": 1.0},
+        "peak_memory_bytes": None,
+    }
+
+
+def test_table_and_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(benchmark, "measure_apart", fake)
+    path = tmp_path / "b.json"
+    arguments = ["simple", "key-door", "--batch", "4,8", "--size", "20x10", "--json", str(path)]
+    assert main(["bench", *arguments]) == 0
+    out, err = capsys.readouterr()
+    assert [line.split()[:3] for line in out.splitlines()[1:5]] == [
+        [name, "20x10", batch] for name in ("simple", "key-door") for batch in ("4", "8")
+    ]
+    assert "100%" in err
+    report = json.loads(path.read_text())
+    assert set(report["versions"]) == {"python", "jax", "numpy", "jaxenstein"}
+    assert report["hardware"]["cores"] == os.cpu_count()
+    assert [result["batch"] for result in report["results"]] == [4, 8, 4, 8]
+
+
+def test_summary_is_median_and_quartiles() -> None:
+    rates = [5.0, 1.0, 2.0, 4.0, 3.0]
+    assert summarise(np.array(rates)) == {
+        "median": 3.0, "lower_quartile": 2.0, "upper_quartile": 4.0, "repeats": rates
+    }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_measures_in_a_process_of_its_own() -> None:
+    core = min(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+    settings = Settings("simple", batch=2, steps=4, repeats=3, height=8, width=8, core=core)
+    result = measure_apart(settings)
+    rates = result["steps_per_second"]
+    assert len(result["seconds"]) == len(rates["repeats"]) == 3
+    assert rates["lower_quartile"] <= rates["median"] <= rates["upper_quartile"]
+    assert rates["repeats"] == pytest.approx([8 / seconds for seconds in result["seconds"]])
+    assert set(result["compile_seconds"]) == {"reset", "step", "rollout"}
+    # A process with JAX in it has at least this, and this tiny configuration not more than that.
+    assert 50e6 < result["peak_memory_bytes"] < 2e9
+    assert result["core"] == core
+
+
+def test_failing_process_is_told_in_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(BenchmarkError, match=r"^measuring nowhere with batch 2 failed: .*nowhere"):
+        measure_apart(Settings("nowhere", batch=2, steps=4, repeats=3))
+
+    def fail(settings: Settings) -> None:
+        raise BenchmarkError("measuring failed: Killed")
+
+    monkeypatch.setattr(benchmark, "measure_apart", fail)
+    assert main(["bench", "simple"]) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == "jaxenstein: measuring failed: Killed"

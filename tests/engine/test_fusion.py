@@ -1,0 +1,119 @@
+"""A staged function computes what the plain one does, under every transformation."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxenstein.engine.fusion import staged
+
+
+def stage(position, table, flags):
+    """Several inputs and outputs of several types; the first leaf is a float, as `staged` asks."""
+    total = position["x"].sum() + table.sum()
+    return {
+        "scaled": table * position["x"][0],
+        "any": flags.any(),
+        "rest": (
+            None,
+            jnp.where(flags, total, jnp.float32(-1)),
+            position["x_count"] + jnp.int32(1),
+        ),
+    }
+
+
+def inputs(*batch: int):
+    rng = np.random.default_rng(3)
+    position = {
+        "x": jnp.asarray(rng.normal(size=(*batch, 2)), jnp.float32),
+        "x_count": jnp.asarray(rng.integers(0, 9, batch), jnp.int32),
+        "nothing": None,
+    }
+    table = jnp.asarray(rng.normal(size=(*batch, 5)), jnp.float32)
+    flags = jnp.asarray(rng.random((*batch, 3)) < 0.5)
+    return position, table, flags
+
+
+def same(one, other) -> None:
+    """Equal trees, types and values."""
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        assert a.dtype == b.dtype
+        assert a.shape == b.shape
+        np.testing.assert_allclose(a, b, rtol=1e-6)
+
+
+@pytest.mark.parametrize("jitted", [False, True])
+def test_alone(jitted: bool) -> None:
+    run = jax.jit(staged(stage)) if jitted else staged(stage)
+    same(run(*inputs()), stage(*inputs()))
+
+
+def test_without_compilation() -> None:
+    with jax.disable_jit():
+        same(staged(stage)(*inputs()), stage(*inputs()))
+
+
+@pytest.mark.parametrize("jitted", [False, True])
+def test_under_vmap(jitted: bool) -> None:
+    mapped = jax.vmap(staged(stage))
+    run = jax.jit(mapped) if jitted else mapped
+    same(run(*inputs(4)), jax.vmap(stage)(*inputs(4)))
+
+
+@pytest.mark.parametrize("axes", [(0, None, None), (None, 0, None), (None, None, 0), (0, None, 0)])
+def test_under_vmap_of_some_arguments(axes) -> None:
+    batched, single = inputs(4), inputs()
+    args = [b if axis == 0 else s for axis, b, s in zip(axes, batched, single, strict=True)]
+    same(jax.vmap(staged(stage), axes)(*args), jax.vmap(stage, axes)(*args))
+
+
+def test_under_nested_vmaps_of_different_arguments() -> None:
+    position, _, flags = inputs(3)
+    _, table, _ = inputs(4)
+
+    def nested(run):
+        inner = jax.vmap(run, (None, 0, None))
+        return jax.jit(jax.vmap(inner, (0, None, 0)))(position, table, flags)
+
+    same(nested(staged(stage)), nested(stage))
+
+
+def test_under_vmap_of_other_axes_and_of_a_leaf() -> None:
+    position, table, flags = inputs(4)
+    axes = ({"x": 0, "x_count": None, "nothing": None}, 1, None)
+    args = ({**position, "x_count": jnp.int32(2)}, table.T, flags[0])
+    same(jax.vmap(staged(stage), axes)(*args), jax.vmap(stage, axes)(*args))
+
+
+def test_inside_scan_and_vmap() -> None:
+    position, table, flags = inputs(4)
+
+    def loop(run):
+        def body(carry, _):
+            position, table, flags = carry
+            out = run(position, table, flags)
+            return (position, out["scaled"], ~flags), out["rest"][1]
+
+        def one(p, t, f):
+            return jax.lax.scan(body, (p, t, f), length=3)
+
+        return jax.jit(jax.vmap(one))(position, table, flags)
+
+    same(loop(staged(stage)), loop(stage))
+
+
+def test_of_a_batch_of_one_and_odd_witnesses() -> None:
+    """The results must not depend on the value that the predicate is taken from."""
+    for value in (0.0, -1e30, float("inf"), float("-inf"), float("nan")):
+        x = jnp.full((1, 2), value, jnp.float32)
+        out = jax.jit(jax.vmap(staged(lambda v: (v, jnp.ones(3, jnp.float32)))))(x)
+        np.testing.assert_array_equal(out[0], x)
+        np.testing.assert_array_equal(out[1], np.ones((1, 3)))
+
+
+def test_stages_may_follow_each_other() -> None:
+    double, add = staged(lambda x: x * 2), staged(lambda x, y: x + y)
+    x = jnp.arange(6, dtype=jnp.float32).reshape(3, 2)
+    run = jax.jit(jax.vmap(lambda v: add(double(v), double(v + 1))))
+    np.testing.assert_allclose(run(x), 4 * x + 2)

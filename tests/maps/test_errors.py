@@ -1,0 +1,53 @@
+"""The place in a map error's message, and the phrase that suggests names."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from jaxenstein.errors import (
+    JAXensteinError,
+    MapError,
+    SettingError,
+    UnknownEnvironmentError,
+    nearest,
+)
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ({}, "no"),
+        ({"line": 3}, "line 3: no"),
+        ({"line": 3, "column": 7}, "line 3, column 7: no"),
+        ({"line": 3, "column": 7, "source": "other"}, "other, line 3, column 7: no"),
+        ({"source": "other"}, "other: no"),
+    ],
+)
+def test_map_error_states_its_place(place: dict, message: str) -> None:
+    error = MapError("no", **place)
+    assert str(error) == message
+    assert (error.line, error.column) == (place.get("line"), place.get("column"))
+    copy = pickle.loads(pickle.dumps(error))
+    assert (str(copy), copy.line, copy.column) == (message, error.line, error.column)
+
+
+def test_errors_are_value_errors() -> None:
+    for kind in (MapError, SettingError, UnknownEnvironmentError):
+        assert issubclass(kind, JAXensteinError)
+        assert issubclass(kind, ValueError)
+
+
+@pytest.mark.parametrize("word", ["my-way-hom", "MY-WAY-HOME", "my_way_home"])
+def test_nearest_names_what_was_meant(word: str) -> None:
+    assert nearest(word, ("simple", "my-way-home")) == ", did you mean 'my-way-home'?"
+
+
+def test_nearest_is_silent_when_nothing_is_near() -> None:
+    assert nearest("zzz", ("simple", "my-way-home")) == ""
+    assert nearest("zzz", ()) == ""
+
+
+def test_nearest_orders_by_likeness() -> None:
+    assert nearest("heigth", ("weight", "height")) == ", did you mean 'height' or 'weight'?"

@@ -1,0 +1,129 @@
+"""Tile maps: their arrays, their value and the contradictions that they refuse."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from jaxenstein.errors import MapError
+from jaxenstein.maps import MAX_SIZE, Door, Key, TileMap, parse_ascii
+from jaxenstein.maps.symbols import door_label
+
+RED_LOCKED = door_label(0, locked=True)
+TILES = (bytes([2, 2, 2, 2]), bytes([2, 0, 0, RED_LOCKED]), bytes([2, 2, 3, 2]))
+DOOR = Door(3, 1, 0, True)
+
+
+def build(**parts: object) -> TileMap:
+    return TileMap(**{"name": "test", "tiles": TILES, "doors": (DOOR,), **parts})  # type: ignore
+
+
+def test_arrays() -> None:
+    tilemap = build(keys=(Key(1, 1, 0),), goals=((2, 1),))
+    assert (tilemap.rows, tilemap.columns) == (3, 4)
+    assert tilemap.walls.dtype == np.uint8
+    np.testing.assert_array_equal(tilemap.walls, [list(row) for row in TILES])
+    np.testing.assert_array_equal(tilemap.door_tiles, [[3, 1]])
+    assert tilemap.door_tiles.dtype == np.int32
+    assert TileMap("open", (b"\0",)).door_tiles.shape == (0, 2)
+
+
+def test_faces_become_four_arrays() -> None:
+    other = (TILES[0], TILES[1], bytes([2, 2, 9, 2]))
+    walls = build(faces=(TILES, other, TILES, TILES)).walls
+    assert walls.shape == (4, 3, 4)
+    assert walls.dtype == np.uint8
+    np.testing.assert_array_equal(walls[:, 2, 2], [3, 9, 3, 3])
+
+
+def test_equal_maps_hash_alike() -> None:
+    assert build() == build()
+    assert len({build(), build(), build(goals=((1, 1),))}) == 2
+
+
+def test_with_spawns() -> None:
+    tilemap = build(spawns=((1, 1),), goals=((2, 1),))
+    moved = tilemap.with_spawns(np.array([[2, 1]]))  # type: ignore[arg-type]
+    assert moved.spawns == ((2, 1),)
+    assert moved.with_spawns([(1, 1)]) == tilemap
+
+
+@pytest.mark.parametrize("cell", [(0, 0), (3, 1), (-1, 1), (1, -1), (4, 1), (1, 3)])
+def test_with_spawns_refuses_what_is_not_floor(cell: tuple[int, int]) -> None:
+    with pytest.raises(MapError, match=f"spawn at column {cell[0]}, row {cell[1]} "):
+        build().with_spawns([cell])
+
+
+def test_with_spawns_refuses_none() -> None:
+    with pytest.raises(MapError, match="at least one spawn"):
+        build().with_spawns(())
+
+
+LONG = (bytes(MAX_SIZE + 1),)
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"tiles": ()}, "empty"),
+        ({"tiles": (b"",)}, "empty"),
+        ({"tiles": [b"\0"]}, "tuple of bytes"),
+        ({"tiles": (b"\0", b"\0\0")}, "equally long"),
+        ({"tiles": LONG}, "too large"),
+        ({"tiles": (b"\0",) * (MAX_SIZE + 1)}, "too large"),
+        ({"tiles": (b"\1",)}, "label 1 is neither"),
+        ({"tiles": (b"\x2f",)}, "label 47 is neither"),
+        ({"doors": ()}, "doors"),
+        ({"doors": (DOOR, DOOR)}, "doors"),
+        ({"doors": (Door(3, 1, 0, False),)}, "doors"),
+        ({"doors": [DOOR]}, "doors of a map are a tuple"),
+        ({"doors": (Door(3, 1, 9, True),)}, "colour index 9"),
+        ({"goals": ((0, 0),)}, "goal at column 0, row 0"),
+        ({"goals": ((1, 1), (1, 1))}, "two goals"),
+        ({"goals": [(1, 1)]}, "goals of a map are a tuple"),
+        ({"keys": (Key(3, 1, 0),)}, "key at column 3, row 1"),
+        ({"keys": (Key(1, 1, 0), Key(1, 1, 1))}, "two keys"),
+        ({"keys": (Key(1, 1, 6),)}, "colour index 6"),
+        ({"faces": (TILES,) * 3}, "four kinds"),
+        ({"faces": (TILES[:2],) * 4}, "solid tiles"),
+        ({"faces": (TILES, TILES, TILES, (TILES[0], TILES[0], TILES[2]))}, "solid tiles"),
+        ({"faces": (TILES, TILES, TILES, (TILES[0], b"\2\0\0\2", TILES[2]))}, "door"),
+        ({"faces": (TILES, TILES, TILES, (b"\x1d\2\2\2", *TILES[1:]))}, "door"),
+    ],
+)
+def test_contradictions_are_refused(parts: dict, message: str) -> None:
+    with pytest.raises(MapError, match=message):
+        build(**parts)
+
+
+def test_tile_text_shows_one_thing_a_tile() -> None:
+    assert build(spawns=((1, 1), (2, 1)), goals=((2, 1),)).tile_text() == "####\n#SGR\n##1#\n"
+    both = build(goals=((1, 1),), keys=(Key(1, 1, 2),))
+    assert both.tile_text().splitlines()[1] == "#b.R"
+
+
+def test_maps_do_not_import_jax() -> None:
+    program = (
+        "import importlib.util, pathlib, sys, types\n"
+        "root = pathlib.Path(sys.argv[1])\n"
+        "package = types.ModuleType('jaxenstein')\n"
+        "package.__path__ = [str(root)]\n"
+        "sys.modules['jaxenstein'] = package\n"
+        "import jaxenstein.maps as maps\n"
+        "maps.load_layout('my-way-home')\n"
+        "assert 'jax' not in sys.modules\n"
+    )
+    import jaxenstein
+
+    root = str(jaxenstein.__path__[0])
+    subprocess.run([sys.executable, "-c", program, root], check=True)
+
+
+def test_a_map_may_have_the_largest_size() -> None:
+    side = MAX_SIZE
+    text = "S" + "." * (side - 2) + "G"
+    tilemap = parse_ascii("\n".join([text] + ["." * side] * (side - 1)))
+    assert (tilemap.rows, tilemap.columns) == (side, side)

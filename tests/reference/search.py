@@ -1,0 +1,14 @@
+"""How the comparisons search: seeds of whole worlds, which there is no point in shrinking."""
+
+from __future__ import annotations
+
+from hypothesis import Phase, settings
+from hypothesis import strategies as st
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def several(examples: int) -> settings:
+    """Settings for a search over `examples` seeds."""
+    phases = (Phase.explicit, Phase.reuse, Phase.generate)
+    return settings(deadline=None, max_examples=examples, phases=phases)

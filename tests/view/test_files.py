@@ -1,0 +1,71 @@
+"""Files are written whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from jaxenstein.view.files import OutputError, atomic, check_writable, make_folder
+
+
+def fail_with(number: int):
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    return fail
+
+
+def test_content_arrives_with_ordinary_permissions(tmp_path: Path) -> None:
+    target = tmp_path / "file"
+    plain = tmp_path / "plain"
+    plain.write_text("x")
+    with atomic(target) as temporary:
+        temporary.write_text("new")
+        assert temporary.parent == tmp_path
+        assert not target.exists()
+    assert target.read_text() == "new"
+    assert target.stat().st_mode == plain.stat().st_mode
+    assert sorted(tmp_path.iterdir()) == [target, plain]
+
+
+def test_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "file"
+    target.write_text("old")
+    monkeypatch.setattr(os, "replace", fail_with(errno.ENOSPC))
+    with (
+        pytest.raises(OutputError, match=r"file: no space left on device$"),
+        atomic(target) as part,
+    ):
+        part.write_text("new")
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_an_error_in_the_block_leaves_nothing(tmp_path: Path) -> None:
+    def write() -> None:
+        with atomic(tmp_path / "file") as part:
+            part.write_text("half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        write()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_impossible_targets_are_told_early(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    for target, reason in (
+        (tmp_path, "it is a folder"),
+        (tmp_path / "none" / "a", "there is no folder"),
+        (tmp_path / "file" / "a", "is not a folder"),
+    ):
+        with pytest.raises(OutputError, match=reason) as caught:
+            check_writable(target)
+        assert str(target) in str(caught.value)
+    with pytest.raises(OutputError, match="not a folder"):
+        make_folder(tmp_path / "file")
+    with pytest.raises(OutputError):
+        make_folder(tmp_path / "file" / "below")
