@@ -282,7 +282,32 @@ def test_panels_are_upright_and_not_mirrored() -> None:
             red, _, blue = rgb[row, column]
             assert (blue > 0) == bool(accent)
             if not accent:
-                assert (red < 0.8 * plain) == bool(shadow)
+                # A shadow has less than half the light; a seam at the tile's edge takes a quarter.
+                assert (red < 0.6 * plain) == bool(shadow)
+
+
+def test_walls_have_darker_seams_that_fade_with_depth() -> None:
+    """Facing a wall: columns near a tile's edge are darker near by and the same far away."""
+    walls = np.zeros((20, 41), np.uint8)
+    theme = scenes.plain_theme()
+    camera = Camera(1, 64, 60)
+    level = compile_level(walls, np.zeros((0, 2), np.int32))
+
+    @jax.jit
+    def run(position):
+        closed, north = jnp.ones(0, bool), jnp.float32(-np.pi / 2)
+        return render(Scene(level, closed, position, north, no_sprites(), theme), camera)
+
+    for depth in (1.0, 2.0, 9.0):
+        shown = np.asarray(run(np.array([20.3, depth], np.float32)))[0].astype(int).sum(axis=-1)
+        along = (20.3 + raycaster.slopes(64, 60) * depth) % 1
+        seam, plain = np.minimum(along, 1 - along) < 0.029, np.minimum(along, 1 - along) > 0.031
+        assert seam.any()
+        assert np.ptp(shown[plain]) <= 3
+        if depth < 7:
+            assert shown[seam].max() < 0.9 * shown[plain].min()
+        else:
+            assert np.ptp(shown) <= 3
 
 
 def test_any_size_and_field_of_view() -> None:

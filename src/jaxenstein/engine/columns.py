@@ -11,7 +11,16 @@ from .camera import Camera
 from .level import WORD
 from .raycast import Hits, rays
 from .scene import Sprites, Theme
-from .shade import SIDE_LIGHT, ImageKind, brightness, pack_rgb, tone
+from .shade import (
+    SEAM_FADES,
+    SEAM_SHADE,
+    SEAM_WIDTH,
+    SIDE_LIGHT,
+    ImageKind,
+    brightness,
+    pack_rgb,
+    tone,
+)
 from .sprites import Layers, project
 
 # A panel's shadow plane has the wall's colour times this.
@@ -79,7 +88,7 @@ def prepare(
         kind: the kind of image.
         layers: how many billboards one column can show.
     """
-    light = brightness(hits.depth) * jnp.where(hits.horizontal, jnp.float32(SIDE_LIGHT), 1)
+    light = wall_light(hits)
     index = hits.wall.astype(jnp.int32)
     table = jnp.asarray(theme.wall_colours)
     colour = [table[:, i].at[index].get(mode="promise_in_bounds") for i in range(3)]
@@ -94,6 +103,14 @@ def prepare(
         panels=_panels(index, hits, colour, light, theme, kind),
         layers=drawn,
     )
+
+
+def wall_light(hits: Hits) -> jax.Array:
+    """float32[W]: the factor on the colours of the walls that were hit."""
+    side = jnp.where(hits.horizontal, jnp.float32(SIDE_LIGHT), 1)
+    at_seam = jnp.abs(hits.along - 0.5) > 0.5 - SEAM_WIDTH
+    seam = jnp.where(at_seam, SEAM_SHADE * jnp.clip(1 - hits.depth / SEAM_FADES, 0, 1), 0)
+    return brightness(hits.depth) * side * (1 - seam)
 
 
 def _panels(

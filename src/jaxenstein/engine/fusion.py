@@ -17,7 +17,6 @@ import jax.numpy as jnp
 from jax import lax
 from jax.custom_batching import custom_vmap
 
-
 # Bits of a NaN that no computation makes.
 _NEVER = 0x7FA5A5A5
 

@@ -10,27 +10,31 @@ Places along a grid line are fixed-point numbers: adding a step and taking the t
 integer operation each. A ray that leaves the map wraps around and may report a hit that is not
 there, but always farther away than where it left the map through a solid tile of the other
 kind of line, and the nearer hit of the two kinds wins.
+
+The rays are aimed, marched and looked up in three stages (see `fusion`): every result of a stage
+that used a march directly would repeat it, and a place rounded twice might be two tiles.
 """
 
 from __future__ import annotations
+
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 
-from ..pytree import Record, record
+from ..pytree import Record, record, static
 from .camera import Camera
+from .fusion import staged
 from .level import WORD, Level, occupancy
 
 # More lines than this are marched in a loop of blocks of this size, to bound the program.
 BLOCK = 64
-# Place of the line at hand; number and place of the nearest hit so far.
-_March = tuple[jax.Array, jax.Array, jax.Array]
+# A direction component below this never crosses a line inside any map.
+PARALLEL = 1e-12
 # Crossings count as this much of a tile further on. A ray through a corner then enters the tile
 # across it on both kinds of line, whichever way each is rounded, and does not slip between.
 NUDGE = 2.0**-16
-# A direction component below this never crosses a line inside any map.
-PARALLEL = 1e-12
 
 
 @record
@@ -52,6 +56,33 @@ class Hits(Record):
     tile: jax.Array
 
 
+@record
+class _Aim(Record):
+    """Each ray on its way to the grid lines of one kind; named for the vertical ones.
+
+    Attributes:
+        first: float32[W], depth of the first line.
+        spacing: float32[W], depth from one line to the next.
+        place: int32[W], y at the first line, in fixed point.
+        stride: int32[W], y from one line to the next.
+        forwards: bool[W], whether x grows along the ray.
+        home: int32[], column of the eye.
+        ahead: uint32[K, words], solid rows of the columns entered by rays that go forwards.
+        behind: uint32[K, words], the same for the others.
+        fraction_bits: bits of a place after the point.
+    """
+
+    first: jax.Array
+    spacing: jax.Array
+    place: jax.Array
+    stride: jax.Array
+    forwards: jax.Array
+    home: jax.Array
+    ahead: jax.Array
+    behind: jax.Array
+    fraction_bits: int = static()
+
+
 def rays(heading: jax.Array, camera: Camera) -> tuple[jax.Array, jax.Array]:
     """float32[W] x and y of the ray through each column's centre, scaled to depth one."""
     slopes = jnp.asarray(camera.column_slopes())
@@ -71,70 +102,27 @@ def cast(
         level: the level.
         camera: width and field of view of the image.
     """
+    aims = staged(partial(_aim, camera=camera))(position, heading, closed, level)
+    return _look_up(aims, staged(_march_both)(aims), level)
+
+
+def _aim(
+    position: jax.Array, heading: jax.Array, closed: jax.Array, level: Level, camera: Camera
+) -> tuple[_Aim, _Aim]:
+    """Aim the rays at the vertical and at the horizontal lines."""
     columns, rows = occupancy(level, closed)
     # The tile and the place in it apart, so that the margin rounds nothing.
     floor = jnp.floor(position)
     home, inside = floor.astype(jnp.int32) + level.margin, position - floor
     ray_x, ray_y = rays(heading, camera)
-    vertical = _march(columns, home, inside, ray_x, ray_y)
-    crosswise = _march(rows, home[::-1], inside[::-1], ray_y, ray_x)
-    horizontal = crosswise.depth < vertical.depth
-    column = jnp.where(horizontal, crosswise.across, vertical.line)
-    row = jnp.where(horizontal, crosswise.line, vertical.across)
-    column = jnp.clip(column, 0, level.size[0] - 1)
-    row = jnp.clip(row, 0, level.size[1] - 1)
-    along = jnp.where(horizontal, crosswise.along, vertical.along)
-    # Seen from outside, places on the north and east faces run against the axis.
-    mirrored = jnp.where(horizontal, ray_y > 0, ray_x < 0)
-    return Hits(
-        depth=jnp.where(horizontal, crosswise.depth, vertical.depth),
-        wall=_face(level, column, row, horizontal, ray_x, ray_y),
-        along=jnp.where(mirrored, 1 - along, along),
-        horizontal=horizontal,
-        tile=jnp.stack([column, row], axis=-1) - level.margin,
-    )
+    vertical = _aim_at_lines(columns, home, inside, ray_x, ray_y)
+    return vertical, _aim_at_lines(rows, home[::-1], inside[::-1], ray_y, ray_x)
 
 
-def _face(
-    level: Level,
-    column: jax.Array,
-    row: jax.Array,
-    horizontal: jax.Array,
-    ray_x: jax.Array,
-    ray_y: jax.Array,
-) -> jax.Array:
-    """uint8[W]: the entry of `level.walls` for the faces hit; one gather a column."""
-    faces, rows, columns = level.walls.shape
-    flat = jnp.asarray(level.walls).reshape(-1)
-    index = row * columns + column
-    if faces == 4:
-        west_east = (ray_x < 0).astype(jnp.int32)
-        north_south = 2 + (ray_y < 0).astype(jnp.int32)
-        index = index + jnp.where(horizontal, north_south, west_east) * (rows * columns)
-    return flat.at[index].get(mode="promise_in_bounds")
-
-
-@record
-class _Crossing(Record):
-    """The nearest hit of each ray on grid lines of one kind; named for the vertical ones.
-
-    Attributes:
-        depth: float32[W].
-        line: int32[W], column entered.
-        across: int32[W], row entered.
-        along: float32[W] in [0, 1), y within that row.
-    """
-
-    depth: jax.Array
-    line: jax.Array
-    across: jax.Array
-    along: jax.Array
-
-
-def _march(
+def _aim_at_lines(
     words: jax.Array, home: jax.Array, inside: jax.Array, ray: jax.Array, across: jax.Array
-) -> _Crossing:
-    """March the grid lines of one kind; described here for the vertical ones.
+) -> _Aim:
+    """Aim at the lines of one kind; described here for the vertical ones.
 
     Args:
         words: uint32[C, words], solid rows of each column.
@@ -144,56 +132,66 @@ def _march(
         across: float32[W], y component.
     """
     lines, n_words = words.shape
-    steps = lines - 1
-    blocks = -(-steps // BLOCK)
-    block = -(-steps // blocks)
     fraction_bits = WORD - 1 - max(lines, n_words * WORD).bit_length()
     one = 2.0**fraction_bits
-
-    home_line = jnp.clip(home[0], 0, lines - 1)
     forwards = ray >= 0
     spacing = 1 / jnp.maximum(jnp.abs(ray), PARALLEL)
     first = jnp.where(forwards, 1 - inside[0], inside[0]) * spacing
     place = inside[1] + first * across + jnp.sign(across) * NUDGE
-    place = jnp.floor(place * one).astype(jnp.int32) + (home[1] << fraction_bits)
-    stride = jnp.rint(across * spacing * one).astype(jnp.int32)
-
-    order = jnp.arange(blocks * block, dtype=jnp.int32)
-    ahead = words.at[jnp.minimum(home_line + 1 + order, lines - 1)].get(mode="promise_in_bounds")
-    behind = words.at[jnp.maximum(home_line - 1 - order, 0)].get(mode="promise_in_bounds")
-
-    def visit(k: jax.Array | int, state: _March, far: jax.Array, near: jax.Array) -> _March:
-        place, hit, hit_place = state
-        tile = lax.shift_right_arithmetic(place, jnp.int32(fraction_bits))
-        word = _select_word(jnp.where(forwards[:, None], far[None], near[None]), tile)
-        solid = lax.shift_right_logical(word, (tile & (WORD - 1)).astype(jnp.uint32)) & 1
-        hit, hit_place = jnp.where(solid != 0, k, hit), jnp.where(solid != 0, place, hit_place)
-        return place - stride, hit, hit_place
-
-    def visit_block(i: jax.Array | int, state: _March) -> _March:
-        base = (blocks - 1 - i) * block
-        far = lax.dynamic_slice_in_dim(ahead, base, block)
-        near = lax.dynamic_slice_in_dim(behind, base, block)
-        for k in reversed(range(block)):
-            state = visit(base + k, state, far[k], near[k])
-        return state
-
-    # The place of the hit is kept, not computed again: another rounding could be another tile.
-    state: _March = (
-        place + stride * (blocks * block - 1),
-        jnp.full(ray.shape, steps, jnp.int32),
-        place,
+    column = jnp.clip(home[0], 0, lines - 1)
+    order = jnp.arange(lines - 1, dtype=jnp.int32)
+    ahead, behind = jnp.minimum(column + 1 + order, lines - 1), jnp.maximum(column - 1 - order, 0)
+    return _Aim(
+        first=first,
+        spacing=spacing,
+        place=jnp.floor(place * one).astype(jnp.int32) + (home[1] << fraction_bits),
+        stride=jnp.rint(across * spacing * one).astype(jnp.int32),
+        forwards=forwards,
+        home=column,
+        ahead=words.at[ahead].get(mode="promise_in_bounds"),
+        behind=words.at[behind].get(mode="promise_in_bounds"),
+        fraction_bits=fraction_bits,
     )
-    if blocks == 1:
-        _, hit, place = visit_block(0, state)
-    else:
-        _, hit, place = lax.fori_loop(0, blocks, visit_block, state)
-    return _Crossing(
-        depth=first + hit.astype(jnp.float32) * spacing,
-        line=jnp.where(forwards, home_line + 1 + hit, home_line - 1 - hit),
-        across=lax.shift_right_arithmetic(place, jnp.int32(fraction_bits)),
-        along=(place & (2**fraction_bits - 1)).astype(jnp.float32) / one,
-    )
+
+
+def _march_both(aims: tuple[_Aim, _Aim]) -> tuple[jax.Array, jax.Array]:
+    return _march(aims[0]), _march(aims[1])
+
+
+def _march(aim: _Aim) -> jax.Array:
+    """int32[W]: how many lines each ray crosses before the one at which it hits."""
+    steps = aim.ahead.shape[0]
+    if steps <= BLOCK:
+        hit = jnp.full(aim.place.shape, steps, jnp.int32)
+        return _march_block(aim, aim.ahead, aim.behind, jnp.int32(0), hit)
+    blocks = -(-steps // BLOCK)
+    size = -(-steps // blocks)
+    filler = ((0, blocks * size - steps), (0, 0))
+    ahead, behind = jnp.pad(aim.ahead, filler), jnp.pad(aim.behind, filler)
+
+    def visit(i: jax.Array, hit: jax.Array) -> jax.Array:
+        base = (blocks - 1 - i) * size
+        far = lax.dynamic_slice_in_dim(ahead, base, size)
+        near = lax.dynamic_slice_in_dim(behind, base, size)
+        return _march_block(aim, far, near, base, hit)
+
+    return lax.fori_loop(0, blocks, visit, jnp.full(aim.place.shape, steps, jnp.int32))
+
+
+def _march_block(
+    aim: _Aim, ahead: jax.Array, behind: jax.Array, base: jax.Array, hit: jax.Array
+) -> jax.Array:
+    """`hit` after the lines from `base` on, the farthest first, one for each pair of words."""
+    steps = ahead.shape[0]
+    place = aim.place + aim.stride * (base + steps - 1)
+    for k in reversed(range(steps)):
+        tile = lax.shift_right_arithmetic(place, jnp.int32(aim.fraction_bits))
+        words = jnp.where(aim.forwards[:, None], ahead[k][None], behind[k][None])
+        bit = (tile & (WORD - 1)).astype(jnp.uint32)
+        solid = jnp.right_shift(_select_word(words, tile), bit) & jnp.uint32(1)
+        hit = jnp.where(solid != 0, base + k, hit)
+        place = place - aim.stride
+    return hit
 
 
 def _select_word(words: jax.Array, tile: jax.Array) -> jax.Array:
@@ -202,3 +200,53 @@ def _select_word(words: jax.Array, tile: jax.Array) -> jax.Array:
     for i in range(1, words.shape[1]):
         word = jnp.where(tile >= i * WORD, words[:, i], word)
     return word
+
+
+def _look_up(aims: tuple[_Aim, _Aim], hits: tuple[jax.Array, jax.Array], level: Level) -> Hits:
+    """What the rays hit at the nearer of the two lines that the marches found."""
+    vertical, crosswise = aims
+    depths = [
+        aim.first + hit.astype(jnp.float32) * aim.spacing
+        for aim, hit in zip(aims, hits, strict=True)
+    ]
+    lines = [
+        aim.home + jnp.where(aim.forwards, 1 + hit, -1 - hit)
+        for aim, hit in zip(aims, hits, strict=True)
+    ]
+    places = [aim.place + aim.stride * hit for aim, hit in zip(aims, hits, strict=True)]
+    horizontal = depths[1] < depths[0]
+    place = jnp.where(horizontal, places[1], places[0])
+    bits = jnp.where(
+        horizontal, jnp.int32(crosswise.fraction_bits), jnp.int32(vertical.fraction_bits)
+    )
+    across = lax.shift_right_arithmetic(place, bits)
+    column = jnp.clip(jnp.where(horizontal, across, lines[0]), 0, level.size[0] - 1)
+    row = jnp.clip(jnp.where(horizontal, lines[1], across), 0, level.size[1] - 1)
+    along = (place - (across << bits)).astype(jnp.float32) / (1 << bits).astype(jnp.float32)
+    # Seen from outside, places on the north and east faces run against the axis.
+    mirrored = jnp.where(horizontal, crosswise.forwards, ~vertical.forwards)
+    return Hits(
+        depth=jnp.where(horizontal, depths[1], depths[0]),
+        wall=_face(aims, level, column, row, horizontal),
+        along=jnp.where(mirrored, 1 - along, along),
+        horizontal=horizontal,
+        tile=jnp.stack([column, row], axis=-1) - level.margin,
+    )
+
+
+def _face(
+    aims: tuple[_Aim, _Aim],
+    level: Level,
+    column: jax.Array,
+    row: jax.Array,
+    horizontal: jax.Array,
+) -> jax.Array:
+    """uint8[W]: the entry of `level.walls` for the faces hit; one gather a column."""
+    faces, rows, columns = level.walls.shape
+    flat = jnp.asarray(level.walls).reshape(-1)
+    index = row * columns + column
+    if faces == 4:
+        west_or_east = jnp.where(aims[0].forwards, jnp.int32(0), jnp.int32(1))
+        north_or_south = jnp.where(aims[1].forwards, jnp.int32(2), jnp.int32(3))
+        index = index + jnp.where(horizontal, north_or_south, west_or_east) * (rows * columns)
+    return flat.at[index].get(mode="promise_in_bounds")

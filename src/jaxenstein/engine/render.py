@@ -36,6 +36,6 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     """
     camera = camera.widened()
     pose = scene.position, scene.heading
-    hits = staged(partial(cast, camera=camera))(*pose, scene.closed, scene.level)
+    hits = cast(*pose, scene.closed, scene.level, camera)
     stage = partial(prepare, theme=scene.theme, camera=camera, kind=kind, layers=layers)
     return paint(staged(stage)(*pose, hits, scene.sprites), scene, camera, kind)

@@ -14,6 +14,11 @@ FALLOFF = 0.13
 DIMMEST = 0.22
 # Faces that look north or south are darker, so that corners show.
 SIDE_LIGHT = 0.8
+# Tiles of a wall have darker edges of this width in tiles, by this much next to the eye and by
+# nothing from SEAM_FADES tiles on: without them, a wall that fills the view shows no motion.
+SEAM_WIDTH = 0.03
+SEAM_SHADE = 0.3
+SEAM_FADES = 7.0
 # ITU-R BT.601 luma weights, in 1/256.
 LUMA = (77, 150, 29)
 

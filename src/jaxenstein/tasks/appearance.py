@@ -10,7 +10,7 @@ from ..maps.symbols import COLOUR_NAMES, GOAL_LABEL, LABEL_COLOURS, door_label, 
 
 RGB = tuple[int, int, int]
 # The two tiles of the checker, and the ceiling.
-FLOOR: tuple[RGB, RGB] = ((112, 108, 102), (92, 89, 84))
+FLOOR: tuple[RGB, RGB] = ((88, 92, 84), (68, 72, 66))
 CEILING: RGB = (52, 56, 66)
 PANEL_ACCENT: RGB = (225, 225, 215)
 # Half the side of the billboard and tiles from eye height down to its centre, by kind.
