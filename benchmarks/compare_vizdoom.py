@@ -12,12 +12,14 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.interleave import Worker, median_ratio, run_rounds
+from benchmarks.interleave import Worker, median_ratio, run_rounds, tell
 from jaxenstein.benchmark import describe_machine, summarise
+from jaxenstein.view.files import atomic, check_writable
 
 BATCHES = (64, 128, 256, 512, 1024)
 RESIZED = "vizdoom-gymnasium"
@@ -26,12 +28,15 @@ TITLES = {
     RESIZED: "ViZDoom, Gymnasium, 320x240 -> 64x64 by area",
     RAW: "ViZDoom, raw game, 160x120, no resize",
     "loop": "this project, 64x64, Python loop, 1 environment",
+    "loop-async": "this project, 64x64, Python loop, 1 environment, asynchronous dispatch",
 } | {f"scan-{batch}": f"this project, 64x64, scan, {batch} environments" for batch in BATCHES}
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the comparison and print its table."""
     arguments = _parser().parse_args(argv)
+    if arguments.json:
+        check_writable(arguments.json)
     core = arguments.core if hasattr(os, "sched_setaffinity") else None
     workers = start_workers([sys.executable, *arguments.also_python], arguments.only, core)
     try:
@@ -55,8 +60,8 @@ def main(argv: Sequence[str] | None = None) -> None:
                 label: summarise(np.array(values)) for label, values in rates.items()
             },
         }
-        with open(arguments.json, "w") as file:
-            json.dump(report, file, indent=1)
+        with atomic(arguments.json) as path:
+            path.write_text(json.dumps(report, indent=1))
 
 
 def start_workers(
@@ -69,7 +74,7 @@ def start_workers(
             peer = name in (RESIZED, RAW)
             if (peer and number) or not (peer or not only or name in only):
                 continue
-            print(f"\r\x1b[Kstarting {name} ...", end="", file=sys.stderr, flush=True)
+            tell(f"starting {name} ...")
             worker = Worker(name, python, core, jax=not peer)
             workers[name if peer else _label(title, worker)] = worker
     return workers
@@ -106,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         choices=[name for name in TITLES if name not in (RESIZED, RAW)],
         metavar="SUBJECT",
-        help="of the project's subjects, only these: loop, scan-64 ... scan-1024",
+        help="of the project's subjects, only these: loop, loop-async, scan-64 ... scan-1024",
     )
     parser.add_argument(
         "--also-python",
@@ -115,7 +120,9 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PATH",
         help="measure the project under this interpreter too; it needs the core dependencies",
     )
-    parser.add_argument("--json", metavar="FILE", help="write every repeat and the versions here")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="write every repeat and the versions here"
+    )
     return parser
 
 

@@ -98,12 +98,18 @@ def run_rounds(
     rates: dict[str, list[float]] = {label: [] for label in workers}
     for number in range(rounds + 1):
         for label, worker in workers.items():
-            print(f"\r\x1b[Kround {number}/{rounds}: {label}", end="", file=sys.stderr, flush=True)
+            tell(f"round {number}/{rounds}: {label}")
             rate = worker.measure(seconds)
             if number:
                 rates[label].append(rate)
-    print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+    tell("")
     return rates
+
+
+def tell(message: str) -> None:
+    """Show what is going on in one line of a terminal, overwritten each time; nothing in a log."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{message}", end="", file=sys.stderr, flush=True)
 
 
 def median_ratio(values: Sequence[float], others: Sequence[float]) -> float:

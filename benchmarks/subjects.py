@@ -4,7 +4,7 @@ A plain script, so that any interpreter can run it. It prepares the subject, pri
 that describes it, and then answers each line `{"seconds": S}` on standard input with
 `{"steps": N, "seconds": T}`, after stepping for about `S` seconds. End of input ends it.
 
-Names: `scan-B` and `loop` (this project), `vizdoom-gymnasium`, `vizdoom-raw`.
+Names: `scan-B`, `loop` and `loop-async` (this project), `vizdoom-gymnasium`, `vizdoom-raw`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 Chunk = Callable[[], int]
@@ -33,7 +34,7 @@ def scan(batch: int) -> Chunk:
     import jax
 
     import jaxenstein
-    from jaxenstein.measure import make_random_rollout
+    from jaxenstein.random_rollout import make_random_rollout
 
     env, params = jaxenstein.make(ENVIRONMENT_ID, height=SIZE, width=SIZE)
     steps = max(1, STEPS_A_CALL // batch)
@@ -48,10 +49,16 @@ def scan(batch: int) -> Chunk:
     return chunk
 
 
-def loop() -> Chunk:
-    """The project as a Python loop: one environment, one jitted call a step, a pixel read."""
+def loop(asynchronous: bool) -> Chunk:
+    """The project as a Python loop: one environment, one jitted call a step, a pixel read.
+
+    With JAX's asynchronous dispatch every call is handed to another thread, which a loop that
+    waits for each frame only pays for.
+    """
     import jax
     import numpy as np
+
+    jax.config.update("jax_cpu_enable_async_dispatch", asynchronous)
 
     import jaxenstein
 
@@ -149,7 +156,8 @@ def prepare(name: str) -> Chunk:
     """Build the subject called `name`."""
     if name.startswith("scan-"):
         return scan(int(name.removeprefix("scan-")))
-    named = {"loop": loop, "vizdoom-gymnasium": vizdoom_gymnasium, "vizdoom-raw": vizdoom_raw}
+    named = {"loop": partial(loop, False), "loop-async": partial(loop, True)}
+    named |= {"vizdoom-gymnasium": vizdoom_gymnasium, "vizdoom-raw": vizdoom_raw}
     return named[name]()
 
 

@@ -94,7 +94,7 @@ def measure(settings: Settings) -> dict[str, Any]:
         os.sched_setaffinity(0, {settings.core})
     import jax
 
-    from .measure import make_random_rollout
+    from .random_rollout import make_random_rollout
 
     env, params = open_environment(settings)
     compiling = _compile_times(env, params, settings.batch)
