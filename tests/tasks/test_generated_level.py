@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from reference.frames import differing
 
 from jaxenstein.engine.level import Level, compile_level, level_from_walls
 from jaxenstein.engine.motion import forward, walk
@@ -120,7 +119,7 @@ def test_frames_equal_those_of_the_same_map_as_a_constant(played):
             level, jnp.asarray(states.position[lane, t]), jnp.asarray(states.heading[lane, t])
         )
         expected = np.asarray(jax.jit(lambda s=scene: render(s, env.camera))())
-        assert differing(expected, frames[lane, t]) < 0.05
+        assert (expected != frames[lane, t]).mean() < 0.01
         assert expected.std() > 5
 
 

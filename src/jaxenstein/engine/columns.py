@@ -55,13 +55,10 @@ class Panels(Record):
 
     Attributes:
         planes: uint32[2, W], words of shadow and accent, least bit on top.
-        offset: float32[W], bit of the horizon, less one half. A constant, but one that the
-            compiler must not see: it would merge it with the one that `pixels` rounds by.
         paint: paint[2, W].
     """
 
     planes: jax.Array
-    offset: jax.Array
     paint: jax.Array
 
 
@@ -130,5 +127,4 @@ def _panels(
     accent = [jnp.asarray(theme.panel_accent)[i] for i in range(3)]
     words = pack_rgb(colour, light * PANEL_SHADOW), pack_rgb(accent, light)
     paint = [tone(kind, word, hits.wall, hits.depth) for word in words]
-    offset = jnp.full(hits.depth.shape, WORD / 2 - 0.5, jnp.float32)
-    return Panels(planes=jnp.stack(planes), offset=offset, paint=jnp.stack(paint))
+    return Panels(planes=jnp.stack(planes), paint=jnp.stack(paint))

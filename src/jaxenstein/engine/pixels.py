@@ -51,10 +51,11 @@ def _whole(value_less_half: jax.Array) -> jax.Array:
     """uint32: the integer part of a value, modulo 2**32, given the value less one half.
 
     For magnitudes below 2**22. A conversion would do, but XLA clamps those, which costs more
-    than all the rest of a pixel. The half must not be a constant here: the compiler would merge
-    it with the rounder, which cannot hold it.
+    than all the rest of a pixel. The bound keeps the rounder apart from constants in the value,
+    with which some compilers would merge it, and it cannot hold their fractions.
     """
-    bits = lax.bitcast_convert_type(value_less_half + jnp.float32(_ROUNDER), jnp.uint32)
+    bounded = jnp.maximum(value_less_half, jnp.float32(-(2.0**22)))
+    bits = lax.bitcast_convert_type(bounded + jnp.float32(_ROUNDER), jnp.uint32)
     return bits - jnp.uint32(_ROUNDER_BITS)
 
 
@@ -109,7 +110,7 @@ def _walls(columns: Columns, below: jax.Array) -> jax.Array:
     if panels is None:
         return columns.wall
     scale = (WORD // 2) / columns.half
-    bit = _whole(below * scale + panels.offset)
+    bit = _whole(below * scale + jnp.float32(WORD // 2 - 0.5))
     image = jnp.where(_test(panels.planes[0], bit), panels.paint[0], columns.wall)
     return jnp.where(_test(panels.planes[1], bit), panels.paint[1], image)
 
