@@ -155,7 +155,7 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
     known = (*SETTINGS, "name", "heading", "regions", "floor", "ceiling")
     _check_names(settings, known, NavigationParams)
     name = settings.get("name", "custom")
-    tilemap = parse_ascii(text, name, regions=settings.pop("regions", None))
+    tilemap = parse_ascii(text, name, regions=settings.pop("regions", None), stacklevel=3)
     env = Navigation(tilemap=tilemap, **settings)
     return env, _on_device(env.default_params)
 

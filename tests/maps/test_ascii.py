@@ -63,7 +63,7 @@ def test_short_and_empty_lines_are_filled_with_wall() -> None:
 
 
 def test_blanks_are_floor_also_at_the_edge() -> None:
-    assert parse_ascii("  S\n G\n   ").tile_text() == "..S\n.G#\n...\n"
+    assert parse_ascii("  S\n G\n   \n").tile_text() == "..S\n.G#\n...\n"
 
 
 @pytest.mark.parametrize(
@@ -206,3 +206,16 @@ def test_regions_errors(regions: str, line: int | None, column: int | None, mess
     with pytest.raises(MapError, match=f"regions text.*: .*({message})") as caught:
         parse_ascii("####\n#SG#\n####", regions=regions)
     assert (caught.value.line, caught.value.column) == (line, column)
+
+
+def test_indented_closing_quotes_are_no_row() -> None:
+    """Blanks after the last line end are dropped; a line of blanks elsewhere is floor."""
+    text = """
+###
+#SG
+\x20\x20\x20
+###
+    """
+    tilemap = parse_ascii(text)
+    assert (tilemap.rows, tilemap.columns) == (4, 3)
+    assert tilemap.tiles[2] == bytes(3)

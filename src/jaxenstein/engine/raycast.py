@@ -44,7 +44,7 @@ class Hits(Record):
     Attributes:
         depth: float32[W], perpendicular distance in tiles.
         wall: uint8[W], the entry of `Level.walls` of the face that was hit.
-        along: float32[W] in [0, 1), place on the face from its left edge to its right as seen.
+        along: float32[W] in [0, 1], place on the face from its left edge to its right as seen.
         horizontal: bool[W], whether the face looks north or south.
         tile: int32[W, 2], (column, row) of the tile that was hit, without the margin.
     """

@@ -22,13 +22,19 @@ _REGION_CHARACTERS = {c for c, symbol in SYMBOLS.items() if symbol.kind in ("wal
 
 
 def parse_ascii(
-    text: str, name: str = "custom", *, goal_required: bool = True, regions: str | None = None
+    text: str,
+    name: str = "custom",
+    *,
+    goal_required: bool = True,
+    regions: str | None = None,
+    stacklevel: int = 2,
 ) -> TileMap:
     """Read a map from text.
 
-    Empty lines before and after the map are dropped, as are a byte order mark and the returns
-    of Windows line ends. Blanks are floor, so indentation is not taken off. Short lines are
-    filled up with default wall. Everything outside the map is solid.
+    Empty lines before and after the map are dropped, as are a byte order mark, the returns of
+    Windows line ends, and blanks after the last line end, where closing quotes are indented.
+    Other blanks are floor, so indentation is not taken off. Short lines are filled up with
+    default wall. Everything outside the map is solid.
 
     Args:
         text: the map; `symbols.legend()` explains the characters.
@@ -38,6 +44,7 @@ def parse_ascii(
             what every wall face beside that tile shows; floor symbols leave the walls as they
             are. On a wall it may only repeat the wall's symbol, `#` or floor. Doors keep their
             own look.
+        stacklevel: whose line a warning names, as for `warnings.warn`.
 
     Raises:
         MapError: for an unknown symbol, an empty map, one of more than `MAX_SIZE` columns or
@@ -58,7 +65,7 @@ def parse_ascii(
         tilemap = dataclasses.replace(tilemap, faces=_read_faces(tilemap, regions))
     for problem, (column, row) in problems(tilemap):
         place = f"line {page.first_line + row}, column {column + 1}"
-        warnings.warn(f"{place}: {problem}", MapWarning, stacklevel=2)
+        warnings.warn(f"{place}: {problem}", MapWarning, stacklevel=stacklevel)
     return tilemap
 
 
@@ -112,6 +119,8 @@ def _read_page(text: str, known: set[str] | None = None, source: str = "") -> _P
     if not isinstance(text, str):
         raise MapError(f"a map is text (str), not {type(text).__name__}", source=source)
     lines = re.split(r"\r\n|\r|\n", text.removeprefix("\ufeff"))
+    if len(lines) > 1 and not lines[-1].strip(" "):
+        lines[-1] = ""
     filled = [number for number, line in enumerate(lines) if line]
     if not filled:
         raise MapError("the map is empty", source=source)

@@ -1,0 +1,149 @@
+"""Ids, settings, and what a wrong one is answered with."""
+
+import dataclasses
+from typing import Any, cast, get_args
+
+import jax
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.registry import ENTRIES, SETTINGS
+
+MAP = "#####\n#S.G#\n#####"
+
+
+def make(name: Any, **settings: Any) -> Any:
+    return jaxenstein.make(name, **settings)
+
+
+def test_ids_are_those_of_the_type():
+    assert jaxenstein.environment_ids() == get_args(jaxenstein.EnvironmentId) == tuple(ENTRIES)
+
+
+@pytest.mark.parametrize("name", jaxenstein.environment_ids())
+def test_every_id_builds_what_it_names(name):
+    env, params = make(name, height=5, width=7)
+    assert (env.name, env.height, env.width) == (name, 5, 7)
+    for leaf, default in zip(
+        jax.tree.leaves(params), jax.tree.leaves(env.default_params), strict=True
+    ):
+        assert isinstance(leaf, jax.Array)
+        assert leaf.dtype == (np.int32 if isinstance(default, int) else np.float32)
+        assert float(leaf) == pytest.approx(float(default))
+
+
+# The table of the documentation, written out once more.
+@pytest.mark.parametrize(
+    ("name", "horizon", "discount", "living"),
+    [
+        ("simple", 300, 0.99, 0.0),
+        ("key-door", 300, 0.99, 0.0),
+        ("my-way-home", 2100, 0.999, -0.0001),
+        ("my-way-home-colorless", 2100, 0.999, -0.0001),
+        ("my-way-home-sparse", 2100, 0.999, -0.0001),
+        ("my-way-home-very-sparse", 2100, 0.999, -0.0001),
+    ],
+)
+def test_numbers_of_the_tasks(name, horizon, discount, living):
+    _, params = make(name)
+    assert int(params.max_steps_in_episode) == horizon
+    assert float(params.discount) == pytest.approx(discount)
+    assert float(params.living_reward) == pytest.approx(living)
+    assert float(params.goal_reward) == 1.0
+    assert np.degrees(float(params.turn_angle)) == pytest.approx(15)
+    assert float(params.move_distance) == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("my-way-hom", "did you mean 'my-way-home'"),
+        ("KeyDoor", "did you mean 'key-door'"),
+        ("zzz", "known: simple, key-door"),
+        (3, "unknown environment 3"),
+        (None, "unknown environment None"),
+    ],
+)
+def test_unknown_ids_name_the_nearest(name, hint):
+    with pytest.raises(jaxenstein.UnknownEnvironmentError, match=hint):
+        make(name)
+
+
+def test_unknown_settings_name_the_nearest():
+    with pytest.raises(jaxenstein.SettingError, match="'heigth', did you mean 'height'"):
+        make("simple", heigth=3)
+    with pytest.raises(jaxenstein.SettingError, match=r"params\.replace\(goal_reward="):
+        make("simple", goal_reward=3)
+    with pytest.raises(jaxenstein.SettingError, match="unknown setting 'tilemap'"):
+        make("simple", tilemap=None)
+    with pytest.raises(jaxenstein.SettingError, match="'headings', did you mean 'heading'"):
+        jaxenstein.from_ascii(MAP, headings=3)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [
+        ("height", 0),
+        ("height", 5000),
+        ("width", 1.5),
+        ("width", True),
+        ("width", "64"),
+        ("field_of_view", 29.9),
+        ("field_of_view", 121),
+        ("field_of_view", "wide"),
+        ("field_of_view", float("nan")),
+        ("observation", "blue"),
+        ("observation", None),
+        ("sprite_layers", 0),
+    ],
+)
+def test_values_out_of_range_name_the_setting(setting, value):
+    with pytest.raises(jaxenstein.SettingError, match=f"{setting} must be"):
+        make("simple", **{setting: value})
+
+
+def test_all_settings_are_taken():
+    given = {
+        "height": 3,
+        "width": 4,
+        "field_of_view": 75.5,
+        "observation": "gray",
+        "autoreset": None,
+        "final_observation": False,
+        "sprite_layers": 2,
+    }
+    assert set(given) == set(SETTINGS)
+    env, _ = make("key-door", **given)
+    fields = {f.name: getattr(env, f.name) for f in dataclasses.fields(env)}
+    assert given.items() <= fields.items()
+
+
+def test_from_ascii_takes_names_regions_and_colours():
+    regions = "...\n.1.\n..."
+    text = "###\n#S#\n#G#\n###"
+    env, _ = jaxenstein.from_ascii(
+        text,
+        name="cell",
+        regions="###\n#1#\n#2#\n###",
+        floor=((1, 2, 3), (4, 5, 6)),
+        ceiling=(7, 8, 9),
+        heading=(10, 20),
+    )
+    assert env.name == env.tilemap.name == "cell"
+    assert env.tilemap.faces is not None
+    assert cast(Any, env.theme.ceiling).tolist() == [7, 8, 9]
+    with pytest.raises(jaxenstein.MapError, match="regions text"):
+        jaxenstein.from_ascii(text, regions=regions)
+
+
+def test_map_errors_come_through_with_their_place():
+    with pytest.raises(jaxenstein.MapError, match="line 2, column 3") as caught:
+        jaxenstein.from_ascii("####\n#S?G\n####")
+    assert (caught.value.line, caught.value.column) == (2, 3)
+
+
+def test_warnings_point_at_the_caller():
+    with pytest.warns(jaxenstein.MapWarning, match="line 2, column 4") as caught:
+        jaxenstein.from_ascii("#####\n#S#G#\n#####")
+    assert caught[0].filename == __file__

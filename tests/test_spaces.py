@@ -1,0 +1,43 @@
+"""Spaces contain what they sample, and nothing else."""
+
+import jax
+import numpy as np
+import pytest
+
+from jaxenstein.spaces import Box, Dict, Discrete
+
+BYTES = Box(0, 255, (2, 3), np.dtype(np.uint8))
+DEPTHS = Box(0.0, np.inf, (4,), np.dtype(np.float32))
+
+
+@pytest.mark.parametrize(
+    "space", [Discrete(5), BYTES, DEPTHS, Dict({"image": BYTES, "depth": DEPTHS})]
+)
+def test_samples_lie_in_the_space(space):
+    keys = jax.random.split(jax.random.key(0), 50)
+    samples = jax.tree.map(np.asarray, jax.vmap(space.sample)(keys))
+    for i in range(50):
+        assert space.contains(jax.tree.map(lambda leaf, i=i: leaf[i], samples))
+
+
+def test_discrete_samples_every_value():
+    keys = jax.random.split(jax.random.key(0), 200)
+    assert set(np.asarray(jax.vmap(Discrete(5).sample)(keys)).tolist()) == set(range(5))
+
+
+def test_bytes_sample_their_whole_range():
+    values = np.asarray(jax.vmap(BYTES.sample)(jax.random.split(jax.random.key(0), 2000)))
+    assert (values.min(), values.max()) == (0, 255)
+
+
+@pytest.mark.parametrize("value", [5, -1, 1.0, [1], True])
+def test_what_discrete_does_not_contain(value):
+    assert not Discrete(5).contains(value)
+
+
+def test_what_a_box_does_not_contain():
+    assert not BYTES.contains(np.zeros((2, 3), np.int32))
+    assert not BYTES.contains(np.zeros((3, 2), np.uint8))
+    assert not DEPTHS.contains(np.full(4, -1, np.float32))
+    assert not Dict({"image": BYTES}).contains({"picture": np.zeros((2, 3), np.uint8)})
+    assert not Dict({"image": BYTES}).contains(np.zeros((2, 3), np.uint8))
