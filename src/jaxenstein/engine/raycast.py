@@ -28,8 +28,10 @@ from .camera import Camera
 from .fusion import staged
 from .level import WORD, Level, occupancy
 
-# More lines than this are marched in a loop of blocks of this size, to bound the program.
+# More lines than this are marched in a loop of blocks of this size, to bound the program; in
+# smaller ones where a line has more than two words, which makes each line dearer to compile.
 BLOCK = 64
+SMALL_BLOCK = 16
 # A direction component below this never crosses a line inside any map.
 PARALLEL = 1e-12
 # Crossings count as this much of a tile further on. A ray through a corner then enters the tile
@@ -160,11 +162,12 @@ def _march_both(aims: tuple[_Aim, _Aim]) -> tuple[jax.Array, jax.Array]:
 
 def _march(aim: _Aim) -> jax.Array:
     """int32[W]: how many lines each ray crosses before the one at which it hits."""
-    steps = aim.ahead.shape[0]
-    if steps <= BLOCK:
+    steps, words = aim.ahead.shape
+    most = BLOCK if words <= 2 else SMALL_BLOCK
+    if steps <= most:
         hit = jnp.full(aim.place.shape, steps, jnp.int32)
         return _march_block(aim, aim.ahead, aim.behind, jnp.int32(0), hit)
-    blocks = -(-steps // BLOCK)
+    blocks = -(-steps // most)
     size = -(-steps // blocks)
     filler = ((0, blocks * size - steps), (0, 0))
     ahead, behind = jnp.pad(aim.ahead, filler), jnp.pad(aim.behind, filler)
@@ -186,19 +189,18 @@ def _march_block(
     place = aim.place + aim.stride * (base + steps - 1)
     for k in reversed(range(steps)):
         tile = lax.shift_right_arithmetic(place, jnp.int32(aim.fraction_bits))
-        words = jnp.where(aim.forwards[:, None], ahead[k][None], behind[k][None])
         bit = (tile & (WORD - 1)).astype(jnp.uint32)
-        solid = jnp.right_shift(_select_word(words, tile), bit) & jnp.uint32(1)
+        solid = jnp.right_shift(_word(aim, ahead[k], behind[k], tile), bit) & jnp.uint32(1)
         hit = jnp.where(solid != 0, base + k, hit)
         place = place - aim.stride
     return hit
 
 
-def _select_word(words: jax.Array, tile: jax.Array) -> jax.Array:
-    """uint32[W]: the word of `words` [W, n] that holds each tile's bit."""
-    word = words[:, 0]
-    for i in range(1, words.shape[1]):
-        word = jnp.where(tile >= i * WORD, words[:, i], word)
+def _word(aim: _Aim, ahead: jax.Array, behind: jax.Array, tile: jax.Array) -> jax.Array:
+    """uint32[W]: of the words of one line, uint32[words] each way, the one with the tile's bit."""
+    word = jnp.where(aim.forwards, ahead[0], behind[0])
+    for i in range(1, ahead.shape[0]):
+        word = jnp.where(tile >= i * WORD, jnp.where(aim.forwards, ahead[i], behind[i]), word)
     return word
 
 
