@@ -14,7 +14,6 @@ from jaxenstein.maps.symbols import (
     LABEL_NAMES,
     SYMBOLS,
     door_label,
-    door_of_label,
     key_label,
 )
 
@@ -45,9 +44,10 @@ def test_symbols_of_the_paper() -> None:
     assert len(SYMBOLS) == 5 + 26 + 18
 
 
-def test_door_labels_invert() -> None:
+def test_door_labels_name_their_door() -> None:
     for colour, locked in itertools.product(range(6), (False, True)):
-        assert door_of_label(door_label(colour, locked)) == (colour, locked)
+        state = "locked" if locked else "unlocked"
+        assert LABEL_NAMES[door_label(colour, locked)] == f"{state} {COLOUR_NAMES[colour]} door"
 
 
 @pytest.mark.parametrize("colour", [-1, 6])

@@ -85,7 +85,7 @@ def prepare(
         kind: the kind of image.
         layers: how many billboards one column can show.
     """
-    light = wall_light(hits)
+    light = _wall_light(hits)
     index = hits.wall.astype(jnp.int32)
     table = jnp.asarray(theme.wall_colours)
     colour = [table[:, i].at[index].get(mode="promise_in_bounds") for i in range(3)]
@@ -102,7 +102,7 @@ def prepare(
     )
 
 
-def wall_light(hits: Hits) -> jax.Array:
+def _wall_light(hits: Hits) -> jax.Array:
     """float32[W]: the factor on the colours of the walls that were hit."""
     side = jnp.where(hits.horizontal, jnp.float32(SIDE_LIGHT), 1)
     at_seam = jnp.abs(hits.along - 0.5) > 0.5 - SEAM_WIDTH

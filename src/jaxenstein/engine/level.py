@@ -55,7 +55,7 @@ def compile_level(walls: np.ndarray, doors: np.ndarray) -> Level:
         walls: uint8[rows, columns] or uint8[4, rows, columns] (see `Level.walls`), 0 where open.
         doors: int32[D, 2], (column, row) of each door; doors must not be 0 in `walls`.
     """
-    faces = np.atleast_3d(walls) if walls.ndim == 3 else walls[None]
+    faces = walls if walls.ndim == 3 else walls[None]
     doors = np.asarray(doors, np.int32).reshape(-1, 2)
     solid = (faces != 0).any(axis=0)
     solid[doors[:, 1], doors[:, 0]] = False

@@ -136,12 +136,6 @@ def door_label(colour: int, locked: bool) -> int:
     return (_FIRST_LOCKED_DOOR if locked else _FIRST_UNLOCKED_DOOR) + _checked(colour)
 
 
-def door_of_label(label: int) -> tuple[int, bool]:
-    """(colour index, locked) of a door's label id."""
-    locked, colour = divmod(DOOR_LABELS.index(label), len(COLOURS))
-    return colour, bool(locked)
-
-
 def _checked(colour: int) -> int:
     if not 0 <= colour < len(COLOURS):
         raise ValueError(f"colour index {colour} is not in 0 to {len(COLOURS) - 1}")
