@@ -10,6 +10,9 @@ from .environment import Environment, cast_params
 from .errors import SettingError, UnknownEnvironmentError, nearest
 from .maps.ascii import load_layout, parse_ascii
 from .tasks.first_person import FirstPerson
+from .tasks.health_gathering import HealthGathering
+from .tasks.key_corridor import KeyCorridor
+from .tasks.maze import Maze, MazeParams
 from .tasks.navigation import Navigation, NavigationParams
 
 EnvironmentId = Literal[
@@ -19,12 +22,34 @@ EnvironmentId = Literal[
     "my-way-home-colorless",
     "my-way-home-sparse",
     "my-way-home-very-sparse",
+    "health-gathering",
+    "key-corridor",
+    "key-corridor-s3r1",
+    "key-corridor-s3r2",
+    "key-corridor-s3r3",
+    "key-corridor-s5r3",
+    "key-corridor-s6r3",
+    "dmlab-static-01",
+    "dmlab-static-02",
+    "dmlab-static-03",
+    "dmlab-random-goal-01",
+    "dmlab-random-goal-02",
+    "dmlab-random-goal-03",
+    "dmlab-static-01-respawn",
+    "dmlab-static-02-respawn",
+    "dmlab-static-03-respawn",
+    "dmlab-random-goal-01-respawn",
+    "dmlab-random-goal-02-respawn",
+    "dmlab-random-goal-03-respawn",
 ]
 
 # The settings that every environment takes.
 SETTINGS = tuple(
     field.name for field in dataclasses.fields(FirstPerson) if field.name not in ("name", "version")
 )
+
+# Settings of some environments alone, by how their ids begin.
+OWN_SETTINGS = {"health-gathering": ("hud",), "key-corridor": ("layout_seed",)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,6 +104,82 @@ def _my_way_home(
     return build
 
 
+# A move of one MiniGrid cell, or a turn of 90 degrees, is about 1 / 0.15 of our steps.
+_STEPS_A_MOVE = 1 / 0.15
+
+
+def _key_corridor(size: int, rows: int) -> Callable[..., KeyCorridor]:
+    """KeyCorridorS<size>R<rows>, whose budget of 30 moves a tile of room is rescaled."""
+    horizon = round(30 * size**2 * _STEPS_A_MOVE)
+
+    def build(**settings: Any) -> KeyCorridor:
+        defaults = NavigationParams(max_steps_in_episode=horizon)
+        return KeyCorridor(room_size=size, room_rows=rows, defaults=defaults, **settings)
+
+    return build
+
+
+# Floor (two colours of a checker) of the mazes 01, 02 and 03 of DeepMind Lab, after the names of
+# their textures, and the sky above them.
+_LAB_FLOORS = (
+    ((204, 118, 52), (184, 102, 42)),
+    ((70, 112, 188), (60, 98, 170)),
+    ((78, 150, 84), (66, 126, 150)),
+)
+_LAB_SKY = (142, 190, 228)
+_LAB_HORIZON, _LAB_DISCOUNT = (1800, 4500, 9000), (0.999, 0.9995, 0.9999)
+# Five cells of two tiles.
+_LAB_START_DISTANCE = 10
+
+
+def _dmlab(kind: str, number: int, *, respawn: bool) -> Callable[..., Maze]:
+    """A navigation maze; `kind` is "static" or "random-goal"."""
+
+    def build(**settings: Any) -> Maze:
+        tilemap = load_layout(f"dmlab-{kind}-{number:02}", goal_required=False)
+        cells = tilemap.apples
+        if kind == "random-goal":
+            tilemap = dataclasses.replace(tilemap, spawns=cells, goals=cells, apples=())
+        elif not respawn:
+            tilemap = dataclasses.replace(tilemap, apples=())
+        drawn = round(0.1 * len(cells)) if kind == "random-goal" and respawn else 0
+        return Maze(
+            tilemap=tilemap,
+            start_distance=_LAB_START_DISTANCE,
+            respawn=respawn,
+            drawn_apples=drawn,
+            floor=_LAB_FLOORS[number - 1],
+            ceiling=_LAB_SKY,
+            defaults=MazeParams(
+                max_steps_in_episode=_LAB_HORIZON[number - 1], discount=_LAB_DISCOUNT[number - 1]
+            ),
+            **settings,
+        )
+
+    return build
+
+
+def _dmlab_entries() -> dict[str, Entry]:
+    goals = {"static": "goal and starts fixed", "random-goal": "a new goal cell each episode"}
+    ends = {False: "+10 ends", True: "+10, apples +1, respawns until time is up"}
+    return {
+        f"dmlab-{kind}-{number:02}{'-respawn' if respawn else ''}": Entry(
+            f"DeepMind Lab's maze {number:02}: {goal}; {ends[respawn]}",
+            _dmlab(kind, number, respawn=respawn),
+        )
+        for respawn in (False, True)
+        for kind, goal in goals.items()
+        for number in (1, 2, 3)
+    }
+
+
+def _key_corridor_entry(size: int, rows: int) -> Entry:
+    name = f"MiniGrid's KeyCorridorS{size}R{rows}"
+    return Entry(
+        f"{name}: key, locked door, goal; a new layout each time", _key_corridor(size, rows)
+    )
+
+
 # Doom's angles grow counter-clockwise, ours clockwise: 0 to 3.6 degrees there is -3.6 to 0 here.
 ENTRIES: dict[str, Entry] = {
     "simple": Entry("a ring corridor, goal in the opposite corner", _corridors("simple", 300)),
@@ -100,7 +201,21 @@ ENTRIES: dict[str, Entry] = {
         "my-way-home from the end of the dead end, facing west",
         _my_way_home(spawn=(12, 26), heading=(176.4, 183.6)),
     ),
+    "health-gathering": Entry("ViZDoom's acid floor: medkits keep you alive", HealthGathering),
+    "key-corridor": _key_corridor_entry(4, 3),
+    "key-corridor-s3r1": _key_corridor_entry(3, 1),
+    "key-corridor-s3r2": _key_corridor_entry(3, 2),
+    "key-corridor-s3r3": _key_corridor_entry(3, 3),
+    "key-corridor-s5r3": _key_corridor_entry(5, 3),
+    "key-corridor-s6r3": _key_corridor_entry(6, 3),
+    **_dmlab_entries(),
 }
+
+ALIASES: dict[str, str] = {
+    "key-corridor-s4r3": "key-corridor",
+    **{name.replace("random-goal", "random"): name for name in ENTRIES if "random-goal" in name},
+}
+"""Other names of environments, each with the id it stands for."""
 
 
 def environment_ids() -> tuple[EnvironmentId, ...]:
@@ -108,14 +223,15 @@ def environment_ids() -> tuple[EnvironmentId, ...]:
     return get_args(EnvironmentId)
 
 
-def make(id: EnvironmentId, **settings: Any) -> tuple[Environment[Any, Any], Any]:
+def make(id: EnvironmentId | str, **settings: Any) -> tuple[Environment[Any, Any], Any]:
     """Build an environment.
 
     Args:
         id: one of `environment_ids()`.
         **settings: static settings: `height`, `width` and `field_of_view` of the image,
             `observation`, `autoreset`, `final_observation`, `sprite_layers`; see
-            `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`.
+            `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. Besides,
+            `hud` of health-gathering and `layout_seed` of key-corridor.
 
     Returns:
         The environment and its default params, whose numbers `params.replace(...)` changes.
@@ -124,14 +240,21 @@ def make(id: EnvironmentId, **settings: Any) -> tuple[Environment[Any, Any], Any
         UnknownEnvironmentError: there is no such id.
         SettingError: there is no such setting, or its value is out of range.
     """
-    entry = ENTRIES.get(id) if isinstance(id, str) else None
+    name = ALIASES.get(id, id) if isinstance(id, str) else id
+    entry = ENTRIES.get(name) if isinstance(name, str) else None
     if entry is None:
+        close = nearest(str(id), [*ENTRIES, *ALIASES])
         raise UnknownEnvironmentError(
-            f"unknown environment {id!r}{nearest(str(id), ENTRIES)}; known: {', '.join(ENTRIES)}"
+            f"unknown environment {id!r}{close}; known: {', '.join(ENTRIES)}"
         )
-    _check_names(settings, SETTINGS, NavigationParams)
-    env = entry.build(name=id, **settings)
+    _check_names(settings, (*SETTINGS, *_own_settings(name)), MazeParams)
+    env = entry.build(name=name, **settings)
     return env, _on_device(env.default_params)
+
+
+def _own_settings(name: str) -> tuple[str, ...]:
+    lists = (own for start, own in OWN_SETTINGS.items() if name.startswith(start))
+    return next(lists, ())
 
 
 def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams]:
@@ -142,8 +265,8 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
             It needs at least one spawn `S` and one goal `G`.
         **settings: those of `make`, and `name`; `heading`, degrees of the first heading: None
             for any, a number, or (lowest, highest); `regions`, a second text of the same shape
-            that gives floor cells the symbol of the walls around them; `floor` and `ceiling`,
-            RGB colours.
+            that gives floor cells the symbol of the walls around them, or `faces`, one that says
+            what each face of a wall shows; `floor` and `ceiling`, RGB colours.
 
     Returns:
         The environment and its default params (1000 steps in an episode, discount 0.99).
@@ -152,10 +275,11 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
         MapError: with the line and column of what is wrong with the map.
         SettingError: there is no such setting, or its value is out of range.
     """
-    known = (*SETTINGS, "name", "heading", "regions", "floor", "ceiling")
+    known = (*SETTINGS, "name", "heading", "regions", "faces", "floor", "ceiling")
     _check_names(settings, known, NavigationParams)
     name = settings.get("name", "custom")
-    tilemap = parse_ascii(text, name, regions=settings.pop("regions", None), stacklevel=3)
+    painted = {kind: settings.pop(kind, None) for kind in ("regions", "faces")}
+    tilemap = parse_ascii(text, name, **painted, stacklevel=3)
     env = Navigation(tilemap=tilemap, **settings)
     return env, _on_device(env.default_params)
 

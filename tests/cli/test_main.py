@@ -8,10 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
+import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.cli import bench, listing, main, rollout
+from jaxenstein.cli import bench, build_parser, listing, main, rollout
+from jaxenstein.cli.arguments import open_environment
 
 MAP = "#####\n#S.G#\n#####\n"
 
@@ -23,11 +26,30 @@ def test_list_names_every_environment(capsys: pytest.CaptureFixture[str]) -> Non
     for name in jaxenstein.environment_ids():
         (line,) = [line for line in lines if line.split()[:1] == [name]]
         env, params = jaxenstein.make(name)
-        tilemap = env.tilemap  # type: ignore[attr-defined]
-        assert f"{tilemap.columns}x{tilemap.rows}" in line
+        columns, rows = env.map_size  # type: ignore[attr-defined]
+        assert f" {columns}x{rows}" in line
         assert f" {params.max_steps_in_episode} " in line
     assert "2 forward" in out
+    assert max(map(len, lines)) <= 100
     assert err == ""
+
+
+def test_list_tells_which_actions_are_whose() -> None:
+    five, three = ("a", "b", "c", "d", "e"), ("a", "b", "c")
+    assert listing.actions_of({"x": five, "y": five}) == ["actions of all: 0 a, 1 b, 2 c, 3 d, 4 e"]
+    assert listing.actions_of({"x": three, "y": five, "z": five}) == [
+        "actions of x: 0 a, 1 b, 2 c",
+        "actions of all others: 0 a, 1 b, 2 c, 3 d, 4 e",
+    ]
+
+
+def test_tables_wrap_their_last_column() -> None:
+    rows = [("ID", "N", "TEXT"), ("one", "10", "words " * 10), ("three", "2", "")]
+    lines = listing.format_table(rows, right=(1,), width=40).splitlines()
+    assert lines[0] == "ID      N  TEXT"
+    assert lines[1] == "one    10  words words words words words"
+    assert lines[2] == "           words words words words words"
+    assert lines[3] == "three   2"
 
 
 def test_list_explains_the_symbols(capsys: pytest.CaptureFixture[str]) -> None:
@@ -68,6 +90,9 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["rollout", "simple", "--observation", "smell"], "smell"),
         (["rollout", "simple", "--sed", "1"], "--sed"),
         (["rollout", "--map-file", "no/such/file"], "no/such/file"),
+        (["rollout", "simple", "--heading", "90"], "--map-file"),
+        (["rollout", "--map-file", "x", "--heading", "north"], "'north'"),
+        (["record", "--map-file", "x", "--out", "a.gif", "--heading", "90,45"], "LOW,HIGH"),
         (["record", "simple"], "--out"),
         (["record", "simple", "--out", "a.mp4"], ".gif"),
         (["record", "simple", "--out", "a.gif", "--sheet", "a.jpg"], ".png"),
@@ -162,6 +187,23 @@ def test_broken_pipe_is_quiet() -> None:
     with process.stderr as stream:
         assert stream.read() == b""
     assert process.wait() == 141
+
+
+@pytest.mark.parametrize(
+    ("text", "low", "high"), [("90", 90, 90), ("-45", -45, -45), ("=-45,45", -45, 45)]
+)
+def test_heading_of_a_map_file(text: str, low: float, high: float, tmp_path: Path) -> None:
+    path = tmp_path / "map.txt"
+    path.write_text(MAP)
+    given = ["--heading" + text] if text.startswith("=") else ["--heading", text]
+    options = build_parser().parse_args(["rollout", "--map-file", str(path), *given])
+    env, params, _ = open_environment(options)
+    keys = jax.random.split(jax.random.key(0), 64)
+    headings = np.rad2deg(jax.vmap(env.init_state, (0, None))(keys, params).heading)
+    headings = (headings + 180) % 360 - 180
+    assert (headings >= low - 1e-3).all()
+    assert (headings <= high + 1e-3).all()
+    assert headings.max() - headings.min() >= 0.8 * (high - low)
 
 
 def test_warnings_about_a_map_are_one_line(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,28 @@ from PIL import Image
 
 import jaxenstein
 from jaxenstein.cli import main, record
-from jaxenstein.cli.policies import Forward, RandomPolicy, Script, parse_actions
-from jaxenstein.view.recording import Episode
+from jaxenstein.cli.playing import in_words
+from jaxenstein.cli.policies import POLICIES, Forward, RandomPolicy, Script, parse_actions
+from jaxenstein.maps.ascii import parse_ascii
+from jaxenstein.maps.symbols import (
+    APPLE_LABEL,
+    GOAL_LABEL,
+    LABEL_COLOURS,
+    MEDKIT_LABEL,
+    key_label,
+)
+from jaxenstein.tasks.first_person import FirstPerson
+from jaxenstein.view import glyphs
+from jaxenstein.view.ground import FLOOR
+from jaxenstein.view.recording import CAPTION_HEIGHT, Episode
+from jaxenstein.view.topdown import draw_map
 
 NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 # One tile takes seven steps of 0.15: a key, its door, and the goal in a row.
 MAP = "########\n#S.rR.G#\n########\n"
 
 
-World = tuple[jaxenstein.Environment, Any]
+World = tuple[FirstPerson[Any, Any], Any]
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +48,7 @@ def episode(world: World) -> Episode:
     return record.play(*world, Script(script), len(script), seed=0)
 
 
-def test_episode_tells_what_happened(episode: Episode) -> None:
+def test_episode_tells_what_happened(world: World, episode: Episode) -> None:
     played = episode
     happened = [event for event in played.events if event]
     assert happened == ["picked up a key", "opened a door", "reached the goal"]
@@ -43,23 +57,100 @@ def test_episode_tells_what_happened(episode: Episode) -> None:
     np.testing.assert_allclose(played.positions[0], (1.5, 1.5))
     np.testing.assert_allclose(played.positions[1], (1.65, 1.5), rtol=1e-6)
     assert played.rewards[-1] == played.returns[-1] == 1
-    assert played.opened[-1].all()
-    assert not played.opened[0].any()
-    assert played.taken[-1].all()
+    assert played.closed[0].all()
+    assert not played.closed[-1].any()
+    # The goal is there all the time, the key until it is picked up.
+    goal, key = played.labels[0].tolist()
+    assert (goal, key) == (GOAL_LABEL, key_label(0))
+    assert played.visible[:, 0].all()
+    picked = played.events.index("picked up a key") + 1
+    assert played.visible[:picked, 1].all()
+    assert not played.visible[picked:, 1].any()
+    np.testing.assert_allclose(played.sprites[0], [(6.5, 1.5), (3.5, 1.5)])
     assert (played.headings == 0).all()
+    assert played.tilemap == world[0].tilemap  # type: ignore[attr-defined]
+    assert played.variables == {}
 
 
-def test_pictures_show_view_and_path(world: World, episode: Episode) -> None:
-    env, played = world[0], episode
-    pictures = list(record.compose(env, played, with_map=True, scale=10))
+def test_pictures_show_view_and_path(episode: Episode) -> None:
+    played = episode
+    pictures = list(record.compose(played, 60.0, with_map=True, scale=10))
     assert len(pictures) == played.steps + 1
     assert len({picture.shape for picture in pictures}) == 1
     assert (pictures[0] != pictures[-1]).any()
-    plain = next(iter(record.compose(env, played, with_map=False, scale=10)))
+    plain = next(iter(record.compose(played, 60.0, with_map=False, scale=10)))
     assert plain.shape[1] < pictures[0].shape[1]
     np.testing.assert_array_equal(
         plain[6:86, 6:86], np.kron(played.frames[0], np.ones((10, 10, 1)))
     )
+
+
+def test_long_episodes_can_be_thinned_out(episode: Episode) -> None:
+    every = list(record.compose(episode, 60.0, with_map=True, scale=4))
+    some = list(record.compose(episode, 60.0, with_map=True, scale=4, every=7))
+    chosen = [*range(0, episode.steps, 7), episode.steps]
+    assert len(some) == len(chosen)
+    for shot, i in zip(some, chosen, strict=True):
+        # The path up to here is whole, whatever is left out.
+        np.testing.assert_array_equal(shot, every[i])
+
+
+FIELD = parse_ascii("########\n#S.....#\n########", "field", goal_required=False)
+
+
+def moving_things() -> Episode:
+    """An agent that is put elsewhere after two steps, and a medkit and an apple that come and go.
+
+    The medkit lies at (2.5, 1.5) in frame 1 alone, the apple at (4.5, 1.5) but in frame 2.
+    """
+    places = np.array([(1.5, 1.5), (1.65, 1.5), (1.8, 1.5), (6.5, 1.5)], np.float32)
+    return Episode(
+        frames=np.zeros((4, 4, 4, 3), np.uint8),
+        positions=places,
+        headings=np.full(4, np.pi / 2, np.float32),
+        rewards=np.ones(3, np.float32),
+        closed=np.zeros((4, 0), bool),
+        sprites=np.tile(np.array([(2.5, 1.5), (4.5, 1.55)], np.float32), (4, 1, 1)),
+        labels=np.tile(np.array([MEDKIT_LABEL, APPLE_LABEL], np.int32), (4, 1)),
+        visible=np.array([(0, 1), (1, 1), (0, 0), (0, 1)], bool),
+        events=("", "", "reached the goal, moved to a new start"),
+        tilemap=FIELD,
+    )
+
+
+def test_things_appear_and_vanish_from_frame_to_frame() -> None:
+    played = moving_things()
+    ground = draw_map(FIELD, scale=20)
+    medkit, apple = [], []
+    for i in range(4):
+        image = np.asarray(record.overview(ground, played, i, 60.0).image())
+        medkit.append(tuple(image[30, 50]) == glyphs.CROSS)
+        apple.append(tuple(image[31, 90]) == tuple(LABEL_COLOURS[APPLE_LABEL]))
+    assert medkit == [False, True, False, False]
+    assert apple == [True, True, False, True]
+
+
+def test_a_new_start_is_no_path() -> None:
+    played = moving_things()
+    *_, last = record.compose(played, 60.0, with_map=True, scale=96)
+    played.visible[:] = False
+    *_, bare = record.compose(played, 60.0, with_map=True, scale=96)
+    # The map is the right part, 56 pixels a tile; between old and new start there is floor.
+    left = last.shape[1] - 6 - 8 * 56
+    top = (last.shape[0] - CAPTION_HEIGHT - 3 * 56) // 2
+    middle = bare[top + 84, left + 3 * 56 : left + 6 * 56]
+    assert (middle == FLOOR).all()
+    assert (bare[top + 84, left + 84 : left + 95] != FLOOR).any(axis=-1).all()
+
+
+def test_events_in_words() -> None:
+    info = {"took_medkit": np.int32(2), "died": np.bool_(True), "ate_apple": False, "other": 1}
+    assert in_words(info) == ["took 2 medkits", "died"]
+    assert in_words({"took_medkit": np.int32(1)}) == ["took a medkit"]
+    assert in_words({"respawned": True, "reached_goal": True}) == [
+        "reached the goal",
+        "moved to a new start",
+    ]
 
 
 def test_files(
@@ -105,18 +196,35 @@ def test_actions_by_number_name_and_count() -> None:
     assert parse_actions("2,2, forward*3 ,interact,0 * 2", NAMES) == [2, 2, 2, 2, 2, 4, 0, 0]
 
 
+def at(x: float, y: float = 0.0) -> SimpleNamespace:
+    """A state as far as these policies look at it."""
+    return SimpleNamespace(position=np.array([x, y]))
+
+
 def test_forward_policy_walks_then_tries_the_door_then_turns() -> None:
     policy = Forward(NAMES, np.random.default_rng(0))
     policy.DRIFT = 0.0
-    moving = [policy.choose(np.array([i, 0.0])) for i in range(5)]
+    moving = [policy.choose(None, at(i)) for i in range(5)]
     assert moving == [2] * 5
-    wall = np.array([4.0, 0.0])
-    stuck = [policy.choose(wall) for _ in range(12)]
+    stuck = [policy.choose(None, at(4)) for _ in range(12)]
     assert stuck[:2] == [4, 2]
     assert stuck[2] in (0, 1)
     assert stuck.count(2) >= 2
 
 
+def test_forward_policy_needs_three_actions_only() -> None:
+    policy = Forward(NAMES[:3], np.random.default_rng(0))
+    taken = {policy.choose(None, at(0)) for _ in range(100)}
+    assert taken == {0, 1, 2}
+
+
 def test_random_policy_takes_every_action() -> None:
     policy = RandomPolicy(5, np.random.default_rng(0))
-    assert {policy.choose(np.zeros(2)) for _ in range(100)} == set(range(5))
+    assert {policy.choose(None, None) for _ in range(100)} == set(range(5))
+
+
+def test_every_named_policy_acts(world: World) -> None:
+    for name, named in POLICIES.items():
+        policy = named.make(*world, np.random.default_rng(0))
+        played = record.play(*world, policy, 3, seed=0)
+        assert played.steps == 3, name

@@ -95,7 +95,7 @@ def test_counts_are_those_of_the_environment() -> None:
         ended += over.sum()
         reached += np.asarray(terminated).sum()
         returns += np.asarray(info["episode_return"])[over].sum()
-    assert (tally.episodes, tally.successes) == (ended, reached)
+    assert (tally.episodes, tally.successes, tally.goals) == (ended, reached, reached)
     assert tally.episodes > 0
     assert tally.returns == pytest.approx(returns, rel=1e-5)
 

@@ -278,7 +278,7 @@ def test_panels_are_upright_and_not_mirrored() -> None:
             near_edge = min(abs(texel - round(texel)), abs(bit - round(bit))) < 1e-2
             if near_edge or not (0 < texel < 32 and 0 < bit < 32):
                 continue
-            shadow, accent = (int(panels[1, i, int(texel)]) >> int(bit) & 1 for i in (0, 1))
+            shadow, accent = (int(panels[1, i, int(texel)]) >> (31 - int(bit)) & 1 for i in (0, 1))
             red, _, blue = rgb[row, column]
             assert (blue > 0) == bool(accent)
             if not accent:

@@ -143,7 +143,7 @@ def test_art_is_upright_and_not_mirrored(look: int) -> None:
     for row, column in np.argwhere((wanted.sprite == 0) & ~wanted.unsure):
         texel = int((slopes[column] * distance / radius + 1) * 16)
         bit = int(((heights[row] * distance - drop) / radius + 1) * 16)
-        detail = int(THEME.sprite_art[look, 1, texel]) >> bit & 1
+        detail = int(THEME.sprite_art[look, 1, texel]) >> (31 - bit) & 1
         red, green, blue = rgb[row, column]
         assert (red == 0, green == 0, blue) == (detail == 1, detail == 0, 0)
         checked += 1

@@ -16,7 +16,13 @@ from jaxenstein.maps.symbols import SYMBOLS, door_label
 def test_a_map() -> None:
     tilemap = parse_ascii("####\n#Sr#\n#1R#\n#\\G#\n####", "small")
     assert tilemap.name == "small"
-    assert tilemap.tiles == (b"\2\2\2\2", b"\2\0\0\2", b"\2\3\x23\2", b"\2\x21\0\2", b"\2\2\2\2")
+    assert tilemap.tiles == (
+        b"\2\2\2\2",
+        b"\2\0\0\2",
+        bytes([2, 3, door_label(0, locked=True), 2]),
+        bytes([2, door_label(4, locked=False), 0, 2]),
+        b"\2\2\2\2",
+    )
     assert tilemap.spawns == ((1, 1),)
     assert tilemap.goals == ((2, 3),)
     assert tilemap.keys == (Key(2, 1, 0),)
@@ -32,6 +38,8 @@ def test_every_symbol() -> None:
         symbol = SYMBOLS[character]
         assert tilemap.tiles[0][column] == symbol.tile
         assert (Key(column, 0, symbol.colour) in tilemap.keys) == (symbol.kind == "key")
+        assert ((column, 0) in tilemap.apples) == (character in "a@")
+        assert ((column, 0) in tilemap.spawns) == (character == "@")
         door = Door(column, 0, symbol.colour, symbol.locked)
         assert (door in tilemap.doors) == (symbol.kind == "door")
     assert (len(tilemap.keys), len(tilemap.doors)) == (6, 12)
@@ -69,7 +77,7 @@ def test_blanks_are_floor_also_at_the_edge() -> None:
 @pytest.mark.parametrize(
     ("text", "line", "column", "message"),
     [
-        ("####\n#SG?\n####", 2, 4, r"unknown symbol '\?'; the symbols are \. space S G # 1 2"),
+        ("####\n#SG?\n####", 2, 4, r"unknown symbol '\?'; the symbols are \. space S G a @ # 1 2"),
         ("\n\n####\n#SG?\n####", 4, 4, "unknown symbol"),
         ("\ufeff?SG", 1, 1, "unknown symbol"),
         ("\r\n#\r\n#SG#\r\n#v", 4, 2, "unknown symbol 'v'"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from jaxenstein.maps.symbols import (
     LABEL_COLOURS,
     LABEL_NAMES,
     SYMBOLS,
+    decal_label,
     door_label,
     key_label,
 )
@@ -23,12 +25,13 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert (symbols.CEILING, symbols.FLOOR, symbols.DEFAULT_WALL) == (0, 1, 2)
     coloured = [SYMBOLS[c].label for c in "123456789ACDFHIJKLMOQTUWXZ"]
     assert coloured == list(range(3, 29))
-    assert [door_label(c, locked=False) for c in range(6)] == list(range(29, 35))
-    assert [door_label(c, locked=True) for c in range(6)] == list(range(35, 41))
-    assert [key_label(c) for c in range(6)] == list(range(41, 47))
-    assert symbols.GOAL_LABEL == 47
-    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 48
-    assert LABEL_COLOURS.shape == (48, 3)
+    assert [decal_label(number) for number in range(1, 65)] == list(range(29, 93))
+    assert [door_label(c, locked=False) for c in range(6)] == list(range(93, 99))
+    assert [door_label(c, locked=True) for c in range(6)] == list(range(99, 105))
+    assert [key_label(c) for c in range(6)] == list(range(105, 111))
+    assert (symbols.GOAL_LABEL, symbols.APPLE_LABEL, symbols.MEDKIT_LABEL) == (111, 112, 113)
+    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 114
+    assert LABEL_COLOURS.shape == (114, 3)
     assert LABEL_COLOURS.dtype == np.uint8
     assert not LABEL_COLOURS.flags.writeable
 
@@ -41,7 +44,39 @@ def test_symbols_of_the_paper() -> None:
     assert [meaning(c) for c in "RNBPYE"] == [f"locked {name} door" for name in COLOUR_NAMES]
     assert [meaning(c) for c in "',\";\\:"] == [f"unlocked {name} door" for name in COLOUR_NAMES]
     assert [meaning(c) for c in "#. SG"] == ["wall", "floor", "floor", "floor", "goal"]
-    assert len(SYMBOLS) == 5 + 26 + 18
+    assert len(SYMBOLS) == 5 + 26 + 18 + 64 + 2
+
+
+def test_decals_are_the_characters_after_latin_1() -> None:
+    for number in range(1, 65):
+        symbol = SYMBOLS[chr(0x100 + number)]
+        assert (symbol.kind, symbol.label) == ("wall", decal_label(number))
+        assert symbol.meaning == LABEL_NAMES[symbol.label] == f"decal {number}"
+        assert symbol.label in symbols.DECAL_LABELS
+        assert symbol.label in symbols.WALL_LABELS
+    assert max(map(ord, SYMBOLS)) == 0x140
+
+
+def test_apples() -> None:
+    apple, both = SYMBOLS["a"], SYMBOLS["@"]
+    assert apple.kind == both.kind == "apple"
+    assert apple.label == both.label == symbols.APPLE_LABEL
+    assert (apple.spawn, both.spawn) == (False, True)
+    assert {c for c, symbol in SYMBOLS.items() if symbol.spawn} == {"S", "@"}
+
+
+def test_ascii_without_a_meaning_stays_unknown() -> None:
+    """Typing mistakes are found; no symbol but the decals is beyond ASCII."""
+    free = {chr(code) for code in range(33, 127)} - set(SYMBOLS)
+    assert free == set("cdfghijklmoqstuvwxz0V!$%&()*+-/<=>?[]^_`{|}~")
+    beyond = {character for character in SYMBOLS if ord(character) > 126}
+    assert beyond == {chr(0x100 + number) for number in range(1, 65)}
+
+
+@pytest.mark.parametrize("number", [0, 65, -1])
+def test_no_label_for_an_unknown_decal(number: int) -> None:
+    with pytest.raises(ValueError, match=f"decal {number} is not in 1 to 64"):
+        decal_label(number)
 
 
 def test_door_labels_name_their_door() -> None:
@@ -59,11 +94,22 @@ def test_no_label_for_an_unknown_colour(colour: int) -> None:
 
 
 def test_legend_explains_every_symbol() -> None:
-    lines = symbols.legend().splitlines()
-    assert len(lines) == len(SYMBOLS)
-    for line, (character, symbol) in zip(lines, SYMBOLS.items(), strict=True):
+    *lines, decals = symbols.legend().splitlines()
+    single = {c: symbol for c, symbol in SYMBOLS.items() if ord(c) < 127}
+    assert len(lines) == len(single)
+    for line, (character, symbol) in zip(lines, single.items(), strict=True):
         assert line.split()[0] == ("space" if character == " " else character)
         assert line.endswith(symbol.meaning)
+    assert decals.split()[0] == "\u0101-\u0140"
+    assert re.search("decal 1 to decal 64: .*U\\+0101 to U\\+0140", decals)
+    assert max(map(len, [*lines, decals])) < 80
+
+
+def test_characters_lists_the_decals_as_a_range() -> None:
+    assert symbols.characters("floor", "apple") == ". space a @"
+    assert symbols.characters("wall") == "# " + " ".join("123456789ACDFHIJKLMOQTUWXZ") + (
+        " \u0101-\u0140"
+    )
 
 
 def oklab(rgb: np.ndarray) -> np.ndarray:
@@ -99,6 +145,24 @@ def test_wall_colours_can_be_told_apart_near_and_far() -> None:
     assert closest(list(range(2, 29)), 0.25) > 0.02
     assert closest(list(range(2, 12)), 1.0) > 0.1
     assert closest(list(range(2, 12)), 0.25) > 0.03
+
+
+def test_decals_can_be_told_apart_and_from_the_walls() -> None:
+    assert closest(list(symbols.WALL_LABELS), 1.0) > 0.03
+    assert closest(list(symbols.WALL_LABELS), 0.5) > 0.02
+
+
+def test_no_light_makes_a_decal_look_like_the_walls_around_it() -> None:
+    """Walls are darker in the distance and on two of their sides."""
+    near = [1.0, 0.8, 0.64, 0.5]
+    for walls in ("31", "3FI", "42T", "42W", "W#"):
+        around = [SYMBOLS[character].label for character in walls]
+        for light in near:
+            decals = oklab(LABEL_COLOURS[list(symbols.DECAL_LABELS)] * light)
+            for other in near:
+                seen = oklab(LABEL_COLOURS[around] * other)
+                distances = np.linalg.norm(decals[:, None] - seen, axis=-1)
+                assert distances.min() > 0.015, (walls, light, other)
 
 
 def test_first_walls_differ_in_more_than_brightness() -> None:

@@ -10,9 +10,10 @@ import pytest
 
 from jaxenstein.errors import MapError
 from jaxenstein.maps import MAX_SIZE, Door, Key, TileMap, parse_ascii
-from jaxenstein.maps.symbols import door_label
+from jaxenstein.maps.symbols import GOAL_LABEL, door_label
 
 RED_LOCKED = door_label(0, locked=True)
+UNLOCKED = bytes([door_label(0, locked=False)])
 TILES = (bytes([2, 2, 2, 2]), bytes([2, 0, 0, RED_LOCKED]), bytes([2, 2, 3, 2]))
 DOOR = Door(3, 1, 0, True)
 
@@ -75,7 +76,7 @@ LONG = (bytes(MAX_SIZE + 1),)
         ({"tiles": LONG}, "too large"),
         ({"tiles": (b"\0",) * (MAX_SIZE + 1)}, "too large"),
         ({"tiles": (b"\1",)}, "label 1 is neither"),
-        ({"tiles": (b"\x2f",)}, "label 47 is neither"),
+        ({"tiles": (bytes([GOAL_LABEL]),)}, f"label {GOAL_LABEL} is neither"),
         ({"doors": ()}, "doors"),
         ({"doors": (DOOR, DOOR)}, "doors"),
         ({"doors": (Door(3, 1, 0, False),)}, "doors"),
@@ -84,6 +85,9 @@ LONG = (bytes(MAX_SIZE + 1),)
         ({"goals": ((0, 0),)}, "goal at column 0, row 0"),
         ({"goals": ((1, 1), (1, 1))}, "two goals"),
         ({"goals": [(1, 1)]}, "goals of a map are a tuple"),
+        ({"apples": ((0, 0),)}, "apple at column 0, row 0"),
+        ({"apples": ((1, 1), (1, 1))}, "two apples"),
+        ({"apples": [(1, 1)]}, "apples of a map are a tuple"),
         ({"keys": (Key(3, 1, 0),)}, "key at column 3, row 1"),
         ({"keys": (Key(1, 1, 0), Key(1, 1, 1))}, "two keys"),
         ({"keys": (Key(1, 1, 6),)}, "colour index 6"),
@@ -91,7 +95,7 @@ LONG = (bytes(MAX_SIZE + 1),)
         ({"faces": (TILES[:2],) * 4}, "solid tiles"),
         ({"faces": (TILES, TILES, TILES, (TILES[0], TILES[0], TILES[2]))}, "solid tiles"),
         ({"faces": (TILES, TILES, TILES, (TILES[0], b"\2\0\0\2", TILES[2]))}, "door"),
-        ({"faces": (TILES, TILES, TILES, (b"\x1d\2\2\2", *TILES[1:]))}, "door"),
+        ({"faces": (TILES, TILES, TILES, (UNLOCKED + b"\2\2\2", *TILES[1:]))}, "door"),
     ],
 )
 def test_contradictions_are_refused(parts: dict, message: str) -> None:
@@ -103,6 +107,10 @@ def test_tile_text_shows_one_thing_a_tile() -> None:
     assert build(spawns=((1, 1), (2, 1)), goals=((2, 1),)).tile_text() == "####\n#SGR\n##1#\n"
     both = build(goals=((1, 1),), keys=(Key(1, 1, 2),))
     assert both.tile_text().splitlines()[1] == "#b.R"
+    apples = build(apples=((1, 1), (2, 1)), spawns=((2, 1),))
+    assert apples.tile_text().splitlines()[1] == "#a@R"
+    covered = build(apples=((1, 1), (2, 1)), goals=((1, 1),), keys=(Key(2, 1, 0),))
+    assert covered.tile_text().splitlines()[1] == "#GrR"
 
 
 def test_maps_do_not_import_jax() -> None:

@@ -149,7 +149,7 @@ def _add_billboards(
     for depth, i, bits, word in reversed(crossed[:layers]):
         whole = np.floor(bits).astype(np.int64)
         inside = (whole >= 0) & (whole < TEXELS)
-        covers = inside & ((word >> np.where(inside, whole, 0)) & 1 == 1)
+        covers = inside & ((word >> np.where(inside, TEXELS - 1 - whole, 0)) & 1 == 1)
         picture.labels[covers, column] = billboards.labels[billboards.look[i]]
         picture.depth[covers, column] = depth
         picture.sprite[covers, column] = i

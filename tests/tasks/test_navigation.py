@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import jaxenstein
-from jaxenstein.tasks.navigation import BACKWARD, FORWARD, INTERACT, TURN_LEFT, TURN_RIGHT
+from jaxenstein.tasks.steering import BACKWARD, FORWARD, INTERACT, TURN_LEFT, TURN_RIGHT
 
 # Every kind of door and key; the goal behind a chain of doors.
 HOUSE = """

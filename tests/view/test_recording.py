@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -112,22 +113,38 @@ def test_side_by_side_holds_view_map_and_text() -> None:
     assert changed[:, 0].min() >= 60
 
 
-def test_caption_tells_step_return_and_the_latest_event() -> None:
-    nothing = np.zeros((4, 0), bool)
-    episode = Episode(
-        frames=np.zeros((4, 2, 2, 3), np.uint8),
-        positions=np.zeros((4, 2), np.float32),
-        headings=np.zeros(4, np.float32),
-        rewards=np.array([0, 0.5, 1], np.float32),
-        opened=nothing,
-        taken=nothing,
-        goals=np.zeros(4, np.int32),
-        events=("", "picked up a key", "reached the goal"),
+def episode(rewards: list[float], events: tuple[str, ...], **rest: Any) -> Episode:
+    """An episode of which only the caption matters."""
+    count = len(rewards) + 1
+    return Episode(
+        frames=np.zeros((count, 2, 2, 3), np.uint8),
+        positions=np.zeros((count, 2), np.float32),
+        headings=np.zeros(count, np.float32),
+        rewards=np.array(rewards, np.float32),
+        closed=np.zeros((count, 0), bool),
+        sprites=np.zeros((count, 0, 2), np.float32),
+        labels=np.zeros((count, 0), np.int32),
+        visible=np.zeros((count, 0), bool),
+        events=events,
+        **rest,
     )
-    assert caption(episode, 0) == ["step 0", "return 0", ""]
-    assert caption(episode, 2) == ["step 2", "return +0.5", "picked up a key"]
-    assert caption(episode, 3) == ["step 3", "return +1.5", "reached the goal"]
-    assert caption(episode, 3, recent=0) == ["step 3", "return +1.5", ""]
+
+
+def test_caption_tells_step_return_and_the_latest_event() -> None:
+    played = episode([0, 0.5, 1], ("", "picked up a key", "reached the goal"))
+    assert caption(played, 0) == ["step 0", "return 0", ""]
+    assert caption(played, 2) == ["step 2", "return +0.5", "picked up a key"]
+    assert caption(played, 3) == ["step 3", "return +1.5", "reached the goal"]
+    assert caption(played, 3, recent=0) == ["step 3", "return +1.5", ""]
+
+
+def test_caption_shows_variables_and_whole_returns() -> None:
+    health = {"health": np.array([92.0, 92.0, 84.0])}
+    played = episode([1, -99], ("", "died"), variables=health)
+    assert caption(played, 1) == ["step 1", "return 1", "health 92", ""]
+    assert caption(played, 2) == ["step 2", "return -98", "health 84", "died"]
+    long = episode([1] * 20_000, ("",) * 20_000)
+    assert caption(long, 20_000) == ["step 20000", "return 20000", ""]
 
 
 def test_evenly_includes_both_ends() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,9 +10,17 @@ import pytest
 from PIL import Image
 
 from jaxenstein.maps.ascii import parse_ascii
-from jaxenstein.maps.symbols import LABEL_COLOURS, door_label, key_label
+from jaxenstein.maps.symbols import (
+    APPLE_LABEL,
+    DECAL_LABELS,
+    GOAL_LABEL,
+    LABEL_COLOURS,
+    MEDKIT_LABEL,
+    door_label,
+    key_label,
+)
 from jaxenstein.maps.tilemap import TileMap
-from jaxenstein.view import topdown
+from jaxenstein.view import glyphs, ground, topdown
 from jaxenstein.view.topdown import MapPicture, draw_map, fitting_scale
 
 SCALE = 20
@@ -21,7 +30,7 @@ TEXT = """\
 #.#########
 #.#########
 #.........G
-#..........
+#...a......
 ###########
 """
 
@@ -57,17 +66,17 @@ def test_floor_walls_and_rock(tilemap: TileMap) -> None:
 def test_rock_is_where_nobody_can_look() -> None:
     solid = parse_ascii("######\n#SG###\n######\n######\n######", "solid")
     picture = draw_map(solid, scale=SCALE)
-    assert pixel(picture, 1.5, 3.5) == topdown.ROCK
-    assert pixel(picture, 5.5, 1.5) == topdown.ROCK
+    assert pixel(picture, 1.5, 3.5) == ground.ROCK
+    assert pixel(picture, 5.5, 1.5) == ground.ROCK
     assert pixel(picture, 3.5, 1.5) == paint(2)
 
 
 def test_doors_close_and_open(tilemap: TileMap) -> None:
-    closed = draw_map(tilemap, scale=SCALE).objects()
-    opened = draw_map(tilemap, scale=SCALE).objects(np.array([True]))
+    closed = draw_map(tilemap, scale=SCALE).doors(np.array([True]))
+    opened = draw_map(tilemap, scale=SCALE).doors(np.array([False]))
     red = paint(door_label(0, locked=True))
     assert pixel(closed, 5.25, 1.25) == red
-    assert pixel(closed, 5.5, 1.5) == topdown.glyphs.INK
+    assert pixel(closed, 5.5, 1.5) == glyphs.INK
     assert pixel(opened, 5.5, 1.5) == topdown.FLOOR
     # The posts stand at the walls, north and south of this door.
     assert pixel(opened, 5.5, 1.05) == red
@@ -75,20 +84,61 @@ def test_doors_close_and_open(tilemap: TileMap) -> None:
     assert pixel(opened, 5.05, 1.5) == topdown.FLOOR
 
 
-def test_taken_keys_disappear(tilemap: TileMap) -> None:
-    red = paint(key_label(0))
-    lying = draw_map(tilemap, scale=SCALE).objects()
-    taken = draw_map(tilemap, scale=SCALE).objects(taken=np.array([True]))
-    assert pixel(lying, 3.6, 1.5) == red
-    assert pixel(taken, 3.6, 1.5) == topdown.FLOOR
+def test_a_state_may_have_room_for_more_doors(tilemap: TileMap) -> None:
+    padded = draw_map(tilemap, scale=SCALE).doors(np.array([False, True, True]))
+    assert pixel(padded, 5.5, 1.5) == topdown.FLOOR
 
 
-def test_the_goal_that_counts_stands_out(tilemap: TileMap) -> None:
-    picture = draw_map(tilemap, scale=SCALE).objects(goal=1)
-    assert pixel(picture, 10.5, 4.5) == topdown.GOAL
-    assert pixel(picture, 8.5, 1.5) == topdown.FLOOR
-    both = draw_map(tilemap, scale=SCALE).objects()
-    assert pixel(both, 8.5, 1.5) == pixel(both, 10.5, 4.5) == topdown.GOAL
+def test_things_are_those_of_the_map(tilemap: TileMap) -> None:
+    picture = draw_map(tilemap, scale=SCALE).things()
+    assert pixel(picture, 3.6, 1.5) == paint(key_label(0))
+    assert pixel(picture, 5.5, 1.5) == glyphs.INK
+    assert pixel(picture, 8.5, 1.5) == pixel(picture, 10.5, 4.5) == topdown.GOAL
+    assert pixel(picture, 4.5, 5.55) == paint(APPLE_LABEL)
+
+
+@pytest.mark.parametrize("scale", [SCALE, 10])
+def test_sprites_show_what_they_are_where_they_are(tilemap: TileMap, scale: int) -> None:
+    labels = np.array([GOAL_LABEL, APPLE_LABEL, MEDKIT_LABEL, 5])
+    places = np.array([[2.5, 4.5], [4.5, 4.55], [6.25, 4.75], [8.5, 4.5]])
+    there = draw_map(tilemap, scale=scale).sprites(places, labels)
+    assert pixel(there, 2.5, 4.5) == topdown.GOAL
+    assert pixel(there, 4.5, 4.6) == paint(APPLE_LABEL)
+    # A red cross in a white box.
+    assert pixel(there, 6.25, 4.75) == glyphs.CROSS
+    assert pixel(there, 6.0, 4.55) == pixel(there, 6.45, 4.95) == glyphs.BOX
+    assert pixel(there, 8.5, 4.5) == paint(5)
+    # Floor half a tile beside each: nothing is larger than its tile or lies elsewhere.
+    for x in (1.6, 3.5, 5.5, 7.5, 9.5):
+        assert pixel(there, x, 4.5) == topdown.FLOOR
+
+
+def test_only_visible_sprites_are_drawn(tilemap: TileMap) -> None:
+    places, labels = np.array([[2.5, 4.5], [3.6, 1.5]]), np.array([MEDKIT_LABEL, key_label(0)])
+    picture = draw_map(tilemap, scale=SCALE).sprites(places, labels, np.array([True, False]))
+    assert pixel(picture, 2.5, 4.5) == glyphs.CROSS
+    assert pixel(picture, 3.4, 1.5) == topdown.FLOOR
+    empty = draw_map(tilemap, scale=SCALE).sprites(np.zeros((0, 2)), np.zeros(0, int))
+    plain = draw_map(tilemap, scale=SCALE)
+    np.testing.assert_array_equal(np.asarray(empty.image()), np.asarray(plain.image()))
+
+
+def test_the_goal_lies_on_top(tilemap: TileMap) -> None:
+    places, labels = np.array([[2.5, 4.5], [2.5, 4.5]]), np.array([GOAL_LABEL, APPLE_LABEL])
+    picture = draw_map(tilemap, scale=SCALE).sprites(places, labels)
+    assert pixel(picture, 2.5, 4.5) == topdown.GOAL
+
+
+def test_places_to_start_are_marked_where_they_are_few(tilemap: TileMap) -> None:
+    assert pixel(draw_map(tilemap, scale=SCALE), 1.5 + 0.15, 1.5) != topdown.FLOOR
+    many = tilemap.with_spawns((column, 5) for column in range(2, 11))
+    many = many.with_spawns([*many.spawns, *((column, 4) for column in range(2, 11))])
+    several = draw_map(many, scale=SCALE)
+    assert pixel(several, 3.5 + 0.15, 5.5) != topdown.FLOOR
+    floor = np.argwhere(np.array(many.walls) == 0)[:, ::-1]
+    assert len(floor) > topdown.MOST_MARKS
+    everywhere = draw_map(many.with_spawns(floor.tolist()), scale=SCALE)
+    assert pixel(everywhere, 3.5 + 0.15, 5.5) == topdown.FLOOR
 
 
 def test_path_is_drawn_where_it_went_and_coloured_by_time(tilemap: TileMap) -> None:
@@ -112,15 +162,15 @@ def test_path_in_pieces_is_the_same_path(tilemap: TileMap) -> None:
 
 def test_agent_points_along_its_heading(tilemap: TileMap) -> None:
     for heading, (dx, dy) in ((0.0, (1, 0)), (math.pi / 2, (0, 1)), (math.pi, (-1, 0))):
-        picture = draw_map(tilemap, scale=SCALE).agent((5.0, 5.0), heading)
-        assert pixel(picture, 5.0 + 0.25 * dx, 5.0 + 0.25 * dy) == topdown.AGENT
-        assert pixel(picture, 5.0 - 0.35 * dx, 5.0 - 0.35 * dy) == topdown.FLOOR
+        picture = draw_map(tilemap, scale=SCALE).agent((4.0, 5.0), heading)
+        assert pixel(picture, 4.0 + 0.25 * dx, 5.0 + 0.25 * dy) == topdown.AGENT
+        assert pixel(picture, 4.0 - 0.35 * dx, 5.0 - 0.35 * dy) == topdown.FLOOR
 
 
 def test_view_is_stopped_by_closed_doors_only(tilemap: TileMap) -> None:
     place = (2.5, 1.5)
-    closed = draw_map(tilemap, scale=SCALE).agent(place, 0.0)
-    opened = draw_map(tilemap, scale=SCALE).agent(place, 0.0, opened=np.array([True]))
+    closed = draw_map(tilemap, scale=SCALE).sight(place, 0.0)
+    opened = draw_map(tilemap, scale=SCALE).sight(place, 0.0, closed=np.array([False]))
     assert pixel(closed, 4.5, 1.5) == pixel(opened, 4.5, 1.5) != topdown.FLOOR
     assert pixel(closed, 7.0, 1.5) == topdown.FLOOR
     assert pixel(opened, 7.0, 1.5) == pixel(opened, 4.5, 1.5)
@@ -140,7 +190,25 @@ def test_faces_show_their_own_colours() -> None:
     assert pixel(picture, 0.85, 1.5) == paint(4)
     assert pixel(picture, 1.5, 2.15) == paint(5)
     assert pixel(picture, 1.5, 0.85) == paint(6)
-    assert pixel(picture, 0.3, 1.5) == topdown.ROCK
+    assert pixel(picture, 0.3, 1.5) == ground.ROCK
+
+
+@pytest.mark.parametrize("tile_label", [2, DECAL_LABELS[7]])
+def test_decals_are_strips_on_walls_of_their_own_colour(tile_label: int) -> None:
+    base = parse_ascii("#####\n#S#.#\n#####", "decals", goal_required=False)
+    walls = np.array(base.walls)
+    faces = np.stack([walls.copy()] * 4)
+    # The wall between the two cells, as the western one sees it.
+    faces[0, 1, 2] = decal = DECAL_LABELS[7]
+    as_rows = tuple(tuple(row.tobytes() for row in face) for face in faces)
+    # A map may call the whole tile by its decal.
+    walls[1, 2] = tile_label
+    tiles = tuple(row.tobytes() for row in walls)
+    picture = draw_map(dataclasses.replace(base, tiles=tiles, faces=as_rows), scale=SCALE)
+    assert pixel(picture, 2.15, 1.5) == paint(decal)
+    assert pixel(picture, 2.5, 1.5) == pixel(picture, 2.9, 1.5) == paint(2)
+    assert pixel(picture, 1.5, 0.9) == pixel(picture, 0.2, 0.2) == paint(2)
+    assert pixel(picture, 2.5, 0.5) == paint(2)
 
 
 @pytest.mark.parametrize("side", [3, 256])
@@ -150,7 +218,7 @@ def test_all_map_sizes(side: int) -> None:
     rows[1] = "#S" + rows[1][2:]
     rows[-2] = rows[-2][:-2] + "G#" if side > 3 else "SG#"
     tilemap = parse_ascii("\n".join(rows), "sizes")
-    picture = draw_map(tilemap, size=480).objects().path(np.array([[1.5, 1.5], [1.5, 1.5]]))
+    picture = draw_map(tilemap, size=480).things().path(np.array([[1.5, 1.5], [1.5, 1.5]]))
     image = picture.agent((1.5, 1.5), 0.0).image()
     assert isinstance(image, Image.Image)
     assert 240 < max(image.size) <= 512

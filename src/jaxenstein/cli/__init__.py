@@ -1,4 +1,4 @@
-"""The command line: `jaxenstein list | rollout | record | bench`.
+"""The command line: `jaxenstein list | rollout | record | convert | bench`.
 
 Importing this package is cheap; JAX is imported by the commands that need it, when they run.
 """
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from ..errors import JAXensteinError
 from ..version import __version__
 from ..view.files import OutputError
-from . import bench, listing, record, rollout
+from . import bench, convert, listing, record, rollout
 from .arguments import Parser, UsageError
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
@@ -22,6 +22,7 @@ examples:
   jaxenstein list
   jaxenstein rollout my-way-home --envs 512 --steps 500 --out demo
   jaxenstein record key-door --policy forward --out key-door.gif
+  jaxenstein convert nav_maze_static_01.map --out maze.txt
   jaxenstein bench my-way-home --batch 64,256,1024 --json bench.json
 
 'jaxenstein COMMAND --help' explains a command and all its options.
@@ -48,6 +49,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(f"jaxenstein: {error}", FAILED)
     except JAXensteinError as error:
         return _complain(f"jaxenstein: {error}", WRONG_ARGUMENTS)
+    except UnicodeEncodeError as error:
+        shown = f"cannot print {error.object[error.start]!a} as {error.encoding}"
+        return _complain(f"jaxenstein: {shown}; set PYTHONIOENCODING=utf-8", FAILED)
     except BrokenPipeError:
         # Python would complain about the rest of the buffer at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -69,7 +73,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"jaxenstein {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (listing, rollout, record, bench):
+    for command in (listing, rollout, record, convert, bench):
         command.add_command(commands)
     return parser
 

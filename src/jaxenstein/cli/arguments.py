@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from ..errors import MapWarning
 
 if TYPE_CHECKING:
-    from ..environment import Environment
+    from ..tasks.first_person import FirstPerson
 
 OBSERVATIONS = ("rgb", "gray", "depth", "labels", "dict")
 
@@ -75,6 +76,19 @@ def size(text: str) -> tuple[int, int]:
     raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels like 64x64, not {text!r}")
 
 
+def heading(text: str) -> float | tuple[float, float]:
+    """An argument type: DEGREES, or LOW,HIGH with LOW no larger than HIGH."""
+    try:
+        parts = [float(part) for part in text.split(",")]
+    except ValueError:
+        parts = []
+    if len(parts) == 1 and math.isfinite(parts[0]):
+        return parts[0]
+    if len(parts) == 2 and -math.inf < parts[0] <= parts[1] < math.inf:
+        return parts[0], parts[1]
+    raise argparse.ArgumentTypeError(f"must be DEGREES, or LOW,HIGH like -45,45, not {text!r}")
+
+
 def add_environment(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say which environment, and how it is seen."""
     parser.add_argument("id", nargs="?", metavar="ID", help="an environment, see 'jaxenstein list'")
@@ -83,6 +97,13 @@ def add_environment(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         type=Path,
         help="a map as text instead of ID; 'jaxenstein list --symbols' explains the symbols",
+    )
+    parser.add_argument(
+        "--heading",
+        metavar="DEGREES",
+        type=heading,
+        help="first heading on the map of --map-file, 0 east, 90 south; --heading=-45,45 draws it "
+        "between the two (default: any)",
     )
     view = parser.add_argument_group("what the agent sees")
     view.add_argument(
@@ -126,7 +147,9 @@ def add_seed(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def open_environment(options: argparse.Namespace, **settings: Any) -> tuple[Environment, Any, str]:
+def open_environment(
+    options: argparse.Namespace, **settings: Any
+) -> tuple[FirstPerson[Any, Any], Any, str]:
     """The environment that the arguments name, its default params, and a name for files.
 
     Warnings about the map are printed, one line each.
@@ -142,25 +165,49 @@ def open_environment(options: argparse.Namespace, **settings: Any) -> tuple[Envi
         **({} if options.fov is None else {"field_of_view": options.fov}),
         **settings,
     }
+    if options.heading is not None and options.map_file is None:
+        raise UsageError(
+            "jaxenstein: --heading goes with --map-file; an ID has headings of its own"
+        )
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", MapWarning)
         if options.map_file is None:
-            env, params = jaxenstein.make(options.id, **settings)
+            made, params = jaxenstein.make(options.id, **settings)
+            env = cast("FirstPerson[Any, Any]", made)
             name = options.id
         else:
-            env, params = jaxenstein.from_ascii(read_map(options.map_file), **settings)
+            texts = read_map(options.map_file)
+            env, params = jaxenstein.from_ascii(**texts, heading=options.heading, **settings)
             name = options.map_file.stem
     for warning in caught:
         print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)
     return env, params, name
 
 
-def read_map(path: Path) -> str:
-    """The text of a map file."""
+def read_map(path: Path) -> dict[str, str]:
+    """The settings of `from_ascii` that a map file gives.
+
+    They are `text`, and `regions` or `faces` where there is such a file beside it: of `maze.txt`,
+    `maze.regions.txt` or `maze.faces.txt`.
+    """
+    texts = {"text": read_text(path, "map")}
+    for kind in ("regions", "faces"):
+        if beside(path, kind).is_file():
+            texts[kind] = read_text(beside(path, kind), f"{kind} text")
+    return texts
+
+
+def beside(path: Path, kind: str) -> Path:
+    """The file that goes with a map file and says how its walls look."""
+    return path.with_name(f"{path.stem}.{kind}.txt")
+
+
+def read_text(path: Path, what: str) -> str:
+    """The text of a file."""
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise UsageError(f"jaxenstein: cannot read the map {path}: {reason}") from error
+        raise UsageError(f"jaxenstein: cannot read the {what} {path}: {reason}") from error
     except UnicodeDecodeError as error:
-        raise UsageError(f"jaxenstein: cannot read the map {path}: it is not text") from error
+        raise UsageError(f"jaxenstein: cannot read the {what} {path}: it is not text") from error

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
+from collections.abc import Mapping
+from typing import Any
 
 DESCRIPTION = "List the environments, or with --symbols the characters of text maps."
 EPILOG = """\
@@ -10,6 +13,12 @@ examples:
   jaxenstein list
   jaxenstein list --symbols
 """
+
+
+LIST_WIDTH = 100
+# Stands behind the size of a map that is not always the same.
+GENERATED = "*"
+WRAPPING: dict[str, Any] = {"break_on_hyphens": False, "break_long_words": False}
 
 
 def add_command(commands: argparse._SubParsersAction) -> None:
@@ -30,34 +39,78 @@ def run(options: argparse.Namespace) -> None:
 
         print(legend())
         return
-    from ..registry import ENTRIES, environment_ids, make
+    from .. import registry
 
+    environments = {name: registry.make(name) for name in registry.environment_ids()}
     table = [("ID", "MAP", "HORIZON", "DISCOUNT", "DESCRIPTION")]
-    actions: dict[tuple[str, ...], list[str]] = {}
-    for name in environment_ids():
-        env, params = make(name)
-        tilemap = getattr(env, "tilemap", None)
-        extent = "-" if tilemap is None else f"{tilemap.columns}x{tilemap.rows}"
+    for name, (env, params) in environments.items():
         horizon, discount = str(params.max_steps_in_episode), f"{params.discount:g}"
-        table.append((name, extent, horizon, discount, ENTRIES[name].summary))
-        actions.setdefault(env.action_names, []).append(name)
-    print(format_table(table))
+        summary = registry.ENTRIES[name].summary
+        table.append((name, extent(env), horizon, discount, summary))
+    print(format_table(table, right=(1, 2, 3), width=LIST_WIDTH))
     print()
-    for names, users in actions.items():
-        whose = "all" if len(actions) == 1 else ", ".join(users)
-        numbered = ", ".join(f"{i} {name}" for i, name in enumerate(names))
-        print(f"actions of {whose}: {numbered}")
-    print("map: columns x rows, in tiles; horizon: steps in an episode")
+    aliases = registry.ALIASES
+    notes = ["map: columns x rows, in tiles; horizon: steps in an episode"]
+    if any(row[1].endswith(GENERATED) for row in table):
+        notes.append(f"{GENERATED} a new map is generated at every reset")
+    if aliases:
+        pairs = ", ".join(f"{alias} = {name}" for alias, name in aliases.items())
+        notes.append(f"other names: {pairs}")
+    notes += actions_of({name: env.action_names for name, (env, _) in environments.items()})
+    for note in notes:
+        print(textwrap.fill(note, LIST_WIDTH, subsequent_indent="  ", **WRAPPING))
 
 
-def format_table(rows: list[tuple[str, ...]], right: tuple[int, ...] = ()) -> str:
-    """Rows of cells as lines with aligned columns; `right` are the right-aligned ones."""
+def extent(env: Any) -> str:
+    """The size of an environment's map as columns x rows, marked if it is generated."""
+    tilemap = getattr(env, "tilemap", None)
+    if tilemap is not None:
+        return f"{tilemap.columns}x{tilemap.rows}"
+    columns, rows = env.map_size
+    return f"{columns}x{rows}{GENERATED}"
+
+
+def actions_of(names: Mapping[str, tuple[str, ...]]) -> list[str]:
+    """What the actions are, a line for each set of them, that of the most environments first.
+
+    Args:
+        names: the actions of each environment.
+    """
+    users: dict[tuple[str, ...], list[str]] = {}
+    for name, actions in names.items():
+        users.setdefault(actions, []).append(name)
+    lines = []
+    for actions, who in sorted(users.items(), key=lambda item: -len(item[1])):
+        numbered = ", ".join(f"{i} {action}" for i, action in enumerate(actions))
+        lines.append(f"actions of {', '.join(who) if lines else 'all'}: {numbered}")
+    if len(lines) > 1:
+        lines[0] = lines[0].replace(" of all:", " of all others:")
+        lines.append(lines.pop(0))
+    return lines
+
+
+def format_table(
+    rows: list[tuple[str, ...]], right: tuple[int, ...] = (), width: int | None = None
+) -> str:
+    """Rows of cells as lines with aligned columns.
+
+    Args:
+        rows: the cells of each.
+        right: columns that are aligned to the right.
+        width: characters in a line; the last column is wrapped to it.
+    """
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    if width is not None:
+        widths[-1] = max(20, width - sum(widths[:-1]) - 2 * (len(widths) - 1))
     lines = []
     for row in rows:
-        cells = [
-            cell.rjust(width) if i in right else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  ".join(cells).rstrip())
+        last = textwrap.wrap(row[-1], widths[-1], **WRAPPING) if width is not None else row[-1:]
+        for n, words in enumerate(last or [""]):
+            cells = [*(row[:-1] if n == 0 else [""] * (len(row) - 1)), words]
+            lines.append(
+                "  ".join(
+                    cell.rjust(space) if i in right else cell.ljust(space)
+                    for i, (cell, space) in enumerate(zip(cells, widths, strict=True))
+                ).rstrip()
+            )
     return "\n".join(lines)

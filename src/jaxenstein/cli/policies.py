@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from .arguments import UsageError
 
+if TYPE_CHECKING:
+    from ..tasks.first_person import FirstPerson
+
 
 class Policy(Protocol):
     """Chooses actions."""
 
-    def choose(self, position: np.ndarray) -> int:
-        """The next action, at float[2] `position` in tiles."""
+    def choose(self, key: Any, state: Any) -> int:
+        """The next action.
+
+        Args:
+            key: a JAX key, another one at every step.
+            state: the environment's state.
+        """
         ...
 
 
@@ -25,9 +34,9 @@ class Script:
         """Play `actions` in order."""
         self._actions = iter(actions)
 
-    def choose(self, position: np.ndarray) -> int:
+    def choose(self, key: Any, state: Any) -> int:
         """The next action of the list."""
-        del position
+        del key, state
         return next(self._actions)
 
 
@@ -39,9 +48,9 @@ class RandomPolicy:
         self._num_actions = num_actions
         self._rng = rng
 
-    def choose(self, position: np.ndarray) -> int:
+    def choose(self, key: Any, state: Any) -> int:
         """A random action."""
-        del position
+        del key, state
         return int(self._rng.integers(self._num_actions))
 
 
@@ -63,8 +72,10 @@ class Forward:
         self._walked_from: np.ndarray | None = None
         self._tried = False
 
-    def choose(self, position: np.ndarray) -> int:
+    def choose(self, key: Any, state: Any) -> int:
         """Forward, unless the last step forward did not move."""
+        del key
+        position = np.asarray(state.position)
         if not self._plan:
             self._plan = self._next(position)
         action = self._plan.pop(0)
@@ -83,6 +94,33 @@ class Forward:
             return [self._interact, self._forward]
         self._tried = False
         return [turn] * int(self._rng.integers(2, 9)) + [self._forward]
+
+
+Maker = Callable[["FirstPerson[Any, Any]", Any, np.random.Generator], Policy]
+
+
+@dataclasses.dataclass(frozen=True)
+class Named:
+    """A policy that `--policy` knows.
+
+    Attributes:
+        summary: what it does, for the help.
+        make: builds it from the environment, its params and a source of random numbers.
+    """
+
+    summary: str
+    make: Maker
+
+
+POLICIES: dict[str, Named] = {
+    "random": Named(
+        "draws every action uniformly", lambda env, _, rng: RandomPolicy(env.num_actions, rng)
+    ),
+    "forward": Named(
+        "walks on and turns where it is blocked",
+        lambda env, _, rng: Forward(env.action_names, rng),
+    ),
+}
 
 
 def parse_actions(text: str, names: Sequence[str]) -> list[int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,7 @@ from ..view.recording import (
     save_gif,
     scale_to,
 )
-from ..view.topdown import draw_map
+from ..view.topdown import MapPicture, draw_map
 from .arguments import (
     UsageError,
     add_environment,
@@ -30,11 +29,11 @@ from .arguments import (
     real,
     whole,
 )
-from .frames import image_of, picture
-from .policies import Forward, Policy, RandomPolicy, Script, parse_actions
+from .playing import play
+from .policies import POLICIES, Policy, Script, parse_actions
 
 if TYPE_CHECKING:
-    from ..environment import Environment
+    from ..tasks.first_person import FirstPerson
 
 DESCRIPTION = """\
 Play one episode and write it as a GIF: what the agent sees, beside the map from above with
@@ -49,8 +48,8 @@ examples:
   jaxenstein record --map-file maze.txt --width 160 --height 120 --fov 90 --out maze.gif
 
 actions are numbers or names (see 'jaxenstein list'), separated by commas; 2*10 is ten times 2.
-policies: random draws every action uniformly; forward walks on and turns where it is blocked.
-"""
+policies:
+""" + "\n".join(f"  {name}: {policy.summary}" for name, policy in POLICIES.items())
 # The side of the map in pixels, and the least height of the first-person view.
 MAP_SIZE, VIEW_HEIGHT = 448, 384
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_HEIGHT = 32, 8, 112
@@ -92,23 +91,31 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         metavar="RATE",
         help="frames a second, 1 to 50 (default %(default)g)",
     )
-    play = parser.add_argument_group("what is played")
-    play.add_argument(
+    out.add_argument(
+        "--every",
+        type=whole(),
+        default=1,
+        metavar="N",
+        help="show every N-th step, for long episodes (default %(default)s)",
+    )
+    played = parser.add_argument_group("what is played")
+    played.add_argument(
         "--steps",
         type=whole(),
         default=300,
         metavar="T",
         help="stop after T steps (default %(default)s)",
     )
-    how = play.add_mutually_exclusive_group()
+    how = played.add_mutually_exclusive_group()
     how.add_argument(
         "--policy",
-        choices=("random", "forward"),
+        choices=tuple(POLICIES),
         default="forward",
-        help="who acts (default %(default)s)",
+        metavar="NAME",
+        help="who acts, see below (default %(default)s)",
     )
     how.add_argument("--actions", metavar="LIST", help='the actions to take, such as "2,2,0,1"')
-    add_seed(play)
+    add_seed(played)
     parser.set_defaults(run=run)
 
 
@@ -120,11 +127,17 @@ def run(options: argparse.Namespace) -> None:
             raise UsageError(f"jaxenstein record: {path} should end in {suffix}")
         if path is not None:
             check_writable(path)
-    policy, steps = _policy(env, options)
+    policy, steps = _policy(env, params, options)
     episode = play(env, params, policy, steps, options.seed)
-    pictures = compose(env, episode, with_map=options.map, scale=options.scale)
     frames = []
-    with Progress(episode.steps + 1, "drawing", unit="frames") as progress:
+    with Progress(-(-episode.steps // options.every) + 1, "drawing", unit="frames") as progress:
+        pictures = compose(
+            episode,
+            env.field_of_view,
+            with_map=options.map,
+            scale=options.scale,
+            every=options.every,
+        )
         for i, frame in enumerate(pictures, 1):
             frames.append(frame)
             progress.update(i)
@@ -138,121 +151,44 @@ def run(options: argparse.Namespace) -> None:
     print(f"{name}: {episode.steps} steps, return {episode.returns[-1]:.4g}, wrote {written}")
 
 
-def _policy(env: Environment[Any, Any], options: argparse.Namespace) -> tuple[Policy, int]:
+def _policy(
+    env: FirstPerson[Any, Any], params: Any, options: argparse.Namespace
+) -> tuple[Policy, int]:
     if options.actions is not None:
         script = parse_actions(options.actions, env.action_names)
         return Script(script), min(len(script), options.steps)
     rng = np.random.default_rng(options.seed)
-    if options.policy == "random":
-        return RandomPolicy(env.num_actions, rng), options.steps
-    return Forward(env.action_names, rng), options.steps
-
-
-def play(env: Environment[Any, Any], params: Any, policy: Policy, steps: int, seed: int) -> Episode:
-    """Play one episode, or the first `steps` steps of it.
-
-    Args:
-        env: an environment made with `autoreset=None`.
-        params: its params.
-        policy: chooses the actions.
-        steps: the most steps to take, at least 1.
-        seed: of the reset and the steps.
-    """
-    import jax
-
-    key = jax.random.key(seed)
-    key, reset_key = jax.random.split(key)
-    obs, state = env.reset(reset_key, params)
-    tape = Tape()
-    tape.look(image_of(obs), state)
-    with Progress(steps, "playing") as progress:
-        for i in range(steps):
-            key, step_key = jax.random.split(key)
-            action = np.int32(policy.choose(tape.positions[-1]))
-            obs, state, reward, terminated, truncated, info = env.step(
-                step_key, state, action, params
-            )
-            tape.look(image_of(obs), state)
-            tape.act(float(reward), jax.device_get(info), over=bool(truncated & ~terminated))
-            progress.update(i + 1)
-            if bool(terminated) or bool(truncated):
-                break
-        progress.total = len(tape.rewards)
-    return tape.episode(getattr(env, "observation", "rgb"))
-
-
-@dataclasses.dataclass
-class Tape:
-    """Collects an episode step by step."""
-
-    frames: list[np.ndarray] = dataclasses.field(default_factory=list)
-    positions: list[np.ndarray] = dataclasses.field(default_factory=list)
-    headings: list[float] = dataclasses.field(default_factory=list)
-    opened: list[np.ndarray] = dataclasses.field(default_factory=list)
-    taken: list[np.ndarray] = dataclasses.field(default_factory=list)
-    goals: list[int] = dataclasses.field(default_factory=list)
-    rewards: list[float] = dataclasses.field(default_factory=list)
-    events: list[str] = dataclasses.field(default_factory=list)
-
-    def look(self, image: Any, state: Any) -> None:
-        """Add what is seen in a state, and what the map needs of it."""
-        nothing = np.zeros(0, bool)
-        self.frames.append(np.asarray(image))
-        self.positions.append(np.asarray(state.position))
-        self.headings.append(float(state.heading))
-        self.opened.append(np.asarray(getattr(state, "opened", nothing)))
-        self.taken.append(np.asarray(getattr(state, "taken", nothing)))
-        self.goals.append(int(getattr(state, "goal", -1)))
-
-    def act(self, reward: float, info: dict[str, Any], *, over: bool) -> None:
-        """Add what a step brought."""
-        self.rewards.append(reward)
-        words = [text for name, text in EVENTS.items() if np.any(info.get(name, False))]
-        self.events.append(", ".join(words + ["time is up"] * over))
-
-    def episode(self, kind: str) -> Episode:
-        """The finished episode; `kind` is the environment's `observation`."""
-        return Episode(
-            frames=picture(np.stack(self.frames), kind),
-            positions=np.stack(self.positions),
-            headings=np.array(self.headings, np.float32),
-            rewards=np.array(self.rewards, np.float32),
-            opened=np.stack(self.opened),
-            taken=np.stack(self.taken),
-            goals=np.array(self.goals, np.int32),
-            events=tuple(self.events),
-        )
-
-
-EVENTS = {
-    "picked_key": "picked up a key",
-    "opened_door": "opened a door",
-    "reached_goal": "reached the goal",
-}
+    return POLICIES[options.policy].make(env, params, rng), options.steps
 
 
 def compose(
-    env: Environment[Any, Any], episode: Episode, *, with_map: bool, scale: int | None
+    episode: Episode, field_of_view: float, *, with_map: bool, scale: int | None, every: int = 1
 ) -> Iterator[np.ndarray]:
     """The pictures of an episode: uint8[h, w, 3], one a frame.
 
     Args:
-        env: the environment it was played in; without a tile map there is no map picture.
-        episode: the episode.
+        episode: the episode; without a tile map there is no map picture.
+        field_of_view: of the environment, in degrees.
         with_map: whether to show the map.
         scale: factor by which the view is enlarged, None for a good size.
+        every: show every so many steps; the first and the last frame always.
     """
-    tilemap = getattr(env, "tilemap", None) if with_map else None
-    fov = getattr(env, "field_of_view", 60.0)
     scale = scale or scale_to(episode.frames.shape[1], VIEW_HEIGHT)
+    tilemap = episode.tilemap if with_map else None
     ground = None if tilemap is None else draw_map(tilemap, size=MAP_SIZE)
     for i, frame in enumerate(episode.frames):
-        overview = None
         if ground is not None:
             ground.path(episode.positions[max(0, i - 1) : i + 1], max(0, i - 1), episode.steps)
-            opened, goal = episode.opened[i], int(episode.goals[i])
-            overview = ground.copy()
-            overview.objects(opened, episode.taken[i], goal if goal >= 0 else None)
-            overview.agent(episode.positions[i], episode.headings[i], fov, opened)
-        shot = None if overview is None else overview.image()
+        if i % every and i < episode.steps:
+            continue
+        shot = None if ground is None else overview(ground, episode, i, field_of_view).image()
         yield compose_side_by_side(frame, shot, caption(episode, i), scale=scale)
+
+
+def overview(ground: MapPicture, episode: Episode, step: int, field_of_view: float) -> MapPicture:
+    """A map with the doors, the things and the agent of one frame added."""
+    position, heading = episode.positions[step], episode.headings[step]
+    shot = ground.copy().doors(episode.closed[step])
+    shot.sight(position, heading, field_of_view, episode.closed[step])
+    shot.sprites(episode.sprites[step], episode.labels[step], episode.visible[step])
+    return shot.agent(position, heading)

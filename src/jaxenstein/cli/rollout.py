@@ -92,9 +92,10 @@ class Tally:
     Attributes:
         episodes: episodes that ended.
         returns: the sum of their returns.
-        successes: how many of them reached the goal; None where the task knows no goal.
+        successes: how many of them reached a goal; None where the task knows no goal.
         seconds: time spent stepping, without compiling.
         compiling: seconds it took to compile.
+        goals: how many goals were reached in them; where they go on after one, more than once.
     """
 
     episodes: int
@@ -102,6 +103,7 @@ class Tally:
     successes: int | None
     seconds: float
     compiling: float = 0.0
+    goals: int = 0
 
 
 def run(options: argparse.Namespace) -> None:
@@ -163,9 +165,11 @@ def compile_rollout(
             "episodes": carry["episodes"] + ended.astype(jnp.int32),
             "returns": carry["returns"] + jnp.where(ended, info["episode_return"], 0),
         }
-        if "successes" in carry:
-            reached = terminated & info["reached_goal"]
-            carry["successes"] = carry["successes"] + reached.astype(jnp.int32)
+        if "goals" in carry:
+            so_far = carry["so_far"] + info["reached_goal"].astype(jnp.int32)
+            carry["goals"] = carry["goals"] + jnp.where(ended, so_far, 0)
+            carry["successes"] = carry["successes"] + (ended & (so_far > 0)).astype(jnp.int32)
+            carry["so_far"] = jnp.where(ended, 0, so_far)
         return carry
 
     def advance(carry: Carry, steps: Any) -> tuple[Carry, Any]:
@@ -181,7 +185,8 @@ def compile_rollout(
     carry = {"key": key, "obs": obs, "state": state, "episodes": nothing}
     carry["returns"] = jnp.zeros(envs, jnp.float32)
     if "reached_goal" in jax.eval_shape(stepping, keys, state, nothing, params)[-1]:
-        carry["successes"] = jnp.zeros(envs, jnp.int32)
+        # Distinct arrays: their memory is reused one by one.
+        carry |= {name: jnp.zeros(envs, jnp.int32) for name in ("so_far", "goals", "successes")}
     return jax.jit(advance, donate_argnums=0).lower(carry, np.int32(0)).compile(), carry
 
 
@@ -218,9 +223,10 @@ def play(
             progress.update(done * envs)
             if not with_frames and elapsed < CALL_SECONDS:
                 chunk *= 2
-    successes = int(np.sum(carry["successes"])) if "successes" in carry else None
-    returns = float(np.sum(carry["returns"]))
-    return frames, Tally(int(np.sum(carry["episodes"])), returns, successes, seconds)
+    tally = Tally(int(np.sum(carry["episodes"])), float(np.sum(carry["returns"])), None, seconds)
+    if "goals" in carry:
+        tally.successes, tally.goals = int(np.sum(carry["successes"])), int(np.sum(carry["goals"]))
+    return frames, tally
 
 
 def _report(options: argparse.Namespace, tally: Tally) -> None:
@@ -231,7 +237,9 @@ def _report(options: argparse.Namespace, tally: Tally) -> None:
     if tally.episodes:
         print(f"mean return   {tally.returns / tally.episodes:.4g}")
     if tally.episodes and tally.successes is not None:
-        print(f"success       {tally.successes / tally.episodes:.1%} reached the goal")
+        more = f", {tally.goals / tally.episodes:.3g} goals an episode"
+        success = f"{tally.successes / tally.episodes:.1%} reached the goal"
+        print(f"success       {success}{more if tally.goals > tally.successes else ''}")
 
 
 def write_pictures(frames: np.ndarray, gif: Path, sheet: Path) -> None:

@@ -10,7 +10,7 @@ from ..pytree import Record, record
 from .camera import Camera
 from .level import WORD
 from .raycast import Hits, rays
-from .scene import Sprites, Theme
+from .scene import Theme
 from .shade import (
     SEAM_FADES,
     SEAM_SHADE,
@@ -21,7 +21,7 @@ from .shade import (
     pack_rgb,
     tone,
 )
-from .sprites import Layers, project
+from .sprites import Layers, Spots, project
 
 # A panel's shadow plane has the wall's colour times this.
 PANEL_SHADOW = 0.45
@@ -54,7 +54,7 @@ class Panels(Record):
     """Panels: shadows and accents on a wall.
 
     Attributes:
-        planes: uint32[2, W], words of shadow and accent, least bit on top.
+        planes: uint32[2, W], words of shadow and accent, greatest bit on top.
         paint: paint[2, W].
     """
 
@@ -63,42 +63,34 @@ class Panels(Record):
 
 
 def prepare(
-    position: jax.Array,
     heading: jax.Array,
     hits: Hits,
-    sprites: Sprites,
+    spots: Spots | None,
     *,
     theme: Theme,
     camera: Camera,
     kind: ImageKind,
-    layers: int,
 ) -> Columns:
     """Look up what each column shows.
 
     Args:
-        position: float32[2], the eye.
         heading: float32[], radians.
         hits: what the rays hit.
-        sprites: the billboards of the scene.
+        spots: the billboards to draw, or None.
         theme: how everything looks.
         camera: size and field of view of the image.
         kind: the kind of image.
-        layers: how many billboards one column can show.
     """
     light = _wall_light(hits)
     index = hits.wall.astype(jnp.int32)
     table = jnp.asarray(theme.wall_colours)
     colour = [table[:, i].at[index].get(mode="promise_in_bounds") for i in range(3)]
-    drawn = None
-    if sprites.look.shape[0]:
-        eye = position, heading
-        drawn = project(sprites, theme, *eye, hits.depth, camera=camera, kind=kind, layers=layers)
     return Columns(
         half=jnp.float32(0.5 * camera.focal) / jnp.maximum(hits.depth, 1e-6),
         wall=tone(kind, pack_rgb(colour, light), hits.wall, hits.depth),
         ray=jnp.stack(rays(heading, camera)),
         panels=_panels(index, hits, colour, light, theme, kind),
-        layers=drawn,
+        layers=None if spots is None else project(spots, hits.depth, theme, camera, kind),
     )
 
 

@@ -44,6 +44,42 @@ def staged(stage: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
+def repeat(body: Callable[..., Any]) -> Callable[..., Any]:
+    """A loop whose number of rounds is that of the batch's longest, for all of the batch.
+
+    `jax.vmap` would keep each member's result back after its own last round, at the cost of a
+    select a round. Here further rounds are given to those that need none, and must not harm.
+
+    Args:
+        body: called as `body(i, carry, constants)` for i = 0, 1, ...; returns the next carry.
+
+    Returns:
+        A function of (rounds int32[], carry, constants) that returns the last carry.
+    """
+
+    @custom_vmap
+    def call(rounds: jax.Array, carry: Any, constants: Any) -> Any:
+        return lax.fori_loop(0, rounds, lambda i, c: body(i, c, constants), carry)
+
+    @call.def_vmap
+    def _(
+        axis_size: int, in_batched: list[Any], rounds: jax.Array, carry: Any, constants: Any
+    ) -> tuple[Any, Any]:
+        if in_batched[0]:
+            rounds = jnp.max(rounds)
+
+        def spread(leaf: jax.Array, batched: bool) -> jax.Array:
+            return leaf if batched else jnp.broadcast_to(leaf, (axis_size, *leaf.shape))
+
+        carry = jax.tree.map(spread, carry, in_batched[1])
+        axes = jax.tree.map(lambda batched: 0 if batched else None, in_batched[2])
+        mapped = jax.vmap(body, in_axes=(None, 0, axes), axis_size=axis_size)
+        out = repeat(mapped)(rounds, carry, constants)
+        return out, jax.tree.map(lambda _: True, out)
+
+    return call
+
+
 def _behind_barrier(stage: Callable[..., Any]) -> Callable[..., Any]:
     def run(*args: Any) -> Any:
         return lax.optimization_barrier(stage(*args))

@@ -60,8 +60,11 @@ def _whole(value_less_half: jax.Array) -> jax.Array:
 
 
 def _test(word: jax.Array, bit: jax.Array) -> jax.Array:
-    """bool: whether a bit of a word is set; never for bits past the word."""
-    return jnp.right_shift(word, bit) & jnp.uint32(1) != 0
+    """bool: whether a bit of a word, counted from its greatest, is set; never for bits past it.
+
+    As the sign of a number, which takes one shift and no mask.
+    """
+    return lax.bitcast_convert_type(jnp.left_shift(word, bit), jnp.int32) < 0
 
 
 def _background(

@@ -21,6 +21,7 @@ from .pixels import paint
 from .raycast import cast
 from .scene import Scene
 from .shade import ImageKind
+from .sprites import choose
 
 
 def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 4) -> jax.Array:
@@ -36,6 +37,9 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     """
     camera = camera.widened()
     pose = scene.position, scene.heading
+    spots = None
+    if scene.sprites.look.shape[0]:
+        spots = choose(*pose, scene.sprites, scene.theme, camera, layers)
     hits = cast(*pose, scene.closed, scene.level, camera)
-    stage = partial(prepare, theme=scene.theme, camera=camera, kind=kind, layers=layers)
-    return paint(staged(stage)(*pose, hits, scene.sprites), scene, camera, kind)
+    stage = staged(partial(prepare, theme=scene.theme, camera=camera, kind=kind))
+    return paint(stage(scene.heading, hits, spots), scene, camera, kind)

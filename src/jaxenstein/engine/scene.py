@@ -19,11 +19,11 @@ class Theme(Record):
     Attributes:
         wall_colours: float32[n, 3], RGB 0 to 255 of each entry of `Level.walls`.
         wall_panels: int32[n], row of `panels` drawn on each; 0 is the empty panel.
-        panels: uint32[m, 2, 32], bit planes (shadow, accent) by column, least bit on top.
+        panels: uint32[m, 2, 32], bit planes (shadow, accent) by column, greatest bit on top.
         panel_accent: float32[3], colour of the accent plane.
         floor: float32[2, 3], the two colours of the checker.
         ceiling: float32[3].
-        sprite_art: uint32[s, 2, 32], bit planes (shape, detail) of each sprite look.
+        sprite_art: uint32[s, 2, 32], bit planes (shape, detail) of each sprite look, likewise.
         sprite_colours: float32[s, 2, 3], colours of the shape and of the detail.
         sprite_radius: float32[s], half the side of the square billboard, in tiles.
         sprite_drop: float32[s], tiles from the eye's height down to the billboard's centre.

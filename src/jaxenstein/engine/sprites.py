@@ -6,18 +6,25 @@ shifts and tests a bit. Of the billboards over a column, the nearest few are kep
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from ..pytree import Record, record
 from .camera import Camera
-from .level import WORD
+from .fusion import repeat, staged
+from .level import WORD, Array
 from .scene import Sprites, Theme
 from .shade import ImageKind, brightness, pack_rgb, tone
 
 # Billboards nearer than this are behind the eye or around it.
 NEAREST = 0.05
+# Billboards are looked through in a loop of blocks of this size, to bound the program.
+BLOCK = 8
 _NONE = 0xFFFFFFFF
 
 
@@ -25,13 +32,14 @@ _NONE = 0xFFFFFFFF
 class Layers(Record):
     """The nearest billboards over each column, near to far: K layers, W columns.
 
-    A pixel `y` rows below the horizon shows bit `round(scale * y + offset)` of the planes.
+    A pixel `y` rows below the horizon shows bit `round(scale * y + offset)` of the planes. What
+    is the same in all columns has one column.
 
     Attributes:
         planes: uint32[2, K, W], words of shape and detail; 0 where there is no billboard.
-        scale: float32[K, W], bits a pixel.
-        offset: float32[K, W], less one half.
-        paint: paint[2, K, W] of shape and detail (see `columns.Columns`).
+        scale: float32[K, W or 1], bits a pixel.
+        offset: float32[K, W or 1], less one half.
+        paint: paint[2, K, W or 1] of shape and detail (see `columns.Columns`).
     """
 
     planes: jax.Array
@@ -40,112 +48,173 @@ class Layers(Record):
     paint: jax.Array
 
 
-def project(
-    sprites: Sprites,
-    theme: Theme,
+@record
+class Spots(Record):
+    """Billboards as the eye sees them; any shape, the same for all.
+
+    A column of slope s sees column `stretch * s + start` of a billboard's 32, if there is one.
+
+    Attributes:
+        stretch: float32, 0 if it is not to be drawn.
+        start: float32, -1 if it is not to be drawn.
+        look: int32.
+    """
+
+    stretch: jax.Array
+    start: jax.Array
+    look: jax.Array
+
+    def depth(self, theme: Theme) -> jax.Array:
+        """float32: depth in tiles."""
+        return self.stretch * _of_look(theme.sprite_radius, self.look) / (WORD // 2)
+
+
+def choose(
     position: jax.Array,
     heading: jax.Array,
-    wall_depth: jax.Array,
-    *,
+    sprites: Sprites,
+    theme: Theme,
     camera: Camera,
-    kind: ImageKind,
     layers: int,
-) -> Layers:
-    """Project billboards onto the columns of an image.
+) -> Spots:
+    """The billboards to draw over each column, [K, W] near to far; walls are not looked at.
 
     Args:
-        sprites: the billboards, N of them.
-        theme: their looks.
         position: float32[2], the eye.
         heading: float32[], radians.
+        sprites: the billboards, N of them.
+        theme: their looks.
+        camera: width and field of view.
+        layers: how many billboards a column can show, one behind the other. If there are no
+            more than that, the result is [N, 1]: all of them.
+    """
+    spots = staged(partial(_spot, theme=theme))(position, heading, sprites)
+    if sprites.look.shape[0] <= layers:
+        return _sorted(spots, theme)
+    find = partial(_nearest, theme=theme, camera=camera, layers=layers)
+    return staged(_pick)(spots, staged(find)(spots))
+
+
+def project(
+    spots: Spots, wall_depth: jax.Array, theme: Theme, camera: Camera, kind: ImageKind
+) -> Layers:
+    """What the chosen billboards show in each column.
+
+    Args:
+        spots: the billboards from `choose`.
         wall_depth: float32[W], depth of the wall behind each column.
+        theme: their looks.
         camera: width and field of view.
         kind: the kind of image.
-        layers: how many billboards a column can show, one behind the other.
     """
-    count = sprites.look.shape[0]
-    slopes = jnp.asarray(camera.column_slopes())
-    radius = jnp.asarray(theme.sprite_radius)
+    depth = spots.depth(theme)
+    across = spots.stretch * jnp.asarray(camera.column_slopes())[None] + spots.start
+    seen = (across >= 0) & (across < WORD) & (depth < wall_depth[None])
+    texel = jnp.clip(across.astype(jnp.int32), 0, WORD - 1)
+    drop, radius = (
+        _of_look(table, spots.look) for table in (theme.sprite_drop, theme.sprite_radius)
+    )
+    light = brightness(depth)
+    palette = np.asarray(theme.sprite_colours)
+    labels = _of_look(theme.sprite_labels, spots.look)
+    paint = []
+    for plane in (0, 1):
+        colour = [_of_look(palette[:, plane, channel], spots.look) for channel in range(3)]
+        paint.append(tone(kind, pack_rgb(colour, light), labels, depth))
+    art = jnp.asarray(theme.sprite_art)
+    index = spots.look * WORD + texel
+    planes = [art[:, i].reshape(-1).at[index].get(mode="promise_in_bounds") for i in (0, 1)]
+    return Layers(
+        planes=jnp.stack([jnp.where(seen, plane, jnp.uint32(0)) for plane in planes]),
+        scale=spots.stretch / camera.focal,
+        offset=(WORD // 2) * (1 - drop / radius) - 0.5,
+        paint=jnp.stack(paint),
+    )
+
+
+def _spot(position: jax.Array, heading: jax.Array, sprites: Sprites, *, theme: Theme) -> Spots:
+    """Where N billboards are, [N]."""
     cos, sin = jnp.cos(heading), jnp.sin(heading)
     offset = sprites.position - position[None]
     depth = offset[:, 0] * cos + offset[:, 1] * sin
     side = offset[:, 1] * cos - offset[:, 0] * sin
-    own_radius = radius[sprites.look]
-    # Place on the billboard from its left edge to its right, as 0 to 32; [N, W].
-    across = (slopes[None] * depth[:, None] - side[:, None]) / own_radius[:, None]
-    across = (across + 1) * (WORD // 2)
-    seen = (across >= 0) & (across < WORD) & (depth[:, None] < wall_depth[None])
-    seen = seen & (sprites.visible & (depth > NEAREST))[:, None]
-    chosen, present = _nearest(depth, seen, min(layers, count))
-    look = _pick(sprites.look, chosen)
-    depth = _pick(depth, chosen)
-    texel = jnp.clip(_pick_rows(across, chosen), 0, WORD - 1).astype(jnp.int32)
-    return _paint(look, depth, texel, present, theme, camera, kind)
+    drawn = sprites.visible & (depth > NEAREST)
+    unit = (WORD // 2) / _of_look(theme.sprite_radius, sprites.look)
+    return Spots(
+        stretch=jnp.where(drawn, depth * unit, 0),
+        start=jnp.where(drawn, WORD // 2 - side * unit, -1),
+        look=sprites.look,
+    )
 
 
-def _nearest(depth: jax.Array, seen: jax.Array, layers: int) -> tuple[jax.Array, jax.Array]:
-    """int32[K, W] indices of the nearest seen billboards, and bool[K, W] whether there is one.
+def _of_look(table: Array, look: jax.Array) -> jax.Array:
+    """table[look] for a table [s], without a gather: there are few looks."""
+    values = np.asarray(table)
+    chosen = jnp.full(look.shape, values[0])
+    for i in range(1, len(values)):
+        chosen = jnp.where(look == i, values[i], chosen)
+    return chosen
 
-    Depths are compared by their leading bits with the index packed below, so that one minimum
+
+def _sorted(spots: Spots, theme: Theme) -> Spots:
+    """All billboards by depth, [N, 1]."""
+    depth = spots.depth(theme)
+    index = np.arange(depth.shape[0], dtype=np.int32)
+    nearer = depth[:, None] < depth[None]
+    tied = (depth[:, None] == depth[None]) & (index[:, None] < index[None])
+    rank = jnp.sum(nearer | tied, axis=0, dtype=jnp.int32)
+    at_rank = rank[None] == index[:, None]
+
+    def reorder(values: jax.Array) -> jax.Array:
+        chosen = jnp.where(at_rank, values[None], 0)
+        return jnp.sum(chosen, axis=1, keepdims=True, dtype=values.dtype)
+
+    return jax.tree.map(reorder, spots)
+
+
+def _nearest(spots: Spots, *, theme: Theme, camera: Camera, layers: int) -> jax.Array:
+    """uint32[layers, W]: keys of the nearest billboards over each column.
+
+    A key is the leading bits of a depth with the billboard's index below, so that one minimum
     finds both; billboards whose depths agree to about 1e-5 are ordered by index.
     """
-    count, width = seen.shape
-    if count == 1:
-        return jnp.zeros((1, width), jnp.int32), seen
-    index_bits = (count - 1).bit_length()
-    mask = jnp.uint32((1 << index_bits) - 1)
-    index = jnp.arange(count, dtype=jnp.uint32)
-    keys = (lax.bitcast_convert_type(depth, jnp.uint32) & ~mask) | index
-    keys = jnp.where(seen, keys[:, None], jnp.uint32(_NONE))
-    found = []
-    for _ in range(layers):
-        best = lax.reduce(keys, jnp.uint32(_NONE), lax.min, (0,))
-        found.append(best)
-        keys = jnp.where(keys == best[None], jnp.uint32(_NONE), keys)
-    best = jnp.stack(found)
-    present = best != jnp.uint32(_NONE)
-    return jnp.where(present, (best & mask).astype(jnp.int32), 0), present
+    count = spots.look.shape[0]
+    index = np.arange(count, dtype=np.uint32)
+    depth = lax.bitcast_convert_type(spots.depth(theme), jnp.uint32)
+    keys = depth & ~_index_mask(count) | index
+    blocks = -(-count // BLOCK)
+    rest = (0, blocks * BLOCK - count)
+    filled = [
+        jnp.pad(values, rest, constant_values=filler).reshape(blocks, BLOCK)
+        for values, filler in ((spots.stretch, 0), (spots.start, -1), (keys, 0))
+    ]
+    slopes = jnp.asarray(camera.column_slopes())
+
+    def visit(i: jax.Array, best: Any, filled: Any) -> Any:
+        stretch, start, key = (values[i] for values in filled)
+        near = list(best)
+        for j in range(BLOCK):
+            across = stretch[j] * slopes + start[j]
+            new = jnp.where((across >= 0) & (across < WORD), key[j], np.uint32(_NONE))
+            for k in range(layers):
+                near[k], new = jnp.minimum(near[k], new), jnp.maximum(near[k], new)
+        return tuple(near)
+
+    last = jnp.max(jnp.where(spots.stretch > 0, index.astype(np.int32) + 1, 0))
+    none = jnp.full(slopes.shape, _NONE, jnp.uint32)
+    return jnp.stack(repeat(visit)(-(-last // BLOCK), (none,) * layers, filled))
 
 
-def _pick(values: jax.Array, chosen: jax.Array) -> jax.Array:
-    """values[chosen], without a gather where there is one value."""
-    if values.shape[0] == 1:
-        return jnp.broadcast_to(values[0], chosen.shape)
-    return values.at[chosen].get(mode="promise_in_bounds")
+def _index_mask(count: int) -> np.uint32:
+    return np.uint32((1 << (count - 1).bit_length()) - 1)
 
 
-def _pick_rows(values: jax.Array, chosen: jax.Array) -> jax.Array:
-    """values[chosen[k, w], w] for values [N, W]."""
-    if values.shape[0] == 1:
-        return jnp.broadcast_to(values, chosen.shape)
-    return jnp.take_along_axis(values, chosen, axis=0, mode="promise_in_bounds")
-
-
-def _paint(
-    look: jax.Array,
-    depth: jax.Array,
-    texel: jax.Array,
-    present: jax.Array,
-    theme: Theme,
-    camera: Camera,
-    kind: ImageKind,
-) -> Layers:
-    """Fetch words and colours of the chosen billboards; all arguments [K, W]."""
-    art = jnp.asarray(theme.sprite_art)
-    drop = _pick(jnp.asarray(theme.sprite_drop), look)
-    radius = _pick(jnp.asarray(theme.sprite_radius), look)
-    light = brightness(depth)
-    palette = jnp.asarray(theme.sprite_colours)
-    labels = _pick(jnp.asarray(theme.sprite_labels), look)
-    paint = []
-    for plane in (0, 1):
-        colour = [_pick(palette[:, plane, channel], look) for channel in range(3)]
-        paint.append(tone(kind, pack_rgb(colour, light), labels, depth))
-    index = look * WORD + texel
-    planes = [art[:, i].reshape(-1).at[index].get(mode="promise_in_bounds") for i in (0, 1)]
-    return Layers(
-        planes=jnp.stack([jnp.where(present, plane, jnp.uint32(0)) for plane in planes]),
-        scale=(WORD // 2) * depth / (camera.focal * radius),
-        offset=(WORD // 2) * (1 - drop / radius) - 0.5,
-        paint=jnp.stack(paint),
+def _pick(spots: Spots, keys: jax.Array) -> Spots:
+    """The billboards of keys from `_nearest`; where there is none, one that is not drawn."""
+    none = keys == np.uint32(_NONE)
+    index = jnp.where(none, np.uint32(0), keys & _index_mask(spots.look.shape[0]))
+    chosen = index.astype(jnp.int32)
+    picked = jax.tree.map(lambda v: v.at[chosen].get(mode="promise_in_bounds"), spots)
+    return picked.replace(
+        stretch=jnp.where(none, 0, picked.stretch), start=jnp.where(none, -1, picked.start)
     )

@@ -24,6 +24,9 @@ from .symbols import (
 MAX_SIZE = 256
 """The most columns, and the most rows, that a map may have."""
 
+FACES = ("west", "east", "north", "south")
+"""The faces of a tile, by where they look, in the order of `TileMap.faces`."""
+
 Cell = tuple[int, int]
 """(column, row) of a tile."""
 Tiles = tuple[bytes, ...]
@@ -62,6 +65,7 @@ class TileMap:
         goals: tiles where the goal may lie.
         keys: the keys, at most one a tile.
         doors: the doors; each one's tile holds its label.
+        apples: tiles where an apple may lie, spawns or not.
 
     Raises:
         MapError: if the parts contradict one another, such as a goal inside a wall.
@@ -74,6 +78,7 @@ class TileMap:
     goals: tuple[Cell, ...] = ()
     keys: tuple[Key, ...] = ()
     doors: tuple[Door, ...] = ()
+    apples: tuple[Cell, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that the parts agree."""
@@ -82,6 +87,7 @@ class TileMap:
         _check_faces(self)
         _check_cells(self, "spawn", self.spawns)
         _check_cells(self, "goal", self.goals)
+        _check_cells(self, "apple", self.apples)
         _check_cells(self, "key", tuple((key.column, key.row) for key in self.keys))
         for key in self.keys:
             _check_colour(key.colour)
@@ -133,17 +139,33 @@ class TileMap:
     def tile_text(self) -> str:
         """The map as text, one line per row.
 
-        Each tile shows one symbol: of several things on it the key, else the goal. The faces
-        are not part of the text.
+        Each tile shows one symbol: of several things on it the key, else the goal, else the
+        apple, which has a symbol for one on a spawn. The faces are not part of the text.
         """
         lines = [[TILE_CHARACTERS[tile] for tile in row] for row in self.tiles]
         for column, row in self.spawns:
             lines[row][column] = "S"
+        for column, row in self.apples:
+            lines[row][column] = "@" if lines[row][column] == "S" else "a"
         for column, row in self.goals:
             lines[row][column] = "G"
         for key in self.keys:
             lines[key.row][key.column] = key_character(key.colour)
         return "".join("".join(line) + "\n" for line in lines)
+
+    def faces_text(self) -> str | None:
+        """What the walls' faces show as text, for `parse_ascii`; None if `faces` is None."""
+        if self.faces is None:
+            return None
+        blocks = [
+            f"{name}\n" + "".join("".join(map(_face_character, row)) + "\n" for row in face)
+            for name, face in zip(FACES, self.faces, strict=True)
+        ]
+        return "\n".join(blocks)
+
+
+def _face_character(label: int) -> str:
+    return TILE_CHARACTERS[0 if label in DOOR_LABELS else label]
 
 
 def _as_array(tiles: Tiles) -> np.ndarray:

@@ -2,22 +2,56 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..engine.art import load_art
 from ..engine.scene import Theme
-from ..maps.symbols import COLOUR_NAMES, GOAL_LABEL, LABEL_COLOURS, door_label, key_label
+from ..maps.symbols import (
+    APPLE_LABEL,
+    COLOUR_NAMES,
+    GOAL_LABEL,
+    KEY_LABELS,
+    LABEL_COLOURS,
+    MEDKIT_LABEL,
+    door_label,
+)
 
 RGB = tuple[int, int, int]
 # The two tiles of the checker, and the ceiling.
 FLOOR: tuple[RGB, RGB] = ((88, 92, 84), (68, 72, 66))
 CEILING: RGB = (52, 56, 66)
 PANEL_ACCENT: RGB = (225, 225, 215)
-# Half the side of the billboard and tiles from eye height down to its centre, by kind.
-KEY_SIZE = (0.25, 0.15)
-GOAL_SIZE = (0.32, 0.1)
-# A sprite's detail is its colour times this.
+# A sprite's detail is its colour times this, if it has none of its own.
 DETAIL_SHADE = 0.55
+
+
+@dataclass(frozen=True)
+class Look:
+    """A kind of billboard.
+
+    Attributes:
+        art: its picture.
+        radius: half its side in tiles.
+        drop: tiles from eye height down to its centre.
+        detail: RGB of its second colour, or None for a darker shade of the first.
+    """
+
+    art: str
+    radius: float
+    drop: float
+    detail: RGB | None = None
+
+
+KEY_LOOK = Look("key", 0.25, 0.15)
+LOOKS: dict[int, Look] = {
+    GOAL_LABEL: Look("goal", 0.32, 0.1),
+    # These two lie on the floor, below the horizon.
+    APPLE_LABEL: Look("apple", 0.16, 0.34, (60, 140, 40)),
+    MEDKIT_LABEL: Look("medkit", 0.24, 0.26, (200, 24, 28)),
+    **dict.fromkeys(KEY_LABELS, KEY_LOOK),
+}
 
 
 def build_theme(
@@ -42,10 +76,7 @@ def build_theme(
             panels[door_label(colour, locked=False)] = 1
             panels[door_label(colour, locked=True)] = 2
     plain = np.zeros_like(load_art("door"))
-    sizes = np.array(
-        [GOAL_SIZE if label == GOAL_LABEL else KEY_SIZE for label in sprites], np.float32
-    ).reshape(-1, 2)
-    labels = np.array(sprites, np.uint8)
+    looks = [LOOKS[label] for label in sprites]
     return Theme(
         wall_colours=colours,
         wall_panels=panels,
@@ -53,17 +84,17 @@ def build_theme(
         panel_accent=np.array(PANEL_ACCENT, np.float32),
         floor=np.array(floor, np.float32),
         ceiling=np.array(ceiling, np.float32),
-        sprite_art=np.stack([_sprite_art(label) for label in sprites] or [plain]),
-        sprite_colours=np.stack([colours[labels], colours[labels] * DETAIL_SHADE], axis=1).astype(
-            np.float32
-        ),
-        sprite_radius=sizes[:, 0],
-        sprite_drop=sizes[:, 1],
-        sprite_labels=labels,
+        sprite_art=np.stack([load_art(look.art) for look in looks] or [plain]),
+        sprite_colours=np.array(
+            [_sprite_colours(*pair) for pair in zip(sprites, looks, strict=True)], np.float32
+        ).reshape(-1, 2, 3),
+        sprite_radius=np.array([look.radius for look in looks], np.float32),
+        sprite_drop=np.array([look.drop for look in looks], np.float32),
+        sprite_labels=np.array(sprites, np.uint8),
     )
 
 
-def _sprite_art(label: int) -> np.ndarray:
-    keys = {key_label(colour) for colour in range(len(COLOUR_NAMES))}
-    names = {GOAL_LABEL: "goal", **dict.fromkeys(keys, "key")}
-    return load_art(names[label])
+def _sprite_colours(label: int, look: Look) -> np.ndarray:
+    """float[2, 3]: the colours of a sprite's shape and of its detail."""
+    shape = np.array(LABEL_COLOURS[label], float)
+    return np.stack([shape, shape * DETAIL_SHADE if look.detail is None else look.detail])

@@ -11,7 +11,7 @@ def draw_unit(bits: jax.Array) -> jax.Array:
     return (bits >> 8).astype(jnp.float32) * jnp.float32(2.0**-24)
 
 
-def draw_index(bits: jax.Array, count: int) -> jax.Array:
+def draw_index(bits: jax.Array, count: int | jax.Array) -> jax.Array:
     """int32 from 0 to `count - 1`, uniform up to `count / 2**24`, from uint32 bits."""
-    index = (draw_unit(bits) * jnp.float32(count)).astype(jnp.int32)
+    index = (draw_unit(bits) * jnp.asarray(count, jnp.float32)).astype(jnp.int32)
     return jnp.minimum(index, count - 1)

@@ -12,12 +12,15 @@ import jax
 import numpy as np
 
 from ..engine.camera import Camera
+from ..engine.level import Level
 from ..engine.render import render
 from ..engine.scene import Scene
 from ..engine.shade import ImageKind
 from ..environment import Environment, Params, State
 from ..errors import SettingError
+from ..maps.tilemap import TileMap
 from ..spaces import Box, Dict, Space
+from .levels import read_level
 
 ObservationKind = Literal["rgb", "gray", "depth", "labels", "dict"]
 MAX_PIXELS = 4096
@@ -66,6 +69,25 @@ class FirstPerson(Environment[S, P]):
     def scene(self, state: S, params: P) -> Scene:
         """What there is to see in a state, and from where."""
 
+    def tilemap_of(self, state: S) -> TileMap:
+        """The map that a state (one, not a batch) plays on, on the host, for people.
+
+        Here it is read from the scene: its walls and doors. Tasks add what else they know.
+        """
+        level = self.scene(state, self.default_params).level
+        return read_level(self.name, level)
+
+    @functools.cached_property
+    def map_size(self) -> tuple[int, int]:
+        """(columns, rows) of the map in tiles."""
+        level = jax.eval_shape(self._first_level, jax.random.key(0))
+        columns, rows = level.size
+        return columns - 2 * level.margin, rows - 2 * level.margin
+
+    def _first_level(self, key: jax.Array) -> Level:
+        params = self.default_params
+        return self.scene(self.init_state(key, self._cast(params)), params).level
+
     def variables(self, state: S) -> dict[str, jax.Array]:
         """The task's variables for the `dict` observation."""
         del state
@@ -78,12 +100,21 @@ class FirstPerson(Environment[S, P]):
     @functools.cached_property
     def camera(self) -> Camera:
         """The camera that observations are drawn with."""
-        return Camera(int(self.height), int(self.width), float(self.field_of_view))
+        return Camera(self.view_height, int(self.width), float(self.field_of_view))
+
+    @property
+    def view_height(self) -> int:
+        """Rows of the image that show the scene."""
+        return int(self.height)
+
+    def draw(self, state: S, params: P, kind: ImageKind) -> jax.Array:
+        """An image of a state, of any kind and of the environment's size."""
+        return render(self.scene(state, params), self.camera, kind, self.sprite_layers)
 
     def observe(self, state: S, params: P) -> Any:
         """Draw the observation of a state; see the class for its kinds."""
         kind = "rgb" if self.observation == "dict" else cast(ImageKind, self.observation)
-        image = render(self.scene(state, params), self.camera, kind, self.sprite_layers)
+        image = self.draw(state, params, kind)
         if self.observation == "dict":
             return {"image": image, **self.variables(state)}
         return image

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from typing import Any, ClassVar
 
 import jax
@@ -12,28 +11,32 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..engine.level import Level, compile_level
-from ..engine.motion import forward, touched_door, turn, walk
+from ..engine.motion import forward, touched_door
 from ..engine.scene import Scene, Sprites, Theme
-from ..environment import Info, Params, State
-from ..errors import SettingError
+from ..environment import Info, State
 from ..maps.symbols import COLOUR_NAMES, GOAL_LABEL, key_label
 from ..maps.tilemap import TileMap
 from ..pytree import record
 from ..spaces import Box
 from .appearance import CEILING, FLOOR, RGB, build_theme
-from .draws import draw_index, draw_unit
+from .draws import draw_index
 from .first_person import FirstPerson
-
-TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
+from .steering import (
+    ACTION_NAMES,
+    INTERACT,
+    SteeringParams,
+    centres,
+    draw_heading,
+    heading_range,
+    steer,
+)
 
 
 @record
-class NavigationParams(Params):
+class NavigationParams(SteeringParams):
     """The numbers of the task.
 
     Attributes:
-        turn_angle: radians turned by one action.
-        move_distance: tiles moved by one action; below 1.
         goal_radius: tiles from the goal at which it is reached.
         pickup_radius: tiles from a key at which it is picked up.
         interact_distance: reach of the interact action in tiles; below 1.
@@ -41,8 +44,6 @@ class NavigationParams(Params):
         living_reward: reward of every step, that one included.
     """
 
-    turn_angle: Any = math.radians(15)
-    move_distance: Any = 0.15
     goal_radius: Any = 0.35
     pickup_radius: Any = 0.35
     interact_distance: Any = 0.9
@@ -92,18 +93,12 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
     ceiling: RGB = CEILING
     defaults: NavigationParams = DEFAULTS
 
-    action_names: ClassVar[tuple[str, ...]] = (
-        "turn left",
-        "turn right",
-        "forward",
-        "backward",
-        "interact",
-    )
+    action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES
 
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        _heading_range(self.heading)
+        heading_range(self.heading)
 
     @property
     def default_params(self) -> NavigationParams:
@@ -131,10 +126,9 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
         del params
         bits = jax.random.bits(key, (3,), jnp.uint32)
         spawn = draw_index(bits[0], len(self.tilemap.spawns))
-        low, high = _heading_range(self.heading)
         return NavigationState(
-            position=_centres(self.tilemap.spawns)[spawn],
-            heading=turn(jnp.float32(low), jnp.float32(high - low) * draw_unit(bits[1])),
+            position=centres(self.tilemap.spawns)[spawn],
+            heading=draw_heading(bits[1], self.heading),
             time=jnp.int32(0),
             episode_return=jnp.float32(0),
             done=jnp.bool_(False),
@@ -171,8 +165,8 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
     def scene(self, state: NavigationState, params: NavigationParams) -> Scene:
         """The map with its closed doors, the keys left and the goal."""
         del params
-        goal = _centres(self.tilemap.goals)[state.goal]
-        keys = _centres([(key.column, key.row) for key in self.tilemap.keys])
+        goal = centres(self.tilemap.goals)[state.goal]
+        keys = centres([(key.column, key.row) for key in self.tilemap.keys])
         looks = [0, *(self._looks.index(key_label(key.colour)) for key in self.tilemap.keys)]
         sprites = Sprites(
             position=jnp.concatenate([goal[None], keys]),
@@ -188,6 +182,11 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
             theme=self.theme,
         )
 
+    def tilemap_of(self, state: NavigationState) -> TileMap:
+        """The map."""
+        del state
+        return self.tilemap
+
     def variables(self, state: NavigationState) -> dict[str, jax.Array]:
         """`keys`: float32[6], which key colours are carried (red, green, blue, ... )."""
         return {"keys": self._carried(state).astype(jnp.float32)}
@@ -199,11 +198,8 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
     def _move(
         self, state: NavigationState, action: jax.Array, params: NavigationParams
     ) -> NavigationState:
-        spin = _either(action, TURN_RIGHT, TURN_LEFT)
-        pace = _either(action, FORWARD, BACKWARD)
-        heading = turn(state.heading, spin * params.turn_angle)
-        step = forward(heading) * (pace * params.move_distance)
-        position = walk(self.level, ~state.opened, state.position, step)
+        pose = state.position, state.heading
+        position, heading = steer(self.level, ~state.opened, *pose, action, params)
         return state.replace(position=position, heading=heading)
 
     def _open(
@@ -223,7 +219,7 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
         keys = self.tilemap.keys
         if not keys:
             return state
-        offset = _centres([(key.column, key.row) for key in keys]) - state.position[None]
+        offset = centres([(key.column, key.row) for key in keys]) - state.position[None]
         near = jnp.sqrt(jnp.sum(offset**2, axis=-1)) <= params.pickup_radius
         return state.replace(taken=state.taken | near)
 
@@ -234,31 +230,5 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
         return jnp.any(same & state.taken[:, None], axis=0)
 
     def _distance(self, state: NavigationState) -> jax.Array:
-        offset = _centres(self.tilemap.goals)[state.goal] - state.position
+        offset = centres(self.tilemap.goals)[state.goal] - state.position
         return jnp.sqrt(jnp.sum(offset**2))
-
-
-def _either(action: jax.Array, plus: int, minus: int) -> jax.Array:
-    """float32[]: 1 for one action, -1 for the other, else 0."""
-    return (action == plus).astype(jnp.float32) - (action == minus).astype(jnp.float32)
-
-
-def _centres(cells: Any) -> jax.Array:
-    """float32[n, 2]: the centres of (column, row) tiles."""
-    return jnp.asarray(np.array(cells, np.float32).reshape(-1, 2) + np.float32(0.5))
-
-
-def _heading_range(heading: Any) -> tuple[float, float]:
-    """The heading setting in radians, as (lowest, highest)."""
-    if heading is None:
-        return 0.0, 2 * math.pi
-    try:
-        low, high = (heading, heading) if np.ndim(heading) == 0 else heading
-        low, high = float(low), float(high)
-    except (TypeError, ValueError):
-        low, high = math.nan, math.nan
-    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-        raise SettingError(
-            f"heading must be None, degrees, or (lowest, highest) degrees, not {heading!r}"
-        )
-    return math.radians(low), math.radians(high)

@@ -1,4 +1,4 @@
-"""The small drawings on a map: doors, keys, goals, the agent."""
+"""The small drawings on a map: doors, keys, goals, apples, medkits, the agent."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ Colour = tuple[int, int, int]
 Point = tuple[float, float]
 
 INK: Colour = (30, 30, 34)
+LEAF: Colour = (64, 140, 48)
+CROSS: Colour = (214, 30, 44)
+BOX: Colour = (255, 255, 255)
 # Below this many pixels of the canvas a tile, a key is drawn as a disc.
 KEY_TILE = 20
 
@@ -73,6 +76,39 @@ def star(draw: ImageDraw.ImageDraw, centre: Point, size: float, colour: Colour) 
         draw.polygon(points, paint)
 
 
+def apple(draw: ImageDraw.ImageDraw, centre: Point, size: float, colour: Colour) -> None:
+    """A round fruit with a stem and a leaf; `size` is the fruit's radius in pixels."""
+    x, y = centre
+    rim = max(1.0, 0.22 * size)
+    top = y - 0.7 * size
+    _disc(draw, x, y + 0.1 * size, size + rim, INK)
+    draw.line([(x, top + 0.3 * size), (x, top - 0.75 * size)], INK, max(2, round(0.28 * size)))
+    # The leaf leans away from the stem: an ellipse to its right.
+    left, right = x + 0.05 * size, x + 1.15 * size
+    draw.ellipse((left, top - 0.85 * size, right, top - 0.05 * size), INK)
+    inset = 0.5 * rim
+    box = (left + inset, top - 0.85 * size + inset, right - inset, top - 0.05 * size - inset)
+    draw.ellipse(box, LEAF)
+    _disc(draw, x, y + 0.1 * size, size, colour)
+
+
+def medkit(draw: ImageDraw.ImageDraw, centre: Point, size: float) -> None:
+    """A white box with a red cross; `size` is half its side in pixels."""
+    x, y = centre
+    rim = max(1.0, 0.18 * size)
+    _square(draw, x, y, size + rim, size + rim, INK)
+    _square(draw, x, y, size, size, BOX)
+    long, wide = 0.7 * size, 0.27 * size
+    _square(draw, x, y, long, wide, CROSS)
+    _square(draw, x, y, wide, long, CROSS)
+
+
+def disc(draw: ImageDraw.ImageDraw, centre: Point, size: float, colour: Colour) -> None:
+    """A disc with an outline, for anything without a drawing of its own; `size` is its radius."""
+    _disc(draw, *centre, size + max(1.0, 0.22 * size), INK)
+    _disc(draw, *centre, size, colour)
+
+
 def arrow(
     draw: ImageDraw.ImageDraw, centre: Point, size: float, heading: float, colour: Colour
 ) -> None:
@@ -91,6 +127,15 @@ def blend(first: Colour, second: Colour, share: float) -> Colour:
 
 def _disc(draw: ImageDraw.ImageDraw, x: float, y: float, radius: float, colour: Colour) -> None:
     draw.ellipse((x - radius, y - radius, x + radius, y + radius), colour)
+
+
+def _square(
+    draw: ImageDraw.ImageDraw, x: float, y: float, wide: float, high: float, colour: Colour
+) -> None:
+    """A rectangle by its centre and half its sides."""
+    left, top = round(x - wide), round(y - high)
+    right, bottom = round(x + wide) - 1, round(y + high) - 1
+    draw.rectangle((left, top, max(left, right), max(top, bottom)), colour)
 
 
 def _polar(centre: Point, angle: float, radius: float) -> Point:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from ..maps.tilemap import TileMap
 from .files import atomic
 
 BACKGROUND = (24, 26, 30)
@@ -32,20 +33,26 @@ class Episode:
         positions: float32[T + 1, 2], (x, y) in tiles.
         headings: float32[T + 1], radians, 0 along +x, growing clockwise on the map.
         rewards: float32[T], of each step.
-        opened: bool[T + 1, D], which doors were open.
-        taken: bool[T + 1, K], which keys were in hand.
-        goals: int32[T + 1], index of the goal, -1 where the task has none.
+        closed: bool[T + 1, D], which doors were closed, in the order of the map's.
+        sprites: float32[T + 1, N, 2], (x, y) of the things there can be, in tiles.
+        labels: int32[T + 1, N], label id of each.
+        visible: bool[T + 1, N], which of them were there.
         events: what happened in each of the T steps, in words, "" for nothing.
+        tilemap: the map it was played on, or None.
+        variables: what else was known of the agent, by name, such as its health: float[T + 1].
     """
 
     frames: np.ndarray
     positions: np.ndarray
     headings: np.ndarray
     rewards: np.ndarray
-    opened: np.ndarray
-    taken: np.ndarray
-    goals: np.ndarray
+    closed: np.ndarray
+    sprites: np.ndarray
+    labels: np.ndarray
+    visible: np.ndarray
     events: tuple[str, ...]
+    tilemap: TileMap | None = None
+    variables: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     @property
     def steps(self) -> int:
@@ -209,7 +216,7 @@ def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def caption(episode: Episode, step: int, recent: int = 12) -> list[str]:
-    """The text for a frame of an episode: step, return, and the latest event.
+    """The text for a frame of an episode: step, return, variables, and the latest event.
 
     Args:
         episode: the episode.
@@ -219,8 +226,16 @@ def caption(episode: Episode, step: int, recent: int = 12) -> list[str]:
     latest = ""
     for event in episode.events[max(0, step - recent) : step]:
         latest = event or latest
-    total = episode.returns[step]
-    return [f"step {step}", f"return {total:+.4g}" if total else "return 0", latest]
+    variables = [f"{name} {values[step]:g}" for name, values in episode.variables.items()]
+    return [f"step {step}", f"return {_sum_text(episode, step)}", *variables, latest]
+
+
+def _sum_text(episode: Episode, step: int) -> str:
+    """The return so far: a whole number where all rewards are."""
+    total = float(episode.returns[step])
+    if not total or np.array_equal(episode.rewards, np.round(episode.rewards)):
+        return str(round(total))
+    return f"{total:+.4g}"
 
 
 def evenly(count: int, wanted: int) -> list[int]:

@@ -1,4 +1,4 @@
-"""A tile map from above, with doors, keys, goals and the path of an agent.
+"""A tile map from above, with doors, goals and other things, and the path of an agent.
 
 Everything is drawn at twice the size and then averaged down, which smooths the edges.
 """
@@ -13,13 +13,19 @@ from typing import Self
 import numpy as np
 from PIL import Image, ImageDraw
 
-from ..maps.symbols import LABEL_COLOURS, door_label, key_label
+from ..maps.symbols import (
+    APPLE_LABEL,
+    GOAL_LABEL,
+    KEY_LABELS,
+    MEDKIT_LABEL,
+    door_label,
+    key_label,
+)
 from ..maps.tilemap import Door, TileMap
 from . import glyphs
 from .glyphs import Colour, blend
+from .ground import FLOOR, draw_ground, open_floor, paint
 
-ROCK: Colour = (44, 47, 54)
-FLOOR: Colour = (233, 229, 219)
 GOAL: Colour = (255, 196, 0)
 SPAWN: Colour = (176, 170, 156)
 AGENT: Colour = (214, 40, 60)
@@ -32,7 +38,8 @@ OVERSAMPLING = 2
 JUMP = 1.5
 # How far the field of view is drawn, in tiles, and in how many rays and steps it is found.
 VIEW_RANGE, VIEW_RAYS, VIEW_STEP = 6.0, 48, 0.04
-_EMPTY = np.zeros(0, bool)
+# More start places or places of goals than this are not marked: nearly every tile would be.
+MOST_MARKS = 24
 
 
 def fitting_scale(tilemap: TileMap, size: int) -> int:
@@ -68,41 +75,66 @@ class MapPicture:
         """The finished RGB picture, `scale` pixels a tile."""
         return self._canvas.reduce(OVERSAMPLING)
 
-    def spawns(self) -> Self:
-        """Draw the start places as small rings."""
-        radius = max(0.16 * self._tile, 1.5)
-        for column, row in self.tilemap.spawns:
-            self._ring(column + 0.5, row + 0.5, radius, SPAWN, max(1, round(0.05 * self._tile)))
+    def marks(self) -> Self:
+        """Draw the start places and the places of goals as small rings, where they are few."""
+        width = max(1, round(0.05 * self._tile))
+        for cells, colour in ((self.tilemap.spawns, SPAWN), (self.tilemap.goals, GOAL)):
+            if len(cells) <= MOST_MARKS:
+                for column, row in cells:
+                    radius = max(0.16 * self._tile, 1.5)
+                    self._ring(column + 0.5, row + 0.5, radius, colour, width)
         return self
 
-    def objects(
-        self,
-        opened: np.ndarray = _EMPTY,
-        taken: np.ndarray = _EMPTY,
-        goal: int | None = None,
-    ) -> Self:
-        """Draw the doors, the keys that still lie there, and the goals.
+    def things(self) -> Self:
+        """Draw what the map itself lists: doors, all of them closed, keys, apples and goals."""
+        tilemap = self.tilemap
+        listed = [((key.column, key.row), key_label(key.colour)) for key in tilemap.keys]
+        listed += [(cell, APPLE_LABEL) for cell in tilemap.apples]
+        listed += [(cell, GOAL_LABEL) for cell in tilemap.goals]
+        positions = np.array([cell for cell, _ in listed], np.float64).reshape(-1, 2) + 0.5
+        return self.doors().sprites(positions, np.array([label for _, label in listed], int))
+
+    def doors(self, closed: np.ndarray | None = None) -> Self:
+        """Draw the doors.
 
         Args:
-            opened: bool[D], which doors are open; closed where the array is too short.
-            taken: bool[K], which keys are gone.
-            goal: index of the goal that counts; the others become small rings. None shows all
-                alike.
+            closed: bool[D], which doors are closed; None for all.
         """
-        for i, door in enumerate(self.tilemap.doors):
-            self._door(door, is_open=i < len(opened) and bool(opened[i]))
-        for i, key in enumerate(self.tilemap.keys):
-            if not (i < len(taken) and taken[i]):
-                place = self._pixel(key.column + 0.5, key.row + 0.5)
-                glyphs.key(self._draw, place, self._tile, _paint(key_label(key.colour)))
-        for i, (column, row) in enumerate(self.tilemap.goals):
-            if goal in (None, i):
-                size = max(0.46 * self._tile, 7.0 * OVERSAMPLING)
-                glyphs.star(self._draw, self._pixel(column + 0.5, row + 0.5), size, GOAL)
-            else:
-                width = max(1, round(0.07 * self._tile))
-                self._ring(column + 0.5, row + 0.5, 0.18 * self._tile, GOAL, width)
+        for door, shut in zip(self.tilemap.doors, self._shut(closed), strict=True):
+            self._door(door, is_open=not shut)
         return self
+
+    def sprites(
+        self, positions: np.ndarray, labels: np.ndarray, visible: np.ndarray | None = None
+    ) -> Self:
+        """Draw things by their labels: goals, keys, apples, medkits; others as discs.
+
+        Args:
+            positions: float[N, 2], (x, y) in tiles.
+            labels: int[N], label ids of `jaxenstein.maps.symbols`.
+            visible: bool[N], which of them are there; None for all.
+        """
+        there = np.ones(len(labels), bool) if visible is None else np.asarray(visible)
+        # Goals go on top of everything.
+        order = sorted(np.flatnonzero(there), key=lambda i: labels[i] == GOAL_LABEL)
+        for i in order:
+            self._thing(self._pixel(*positions[i]), int(labels[i]))
+        return self
+
+    def _thing(self, place: glyphs.Point, label: int) -> None:
+        def size(share: float, least: float) -> float:
+            return max(share * self._tile, least * OVERSAMPLING)
+
+        if label == GOAL_LABEL:
+            glyphs.star(self._draw, place, size(0.46, 7.0), GOAL)
+        elif label in KEY_LABELS:
+            glyphs.key(self._draw, place, self._tile, paint(label))
+        elif label == APPLE_LABEL:
+            glyphs.apple(self._draw, place, size(0.26, 3.0), paint(label))
+        elif label == MEDKIT_LABEL:
+            glyphs.medkit(self._draw, place, size(0.3, 4.0))
+        else:
+            glyphs.disc(self._draw, place, size(0.22, 3.0), paint(label))
 
     def path(self, positions: np.ndarray, start: int = 0, total: int | None = None) -> Self:
         """Draw steps of a path, coloured by time.
@@ -125,34 +157,43 @@ class MapPicture:
                 self._draw.ellipse((x - radius, y - radius, x + radius, y + radius), colour)
         return self
 
-    def agent(
+    def sight(
         self,
         position: Sequence[float] | np.ndarray,
         heading: float,
         field_of_view: float = 60.0,
-        opened: np.ndarray = _EMPTY,
+        closed: np.ndarray | None = None,
     ) -> Self:
-        """Draw the agent as an arrow head, and what lies open to its view up to a few tiles.
+        """Shade what lies open to the agent's view, up to a few tiles.
 
         Args:
             position: (x, y) in tiles.
             heading: radians, 0 along +x, growing clockwise on the map.
             field_of_view: horizontal angle in degrees.
-            opened: bool[D], which doors are open.
+            closed: bool[D], which doors are closed; None for all.
         """
         x, y = float(position[0]), float(position[1])
-        heading = float(heading)
-        rim = self._visible(x, y, heading, math.radians(field_of_view), opened)
+        rim = self._visible(x, y, float(heading), math.radians(field_of_view), closed)
         self._draw.polygon([self._pixel(x, y), *(self._pixel(*point) for point in rim)], VIEW)
+        return self
+
+    def agent(self, position: Sequence[float] | np.ndarray, heading: float) -> Self:
+        """Draw the agent as an arrow head.
+
+        Args:
+            position: (x, y) in tiles.
+            heading: radians, 0 along +x, growing clockwise on the map.
+        """
         size = max(0.42 * self._tile, 5.5 * OVERSAMPLING)
-        glyphs.arrow(self._draw, self._pixel(x, y), size, heading, AGENT)
+        place = self._pixel(float(position[0]), float(position[1]))
+        glyphs.arrow(self._draw, place, size, float(heading), AGENT)
         return self
 
     def _visible(
-        self, x: float, y: float, heading: float, angle: float, opened: np.ndarray
+        self, x: float, y: float, heading: float, angle: float, closed: np.ndarray | None
     ) -> list[tuple[float, float]]:
         """End points of rays over the field of view, stopped by walls and closed doors."""
-        open_floor = self._passable(opened)
+        free = self._passable(closed)
         angles = heading + np.linspace(-angle / 2, angle / 2, VIEW_RAYS)
         reach = np.arange(0, VIEW_RANGE + VIEW_STEP, VIEW_STEP)
         xs = x + np.cos(angles)[:, None] * reach
@@ -160,26 +201,26 @@ class MapPicture:
         columns, rows = np.floor(xs).astype(int), np.floor(ys).astype(int)
         inside = (columns >= 0) & (columns < self.tilemap.columns)
         inside &= (rows >= 0) & (rows < self.tilemap.rows)
-        free = (
-            inside
-            & open_floor[
-                rows.clip(0, self.tilemap.rows - 1), columns.clip(0, self.tilemap.columns - 1)
-            ]
-        )
-        blocked = ~free
+        rows, columns = rows.clip(0, free.shape[0] - 1), columns.clip(0, free.shape[1] - 1)
+        blocked = ~(inside & free[rows, columns])
         blocked[:, -1] = True
         last = blocked.argmax(axis=1)
         pick = np.arange(VIEW_RAYS)
         return [(float(a), float(b)) for a, b in zip(xs[pick, last], ys[pick, last], strict=True)]
 
-    def _passable(self, opened: np.ndarray) -> np.ndarray:
-        free = _floor(self.tilemap)
-        for i, door in enumerate(self.tilemap.doors):
-            free[door.row, door.column] = i < len(opened) and bool(opened[i])
+    def _passable(self, closed: np.ndarray | None) -> np.ndarray:
+        free = open_floor(self.tilemap)
+        for door, shut in zip(self.tilemap.doors, self._shut(closed), strict=True):
+            free[door.row, door.column] = not shut
         return free
 
+    def _shut(self, closed: np.ndarray | None) -> list[bool]:
+        """Whether each door of the map is closed; a state may have room for more doors."""
+        count = len(self.tilemap.doors)
+        return [True] * count if closed is None else [bool(shut) for shut in closed[:count]]
+
     def _door(self, door: Door, *, is_open: bool) -> None:
-        colour = _paint(door_label(door.colour, locked=door.locked))
+        colour = paint(door_label(door.colour, locked=door.locked))
         column, row = door.column, door.row
         self._box(column, row, column + 1, row + 1, FLOOR)
         if is_open:
@@ -190,7 +231,7 @@ class MapPicture:
         glyphs.closed_door(self._draw, self._pixel(column, row), self._tile, colour, door.locked)
 
     def _posts(self, column: int, row: int) -> list[tuple[float, float, float, float]]:
-        free = np.pad(_floor(self.tilemap), 1)
+        free = np.pad(open_floor(self.tilemap), 1)
         beside = free[row + 1, column] or free[row + 1, column + 2]
         thick = 0.16
         if beside:
@@ -218,10 +259,7 @@ class MapPicture:
 
 
 def draw_map(tilemap: TileMap, *, scale: int | None = None, size: int = 480) -> MapPicture:
-    """The walls and start places of a map; add objects, path and agent to the result.
-
-    Walls that border on open floor have their colour, and where a map gives every face of a
-    wall its own, a strip along each face; the rest is dark rock.
+    """The walls and start places of a map; add things, path and agent to the result.
 
     Args:
         tilemap: the map, from 1x1 to a few hundred tiles.
@@ -230,73 +268,5 @@ def draw_map(tilemap: TileMap, *, scale: int | None = None, size: int = 480) -> 
             exceeding it, unless there are more tiles than that.
     """
     scale = fitting_scale(tilemap, size) if scale is None else scale
-    ground = Image.fromarray(_tile_colours(tilemap))
-    tile = scale * OVERSAMPLING
-    canvas = ground.resize((tilemap.columns * tile, tilemap.rows * tile), Image.Resampling.NEAREST)
-    if tilemap.faces is not None:
-        _draw_faces(canvas, tilemap, tile)
-    return MapPicture(tilemap, canvas, scale).spawns()
-
-
-def _draw_faces(canvas: Image.Image, tilemap: TileMap, tile: int) -> None:
-    """A strip of each wall's own colour along every face that open floor touches."""
-    draw = ImageDraw.Draw(canvas)
-    faces = np.asarray(tilemap.walls)
-    free = np.pad(_floor(tilemap) | _doors(tilemap), 1)
-    thick = max(1, round(0.34 * tile))
-    # Neighbour (dx, dy) of each face, in the order west, east, north, south.
-    for face, (dx, dy) in enumerate(((-1, 0), (1, 0), (0, -1), (0, 1))):
-        beside = free[1 + dy : 1 + dy + tilemap.rows, 1 + dx : 1 + dx + tilemap.columns]
-        for row, column in np.argwhere(beside & ~free[1:-1, 1:-1]):
-            left, top = column * tile, row * tile
-            right, bottom = left + tile - 1, top + tile - 1
-            if dx:
-                left, right = (left, left + thick - 1) if dx < 0 else (right - thick + 1, right)
-            else:
-                top, bottom = (top, top + thick - 1) if dy < 0 else (bottom - thick + 1, bottom)
-            box = (int(left), int(top), int(right), int(bottom))
-            draw.rectangle(box, _paint(int(faces[face, row, column])))
-
-
-def _tile_colours(tilemap: TileMap) -> np.ndarray:
-    """uint8[rows, columns, 3], one colour a tile."""
-    labels = _labels(tilemap)
-    free = _floor(tilemap) | _doors(tilemap)
-    colours = np.asarray(LABEL_COLOURS, np.uint8)[labels]
-    colours[~_beside(free)] = ROCK
-    if tilemap.faces is not None:
-        colours[~free] = ROCK
-    colours[free] = FLOOR
-    return colours
-
-
-def _labels(tilemap: TileMap) -> np.ndarray:
-    return np.stack([np.frombuffer(row, np.uint8) for row in tilemap.tiles])
-
-
-def _floor(tilemap: TileMap) -> np.ndarray:
-    """bool[rows, columns]: open floor, doors not included."""
-    return (_labels(tilemap) == 0) & ~_doors(tilemap)
-
-
-def _doors(tilemap: TileMap) -> np.ndarray:
-    here = np.zeros((tilemap.rows, tilemap.columns), bool)
-    for door in tilemap.doors:
-        here[door.row, door.column] = True
-    return here
-
-
-def _beside(free: np.ndarray) -> np.ndarray:
-    """bool: tiles that are free or touch a free one, corners included."""
-    padded = np.pad(free, 1)
-    rows, columns = free.shape
-    near = np.zeros_like(free)
-    for dy in range(3):
-        for dx in range(3):
-            near |= padded[dy : dy + rows, dx : dx + columns]
-    return near
-
-
-def _paint(label: int) -> Colour:
-    red, green, blue = (int(part) for part in LABEL_COLOURS[label])
-    return red, green, blue
+    canvas = draw_ground(tilemap, scale * OVERSAMPLING)
+    return MapPicture(tilemap, canvas, scale).marks()

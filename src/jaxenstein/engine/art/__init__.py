@@ -16,7 +16,7 @@ SIZE = 32
 
 @functools.cache
 def load_art(name: str) -> np.ndarray:
-    """uint32[2, 32]: planes (drawn at all, drawn in the second colour) by column, top bit least.
+    """uint32[2, 32]: planes (drawn at all, drawn in the second colour) by column, top bit greatest.
 
     Args:
         name: the file beside this module, without its suffix.
@@ -25,7 +25,7 @@ def load_art(name: str) -> np.ndarray:
     cells = np.array([list(line) for line in text.split()])
     if cells.shape != (SIZE, SIZE) or not np.isin(cells, [".", "#", "o"]).all():
         raise ValueError(f"art {name!r} must be {SIZE} by {SIZE} characters of '.', '#' and 'o'")
-    weights = np.left_shift(np.uint32(1), np.arange(SIZE, dtype=np.uint32))[:, None]
+    weights = np.left_shift(np.uint32(1), np.arange(SIZE, dtype=np.uint32)[::-1])[:, None]
     planes = np.stack([cells != ".", cells == "o"])
     words = np.where(planes, weights, np.uint32(0)).sum(axis=1, dtype=np.uint32)
     words.setflags(write=False)

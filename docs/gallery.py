@@ -1,0 +1,231 @@
+"""A contact sheet of all environments: what an agent sees in each, and the map from above.
+
+    python -m docs.gallery                          # writes docs/images/environments.png
+    python -m docs.gallery --out all.png key-door   # some of them, elsewhere
+
+The views come from episodes of a simple player. Of all that it sees, those are taken that show
+most of what there is to see. The same versions of JAX and of this code give the same file.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+import jaxenstein
+from jaxenstein.maps.symbols import (
+    APPLE_LABEL,
+    DECAL_LABELS,
+    DOOR_LABELS,
+    FLOOR,
+    GOAL_LABEL,
+    KEY_LABELS,
+    LABEL_NAMES,
+    MEDKIT_LABEL,
+    WALL_LABELS,
+)
+from jaxenstein.registry import ENTRIES, EnvironmentId
+from jaxenstein.tasks.first_person import FirstPerson
+from jaxenstein.view.files import atomic, check_writable
+from jaxenstein.view.progress import Progress
+from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT
+from jaxenstein.view.topdown import draw_map
+
+OUT = Path(__file__).parent / "images" / "environments.png"
+# Episodes played of each environment, their steps, and how many steps lie between two candidates.
+EPISODES, STEPS, EVERY = 24, 400, 8
+# Views of each environment: columns, rows, and pixels of each; drawn at this size, not enlarged.
+ACROSS, DOWN, VIEW = 3, 2, (136, 102)
+# Candidates are judged by label images of this size.
+GLANCE = (32, 24)
+# Blocks side by side; pixels around them, within them, and for their titles.
+COLUMNS, MARGIN, GAP, TITLE = 2, 24, 4, 40
+MAP_SIDE = DOWN * VIEW[1] + (DOWN - 1) * GAP
+
+Env = FirstPerson[Any, Any]
+
+
+class Walk(NamedTuple):
+    """A player that walks on, and turns by a random angle where it is blocked.
+
+    Attributes:
+        turns: int32[], turns still to take, negative to the left.
+        position: float32[2], where the last step forward began.
+        walked: bool[], whether the last action was a step forward.
+    """
+
+    turns: jax.Array
+    position: jax.Array
+    walked: jax.Array
+
+
+def walk_on(walk: Walk, key: jax.Array, state: Any, num_actions: int) -> tuple[Walk, jax.Array]:
+    """The next action: 0 turns left, 1 right, 2 goes forward, 4 interacts."""
+    turn_key, side_key, hand_key = jax.random.split(key, 3)
+    stuck = walk.walked & jnp.all(walk.position == state.position)
+    # Now and then it turns without need, which brings it around.
+    drift = jax.random.uniform(hand_key) < 0.03
+    angle = jax.random.randint(turn_key, (), 1, 9, jnp.int32)
+    side = jnp.where(jax.random.bernoulli(side_key), 1, -1).astype(jnp.int32)
+    turns = jnp.where((stuck | drift) & (walk.turns == 0), angle * side, walk.turns)
+    turning = turns != 0
+    touching = (num_actions > 4) & stuck & (jax.random.uniform(side_key) < 0.5)
+    action = jnp.where(turning, jnp.where(turns < 0, 0, 1), 2).astype(jnp.int32)
+    action = jnp.where(touching, 4, action).astype(jnp.int32)
+    turns = jnp.where(touching, turns, turns - jnp.sign(turns))
+    return Walk(turns, state.position, action == 2), action
+
+
+def play(env: Env, params: Any, seed: int) -> tuple[Any, np.ndarray]:
+    """Play episodes side by side, each with a seed of its own.
+
+    Returns:
+        The states at regular times, stacked: [EPISODES, STEPS // EVERY, ...], and the label
+        images of them, uint8[EPISODES, STEPS // EVERY, h, w].
+    """
+
+    def step(carry: Any, key: jax.Array) -> tuple[Any, None]:
+        _, state, walk = carry
+        policy_key, step_key = jax.random.split(key)
+        walk, action = walk_on(walk, policy_key, state, env.num_actions)
+        obs, state, *_ = env.step(step_key, state, action, params)
+        return (obs, state, walk), None
+
+    def stretch(carry: Any, key: jax.Array) -> tuple[Any, Any]:
+        carry, _ = jax.lax.scan(step, carry, jax.random.split(key, EVERY))
+        return carry, carry[:2]
+
+    def episode(key: jax.Array) -> Any:
+        reset_key, key = jax.random.split(key)
+        obs, state = env.reset(reset_key, params)
+        walk = Walk(jnp.int32(0), state.position, jnp.bool_(False))
+        carry = obs, state, walk
+        return jax.lax.scan(stretch, carry, jax.random.split(key, STEPS // EVERY))[1]
+
+    keys = jax.random.split(jax.random.key(seed), EPISODES)
+    images, states = jax.device_get(jax.jit(jax.vmap(episode))(keys))
+    return states, images
+
+
+def interest() -> np.ndarray:
+    """float64[labels]: how much a view gains by showing a thing for the first time."""
+    worth = np.zeros(len(LABEL_NAMES))
+    worth[list(WALL_LABELS)] = 0.6
+    worth[list(DECAL_LABELS)] = 1.2
+    worth[list(DOOR_LABELS)] = 2.0
+    worth[[*KEY_LABELS, GOAL_LABEL, APPLE_LABEL, MEDKIT_LABEL]] = 3.0
+    return worth
+
+
+def choose(images: np.ndarray, count: int) -> list[tuple[int, int]]:
+    """The (episode, time) of views that together show much, one of an episode at most.
+
+    Args:
+        images: uint8[episodes, times, h, w], label images.
+        count: of views.
+    """
+    shares = np.stack([(images == label).mean((2, 3)) for label in range(len(LABEL_NAMES))], -1)
+    # A few percent of the image suffice to be seen well; views along the floor beat walls close by.
+    shown = np.minimum(shares / 0.04, 1.0)
+    open_view = np.minimum(shares[..., FLOOR] / 0.2, 1.0)
+    worth, chosen = interest(), []
+    for _ in range(count):
+        score = shown @ worth + 2.0 * open_view
+        for episode, _ in chosen:
+            score[episode] = -1.0
+        episode, time = divmod(int(score.argmax()), images.shape[1])
+        chosen.append((episode, time))
+        # What has been shown counts less from now on.
+        worth = worth * (1.0 - 0.6 * shown[episode, time])
+    return chosen
+
+
+def block(name: EnvironmentId, seed: int = 0) -> Image.Image:
+    """The picture of one environment: title, map of the first view, views."""
+    width, height = GLANCE
+    small, params = jaxenstein.make(name, height=height, width=width, observation="labels")
+    assert isinstance(small, FirstPerson)
+    states, images = play(small, params, seed)
+    chosen = choose(images, ACROSS * DOWN)
+    seen = [jax.tree.map(lambda leaf, at=at: leaf[at], states) for at in chosen]
+    env, _ = jaxenstein.make(name, height=VIEW[1], width=VIEW[0])
+    stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *seen)
+    frames = np.asarray(jax.jit(jax.vmap(env.observe, (0, None)))(stacked, params))
+    sheet = Image.new("RGB", block_size(), BACKGROUND)
+    _write(ImageDraw.Draw(sheet), name, ENTRIES[name].summary, sheet.width)
+    overview = map_picture(small, params, seen[0])
+    corner = (MAP_SIDE - overview.width) // 2, TITLE + (MAP_SIDE - overview.height) // 2
+    sheet.paste(overview, corner)
+    for i, frame in enumerate(frames):
+        left = MAP_SIDE + 2 * GAP + (i % ACROSS) * (VIEW[0] + GAP)
+        top = TITLE + (i // ACROSS) * (VIEW[1] + GAP)
+        sheet.paste(Image.fromarray(frame), (left, top))
+    return sheet
+
+
+def block_size() -> tuple[int, int]:
+    """Width and height of a block in pixels."""
+    return MAP_SIDE + 2 * GAP + ACROSS * (VIEW[0] + GAP) - GAP, TITLE + MAP_SIDE
+
+
+def map_picture(env: Env, params: Any, state: Any) -> Image.Image:
+    """The map of a state with all that is there, and the agent."""
+    scene = jax.device_get(env.scene(state, params))
+    labels = np.asarray(scene.theme.sprite_labels)[scene.sprites.look]
+    picture = draw_map(env.tilemap_of(state), size=MAP_SIDE).doors(scene.closed)
+    picture.sight(state.position, state.heading, env.field_of_view, scene.closed)
+    picture.sprites(scene.sprites.position, labels, scene.sprites.visible)
+    return picture.agent(state.position, state.heading).image()
+
+
+def _write(draw: ImageDraw.ImageDraw, name: str, summary: str, width: int) -> None:
+    draw.text((0, 0), name, TEXT, ImageFont.load_default(16))
+    small = ImageFont.load_default(12)
+    while draw.textlength(summary, small) > width:
+        summary = summary.removesuffix(" ...").rsplit(" ", 1)[0] + " ..."
+    draw.text((0, 20), summary, FAINT, small)
+
+
+def arrange(blocks: Sequence[Image.Image]) -> Image.Image:
+    """All blocks on one sheet, row by row."""
+    width, height = block_size()
+    columns = min(COLUMNS, len(blocks))
+    rows = -(-len(blocks) // columns)
+    size = columns * (width + MARGIN) + MARGIN, rows * (height + MARGIN) + MARGIN
+    sheet = Image.new("RGB", size, BACKGROUND)
+    for i, picture in enumerate(blocks):
+        row, column = divmod(i, columns)
+        sheet.paste(picture, (MARGIN + column * (width + MARGIN), MARGIN + row * (height + MARGIN)))
+    return sheet
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Draw the sheet and write it."""
+    parser = argparse.ArgumentParser(prog="python -m docs.gallery", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all)")
+    parser.add_argument("--out", type=Path, default=OUT, metavar="FILE.png", help="what to write")
+    options = parser.parse_args(argv)
+    check_writable(options.out)
+    names = options.ids or jaxenstein.environment_ids()
+    blocks = []
+    with Progress(len(names), "drawing", unit="environments") as progress:
+        for i, name in enumerate(names, 1):
+            progress.label = name
+            progress.show()
+            blocks.append(block(name))
+            progress.update(i)
+    with atomic(options.out) as temporary:
+        arrange(blocks).save(temporary, format="PNG", optimize=True)
+    print(f"wrote {options.out}, {options.out.stat().st_size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

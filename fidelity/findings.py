@@ -1,0 +1,62 @@
+"""A list of measured facts, each with its sample size, as a table and as JSON; its statistics."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from typing import Any
+
+
+class Findings:
+    """Measured facts in the order in which they were found; each is printed at once."""
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        """Start with none; `quiet` keeps them from being printed."""
+        self.items: list[dict[str, Any]] = []
+        self._quiet = quiet
+        if not quiet:
+            print("| what | measured | n | note |\n|---|---|---:|---|", flush=True)
+
+    def add(self, what: str, value: Any, n: int, note: str = "") -> None:
+        """Add a fact.
+
+        Args:
+            what: what was measured.
+            value: a number, text, tuple of numbers or a dictionary of counts.
+            n: of how many episodes, steps or things.
+            note: what else there is to say.
+        """
+        self.items.append({"what": what, "value": value, "n": n, "note": note})
+        if not self._quiet:
+            print(f"| {what} | {shown(value)} | {n} | {note} |", flush=True)
+
+
+def shown(value: Any) -> str:
+    """A value as a cell of a table."""
+    if isinstance(value, dict):
+        return ", ".join(f"{key}: {count}" for key, count in value.items())
+    if isinstance(value, tuple | list):
+        return " ".join(f"{entry:g}" for entry in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
+    """Mean and its standard error (nan for fewer than two values)."""
+    if len(values) < 2:
+        return statistics.fmean(values), math.nan
+    return statistics.fmean(values), statistics.stdev(values) / math.sqrt(len(values))
+
+
+def chi_square(counts: Sequence[float]) -> tuple[float, float]:
+    """Pearson's statistic of counts that should be equal, and the chance of a greater one.
+
+    The chance is by Wilson and Hilferty's normal approximation (1931) with one degree of freedom
+    fewer than there are counts.
+    """
+    expected = sum(counts) / len(counts)
+    statistic = sum((count - expected) ** 2 for count in counts) / expected
+    degrees = len(counts) - 1
+    spread = 2 / (9 * degrees)
+    z = ((statistic / degrees) ** (1 / 3) - (1 - spread)) / math.sqrt(spread)
+    return float(statistic), 0.5 * math.erfc(z / math.sqrt(2))

@@ -1,0 +1,154 @@
+"""`jaxenstein convert`: maps of other environments as text maps."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import MapWarning
+from ..view.files import atomic, check_writable
+from .arguments import UsageError, add_seed, beside, read_text
+
+if TYPE_CHECKING:
+    from ..maps.tilemap import TileMap
+
+DESCRIPTION = """\
+Convert a map to the text that --map-file of the other commands reads: a .map file of a DeepMind
+Lab maze, or the layout that a MiniGrid environment has after a reset. Where a wall's sides look
+different, as with pictures on it, a file NAME.faces.txt is written beside NAME.txt.
+"""
+EPILOG = """\
+examples:
+  jaxenstein convert nav_maze_static_01.map --out maze.txt
+  jaxenstein convert --minigrid MiniGrid-FourRooms-v0 --seed 3 --out rooms.txt
+  jaxenstein record --map-file maze.txt --out maze.gif
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "convert",
+        help="convert maps of DeepMind Lab and MiniGrid to text",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+    )
+    parser.add_argument(
+        "file", nargs="?", metavar="FILE", type=Path, help="a .map file of a DeepMind Lab maze"
+    )
+    parser.add_argument(
+        "--minigrid",
+        metavar="ID",
+        help="a MiniGrid environment instead of FILE, such as MiniGrid-FourRooms-v0",
+    )
+    add_seed(parser)
+    parser.add_argument(
+        "--out",
+        metavar="FILE",
+        type=Path,
+        help="where to write the map (default: print it)",
+    )
+    parser.add_argument(
+        "--name", metavar="NAME", help="what to call the map (default: as FILE or ID)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Convert one map."""
+    if (options.file is None) == (options.minigrid is None):
+        raise UsageError("jaxenstein convert: give either a FILE.map or --minigrid ID")
+    if options.out is not None:
+        check_writable(options.out)
+    with _warnings_in_lines():
+        convert = _convert_maze if options.minigrid is None else _convert_minigrid
+        tilemap, summary = convert(options)
+    text, faces = tilemap.tile_text(), tilemap.faces_text()
+    if options.out is None:
+        sys.stdout.write(text)
+        if faces is not None:
+            summary.append("not shown: how the sides of walls differ, which --out writes as well")
+    else:
+        _check_out(options.out, options.file, faces is not None)
+        written = _write(options.out, text, faces)
+        summary.append(f"wrote {' and '.join(map(str, written))}")
+    for line in summary:
+        print(line, file=sys.stderr if options.out is None else sys.stdout)
+
+
+def _convert_maze(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
+    """The map of a .map file, and what to tell about it."""
+    from ..maps.dmlab import build_tilemap, read_maze
+    from ..maps.reach import problems
+
+    name = options.file.stem if options.name is None else options.name
+    maze = read_maze(read_text(options.file, "map"), name, source=str(options.file))
+    tilemap = build_tilemap(maze)
+    for problem, (column, row) in problems(tilemap):
+        place = f"line {row + 1}, column {column + 1} of the text"
+        warnings.warn(f"{place}: {problem}", MapWarning, stacklevel=2)
+    decals = {"decal": len(maze.decals)}
+    return tilemap, _summary(tilemap, f"{maze.columns} x {maze.rows} cells, ", decals)
+
+
+def _convert_minigrid(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
+    """The map of a MiniGrid environment, and what to tell about it."""
+    from ..maps.minigrid import convert_id
+
+    found = convert_id(options.minigrid, options.seed)
+    tilemap = found.tilemap if options.name is None else replace(found.tilemap, name=options.name)
+    things = {"key": len(tilemap.keys), "door": len(tilemap.doors)}
+    summary = _summary(tilemap, "", things)
+    heading = f"{found.heading:g}"
+    summary.append(f"first heading: {heading} degrees; with --map-file add --heading {heading}")
+    return tilemap, summary
+
+
+def _summary(tilemap: TileMap, cells: str, more: dict[str, int]) -> list[str]:
+    """What to tell about a map: its size and how much of what it holds."""
+    counts = {"start": len(tilemap.spawns), "goal": len(tilemap.goals)}
+    others = {"apple": len(tilemap.apples), **more}
+    counts |= {noun: count for noun, count in others.items() if count}
+    things = ", ".join(f"{count} {noun}{'s' * (count != 1)}" for noun, count in counts.items())
+    lines = [f"{tilemap.name}: {cells}{tilemap.columns} x {tilemap.rows} tiles; {things}"]
+    if not tilemap.goals:
+        lines.append("it has no goal: put a G where one may lie before using it as --map-file")
+    return lines
+
+
+def _check_out(out: Path, file: Path | None, with_faces: bool) -> None:
+    """Find out whether writing the map would destroy its source or mix it with other files."""
+    if file is not None and out.exists() and out.samefile(file):
+        raise UsageError(f"jaxenstein convert: --out {out} is the file that is converted")
+    for kind in ("regions",) if with_faces else ("regions", "faces"):
+        other = beside(out, kind)
+        if other.exists():
+            raise UsageError(
+                f"jaxenstein convert: {other} exists and would be read with {out}; "
+                "remove it or choose another name for --out"
+            )
+
+
+def _write(out: Path, text: str, faces: str | None) -> list[Path]:
+    """Write the map and how its walls look, both or none of them."""
+    texts = {out: text} if faces is None else {out: text, beside(out, "faces"): faces}
+    with contextlib.ExitStack() as files:
+        for path, content in texts.items():
+            files.enter_context(atomic(path)).write_text(content, encoding="utf-8", newline="\n")
+    return list(texts)
+
+
+@contextlib.contextmanager
+def _warnings_in_lines() -> Iterator[None]:
+    """Print warnings about the map, a line each."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", MapWarning)
+        yield
+    for warning in caught:
+        print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)

@@ -1,0 +1,154 @@
+"""Texts that say how walls look from each side: regions, and faces one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import MapError, nearest
+from .page import PAINT, Page, make_page, split_lines
+from .symbols import DEFAULT_WALL, DOOR_LABELS, SYMBOLS
+from .tilemap import FACES, TileMap, Tiles
+
+REGIONS_SOURCE = "regions text"
+FACES_SOURCE = "faces text"
+
+
+def read_regions(tilemap: TileMap, text: str) -> tuple[Tiles, ...] | None:
+    """The faces that a regions text asks for.
+
+    Args:
+        tilemap: the map whose walls are meant.
+        text: see `ascii.parse_ascii`.
+
+    Returns:
+        As `TileMap.faces`; None if they are all the walls' own.
+
+    Raises:
+        MapError: naming the line and column of what does not fit.
+    """
+    page = make_page(split_lines(text, REGIONS_SOURCE), 1, REGIONS_SOURCE, PAINT)
+    _check_shape(tilemap, page)
+    _check_regions(tilemap, page)
+    walls = tilemap.walls
+    painted = np.pad(_labels(page, walls.shape), 1)
+    is_wall = _is_wall(walls)
+    painted[1:-1, 1:-1][is_wall] = 0
+    beside = (painted[1:-1, :-2], painted[1:-1, 2:], painted[:-2, 1:-1], painted[2:, 1:-1])
+    return _as_faces([np.where(is_wall & (paint != 0), paint, walls) for paint in beside], walls)
+
+
+def read_faces(tilemap: TileMap, text: str) -> tuple[Tiles, ...] | None:
+    """The faces that a faces text shows, the reverse of `TileMap.faces_text`.
+
+    Args:
+        tilemap: the map whose walls are meant.
+        text: see `ascii.parse_ascii`.
+
+    Returns:
+        As `TileMap.faces`; None if they are all the walls' own.
+
+    Raises:
+        MapError: naming the line and column of what does not fit.
+    """
+    walls = tilemap.walls
+    pages = _blocks(split_lines(text, FACES_SOURCE))
+    faces = []
+    for face in FACES:
+        shown = np.zeros_like(walls)
+        if face in pages:
+            _check_shape(tilemap, pages[face])
+            _check_face(tilemap, pages[face])
+            shown = _labels(pages[face], walls.shape)
+        faces.append(np.where(shown != 0, shown, walls))
+    return _as_faces(faces, walls)
+
+
+def _blocks(lines: list[str]) -> dict[str, Page]:
+    """The page below each heading."""
+    starts = [number for number, line in enumerate(lines) if _heading(line, number + 1)]
+    first = next((number for number, line in enumerate(lines) if line.strip(" ")), 0)
+    if first not in starts:
+        message = f"a heading must come first: one of {', '.join(FACES)}"
+        raise MapError(message, line=first + 1, source=FACES_SOURCE)
+    pages: dict[str, Page] = {}
+    for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        face, block = lines[start].strip(" "), lines[start + 1 : end]
+        problem = f"a second heading {face!r}" if face in pages else ""
+        problem = problem or ("" if any(block) else f"nothing follows the heading {face!r}")
+        if problem:
+            raise MapError(problem, line=start + 1, source=FACES_SOURCE)
+        pages[face] = make_page(block, start + 2, FACES_SOURCE, PAINT)
+    return pages
+
+
+def _heading(line: str, number: int) -> bool:
+    """Whether a line is a heading; a word that was meant as one is an error."""
+    word = line.strip(" ")
+    if word not in FACES and not set(word) <= PAINT and nearest(word, FACES):
+        message = f"unknown heading {word!r}{nearest(word, FACES)}"
+        raise MapError(message, line=number, source=FACES_SOURCE)
+    return word in FACES
+
+
+def _labels(page: Page, shape: tuple[int, ...]) -> np.ndarray:
+    """uint8[rows, columns], the wall on each tile of a page, 0 where it shows floor."""
+    labels = np.zeros(shape, np.uint8)
+    for row, line in enumerate(page.lines):
+        labels[row, : len(line)] = [SYMBOLS[character].tile for character in line]
+    return labels
+
+
+def _is_wall(walls: np.ndarray) -> np.ndarray:
+    return (walls >= DEFAULT_WALL) & (walls < DOOR_LABELS.start)
+
+
+def _as_faces(faces: list[np.ndarray], walls: np.ndarray) -> tuple[Tiles, ...] | None:
+    if all((face == walls).all() for face in faces):
+        return None
+    return tuple(tuple(row.tobytes() for row in face) for face in faces)
+
+
+def _check_shape(tilemap: TileMap, page: Page) -> None:
+    """Check that a text has the map's shape."""
+    for number, line in enumerate(page.lines, start=page.first_line):
+        row = number - page.first_line
+        if row == tilemap.rows or len(line) > tilemap.columns:
+            extra = None if row == tilemap.rows else tilemap.columns + 1
+            raise _misfit(tilemap, page, number, extra)
+    if len(page.lines) < tilemap.rows or page.width < tilemap.columns:
+        raise _misfit(tilemap, page, page.first_line + len(page.lines) - 1, None)
+
+
+def _misfit(tilemap: TileMap, page: Page, line: int, column: int | None) -> MapError:
+    return MapError(
+        f"{page.width} columns and {len(page.lines)} rows do not fit the map, "
+        f"which has {tilemap.columns} and {tilemap.rows}",
+        line=line,
+        column=column,
+        source=page.source,
+    )
+
+
+def _check_regions(tilemap: TileMap, page: Page) -> None:
+    """Check that a regions text paints no wall."""
+    for row, line in enumerate(page.lines):
+        for column, character in enumerate(line):
+            tile, paint = tilemap.tiles[row][column], SYMBOLS[character].tile
+            if 0 < tile < DOOR_LABELS.start and paint not in (0, DEFAULT_WALL, tile):
+                message = f"{character!r} lies on a wall of the map; regions are painted on floor"
+                raise _misplaced(message, page, row, column)
+
+
+def _check_face(tilemap: TileMap, page: Page) -> None:
+    """Check that a block of a faces text paints walls alone."""
+    for row, line in enumerate(page.lines):
+        for column, character in enumerate(line):
+            tile = tilemap.tiles[row][column]
+            if SYMBOLS[character].tile and tile not in range(DEFAULT_WALL, DOOR_LABELS.start):
+                place = "a door, which keeps its own look" if tile else "floor, which has no faces"
+                raise _misplaced(f"{character!r} lies on {place}", page, row, column)
+
+
+def _misplaced(message: str, page: Page, row: int, column: int) -> MapError:
+    line = page.first_line + row
+    return MapError(message, line=line, column=column + 1, source=page.source)

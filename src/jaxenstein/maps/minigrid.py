@@ -1,0 +1,275 @@
+"""MiniGrid environments to tile maps.
+
+Facts of MiniGrid (Farama Foundation, Apache 2.0, package version 3.2.0) that this file relies on:
+an environment has a `grid` of columns and rows of objects with `type` and `color`, `agent_pos`
+(column, row) and `agent_dir`, quarter turns clockwise from east. A door may be open, closed or
+locked. Its episodes end on the one goal of the map, unless the environment's class says otherwise.
+
+Neither minigrid nor gymnasium is imported before `convert_id` is called.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import MapError, MapWarning, SettingError, UnknownEnvironmentError, nearest
+from .reach import problems
+from .symbols import COLOUR_NAMES, DEFAULT_WALL, door_label
+from .tilemap import Cell, Door, Key, TileMap
+
+PREFIXES = ("MiniGrid-", "BabyAI-")
+"""What the ids begin with that the package minigrid registers."""
+
+_PICK_UP = "an object has to be picked up to end the episode"
+_INSTRUCTION = "the task is an instruction in words ({mission})"
+
+# What maps cannot say, by the name of the class that brings it.
+_RULES: dict[str, str] = {
+    "KeyCorridorEnv": f"{_PICK_UP}; with a goal in the place of the ball this task is here as "
+    "key-corridor-s3r1 to -s6r3",
+    "UnlockPickupEnv": _PICK_UP,
+    "BlockedUnlockPickupEnv": _PICK_UP,
+    "ObstructedMazeEnv": _PICK_UP,
+    "UnlockEnv": "the episode ends when a door is opened, and the map has no goal",
+    "RedBlueDoorEnv": "the episode ends when two doors are opened in order, and the map has no "
+    "goal",
+    "MemoryEnv": "the episode ends beside one of two objects, the one that matches a third",
+    "DynamicObstaclesEnv": "balls move about, and touching one ends the episode",
+    "PlaygroundEnv": "it has no task: nothing is rewarded and the map has no goal",
+    "FetchEnv": _INSTRUCTION,
+    "GoToDoorEnv": _INSTRUCTION,
+    "GoToObjectEnv": _INSTRUCTION,
+    "PutNearEnv": _INSTRUCTION,
+    "RoomGridLevel": _INSTRUCTION,  # all of BabyAI
+}
+
+
+@dataclass(frozen=True)
+class MiniGridMap:
+    """A layout of a MiniGrid environment.
+
+    Attributes:
+        tilemap: the map; its one spawn is the agent's cell.
+        heading: degrees in which the agent looks: 0 east, 90 south, 180 west, 270 north.
+    """
+
+    tilemap: TileMap
+    heading: float
+
+
+def convert(env: Any) -> MiniGridMap:
+    """The present layout of a MiniGrid environment, as `jaxenstein.tasks.navigation` plays it.
+
+    Walls become the default wall whatever their colour, coloured floor and open doors become
+    floor. Closed and locked doors, keys and the goal stay what they are. Not part of the result
+    are the rules in which `Navigation` differs: there keys do not block the way, are picked up
+    by walking over them and are all kept, and doors stay open.
+
+    Args:
+        env: the environment, in any number of Gymnasium wrappers (which are ignored), after
+            `reset`.
+
+    Raises:
+        SettingError: if it is no MiniGrid environment, has not been reset, or has a rule that
+            no map can keep, such as an instruction or an object to pick up.
+        MapError: for a thing that maps do not have, with its place; for no goal or several;
+            while the agent carries something.
+
+    Warns:
+        MapWarning: if the goal cannot be reached from the agent's cell; if the environment's class
+            is an unknown one that changes what a step does.
+    """
+    return _convert(env, stacklevel=3)
+
+
+def convert_id(id: str, seed: int) -> MiniGridMap:
+    """The layout that a registered MiniGrid environment has after `reset(seed=seed)`.
+
+    Args:
+        id: an id of Gymnasium's registry, such as "MiniGrid-FourRooms-v0".
+        seed: the seed, 0 or more; equal seeds give equal maps.
+
+    Raises:
+        UnknownEnvironmentError: there is no such id.
+        SettingError: as for `convert`; if gymnasium or minigrid is missing; if the environment
+            cannot be made or reset; if the seed is no whole number from 0.
+        MapError: as for `convert`.
+
+    Warns:
+        MapWarning: as for `convert`.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise SettingError(f"seed must be a whole number, 0 or more, not {seed!r}")
+    with contextlib.closing(_reset(id, seed)) as env:
+        return _convert(env, stacklevel=3)
+
+
+def _convert(env: Any, stacklevel: int) -> MiniGridMap:
+    """`convert`, with the warnings' stack level as seen from here."""
+    env = getattr(env, "unwrapped", env)
+    name = _name(env)
+    _check_rules(env, name, stacklevel + 1)
+    start = _start(env, name)
+    if getattr(env, "carrying", None) is not None:
+        raise MapError(f"the agent carries {_describe(env.carrying)}; reset first", source=name)
+    tilemap = _read_grid(env.grid, start, name)
+    for problem, (column, row) in problems(tilemap):
+        warnings.warn(
+            f"{name}, {_place(column, row)}: {problem}", MapWarning, stacklevel=stacklevel
+        )
+    return MiniGridMap(tilemap, 90.0 * (int(env.agent_dir) % 4))
+
+
+def _reset(id: str, seed: int) -> Any:
+    """The environment with this id, made and reset."""
+    with _silence():
+        gymnasium = _import_packages()
+    _check_known(id, gymnasium.registry)
+    with _silence():  # anew, since gymnasium adds a filter of its own when it is imported
+        try:
+            env = gymnasium.make(id)
+            env.reset(seed=seed)
+        except Exception as error:  # code of others, which may fail in any way
+            raise SettingError(f"gymnasium cannot make and reset {id!r}: {error}") from error
+    return env
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Keep what the packages print (pygame greets) and warn (old versions) off the output."""
+    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _import_packages() -> Any:
+    """Gymnasium, with MiniGrid's environments registered."""
+    try:
+        importlib.import_module("minigrid")
+        return importlib.import_module("gymnasium")
+    except ImportError as error:
+        raise SettingError(
+            f"MiniGrid environments need the packages minigrid and gymnasium ({error}): "
+            "pip install 'jaxenstein[minigrid]'"
+        ) from error
+
+
+def _check_known(id: str, registry: Any) -> None:
+    if not isinstance(id, str) or id not in registry:
+        ours = [known for known in registry if known.startswith(PREFIXES)]
+        raise UnknownEnvironmentError(
+            f"unknown MiniGrid environment {id!r}{nearest(str(id), ours)}; the {len(ours)} that "
+            "the installed minigrid has are in gymnasium.registry"
+        )
+
+
+def _name(env: Any) -> str:
+    spec = getattr(env, "spec", None)
+    return str(getattr(spec, "id", None) or type(env).__name__)
+
+
+def _rule(env: Any) -> str:
+    """What of the environment's rules no map can say; "" if nothing is known."""
+    names = [base.__name__ for base in type(env).__mro__]
+    return next((_RULES[name] for name in names if name in _RULES), "")
+
+
+def _check_rules(env: Any, name: str, stacklevel: int) -> None:
+    """Raise for a class with a rule that no map keeps, warn of one that may have such a rule."""
+    if rule := _rule(env):
+        mission = repr(str(getattr(env, "mission", "")))
+        raise SettingError(f"{name} cannot be converted: {rule.format(mission=mission)}")
+    bases = type(env).__mro__
+    original = next((base for base in bases if base.__name__ == "MiniGridEnv"), None)
+    owner = next((base for base in bases if "step" in vars(base)), None)
+    if original is not None and owner is not original and owner is not None:
+        warnings.warn(
+            f"{name}: {owner.__name__} changes what a step does; its rules are not part of the map",
+            MapWarning,
+            stacklevel=stacklevel,
+        )
+
+
+def _start(env: Any, name: str) -> Cell:
+    """The agent's cell; raises unless this is a MiniGrid environment that has been reset."""
+    grid = getattr(env, "grid", None)
+    parts = (getattr(grid, part, None) for part in ("get", "width", "height"))
+    if any(part is None for part in parts) or not hasattr(env, "agent_pos"):
+        raise SettingError(f"{name} is not a MiniGrid environment: it lacks a grid or agent_pos")
+    position, direction = env.agent_pos, getattr(env, "agent_dir", None)
+    if position is None or direction is None or min(*position, direction) < 0:
+        raise SettingError(f"{name} has no layout yet: call its reset first")
+    column, row = position
+    return int(column), int(row)
+
+
+def _read_grid(grid: Any, start: Cell, name: str) -> TileMap:
+    tiles = [bytearray(grid.width) for _ in range(grid.height)]
+    goals: list[Cell] = []
+    keys: list[Key] = []
+    doors: list[Door] = []
+    for row, line in enumerate(tiles):
+        for column in range(grid.width):
+            thing = grid.get(column, row)
+            kind = getattr(thing, "type", "floor")  # None where the grid is empty
+            if kind == "wall":
+                line[column] = DEFAULT_WALL
+            elif kind == "goal":
+                goals.append((column, row))
+            elif kind == "key":
+                keys.append(Key(column, row, _colour(thing, column, row, name)))
+            elif kind == "door" and not thing.is_open:
+                colour = _colour(thing, column, row, name)
+                doors.append(Door(column, row, colour, bool(thing.is_locked)))
+                line[column] = door_label(colour, bool(thing.is_locked))
+            elif kind not in ("floor", "empty", "door"):
+                raise MapError(
+                    f"{_describe(thing)} at {_place(column, row)}: maps have walls, doors, keys "
+                    "and a goal",
+                    source=name,
+                )
+    _check_goal(goals, start, name)
+    rows = tuple(bytes(line) for line in tiles)
+    return TileMap(
+        name, rows, spawns=(start,), goals=tuple(goals), keys=tuple(keys), doors=tuple(doors)
+    )
+
+
+def _check_goal(goals: list[Cell], start: Cell, name: str) -> None:
+    if not goals:
+        raise MapError("the map has no goal", source=name)
+    if len(goals) > 1:
+        places = " and ".join(_place(*goal) for goal in goals[:2])
+        raise MapError(
+            f"there are {len(goals)} goals (at {places}), each of which ends an episode; here one "
+            "of them would be drawn",
+            source=name,
+        )
+    if start in goals:
+        raise MapError(f"the agent stands on the goal at {_place(*start)}", source=name)
+
+
+def _colour(thing: Any, column: int, row: int, name: str) -> int:
+    """Colour index of a door or key."""
+    if thing.color not in COLOUR_NAMES:
+        raise MapError(
+            f"{_describe(thing)} at {_place(column, row)}: doors and keys are "
+            f"{', '.join(COLOUR_NAMES)}",
+            source=name,
+        )
+    return COLOUR_NAMES.index(thing.color)
+
+
+def _describe(thing: Any) -> str:
+    kind = str(thing.type)
+    return kind if kind in ("lava", "goal") else f"a {getattr(thing, 'color', '')} {kind}"
+
+
+def _place(column: int, row: int) -> str:
+    return f"column {column}, row {row} (from 0)"

@@ -1,0 +1,49 @@
+"""A strip below the view with a bar in it, for what the agent should know of itself."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engine.shade import LUMA, ImageKind
+
+# Rows of the strip for each row of the whole image, and the fewest.
+SHARE, FEWEST = 0.1, 4
+EMPTY = (38, 38, 42)
+RIM = (12, 12, 14)
+# The bar's colour up to each level; a level of its own lets an agent tell danger at a glance.
+LEVELS: tuple[tuple[float, tuple[int, int, int]], ...] = (
+    (0.3, (226, 44, 36)),
+    (0.6, (238, 190, 36)),
+    (1.0, (66, 200, 72)),
+)
+
+
+def strip_rows(height: int) -> int:
+    """Rows of the strip in an image of a height in pixels."""
+    return max(FEWEST, round(SHARE * height))
+
+
+def bar(level: jax.Array, rows: int, width: int, kind: ImageKind) -> jax.Array:
+    """A bar that is full at level 1 and empty at 0.
+
+    Args:
+        level: float32[].
+        rows: rows of the strip, at least 3.
+        width: its columns.
+        kind: `"rgb"` for uint8[rows, width, 3], `"gray"` for uint8[rows, width].
+    """
+    rim = np.ones((rows, width), bool)
+    rim[1:-1, 1:-1] = False
+    inner = max(width - 2, 1)
+    filled = (np.arange(width, dtype=np.float32) - 0.5) / np.float32(inner) < level
+    colour = jnp.asarray(LEVELS[-1][1], jnp.uint8)
+    for bound, paint in reversed(LEVELS[:-1]):
+        colour = jnp.where(level <= bound, jnp.asarray(paint, jnp.uint8), colour)
+    row = jnp.where(filled[:, None], colour[None], jnp.asarray(EMPTY, jnp.uint8)[None])
+    strip = jnp.where(rim[..., None], jnp.asarray(RIM, jnp.uint8)[None, None], row[None])
+    if kind == "rgb":
+        return strip
+    weights = jnp.asarray(LUMA, jnp.int32)
+    return (jnp.sum(strip.astype(jnp.int32) * weights[None, None], axis=-1) >> 8).astype(jnp.uint8)

@@ -1,0 +1,322 @@
+"""MiniGrid's KeyCorridor, with a new layout at each reset, generated inside JAX.
+
+Rules: minigrid/envs/keycorridor.py and core/roomgrid.py of Farama-Foundation/Minigrid. Three
+columns of rooms; the middle one is an open hall. A room in the east is locked and holds the
+goal, the key lies in a room in the west, and doors are added between random neighbours, never
+to the locked room, until every room can be reached. `fidelity/minigrid_layouts.py` compares the
+statistics of the layouts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engine.level import Level, level_from_walls
+from ..engine.motion import forward, touched_door
+from ..engine.scene import Scene, Sprites, Theme
+from ..environment import Info, State
+from ..errors import SettingError
+from ..maps.symbols import COLOUR_NAMES, DEFAULT_WALL, GOAL_LABEL, door_label, key_label
+from ..maps.tilemap import Key, TileMap
+from ..pytree import record
+from ..spaces import Box
+from .appearance import build_theme
+from .draws import draw_index
+from .first_person import FirstPerson
+from .levels import read_level
+from .navigation import DEFAULTS, NavigationParams
+from .steering import ACTION_NAMES, INTERACT, steer
+
+WEST, EAST = 0, 1
+_COLOURS = len(COLOUR_NAMES)
+
+
+@record
+class KeyCorridorState(State):
+    """State of the task; D places for doors.
+
+    Attributes:
+        level: the walls and doors of this episode.
+        locked: bool[D], which door is the locked one.
+        opened: bool[D].
+        key: float32[2], (x, y) of the key in tiles.
+        key_colour: int32[], its colour index, which is the locked door's.
+        taken: bool[], whether it has been picked up.
+        goal: float32[2], (x, y) of the goal in tiles.
+    """
+
+    level: Level
+    locked: jax.Array
+    opened: jax.Array
+    key: jax.Array
+    key_colour: jax.Array
+    taken: jax.Array
+    goal: jax.Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
+    """Fetch the key in the west, open the locked door in the east, reach the goal behind it.
+
+    Actions and reward as in `Navigation`.
+
+    Attributes:
+        room_size: tiles from a room's wall to its opposite one, both included; at least 3.
+        room_rows: rows of rooms, 1 to 3.
+        layout_seed: None for a new layout at each reset, or the seed of the one layout; the
+            start is drawn anew all the same.
+        defaults: the params that `params=None` stands for.
+    """
+
+    room_size: int = 4
+    room_rows: int = 3
+    layout_seed: int | None = None
+    defaults: NavigationParams = DEFAULTS
+
+    action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        if not (3 <= self.room_size <= 16 and 1 <= self.room_rows <= 3):
+            raise SettingError(
+                f"room_size must be 3 to 16 and room_rows 1 to 3, not {self.room_size!r} and "
+                f"{self.room_rows!r}"
+            )
+        seed = self.layout_seed
+        whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+        if seed is not None and not (whole and 0 <= seed < 2**32):
+            raise SettingError(
+                f"layout_seed must be None or a whole number from 0 to 2**32 - 1, not {seed!r}"
+            )
+
+    @property
+    def default_params(self) -> NavigationParams:
+        """The params that `params=None` stands for."""
+        return self.defaults
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the map looks."""
+        keys = [key_label(colour) for colour in range(_COLOURS)]
+        return build_theme((GOAL_LABEL, *keys), doors=True)
+
+    @property
+    def map_size(self) -> tuple[int, int]:
+        """(columns, rows) of the map in tiles."""
+        step = self.room_size - 1
+        return 3 * step + 1, self.room_rows * step + 1
+
+    def init_state(self, key: jax.Array, params: NavigationParams) -> KeyCorridorState:
+        """Draw a layout, and a start in the hall that does not face the locked door."""
+        del params
+        layout_key, start_key = jax.random.split(key)
+        if self.layout_seed is not None:
+            layout_key = jax.random.key(self.layout_seed)
+        rows, places = self.room_rows, self._door_count
+        bits = jax.random.bits(layout_key, (5 + 2 * places,), jnp.uint32)
+        locked_row, key_row = draw_index(bits[0], rows), draw_index(bits[1], rows)
+        colour = draw_index(bits[2], _COLOURS)
+        doors, locked, labels = self._draw_doors(bits[5:], locked_row, colour)
+        level = self._build(doors, labels)
+        position, heading = self._draw_start(start_key, doors, locked)
+        step = self.room_size - 1
+        return KeyCorridorState(
+            position=position,
+            heading=heading,
+            time=jnp.int32(0),
+            episode_return=jnp.float32(0),
+            done=jnp.bool_(False),
+            level=level,
+            locked=locked,
+            opened=jnp.zeros(places, bool),
+            key=self._inside(bits[3], jnp.int32(0), key_row * step),
+            key_colour=colour,
+            taken=jnp.bool_(False),
+            goal=self._inside(bits[4], jnp.int32(2 * step), locked_row * step),
+        )
+
+    def transition(
+        self, key: jax.Array, state: KeyCorridorState, action: jax.Array, params: NavigationParams
+    ) -> tuple[KeyCorridorState, jax.Array, jax.Array, Info]:
+        """Move, open a door, pick up the key, look whether the goal is reached."""
+        del key
+        pose = state.position, state.heading
+        position, heading = steer(state.level, ~state.opened, *pose, action, params)
+        arm = forward(heading) * params.interact_distance
+        touched = touched_door(state.level, ~state.opened, position, arm)
+        new = touched & (~state.locked | state.taken) & (action == INTERACT)
+        picked = _distance(position, state.key) <= params.pickup_radius
+        picked = picked & ~state.taken
+        state = state.replace(
+            position=position,
+            heading=heading,
+            opened=state.opened | new,
+            taken=state.taken | picked,
+        )
+        reached = _distance(position, state.goal) <= params.goal_radius
+        reward = params.living_reward + jnp.where(reached, params.goal_reward, 0)
+        events = {"reached_goal": reached, "picked_key": picked, "opened_door": jnp.any(new)}
+        return state, reward, reached, events
+
+    def describe(self, state: KeyCorridorState, params: NavigationParams) -> Info:
+        """Add the straight-line distance to the goal, in tiles."""
+        distance = _distance(state.position, state.goal)
+        return super().describe(state, params) | {"distance_to_goal": distance}
+
+    def scene(self, state: KeyCorridorState, params: NavigationParams) -> Scene:
+        """The layout with its closed doors, the key and the goal."""
+        del params
+        return Scene(
+            level=state.level,
+            closed=~state.opened,
+            position=state.position,
+            heading=state.heading,
+            sprites=Sprites(
+                position=jnp.stack([state.goal, state.key]),
+                look=jnp.stack([jnp.int32(0), 1 + state.key_colour]),
+                visible=jnp.stack([jnp.bool_(True), ~state.taken]),
+            ),
+            theme=self.theme,
+        )
+
+    def tilemap_of(self, state: KeyCorridorState) -> TileMap:
+        """The layout with its key, its goal, and the tile the agent is on as its start."""
+        cells = [
+            tuple(int(part) for part in np.floor(np.asarray(place)))
+            for place in (state.position, state.goal, state.key)
+        ]
+        (start, goal, (column, row)) = cells
+        tilemap = read_level(self.name, state.level)
+        on_floor = tilemap.is_floor(*start)
+        return dataclasses.replace(
+            tilemap,
+            spawns=(start,) if on_floor else (),
+            goals=(goal,),
+            keys=(Key(column, row, int(state.key_colour)),),
+        )
+
+    def variables(self, state: KeyCorridorState) -> dict[str, jax.Array]:
+        """`keys`: float32[6], which key colours are carried (red, green, blue, ... )."""
+        carried = (jnp.arange(_COLOURS, dtype=jnp.int32) == state.key_colour) & state.taken
+        return {"keys": carried.astype(jnp.float32)}
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """The space of `keys`."""
+        return {"keys": Box(0.0, 1.0, (_COLOURS,), np.dtype(np.float32))}
+
+    @property
+    def _door_count(self) -> int:
+        """Places for doors: each side's to the hall, then each side's between rows."""
+        return 2 * self.room_rows + 2 * (self.room_rows - 1)
+
+    def _draw_doors(
+        self, bits: jax.Array, locked_row: jax.Array, colour: jax.Array
+    ) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """int32[D, 2] (column, row) of the doors, bool[D] the locked one, int32[D] labels.
+
+        MiniGrid adds doors one by one, in random order, until all rooms are connected. That is:
+        each wall has a random priority, and doors are in all walls up to the least priority at
+        which they connect everything. An absent door stands at (0, 0).
+        """
+        rows, step = self.room_rows, self.room_size - 1
+        places = self._door_count
+        hall = np.arange(places) < 2 * rows
+        index = np.arange(places, dtype=np.int32)
+        # Ties are broken by the index, so that no two priorities are equal.
+        priority = (bits[:places] & ~jnp.uint32(15)) | index.astype(np.uint32)
+        locked = jnp.asarray(index) == rows + locked_row
+        between = np.arange(max(rows - 1, 0), dtype=np.int32)
+        beside = (between == locked_row) | (between + 1 == locked_row)
+        shut = jnp.concatenate([jnp.zeros(2 * rows + rows - 1, bool), beside])
+        never = jnp.uint32(0xFFFFFFFF)
+        order = jnp.where(shut, never, jnp.where(locked, jnp.uint32(0), priority))
+        needed = jnp.uint32(0)
+        for side in (WEST, EAST):
+            to_hall = [order[side * rows + i] for i in range(rows)]
+            down = [order[2 * rows + side * (rows - 1) + i] for i in range(rows - 1)]
+            needed = jnp.maximum(needed, _bottleneck(to_hall, down))
+        present = ((order <= needed) & ~shut) | locked
+        along = 1 + draw_index(bits[places:], self.room_size - 2)
+        # The same bits serve for the colour: their low ones are not used for the place.
+        painted = draw_index(bits[places:] << 12, _COLOURS)
+        side_of = np.where(hall, index // rows, (index - 2 * rows) // max(rows - 1, 1))
+        line = np.where(hall, index % rows, (index - 2 * rows) % max(rows - 1, 1))
+        column = jnp.where(hall, (1 + side_of) * step, 2 * step * side_of + along)
+        row = jnp.where(hall, line * step + along, (line + 1) * step)
+        doors = jnp.stack([column, row], axis=-1).astype(jnp.int32)
+        labels = jnp.where(
+            locked, door_label(0, locked=True) + colour, door_label(0, locked=False) + painted
+        )
+        return jnp.where(present[:, None], doors, 0), locked, labels
+
+    def _build(self, doors: jax.Array, labels: jax.Array) -> Level:
+        """The level of a layout."""
+        columns, rows = self.map_size
+        step = self.room_size - 1
+        solid = np.zeros((rows, columns), bool)
+        solid[::step] = solid[:, ::step] = True
+        # The hall has no walls between its rooms.
+        solid[1:-1, step + 1 : 2 * step] = False
+        walls = jnp.asarray(np.where(solid, DEFAULT_WALL, 0).astype(np.int32))
+        row, column = np.indices((rows, columns), np.int32)
+        for i in range(self._door_count):
+            here = (column == doors[i, 0]) & (row == doors[i, 1]) & (doors[i, 0] > 0)
+            walls = jnp.where(here, labels[i], walls)
+        return level_from_walls(walls.astype(jnp.uint8), doors)
+
+    def _draw_start(
+        self, key: jax.Array, doors: jax.Array, locked: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
+        """A tile of the hall's middle room and one of four headings, not facing the locked door.
+
+        The open walls between the hall's rooms belong to the room as well.
+        """
+        step, middle = self.room_size - 1, self.room_rows // 2
+        first = middle * step + (1 if middle == 0 else 0)
+        last = (middle + 1) * step - (1 if middle == self.room_rows - 1 else 0)
+        width, height = step - 1, last - first + 1
+        count = 4 * width * height
+        door = jnp.sum(jnp.where(locked[:, None], doors, 0), axis=0)
+        # Choices run over headings, then columns, then rows; the bad one faces east.
+        bad = ((door[1] - first) * width + (width - 1)) * 4
+        exists = (door[1] >= first) & (door[1] <= last)
+        bits = jax.random.bits(key, (), jnp.uint32)
+        choice = draw_index(bits, count - exists.astype(jnp.int32))
+        choice = choice + (exists & (choice >= bad)).astype(jnp.int32)
+        tile = choice // 4
+        place = jnp.stack([step + 1 + tile % width, first + tile // width])
+        heading = (choice % 4).astype(jnp.float32) * jnp.float32(np.pi / 2)
+        return place.astype(jnp.float32) + 0.5, heading
+
+    def _inside(self, bits: jax.Array, column: jax.Array, row: jax.Array) -> jax.Array:
+        """float32[2]: the centre of a random tile in the room whose corner is given."""
+        width = self.room_size - 2
+        tile = draw_index(bits, width * width)
+        place = jnp.stack([column + 1 + tile % width, row + 1 + tile // width])
+        return place.astype(jnp.float32) + 0.5
+
+
+def _bottleneck(to_hall: list[jax.Array], down: list[jax.Array]) -> jax.Array:
+    """The least priority up to which doors connect all rooms of one side with the hall.
+
+    Args:
+        to_hall: uint32[] of each room's door to the hall.
+        down: uint32[] of the door between each room and the next.
+    """
+    best = list(to_hall)
+    for i in range(1, len(best)):
+        best[i] = jnp.minimum(best[i], jnp.maximum(best[i - 1], down[i - 1]))
+    for i in reversed(range(len(best) - 1)):
+        best[i] = jnp.minimum(best[i], jnp.maximum(best[i + 1], down[i]))
+    return functools.reduce(jnp.maximum, best)
+
+
+def _distance(a: jax.Array, b: jax.Array) -> jax.Array:
+    return jnp.sqrt(jnp.sum((a - b) ** 2))

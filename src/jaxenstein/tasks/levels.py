@@ -1,0 +1,48 @@
+"""From a level on the device back to a tile map on the host."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..engine.level import WORD, Level
+from ..maps.symbols import DEFAULT_WALL, DOOR_LABELS, WALL_LABELS, door_label
+from ..maps.tilemap import Door, TileMap, Tiles
+
+_COLOURS = len(DOOR_LABELS) // 2
+
+
+def read_level(name: str, level: Level) -> TileMap:
+    """The walls and doors of a level.
+
+    Doors that the layout does not have, which stand on the border, are left out; walls whose
+    labels are not of `jaxenstein.maps.symbols` become default walls.
+
+    Args:
+        name: what to call the map.
+        level: one level, not a batch of them.
+    """
+    bits = np.asarray(level.rows)[:, :, None] >> np.arange(WORD, dtype=np.uint32) & 1
+    columns, rows = level.size
+    solid = bits.reshape(rows, -1)[:, :columns] == 1
+    faces = np.where(solid, np.asarray(level.walls), 0)
+    faces = np.where(solid & ~np.isin(faces, WALL_LABELS), DEFAULT_WALL, faces).astype(np.uint8)
+    doors = []
+    for column, row in np.asarray(level.doors).tolist():
+        label = int(level.walls[0, row, column])
+        if not solid[row, column] and label in DOOR_LABELS:
+            faces[:, row, column] = label
+            kind = label - door_label(0, locked=False)
+            place = column - level.margin, row - level.margin
+            doors.append(Door(*place, kind % _COLOURS, locked=kind >= _COLOURS))
+    inside = slice(level.margin, rows - level.margin), slice(level.margin, columns - level.margin)
+    shown = [_tiles(face[inside]) for face in faces]
+    return TileMap(
+        name=name,
+        tiles=shown[0],
+        faces=tuple(shown) if len(shown) == 4 else None,
+        doors=tuple(doors),
+    )
+
+
+def _tiles(labels: np.ndarray) -> Tiles:
+    return tuple(bytes(row) for row in labels)

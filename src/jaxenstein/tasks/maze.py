@@ -1,0 +1,219 @@
+"""DeepMind Lab's navigation mazes: a goal to find again and again, and apples on the way.
+
+Rules are those of the levels nav_maze_static_0x and nav_maze_random_goal_0x of
+google-deepmind/lab; docs/fidelity.md says where this port differs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engine.scene import Scene
+from ..environment import Info
+from ..errors import SettingError
+from ..maps.reach import open_tiles
+from ..maps.symbols import APPLE_LABEL
+from ..maps.tilemap import Cell, TileMap
+from ..pytree import record
+from .draws import draw_index
+from .navigation import Navigation, NavigationParams, NavigationState
+from .steering import centres, draw_heading
+
+
+@record
+class MazeParams(NavigationParams):
+    """The numbers of the task.
+
+    Attributes:
+        apple_reward: reward of each apple.
+    """
+
+    goal_reward: Any = 10.0
+    apple_reward: Any = 1.0
+
+
+@record
+class MazeState(NavigationState):
+    """State of a maze; A apples.
+
+    Attributes:
+        apples: int32[A], the cell of each: an index into `Maze.apple_cells`.
+        eaten: bool[A].
+    """
+
+    apples: jax.Array
+    eaten: jax.Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Maze(Navigation):
+    """Find the goal in a maze, from a start that is far enough away.
+
+    Without `respawn` the goal ends the episode. With it, the goal's reward is followed by a new
+    start in the same step, apples are back, and only the time limit ends the episode.
+
+    Attributes:
+        start_distance: the fewest tiles on foot from a start to the goal.
+        respawn: whether the goal moves the agent to a new start instead of ending the episode.
+        drawn_apples: how many apples are put on random other goal cells at each reset; 0 for
+            those of the map.
+    """
+
+    start_distance: int = 0
+    respawn: bool = False
+    drawn_apples: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        if not 0 <= self.drawn_apples < max(len(self.tilemap.goals), 1):
+            raise SettingError(
+                f"drawn_apples must be 0 to {len(self.tilemap.goals) - 1}, fewer than there are "
+                f"goal cells, not {self.drawn_apples!r}"
+            )
+        far_starts(self.tilemap, self.start_distance)
+
+    @property
+    def apple_cells(self) -> tuple[Cell, ...]:
+        """(column, row) of the cells that apples may lie on."""
+        return self.tilemap.goals if self.drawn_apples else self.tilemap.apples
+
+    @functools.cached_property
+    def _looks(self) -> tuple[int, ...]:
+        return (*super()._looks, *((APPLE_LABEL,) if self.apple_cells else ()))
+
+    def init_state(self, key: jax.Array, params: NavigationParams) -> MazeState:
+        """Draw the goal, the start, the heading and the apples."""
+        del params
+        bits = jax.random.bits(key, (3 + self.drawn_apples,), jnp.uint32)
+        goal = draw_index(bits[0], len(self.tilemap.goals))
+        if self.drawn_apples:
+            apples = _subset(bits[3:], len(self.tilemap.goals) - 1)
+            # The goal's own cell is skipped.
+            apples = apples + (apples >= goal).astype(jnp.int32)
+        else:
+            apples = jnp.arange(len(self.apple_cells), dtype=jnp.int32)
+        return MazeState(
+            position=self._draw_start(bits[1], goal),
+            heading=draw_heading(bits[2], self.heading),
+            time=jnp.int32(0),
+            episode_return=jnp.float32(0),
+            done=jnp.bool_(False),
+            goal=goal,
+            opened=jnp.zeros(len(self.tilemap.doors), bool),
+            taken=jnp.zeros(len(self.tilemap.keys), bool),
+            apples=apples,
+            eaten=jnp.zeros(apples.shape, bool),
+        )
+
+    def transition(
+        self, key: jax.Array, state: Any, action: jax.Array, params: Any
+    ) -> tuple[Any, jax.Array, jax.Array, Info]:
+        """Navigate, eat apples, and start anew at the goal if the maze respawns."""
+        state, reward, reached, events = super().transition(key, state, action, params)
+        if self.apple_cells:
+            offset = centres(self.apple_cells)[state.apples] - state.position[None]
+            near = jnp.sqrt(jnp.sum(offset**2, axis=-1)) <= params.pickup_radius
+            near = near & ~state.eaten
+            count = jnp.sum(near, dtype=jnp.int32)
+            reward = reward + params.apple_reward * count.astype(jnp.float32)
+            state = state.replace(eaten=state.eaten | near)
+            events["ate_apple"] = count
+        if not self.respawn:
+            return state, reward, reached, events
+        bits = jax.random.bits(key, (2,), jnp.uint32)
+        anew = state.replace(
+            position=self._draw_start(bits[0], state.goal),
+            heading=draw_heading(bits[1], self.heading),
+            opened=jnp.zeros_like(state.opened),
+            taken=jnp.zeros_like(state.taken),
+            eaten=jnp.zeros_like(state.eaten),
+        )
+        state = jax.tree.map(lambda a, b: jnp.where(reached, a, b), anew, state)
+        return state, reward, jnp.zeros_like(reached), events | {"respawned": reached}
+
+    def scene(self, state: Any, params: Any) -> Scene:
+        """Add the apples that are left."""
+        scene = super().scene(state, params)
+        if not self.apple_cells:
+            return scene
+        old = scene.sprites
+        look = jnp.full(state.apples.shape, self._looks.index(APPLE_LABEL), jnp.int32)
+        sprites = old.replace(
+            position=jnp.concatenate([old.position, centres(self.apple_cells)[state.apples]]),
+            look=jnp.concatenate([old.look, look]),
+            visible=jnp.concatenate([old.visible, ~state.eaten]),
+        )
+        return scene.replace(sprites=sprites)
+
+    def _draw_start(self, bits: jax.Array, goal: jax.Array) -> jax.Array:
+        """float32[2]: the centre of a start far enough from the goal, each equally likely."""
+        starts, counts = far_starts(self.tilemap, self.start_distance)
+        index = draw_index(bits, jnp.asarray(counts)[goal])
+        return centres(self.tilemap.spawns)[jnp.asarray(starts)[goal, index]]
+
+
+def _subset(bits: jax.Array, count: int) -> jax.Array:
+    """int32[n]: n different numbers below `count`, every subset equally likely (R. W. Floyd).
+
+    Args:
+        bits: uint32[n].
+        count: at least n.
+    """
+    size = bits.shape[0]
+
+    def choose(i: jax.Array, chosen: jax.Array) -> jax.Array:
+        last = count - size + i
+        drawn = draw_index(bits[i], last + 1)
+        return chosen.at[i].set(jnp.where(jnp.any(chosen == drawn), last, drawn))
+
+    return jax.lax.fori_loop(0, size, choose, jnp.full(size, -1, jnp.int32))
+
+
+@functools.cache
+def far_starts(tilemap: TileMap, distance: int) -> tuple[np.ndarray, np.ndarray]:
+    """The spawns far enough from each goal: int32[goals, spawns], left-aligned, and how many.
+
+    Args:
+        tilemap: the map, all of whose doors count as open.
+        distance: the fewest tiles on foot; 0 allows all spawns.
+
+    Raises:
+        SettingError: a goal has no spawn that far away.
+    """
+    spawns = np.array(tilemap.spawns).reshape(-1, 2)
+    if distance <= 0:
+        allowed = np.ones((len(tilemap.goals), len(spawns)), bool)
+    else:
+        steps = walking_distances(open_tiles(tilemap), tilemap.goals)
+        allowed = steps[:, spawns[:, 1], spawns[:, 0]] >= distance
+    counts = allowed.sum(axis=1).astype(np.int32)
+    if (counts == 0).any():
+        column, row = tilemap.goals[int(np.argmin(counts))]
+        raise SettingError(
+            f"start_distance {distance}: no start is that far from the goal at column {column}, "
+            f"row {row} (from 0)"
+        )
+    return np.argsort(~allowed, axis=1, kind="stable").astype(np.int32), counts
+
+
+def walking_distances(walkable: np.ndarray, goals: tuple[Cell, ...]) -> np.ndarray:
+    """int32[goals, rows, columns]: tiles on foot to each goal; -1 where there is no way."""
+    steps = np.full((len(goals), *walkable.shape), -1, np.int32)
+    columns, rows = np.array(goals).reshape(-1, 2).T
+    front = np.zeros(steps.shape, bool)
+    front[np.arange(len(goals)), rows, columns] = True
+    time = 0
+    while front.any():
+        steps[front] = time
+        wide = np.pad(front, ((0, 0), (1, 1), (1, 1)))
+        spread = wide[:, 2:, 1:-1] | wide[:, :-2, 1:-1] | wide[:, 1:-1, 2:] | wide[:, 1:-1, :-2]
+        front = spread & walkable[None] & (steps < 0)
+        time += 1
+    return steps

@@ -1,0 +1,97 @@
+"""Turning and walking: what the actions of all tasks have in common, and where episodes start."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engine.level import Level
+from ..engine.motion import forward, turn, walk
+from ..environment import Params
+from ..errors import SettingError
+from ..pytree import record
+from .draws import draw_unit
+
+TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
+ACTION_NAMES = ("turn left", "turn right", "forward", "backward", "interact")
+
+
+@record
+class SteeringParams(Params):
+    """How far one action goes.
+
+    Attributes:
+        turn_angle: radians turned by one action.
+        move_distance: tiles moved by one action; below 1.
+    """
+
+    turn_angle: Any = math.radians(15)
+    move_distance: Any = 0.15
+
+
+def steer(
+    level: Level,
+    closed: jax.Array,
+    position: jax.Array,
+    heading: jax.Array,
+    action: jax.Array,
+    params: Any,
+) -> tuple[jax.Array, jax.Array]:
+    """The position and heading after an action; a move into anything solid is cancelled.
+
+    Args:
+        level: the level.
+        closed: bool[D], which of its doors are closed.
+        position: float32[2], (x, y) in tiles.
+        heading: float32[], radians.
+        action: int32[]; those that neither turn nor move change nothing.
+        params: `SteeringParams`.
+    """
+    spin = _either(action, TURN_RIGHT, TURN_LEFT)
+    pace = _either(action, FORWARD, BACKWARD)
+    heading = turn(heading, spin * params.turn_angle)
+    step = forward(heading) * (pace * params.move_distance)
+    return walk(level, closed, position, step), heading
+
+
+def _either(action: jax.Array, plus: int, minus: int) -> jax.Array:
+    """float32[]: 1 for one action, -1 for the other, else 0."""
+    return (action == plus).astype(jnp.float32) - (action == minus).astype(jnp.float32)
+
+
+def centres(cells: Any) -> jax.Array:
+    """float32[n, 2]: the centres of (column, row) tiles, given on the host."""
+    return jnp.asarray(np.array(cells, np.float32).reshape(-1, 2) + np.float32(0.5))
+
+
+def draw_heading(bits: jax.Array, heading: Any) -> jax.Array:
+    """float32[] radians, uniform over what a heading setting allows, from uint32 bits."""
+    low, high = heading_range(heading)
+    return turn(jnp.float32(low), jnp.float32(high - low) * draw_unit(bits))
+
+
+def heading_range(heading: Any) -> tuple[float, float]:
+    """A heading setting in radians, as (lowest, highest).
+
+    Args:
+        heading: degrees: None for any, a number, or (lowest, highest).
+
+    Raises:
+        SettingError: it is none of these.
+    """
+    if heading is None:
+        return 0.0, 2 * math.pi
+    try:
+        low, high = (heading, heading) if np.ndim(heading) == 0 else heading
+        low, high = float(low), float(high)
+    except (TypeError, ValueError):
+        low, high = math.nan, math.nan
+    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+        raise SettingError(
+            f"heading must be None, degrees, or (lowest, highest) degrees, not {heading!r}"
+        )
+    return math.radians(low), math.radians(high)
