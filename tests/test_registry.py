@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.registry import ENTRIES, SETTINGS
+from jaxenstein.registry import ALIASES, ENTRIES, SETTINGS
 
 MAP = "#####\n#S.G#\n#####"
 
@@ -19,6 +19,24 @@ def make(name: Any, **settings: Any) -> Any:
 
 def test_ids_are_those_of_the_type():
     assert jaxenstein.environment_ids() == get_args(jaxenstein.EnvironmentId) == tuple(ENTRIES)
+    assert not set(ALIASES) & set(ENTRIES)
+
+
+@pytest.mark.parametrize(("alias", "name"), ALIASES.items())
+def test_aliases_build_the_same(alias, name):
+    assert make(alias)[0] == make(name)[0]
+    assert make(alias)[0].name == name
+
+
+def test_settings_of_some_environments_alone():
+    assert make("health-gathering", hud=True)[0].hud
+    assert make("key-corridor-s3r3", layout_seed=3)[0].layout_seed == 3
+    for name, own in (("key-door", "layout_seed"), ("simple", "hud")):
+        with pytest.raises(jaxenstein.SettingError, match="unknown setting"):
+            make(name, **{own: 1})
+    for wrong in ({"layout_seed": -1}, {"layout_seed": True}, {"layout_seed": 0.5}):
+        with pytest.raises(jaxenstein.SettingError, match="layout_seed"):
+            make("key-corridor", **wrong)
 
 
 @pytest.mark.parametrize("name", jaxenstein.environment_ids())
@@ -43,6 +61,23 @@ def test_every_id_builds_what_it_names(name):
         ("my-way-home-colorless", 2100, 0.999, -0.0001),
         ("my-way-home-sparse", 2100, 0.999, -0.0001),
         ("my-way-home-very-sparse", 2100, 0.999, -0.0001),
+        ("health-gathering", 2100, 0.99, 1.0),
+        ("key-corridor", 3200, 0.99, 0.0),
+        ("key-corridor-s3r1", 1800, 0.99, 0.0),
+        ("key-corridor-s3r2", 1800, 0.99, 0.0),
+        ("key-corridor-s3r3", 1800, 0.99, 0.0),
+        ("key-corridor-s5r3", 5000, 0.99, 0.0),
+        ("key-corridor-s6r3", 7200, 0.99, 0.0),
+        *(
+            (f"dmlab-{kind}-{number}{end}", horizon, discount, 0.0)
+            for kind in ("static", "random-goal")
+            for end in ("", "-respawn")
+            for number, horizon, discount in (
+                ("01", 1800, 0.999),
+                ("02", 4500, 0.9995),
+                ("03", 9000, 0.9999),
+            )
+        ),
     ],
 )
 def test_numbers_of_the_tasks(name, horizon, discount, living):
@@ -50,7 +85,8 @@ def test_numbers_of_the_tasks(name, horizon, discount, living):
     assert int(params.max_steps_in_episode) == horizon
     assert float(params.discount) == pytest.approx(discount)
     assert float(params.living_reward) == pytest.approx(living)
-    assert float(params.goal_reward) == 1.0
+    # Health gathering has no goal.
+    assert float(getattr(params, "goal_reward", 1)) == (10 if name.startswith("dmlab") else 1)
     assert np.degrees(float(params.turn_angle)) == pytest.approx(15)
     assert float(params.move_distance) == pytest.approx(0.15)
 

@@ -1,0 +1,89 @@
+"""Scripted players solve what they are meant to solve."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxenstein import make
+from jaxenstein.errors import SettingError
+from jaxenstein.players import (
+    PLAYERS,
+    distance_tables,
+    greedy_medkits,
+    idle,
+    play,
+    shortest_path,
+    uniform,
+)
+
+SIZE = {"height": 8, "width": 8}
+
+
+def starts(env, params, count):
+    keys = jax.random.split(jax.random.key(1), count)
+    return jax.vmap(lambda key: env.init_state(key, params))(keys)
+
+
+@pytest.mark.parametrize("name", ["simple", "key-door", "key-corridor-s3r2"])
+def test_shortest_path_reaches_every_goal(name):
+    env, params = make(name, **SIZE)
+    episodes = play(env, shortest_path, params, jax.random.key(0), starts(env, params, 16))
+    assert episodes.terminated.all()
+    assert (episodes.goals == 1).all()
+    np.testing.assert_array_equal(episodes.returned, np.ones(16))
+    assert (episodes.length < params.max_steps_in_episode).all()
+
+
+def test_shortest_path_is_hardly_longer_than_its_tiles():
+    env, params = make("simple", **SIZE)
+    state = starts(env, params, 1)
+    episodes = play(env, shortest_path, params, jax.random.key(0), state)
+    cell = np.floor(np.asarray(state.position[0])).astype(int)
+    tiles = int(distance_tables(env.tilemap)[0, 0, cell[1], cell[0]])
+    walked = (tiles - float(params.goal_radius)) / float(params.move_distance)
+    # Corners may be cut, and each turn of 90 degrees takes about 6 steps.
+    assert 0.7 * walked < episodes.length[0] < 1.2 * walked + 24
+
+
+def test_distances_lead_to_the_key_first():
+    env, _ = make("key-door", **SIZE)
+    tilemap = env.tilemap
+    tables = distance_tables(tilemap)
+    (key,), (door,), (goal,) = tilemap.keys, tilemap.doors, tilemap.goals
+    column, row = tilemap.spawns[0]
+    assert tables[0, 0, key.row, key.column] == 0
+    assert 0 < tables[0, 0, row, column] < 16384
+    assert tables[0, 0, door.row, door.column] == 16384
+    assert tables[1, 0, goal[1], goal[0]] == 0
+    assert 0 < tables[1, 0, door.row, door.column] < tables[1, 0, row, column]
+
+
+def test_greedy_survives_where_idle_dies():
+    env, params = make("health-gathering", **SIZE)
+    params = params.replace(max_steps_in_episode=jnp.int32(800))
+    states = starts(env, params, 4)
+    greedy = play(env, greedy_medkits, params, jax.random.key(0), states)
+    lazy = play(env, idle, params, jax.random.key(0), states)
+    assert not greedy.terminated.any()
+    np.testing.assert_array_equal(greedy.returned, np.full(4, 800))
+    assert lazy.terminated.all()
+    np.testing.assert_array_equal(lazy.length, np.full(4, 384))
+    np.testing.assert_array_equal(lazy.returned, np.full(4, 284))
+
+
+def test_uniform_draws_every_action():
+    env, params = make("simple", **SIZE)
+    choose = uniform(env, params)
+    actions = jax.vmap(lambda key: choose(key, None))(jax.random.split(jax.random.key(0), 200))
+    assert actions.dtype == jnp.int32
+    assert set(np.asarray(actions).tolist()) == set(range(env.num_actions))
+
+
+@pytest.mark.parametrize(
+    ("player", "name"), [("greedy_medkits", "simple"), ("shortest_path", "health-gathering")]
+)
+def test_players_refuse_other_tasks(player, name):
+    env, params = make(name, **SIZE)
+    with pytest.raises(SettingError, match=name):
+        PLAYERS[player](env, params)
