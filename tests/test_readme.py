@@ -41,5 +41,5 @@ def test_linked_files_exist(readme):
 
 
 def test_table_of_environments_is_complete(readme):
-    named = set(re.findall(r"^\| `([a-z-]+)` \|", readme, re.MULTILINE))
+    named = set(re.findall(r"^\| `([a-z0-9-]+)` \|", readme, re.MULTILINE))
     assert named == set(jaxenstein.environment_ids())
