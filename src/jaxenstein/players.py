@@ -166,9 +166,14 @@ def play(
     def advance(key: jax.Array, state: Any) -> tuple[Any, jax.Array, jax.Array]:
         policy_key, step_key = jax.random.split(key)
         action = choose(policy_key, state)
-        # The observation is left unread, so the compiler removes the renderer.
-        _, after, _, terminated, info = env.step_env(step_key, state, action, params)
-        goal = jnp.asarray(info.get("reached_goal", False)) & ~state.done
+        after, reward, terminated, events = env.transition(step_key, state, action, params)
+        time = state.time + 1
+        after = after.replace(
+            time=time,
+            episode_return=state.episode_return + reward,
+            done=terminated | (time >= params.max_steps_in_episode),
+        )
+        goal = jnp.asarray(events.get("reached_goal", False)) & ~state.done
         after = jax.tree.map(lambda old, new: jnp.where(state.done, old, new), state, after)
         return after, terminated & ~state.done, goal.astype(jnp.int32)
 
@@ -233,7 +238,7 @@ def _corridor_field(state: Any) -> jax.Array:
     # An absent door stands on the map's border.
     passable = (~state.locked | state.taken) & (columns > 0)
     row, column = np.indices(walls.shape, np.int32)
-    here = (column == columns[:, None, None]) & (row == rows[:, None, None])
+    here = (column[None] == columns[:, None, None]) & (row[None] == rows[:, None, None])
     walkable = ~walls | jnp.any(here & passable[:, None, None], axis=0)
     target = jnp.floor(jnp.where(state.taken, state.goal, state.key)).astype(jnp.int32)
     return _flood(walkable, (column == target[0]) & (row == target[1]))
@@ -289,4 +294,6 @@ def _faces_door(
         return jnp.bool_(False)
     arm = forward(state.heading) * params.interact_distance
     touched = touched_door(level, closed, state.position, arm)
-    return jnp.any(touched & jnp.all(jnp.asarray(level.doors) - level.margin == tile, axis=-1))
+    return jnp.any(
+        touched & jnp.all(jnp.asarray(level.doors) - level.margin == tile[None], axis=-1)
+    )

@@ -11,9 +11,11 @@ import pytest
 import jaxenstein
 from jaxenstein.errors import SettingError
 from jaxenstein.tasks.health_gathering import CAPACITY
-from jaxenstein.tasks.hud import EMPTY, LEVELS, RIM
+from jaxenstein.tasks.hud import EMPTY, LEVELS, RIM, bar
 
 LEFT, RIGHT, AHEAD = range(3)
+# All rollouts have this many episodes and steps, to share one compilation.
+EPISODES, STEPS = 12, 2100
 LOW, HIGH = 1 + 20 / 32, 39 - 20 / 32
 REACH = 36 / 32
 
@@ -26,16 +28,20 @@ def task():
 
 @functools.cache
 def rollout():
-    """A compiled function of params, keys[B] and actions[B, T]: the states and outcomes."""
+    """A compiled function of params, keys[B] and actions[B, T]: the states and outcomes.
+
+    It draws nothing, to compile fast.
+    """
     env = task()[0]
 
     def one(params, key, actions):
+        params = env._cast(params)
         start = env.init_state(key, params)
 
         def body(state, inputs):
             key, action = inputs
-            _, state, reward, terminated, truncated, info = env.step(key, state, action, params)
-            return state, (state, reward, terminated, truncated, info["took_medkit"])
+            state, reward, terminated, info = env._advance(key, state, action, params)
+            return state, (state, reward, terminated, info["took_medkit"])
 
         keys = jax.random.split(key, actions.shape[0])
         return start, jax.lax.scan(body, start, (keys, actions))[1]
@@ -44,8 +50,13 @@ def rollout():
 
 
 def simulate(params, seed, actions):
-    keys = jax.random.split(jax.random.key(seed), len(actions))
-    return jax.device_get(rollout()(params, keys, jnp.asarray(actions, jnp.int32)))
+    """The first states, and the states, rewards, ends and medkits taken after each step."""
+    count, length = actions.shape
+    padded = np.full((EPISODES, STEPS), -1, np.int32)
+    padded[:count, :length] = actions
+    keys = jax.random.split(jax.random.key(seed), EPISODES)
+    start, after = jax.device_get(rollout()(params, keys, padded))
+    return pick(start, slice(count)), pick(after, slice(count), slice(length))
 
 
 def pick(tree, *index):
@@ -100,7 +111,7 @@ def follow(start, states, outcomes, actions):
     taken = 0
     for t, action in enumerate(actions):
         state = pick(states, t)
-        reward, terminated, _, count = (part[t] for part in outcomes)
+        reward, terminated, count = (part[t] for part in outcomes)
         new_place = tuple(state.medkits[int(state.placed) - 1].tolist())
         assert (reward, terminated, count) == oracle.step(int(action), new_place)
         np.testing.assert_allclose(state.position, oracle.position, atol=1e-4)
@@ -133,16 +144,13 @@ def test_random_episodes_follow_the_rules():
 
 def test_standing_still_dies_after_384_steps_with_return_284():
     params = task()[1]
-    start, (states, reward, terminated, truncated, _) = simulate(
-        params, 2, np.full((1, 700), -1)
-    )
+    start, (states, reward, terminated, _) = simulate(params, 2, np.full((1, 700), -1))
     assert (start.health[0], start.present.sum(), start.placed[0]) == (92, 17, 17)
     assert start.position[0].tolist() == [20, 20]
     assert start.heading[0] == 0
     end = int(np.argmax(terminated[0]))
     assert end == 384 - 1
     assert not terminated[0, :end].any()
-    assert not truncated.any()
     assert reward[0, : end + 1].sum() == 284
     assert (states.episode_return[0, end], states.health[0, end]) == (284, 0)
     assert states.present[0, end].sum() == 17 + 384 // 30
@@ -153,24 +161,13 @@ def test_no_medkit_is_lost_in_the_longest_episode():
     assert params.max_steps_in_episode == 2100
     assert CAPACITY >= 17 + 2100 // 30
     turning = np.full((1, 2100), LEFT)
-    _, (states, _, terminated, truncated, _) = simulate(params.replace(damage=0), 3, turning)
+    _, (states, _, terminated, _) = simulate(params.replace(damage=0), 3, turning)
     assert not terminated.any()
-    assert np.flatnonzero(truncated[0]).tolist() == [2099]
+    assert np.flatnonzero(states.done[0]).tolist() == [2099]
     expected = 17 + np.arange(1, 2101) // 30
     np.testing.assert_array_equal(states.present[0].sum(axis=-1), expected)
-    places = states.medkits[0]
-    for t in range(1, 2100):
-        np.testing.assert_array_equal(
-            places[t][states.present[0, t - 1]], places[t - 1][states.present[0, t - 1]]
-        )
-
-
-def test_truncates_at_the_limit():
-    params = task()[1].replace(max_steps_in_episode=5)
-    _, (_, reward, terminated, truncated, _) = simulate(params, 4, np.full((1, 700), RIGHT))
-    assert truncated[0, :6].tolist() == [False] * 4 + [True] * 2
-    assert not terminated[0, :6].any()
-    assert reward[0, :5].tolist() == [1] * 5
+    stays = (states.medkits[0, 1:] == states.medkits[0, :-1]).all(axis=-1)
+    assert stays[states.present[0, :-1]].all()
 
 
 @functools.cache
@@ -297,31 +294,36 @@ def test_places_are_uniform():
         assert chi_square(counts, len(places) / 64) < 63 + 4 * 11.2
 
 
+def test_truncates_at_the_limit():
+    state = first_state()
+    params = task()[1].replace(max_steps_in_episode=5)
+    for t in range(1, 6):
+        _, state, reward, terminated, truncated, _ = task()[2](
+            jax.random.key(t), state, jnp.int32(RIGHT), params
+        )
+        assert (float(reward), bool(terminated), bool(truncated)) == (1, False, t == 5)
+
+
 # The strip
-
-
-@functools.cache
-def with_hud(kind):
-    env, params = jaxenstein.make(
-        "health-gathering", height=12, width=22, hud=True, observation=kind
-    )
-    params = env._cast(params)
-    return env, jax.jit(lambda state: env.observe(state, params))
 
 
 HEALTHS = (0, 1, 3, 8, 28, 30, 31, 53, 60, 61, 92, 98, 100)
 
 
 def test_strip_shows_the_health():
-    env, observe = with_hud("rgb")
-    plain, params = jaxenstein.make("health-gathering", height=8, width=22)
-    below = jax.jit(lambda state: plain.observe(state, params))
+    size = {"width": 22, "observation": "dict"}
+    env, params = jaxenstein.make("health-gathering", height=12, hud=True, **size)
+    plain, _ = jaxenstein.make("health-gathering", height=8, **size)
+    params = env._cast(params)
+    observe = jax.jit(lambda state: (env.observe(state, params), plain.observe(state, params)))
     for health in HEALTHS:
         state = first_state().replace(health=jnp.int32(health))
-        image = np.array(observe(state))
-        assert env.observation_space().contains(image)
-        np.testing.assert_array_equal(image[:8], below(state))
-        strip = image[8:]
+        seen, expected = jax.device_get(observe(state))
+        assert env.observation_space().contains(seen)
+        assert plain.observation_space().contains(expected)
+        assert seen["health"].tolist() == expected["health"].tolist() == [health]
+        np.testing.assert_array_equal(seen["image"][:8], expected["image"])
+        strip = seen["image"][8:]
         assert (strip[[0, -1]] == RIM).all()
         assert (strip[:, [0, -1]] == RIM).all()
         colour = next(paint for bound, paint in LEVELS if health <= 100 * bound)
@@ -333,19 +335,15 @@ def test_strip_shows_the_health():
         assert (strip[1:-1, 1 + count : -1] == EMPTY).all()
 
 
-def test_strip_of_other_observations():
-    state = first_state().replace(health=jnp.int32(53))
-    colour = np.array(with_hud("rgb")[1](state))
-    env, observe = with_hud("gray")
-    gray = np.array(observe(state))
-    assert env.observation_space().contains(gray)
-    weights = np.array([0.299, 0.587, 0.114])
-    assert np.abs(gray[8:] - colour[8:] @ weights).max() <= 1
-    env, observe = with_hud("dict")
-    seen = jax.device_get(observe(state))
-    assert env.observation_space().contains(seen)
-    np.testing.assert_array_equal(seen["image"], colour)
-    assert seen["health"].tolist() == [53]
+def test_strip_of_grays():
+    env, params = jaxenstein.make(
+        "health-gathering", height=12, width=22, hud=True, observation="gray"
+    )
+    image = jax.eval_shape(lambda state: env.observe(state, params), first_state())
+    assert (image.shape, image.dtype) == ((12, 22), np.uint8)
+    colour, gray = (np.array(bar(jnp.float32(0.53), 4, 22, kind)) for kind in ("rgb", "gray"))
+    # The weights of Rec. 601.
+    assert np.abs(gray - colour @ np.array([0.299, 0.587, 0.114])).max() <= 1
 
 
 @pytest.mark.parametrize(
@@ -364,10 +362,3 @@ def test_hud_is_refused_where_it_cannot_be_drawn(settings, message):
 def test_hud_must_be_a_boolean():
     with pytest.raises(SettingError, match="hud must be True or False, not 1"):
         jaxenstein.make("health-gathering", hud=1)
-
-
-def test_dict_observation_without_strip():
-    env, params = jaxenstein.make("health-gathering", height=8, width=8, observation="dict")
-    seen = jax.device_get(env.reset(jax.random.key(0), params)[0])
-    assert env.observation_space().contains(seen)
-    assert seen["health"].tolist() == [92]

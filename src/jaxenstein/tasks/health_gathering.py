@@ -105,6 +105,9 @@ class HealthGathering(FirstPerson[HealthGatheringState, HealthGatheringParams]):
     """
 
     hud: bool = False
+    # Medkits are as high as the eye: of 512 frames with 40 of them, a third one in a column would
+    # change 0.002 % of the pixels.
+    sprite_layers: int = 2
 
     action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES[:3]
 

@@ -68,6 +68,8 @@ class Maze(Navigation):
     start_distance: int = 0
     respawn: bool = False
     drawn_apples: int = 0
+    # Apples are few and lie apart; more layers take up to three times as long to draw.
+    sprite_layers: int = 2
 
     def __post_init__(self) -> None:
         """Check the settings."""

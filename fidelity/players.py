@@ -1,0 +1,155 @@
+"""What scripted players get in each task, beside the figures of the originals.
+
+`python -m fidelity.players [--episodes N] [--ids ...] [--starts N] [--json FILE]`
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxenstein import environment_ids, make
+from jaxenstein.environment import Environment
+from jaxenstein.players import PLAYERS, Episodes, expert, play
+from jaxenstein.tasks.maze import far_starts
+from jaxenstein.tasks.navigation import Navigation
+from jaxenstein.tasks.steering import centres, draw_heading
+
+from .findings import mean_and_error
+
+# Measured with ViZDoom 1.3.2; skip 4 repeats each action four times, which players here do not.
+ORIGINALS = {
+    ("health-gathering", "idle"): "284 exactly, dead after 384 steps",
+    ("health-gathering", "uniform"): "351.2 +- 4.3 (284 to 572); skip 4: 393.8 +- 7.3",
+    ("health-gathering", "greedy_medkits"): "2100 in 20 of 20",
+    ("my-way-home", "uniform"): "success 7.0 +- 1.5 %; skip 4: 14 +- 2 %",
+}
+_HEADINGS = 4
+
+
+def first_states(env: Any, params: Any, count: int, seed: int) -> Any:
+    """The first states of `count` episodes."""
+    keys = jax.random.split(jax.random.key(seed), count)
+    return jax.jit(jax.vmap(lambda key: env.init_state(key, params)))(keys)
+
+
+def all_starts(env: Any, params: Any, most: int) -> tuple[Any, bool]:
+    """First states for each goal, each spawn allowed with it and 4 headings; and whether all.
+
+    More than `most` of them are thinned out to a random sample. Generated layouts: `most` seeds.
+    """
+    if not isinstance(env, Navigation):
+        return first_states(env, params, most, seed=2), False
+    distance = getattr(env, "start_distance", 0)
+    starts, counts = far_starts(env.tilemap, distance)
+    pairs = [(g, s) for g, n in enumerate(counts) for s in starts[g, :n]]
+    rows = np.repeat(np.array(pairs, np.int32), _HEADINGS, axis=0)
+    complete = len(rows) <= most
+    if not complete:
+        rows = np.random.default_rng(0).choice(rows, most, replace=False)
+    bits = np.random.default_rng(1).integers(0, 2**32, len(rows), np.uint32)
+    states = first_states(env, params, len(rows), seed=3)
+    return states.replace(
+        goal=jnp.asarray(rows[:, 0]),
+        position=centres(env.tilemap.spawns)[rows[:, 1]],
+        heading=jax.vmap(lambda b: draw_heading(b, env.heading))(jnp.asarray(bits)),
+    ), complete
+
+
+def succeeded(episodes: Episodes, env: Environment[Any, Any]) -> np.ndarray:
+    """bool[B]: whether the goal was reached, or, where there is none, the player survived."""
+    if env.name == "health-gathering":
+        return ~np.asarray(episodes.terminated)
+    return np.asarray(episodes.goals) > 0
+
+
+def measure(name: str, player: str, episodes: int) -> dict[str, Any]:
+    """Returns, lengths and successes of a player in an environment, and print them as a row."""
+    env, params = make(name, height=8, width=8)
+    states = first_states(env, params, episodes, seed=0)
+    result = play(env, PLAYERS[player], params, jax.random.key(1), states)
+    returned = np.asarray(result.returned).tolist()
+    mean, error = mean_and_error(returned)
+    row = {
+        "id": name,
+        "player": player,
+        "episodes": episodes,
+        "mean": mean,
+        "error": error,
+        "least": min(returned),
+        "most": max(returned),
+        "length": float(np.mean(result.length)),
+        "success": float(succeeded(result, env).mean()),
+        "goals": float(np.mean(result.goals)),
+        "original": ORIGINALS.get((name, player), ""),
+    }
+    print(
+        f"| {name} | {player} | {mean:.4g} +- {error:.2g} | {row['least']:.4g} | "
+        f"{row['most']:.4g} | {row['length']:.1f} | {row['success']:.1%} | {row['goals']:.2f} | "
+        f"{row['original']} |",
+        flush=True,
+    )
+    return row
+
+
+def solve(name: str, most: int) -> dict[str, Any]:
+    """Walk the shortest path from every start, and print the longest walk as a row."""
+    env, params = make(name, height=8, width=8)
+    states, complete = all_starts(env, params, most)
+    result = play(env, PLAYERS["shortest_path"], params, jax.random.key(1), states)
+    solved = np.asarray(result.goals) > 0
+    row = {
+        "id": name,
+        "starts": len(solved),
+        "complete": complete,
+        "solved": int(solved.sum()),
+        "mean": float(np.mean(result.length)),
+        "longest": int(np.max(result.length)),
+        "horizon": int(params.max_steps_in_episode),
+    }
+    kind = "all" if complete else "sample"
+    print(
+        f"| {name} | {row['starts']} ({kind}) | {row['solved']} | {row['mean']:.1f} | "
+        f"{row['longest']} | {row['horizon']} |",
+        flush=True,
+    )
+    return row
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--episodes", type=int, default=256, help="episodes of each player")
+    parser.add_argument("--starts", type=int, default=4096, help="most starts to solve an id from")
+    parser.add_argument("--ids", nargs="+", default=list(environment_ids()), metavar="ID")
+    parser.add_argument("--json", type=Path, help="write the figures to this file as well")
+    options = parser.parse_args()
+    began = time.perf_counter()
+    print("| id | starts | solved | mean length | longest | horizon |\n" + "|---" * 6 + "|")
+    # With respawns the episode goes on after the goal: its walk is that of the id without.
+    ends = [n for n in options.ids if n != "health-gathering" and not n.endswith("-respawn")]
+    solved = [solve(name, options.starts) for name in ends]
+    print(
+        "\n| id | player | return | least | most | length | success | goals | original |\n"
+        "|---|---|---:|---:|---:|---:|---:|---:|---|"
+    )
+    rows = [
+        measure(name, player, options.episodes)
+        for name in options.ids
+        for player in ("idle", "uniform", expert(make(name)[0]))
+    ]
+    print(f"\n{time.perf_counter() - began:.0f} s")
+    if options.json:
+        text = json.dumps({"solved": solved, "players": rows}, indent=1)
+        options.json.write_text(text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
