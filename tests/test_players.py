@@ -16,6 +16,7 @@ from jaxenstein.players import (
     shortest_path,
     uniform,
 )
+from jaxenstein.tasks.navigation import Navigation
 
 SIZE = {"height": 8, "width": 8}
 
@@ -39,6 +40,7 @@ def test_shortest_path_is_hardly_longer_than_its_tiles():
     env, params = make("simple", **SIZE)
     state = starts(env, params, 16)
     episodes = play(env, shortest_path, params, jax.random.key(0), state)
+    assert isinstance(env, Navigation)
     cell = np.floor(np.asarray(state.position[0])).astype(int)
     tiles = int(distance_tables(env.tilemap)[0, 0, cell[1], cell[0]])
     walked = (tiles - float(params.goal_radius)) / float(params.move_distance)
@@ -48,6 +50,7 @@ def test_shortest_path_is_hardly_longer_than_its_tiles():
 
 def test_distances_lead_to_the_key_first():
     env, _ = make("key-door", **SIZE)
+    assert isinstance(env, Navigation)
     tilemap = env.tilemap
     tables = distance_tables(tilemap)
     (key,), (door,), (goal,) = tilemap.keys, tilemap.doors, tilemap.goals

@@ -142,7 +142,7 @@ def _dmlab(kind: str, number: int, *, respawn: bool) -> Callable[..., Maze]:
             tilemap = dataclasses.replace(tilemap, spawns=cells, goals=cells, apples=())
         elif not respawn:
             tilemap = dataclasses.replace(tilemap, apples=())
-        drawn = round(0.1 * len(cells)) if kind == "random-goal" and respawn else 0
+        drawn = len(cells) // 10 if kind == "random-goal" and respawn else 0
         return Maze(
             tilemap=tilemap,
             start_distance=_LAB_START_DISTANCE,

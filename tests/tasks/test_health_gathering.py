@@ -190,7 +190,7 @@ def pile(count, offset=(0.0, 0.0), **fields):
 
 
 def step(state, action, params=None, seed=0):
-    env_params = task()[1] if params is None else params
+    env_params = task()[0]._cast(task()[1] if params is None else params)
     action = jnp.int32(action)
     _, state, reward, terminated, _, info = task()[2](
         jax.random.key(seed), state, action, env_params
@@ -296,7 +296,7 @@ def test_places_are_uniform():
 
 def test_truncates_at_the_limit():
     state = first_state()
-    params = task()[1].replace(max_steps_in_episode=5)
+    params = task()[0]._cast(task()[1].replace(max_steps_in_episode=5))
     for t in range(1, 6):
         _, state, reward, terminated, truncated, _ = task()[2](
             jax.random.key(t), state, jnp.int32(RIGHT), params

@@ -1,5 +1,7 @@
 """DeepMind Lab's mazes: starts, goals and apples against the text of the maps."""
 
+# pyright: reportAttributeAccessIssue=false
+
 import functools
 from collections import deque
 from importlib import resources
@@ -102,12 +104,12 @@ def test_random_goals_and_starts_far_away(number):
     )
 
 
-@pytest.mark.parametrize(("number", "count"), [("01", 5), ("02", 14), ("03", 26)])
+@pytest.mark.parametrize(("number", "count"), [("01", 5), ("02", 13), ("03", 26)])
 def test_drawn_apples_are_distinct_and_not_on_the_goal(number, count):
     name = f"dmlab-random-goal-{number}-respawn"
     starts, goals, apples = drawn(name)
     allowed = cells(name.removesuffix("-respawn"), "a@")
-    assert count == round(0.1 * len(allowed))
+    assert count == len(allowed) // 10
     total = dict.fromkeys(allowed, 0)
     for goal, row in zip(goals, apples, strict=True):
         assert len(set(row)) == len(row) == count
@@ -224,7 +226,8 @@ def test_an_apple_counts_once():
     for reward_expected in (1, 0, 0):
         state, reward, terminated, info = step(jax.random.key(0), state, jnp.int32(FORWARD))
         assert (float(reward), int(info["ate_apple"])) == (reward_expected, reward_expected)
-        assert not (bool(terminated) or bool(info["reached_goal"]) or bool(info["respawned"]))
+        ends = (terminated, info["reached_goal"], info["respawned"])
+        assert not any(map(bool, ends))
         assert np.flatnonzero(state.eaten).tolist() == [index]
     scene = env.scene(state, params)
     labels = np.array(scene.theme.sprite_labels)[np.array(scene.sprites.look)]

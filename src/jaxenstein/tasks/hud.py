@@ -46,4 +46,5 @@ def bar(level: jax.Array, rows: int, width: int, kind: ImageKind) -> jax.Array:
     if kind == "rgb":
         return strip
     weights = jnp.asarray(LUMA, jnp.int32)
-    return (jnp.sum(strip.astype(jnp.int32) * weights[None, None], axis=-1) >> 8).astype(jnp.uint8)
+    weighted = jnp.sum(strip.astype(jnp.int32) * weights[None, None], axis=-1, dtype=jnp.int32)
+    return ((weighted + 128) >> 8).astype(jnp.uint8)

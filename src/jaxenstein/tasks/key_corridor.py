@@ -107,7 +107,7 @@ class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
         keys = [key_label(colour) for colour in range(_COLOURS)]
         return build_theme((GOAL_LABEL, *keys), doors=True)
 
-    @property
+    @functools.cached_property
     def map_size(self) -> tuple[int, int]:
         """(columns, rows) of the map in tiles."""
         step = self.room_size - 1

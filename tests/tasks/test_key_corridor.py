@@ -1,0 +1,191 @@
+"""Layouts of key-corridor against the rules of MiniGrid and their exact frequencies."""
+
+# pyright: reportAttributeAccessIssue=false
+
+import functools
+from fractions import Fraction
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from fidelity.corridors import broken_rules, from_tilemap
+from jaxenstein.errors import SettingError
+from jaxenstein.maps.reach import flood, open_tiles
+from jaxenstein.tasks.steering import INTERACT
+
+IDS = ("key-corridor-s3r1", "key-corridor-s3r2", "key-corridor", "key-corridor-s6r3")
+
+
+@functools.cache
+def task(name, **settings):
+    env, params = jaxenstein.make(name, height=8, width=8, autoreset=None, **settings)
+    return env, env._cast(params)
+
+
+@functools.cache
+def first_states(name, count, **settings):
+    env, params = task(name, **settings)
+    keys = jax.random.split(jax.random.key(2), count)
+    return jax.device_get(jax.jit(jax.vmap(lambda key: env.init_state(key, params)))(keys))
+
+
+def pick(states, index):
+    return jax.tree.map(lambda leaf: leaf[index], states)
+
+
+def connected(tilemap, doors):
+    walkable = np.array(open_tiles(tilemap))
+    for door in tilemap.doors:
+        walkable[door.row, door.column] = door in doors
+    rooms = np.array(open_tiles(tilemap))
+    for door in tilemap.doors:
+        rooms[door.row, door.column] = False
+    reached = flood(walkable, [tilemap.spawns[0]])
+    return bool(reached[rooms].all())
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_layouts_keep_the_rules(name):
+    env, _ = task(name)
+    states = first_states(name, 300)
+    seen = set()
+    for i in range(300):
+        state = pick(states, i)
+        tilemap = env.tilemap_of(state)
+        layout = from_tilemap(tilemap, state.position, float(state.heading))
+        assert broken_rules(layout) == [], (name, i)
+        assert (tilemap.columns, tilemap.rows) == env.map_size
+        # The generator stops at the door that connects the last room.
+        rest = [set(tilemap.doors) - {door} for door in tilemap.doors]
+        assert any(not connected(tilemap, doors) for doors in rest)
+        seen.add((tilemap.doors, tilemap.keys, tilemap.goals))
+    # With rooms of one tile in one row, only the colours of the two doors differ.
+    assert len(seen) == 36 if name.endswith("r1") else len(seen) > 100
+    assert not states.opened.any()
+    assert not states.taken.any()
+
+
+def exact_door_counts(rows):
+    """Chances of each number of unlocked doors, door after door added until all is connected."""
+    counts = {}
+    for locked in range(rows):
+        rooms = {(side, row) for side in (0, 1) for row in range(rows)} | {"hall"}
+        walls = [((side, row), "hall") for side in (0, 1) for row in range(rows)]
+        walls += [((side, row), (side, row + 1)) for side in (0, 1) for row in range(rows - 1)]
+        shut = (1, locked)
+        walls = [wall for wall in walls if shut not in wall]
+        for number, chance in chances(frozenset(walls), frozenset(), len(rooms) - 1).items():
+            counts[number] = counts.get(number, 0) + chance / rows
+    return counts
+
+
+@functools.cache
+def chances(left, doors, needed):
+    reached = {"hall"}
+    while more := {room for wall in doors if reached & set(wall) for room in wall} - reached:
+        reached |= more
+    if len(reached) == needed:
+        return {len(doors): Fraction(1)}
+    total = {}
+    for wall in left:
+        for number, chance in chances(left - {wall}, doors | {wall}, needed).items():
+            total[number] = total.get(number, 0) + chance / len(left)
+    return total
+
+
+@pytest.mark.parametrize("name", ["key-corridor-s3r1", "key-corridor-s3r2", "key-corridor-s3r3"])
+def test_numbers_of_doors_are_as_frequent_as_they_should_be(name):
+    rows = int(name[-1])
+    expected = exact_door_counts(rows)
+    if rows == 3:
+        assert expected == {5: Fraction(26, 63), 6: Fraction(47, 126), 7: Fraction(3, 14)}
+    doors = first_states(name, 3000).level.doors
+    unlocked = (doors[..., 0] > 0).sum(axis=1) - 1
+    assert set(unlocked.tolist()) == set(expected)
+    for number, chance in expected.items():
+        # Five standard deviations.
+        spread = 5 * np.sqrt(float(chance * (1 - chance)) * 3000)
+        assert abs((unlocked == number).sum() - float(chance) * 3000) <= spread
+
+
+def test_layout_seed_freezes_the_layout_but_not_the_start():
+    layouts = []
+    for seed in range(2):
+        states = first_states("key-corridor-s3r3", 1000, layout_seed=seed)
+        for part in (states.level, states.locked, states.key, states.key_colour, states.goal):
+            assert all((leaf == leaf[:1]).all() for leaf in jax.tree.leaves(part))
+        layouts.append((states.level.walls[0].tobytes(), states.key[0].tobytes()))
+        counts = np.unique(
+            np.column_stack([states.position, states.heading]), axis=0, return_counts=True
+        )[1]
+        # Three tiles of the hall and four headings, without the one that faces the locked door.
+        door = states.level.doors[0][states.locked[0]][0]
+        expected = 12 - (3 - 1 <= door[1] - states.level.margin <= 4)
+        assert len(counts) == expected
+        square = ((counts - 1000 / expected) ** 2 / (1000 / expected)).sum()
+        assert square < expected + 5 * np.sqrt(2 * expected)
+    assert len(set(layouts)) == 2
+
+
+@pytest.mark.parametrize("seed", [-1, 2**32, 1.5, True, "a"])
+def test_bad_layout_seeds_are_refused(seed):
+    with pytest.raises(SettingError, match="layout_seed must be None or a whole number"):
+        jaxenstein.make("key-corridor", layout_seed=seed)
+
+
+@functools.cache
+def stepper():
+    env, params = task("key-corridor")
+    step = jax.jit(lambda state, action: env._advance(jax.random.key(0), state, action, params))
+    return env, step, pick(first_states("key-corridor", 300), 7)
+
+
+def before_the_locked_door(state):
+    door = state.level.doors[state.locked][0] - state.level.margin
+    place = np.array([door[0] - 0.5, door[1] + 0.5], np.float32)
+    return state.replace(position=jnp.asarray(place), heading=jnp.float32(0))
+
+
+def test_the_locked_door_needs_the_key():
+    _, step, state = stepper()
+    state = before_the_locked_door(state)
+    after, _, _, info = step(state, jnp.int32(INTERACT))
+    assert not np.array(after.opened).any()
+    assert not bool(info["opened_door"])
+    after, reward, _, info = step(state.replace(taken=jnp.bool_(True)), jnp.int32(INTERACT))
+    np.testing.assert_array_equal(after.opened, state.locked)
+    assert bool(info["opened_door"])
+    assert float(reward) == 0
+    # What is open stays so, and lets the agent through.
+    for _ in range(12):
+        after, _, _, info = step(after, jnp.int32(2))
+        assert not bool(info["opened_door"])
+    assert float(after.position[0]) > float(state.position[0]) + 1
+
+
+def test_an_unlocked_door_needs_none():
+    _, step, state = stepper()
+    doors = state.level.doors - state.level.margin
+    west = next(i for i in range(3) if doors[i, 0] > 0)
+    place = np.array([doors[west, 0] + 1.5, doors[west, 1] + 0.5], np.float32)
+    state = state.replace(position=jnp.asarray(place), heading=jnp.float32(np.pi))
+    after, *_ = step(state, jnp.int32(INTERACT))
+    assert np.flatnonzero(after.opened).tolist() == [west]
+
+
+def test_the_key_is_picked_up_once_and_the_goal_ends():
+    env, step, state = stepper()
+    over = state.replace(position=jnp.asarray(state.key))
+    after, _, terminated, info = step(over, jnp.int32(-1))
+    assert bool(after.taken)
+    assert bool(info["picked_key"])
+    assert not bool(terminated)
+    carried = np.array(env.variables(after)["keys"])
+    assert np.flatnonzero(carried).tolist() == [int(state.key_colour)]
+    assert not bool(step(after, jnp.int32(-1))[3]["picked_key"])
+    there = state.replace(position=jnp.asarray(state.goal))
+    after, reward, terminated, info = step(there, jnp.int32(-1))
+    assert (float(reward), bool(terminated), bool(info["reached_goal"])) == (1, True, True)
