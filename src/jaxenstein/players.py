@@ -3,7 +3,7 @@
 Each player is a function of an environment and its params that returns `choose(key, state)`,
 which gives the next action as int32[]. Players keep nothing from one step to the next and are
 pure, so they run under `jax.jit`, `jax.vmap` and `jax.lax.scan`. They read the state, not the
-picture: they bound what can be had, and show that a task can be solved.
+picture: they show that a task can be solved. None goes out of its way for apples.
 """
 
 from __future__ import annotations
