@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .engine.fusion import where_any
 from .errors import SettingError
 from .pytree import Record, record
 from .spaces import Discrete, Space
@@ -86,7 +87,7 @@ class Environment(abc.ABC, Generic[S, P]):
     """
 
     name: str = "custom"
-    version: int = 1
+    version: int = 0
     autoreset: Autoreset | None = "same-step"
     final_observation: bool = False
 
@@ -176,22 +177,22 @@ class Environment(abc.ABC, Generic[S, P]):
         """
         params = self._cast(params)
         step_key, reset_key = jax.random.split(key)
-        after, reward, terminated, info = self._advance(step_key, state, action, params)
+        after, reward, terminated, info = self.advance(step_key, state, action, params)
         truncated = after.time >= params.max_steps_in_episode
         if self.autoreset is None:
             return self.observe(after, params), after, reward, terminated, truncated, info
-        fresh = self.init_state(reset_key, params)
+        ended = after.done if self.autoreset == "same-step" else state.done
+        fresh = where_any(self.init_state)(ended, reset_key, params)
         if self.autoreset == "same-step":
             if self.final_observation:
                 info["final_observation"] = self.observe(after, params)
-            state = _select(after.done, fresh, after)
+            state = _select(ended, fresh, after)
             return self.observe(state, params), state, reward, terminated, truncated, info
-        was_done = state.done
-        state = _select(was_done, fresh, after)
+        state = _select(ended, fresh, after)
         events = {name: jnp.zeros_like(value) for name, value in info.items()}
-        info = _select(was_done, events | self.describe(fresh, params), info)
-        reward = jnp.where(was_done, 0, reward)
-        ends = terminated & ~was_done, truncated & ~was_done
+        info = _select(ended, events | self.describe(state, params), info)
+        reward = jnp.where(ended, 0, reward)
+        ends = terminated & ~ended, truncated & ~ended
         return self.observe(state, params), state, reward, *ends, info
 
     @_jit
@@ -208,13 +209,19 @@ class Environment(abc.ABC, Generic[S, P]):
         Truncation is `state.time >= params.max_steps_in_episode`; `state.done` covers both ends.
         """
         params = self._cast(params)
-        state, reward, terminated, info = self._advance(key, state, action, params)
+        state, reward, terminated, info = self.advance(key, state, action, params)
         return self.observe(state, params), state, reward, terminated, info
 
-    def _advance(
-        self, key: jax.Array, state: S, action: Any, params: P
+    @_jit
+    def advance(
+        self, key: jax.Array, state: S, action: Any, params: P | None = None
     ) -> tuple[S, jax.Array, jax.Array, Info]:
-        """Transition, clock and sums: no reset, no observation."""
+        """Take a step without a reset and without an observation, for rules alone.
+
+        Returns:
+            state, float32[] reward, bool[] terminated, info, as `step_env`.
+        """
+        params = self._cast(params)
         action = self._check_action(action)
         after, reward, terminated, events = self.transition(key, state, action, params)
         time = state.time + 1

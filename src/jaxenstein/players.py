@@ -166,13 +166,7 @@ def play(
     def advance(key: jax.Array, state: Any) -> tuple[Any, jax.Array, jax.Array]:
         policy_key, step_key = jax.random.split(key)
         action = choose(policy_key, state)
-        after, reward, terminated, events = env.transition(step_key, state, action, params)
-        time = state.time + 1
-        after = after.replace(
-            time=time,
-            episode_return=state.episode_return + reward,
-            done=terminated | (time >= params.max_steps_in_episode),
-        )
+        after, _, terminated, events = env.advance(step_key, state, action, params)
         goal = jnp.asarray(events.get("reached_goal", False)) & ~state.done
         after = jax.tree.map(lambda old, new: jnp.where(state.done, old, new), state, after)
         return after, terminated & ~state.done, goal.astype(jnp.int32)

@@ -4,6 +4,9 @@ Two things make such numbers lie. A frame that nobody reads is deleted by the co
 with the renderer, and reducing a frame to a checksum costs more than drawing it. Here every
 observation is carried whole through the scan, and one pixel of it shifts its environment's next
 action, so that no frame can be left out and none is read twice.
+
+Resets count as well. Episodes that begin together mostly end together, by their time limit, so
+their clocks are set apart at the start: ends are then spread over the steps, as in training.
 """
 
 from __future__ import annotations
@@ -65,8 +68,11 @@ def make_random_rollout(
     step = jax.vmap(lambda key, state, action: env.step(key, state, action, params))
 
     def start(key: jax.Array) -> RolloutCarry:
-        key, reset_key = jax.random.split(key)
+        key, reset_key, clock_key = jax.random.split(key, 3)
         obs, state = reset(jax.random.split(reset_key, batch))
+        limit = jnp.asarray(params.max_steps_in_episode, jnp.int32)
+        time = jax.random.randint(clock_key, (batch,), 0, jnp.maximum(limit, 1), jnp.int32)
+        state = state.replace(time=time)
         return RolloutCarry(
             key, obs, state, jnp.zeros(batch, jnp.float32), jnp.zeros(batch, jnp.int32)
         )

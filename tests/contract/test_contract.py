@@ -11,6 +11,8 @@ import pytest
 
 import jaxenstein
 from jaxenstein.environment import Environment
+from jaxenstein.tasks.health_gathering import HealthGathering
+from jaxenstein.tasks.key_corridor import KeyCorridor
 
 SIZE = {"height": 12, "width": 16}
 IDS = jaxenstein.environment_ids()
@@ -29,26 +31,54 @@ def build(name: str, **settings: Any) -> tuple[Environment[Any, Any], Any]:
     return jaxenstein.make(cast(jaxenstein.EnvironmentId, name), **SIZE, **settings)
 
 
-@functools.cache
-def rollout(name: str, steps: int = 120, old_keys: bool = False):
-    """Everything that a scan of random actions returns, stacked over time, as numpy."""
-    env, params = build(name)
-    params = params.replace(max_steps_in_episode=50)
+SEEDS = (3, 4)
+HORIZON = 50
 
-    def body(carry, action):
-        key, state = carry
-        key, step_key = jax.random.split(key)
-        out = env.step(step_key, state, action, params)
-        return (key, out[1]), out
+
+@functools.cache
+def compiled(name: str):
+    """Reset, and a scan of steps, of a batch of environments; compiled once for all tests.
+
+    `reset(keys, params)` gives observations and states, `play(keys, states, actions, params)`
+    with actions int32[T] for all of them the six values of each step, stacked over time.
+    """
+    env, _ = build(name)
 
     @jax.jit
-    def play(key, actions):
-        obs, state = env.reset(key, params)
-        return obs, state, jax.lax.scan(body, (key, state), actions)[1]
+    def play(keys, states, actions, params):
+        def step(carry, action):
+            keys, states = carry
+            pairs = jax.vmap(jax.random.split)(keys)
+            out = jax.vmap(env.step, (0, 0, None, None))(pairs[:, 1], states, action, params)
+            return (pairs[:, 0], out[1]), out
 
-    key = jax.random.PRNGKey(3) if old_keys else jax.random.key(3)
-    actions = np.random.default_rng(0).integers(0, env.num_actions, steps, np.int32)
-    return jax.tree.map(np.asarray, play(key, jnp.asarray(actions)))
+        return jax.lax.scan(step, (keys, states), actions)[1]
+
+    return jax.jit(jax.vmap(env.reset, (0, None))), play
+
+
+@functools.cache
+def setting(name: str, limit: int = HORIZON, old_keys: bool = False):
+    """Keys, actions and params of the scan that the tests play."""
+    env, params = build(name)
+    kind = jax.random.PRNGKey if old_keys else jax.random.key
+    keys = jnp.stack([kind(seed) for seed in SEEDS])
+    actions = np.random.default_rng(0).integers(0, env.num_actions, 120, np.int32)
+    return keys, actions, params.replace(max_steps_in_episode=jnp.int32(limit))
+
+
+def member(tree, i: int, axis: int):
+    """One environment's part of what a batch returned, as numpy."""
+    return jax.tree.map(lambda leaf: np.take(np.asarray(leaf), i, axis), tree)
+
+
+@functools.cache
+def rollout(name: str, old_keys: bool = False):
+    """The first seed's reset and steps of random actions, stacked over time, as numpy."""
+    keys, actions, params = setting(name, old_keys=old_keys)
+    reset, play = compiled(name)
+    obs, states = reset(keys, params)
+    return *member((obs, states), 0, 0), member(play(keys, states, actions, params), 0, 1)
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -76,7 +106,7 @@ def test_time_limit_truncates_and_resets(name):
     _, _, (_, state, _, terminated, truncated, info) = rollout(name)
     done = terminated | truncated
     assert done.any()
-    assert (truncated == (info["episode_length"] == 50)).all()
+    assert (truncated == (info["episode_length"] == HORIZON)).all()
     assert (state.time[done] == 0).all()
     assert not state.done.any()
     assert (state.time[~done] == info["episode_length"][~done]).all()
@@ -93,23 +123,80 @@ def test_returns_add_up(name):
             total = 0.0
 
 
+def about_to_end(env, state):
+    """The state with whatever the next step must find for the task to be over."""
+    if isinstance(env, HealthGathering):
+        period = int(env.default_params.damage_period)
+        return state.replace(health=jnp.int32(1), time=jnp.int32(period - 1), present=False)
+    if isinstance(env, KeyCorridor):
+        return state.replace(position=state.goal)
+    return state.replace(position=jnp.asarray(env.tilemap.goals[state.goal], jnp.float32) + 0.5)
+
+
+@pytest.mark.parametrize("limit", [False, True], ids=["in time", "at the limit"])
+@pytest.mark.parametrize("ending", [False, True], ids=["going on", "ending"])
 @pytest.mark.parametrize("name", IDS)
-def test_seeds_decide_and_vmap_changes_nothing(name):
-    """The scan of `rollout`, played again in a batch of two seeds, gives the same states."""
+def test_truth_table_of_ends(name, ending, limit):
+    """Both flags, each by itself, together, and neither, at the first of the steps."""
+    env, _ = build(name)
+    keys, actions, params = setting(name)
+    reset, play = compiled(name)
+    states = reset(keys, params)[1]
+    if ending:
+        single = [about_to_end(env, jax.tree.map(lambda x, i=i: x[i], states)) for i in (0, 1)]
+        states = jax.tree.map(
+            lambda like, *leaves: jnp.stack(
+                [jnp.broadcast_to(jnp.asarray(leaf, like.dtype), like.shape[1:]) for leaf in leaves]
+            ),
+            states,
+            *single,
+        )
+    at = int(states.time[0]) + (1 if limit else 2)
+    standing = np.full_like(actions, -1)
+    params = params.replace(max_steps_in_episode=jnp.int32(at))
+    _, after, _, terminated, truncated, info = play(keys, states, standing, params)
+    ends = ending and not getattr(env, "respawn", False)
+    np.testing.assert_array_equal(terminated[0], [ends, ends])
+    np.testing.assert_array_equal(truncated[0], [limit, limit])
+    np.testing.assert_array_equal(info["episode_length"][0], int(states.time[0]) + 1)
+    np.testing.assert_array_equal(after.time[0], 0 if ends or limit else int(states.time[0]) + 1)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_jit_vmap_and_scan_change_nothing(name):
+    """A step by itself, without compilation, is that of the compiled scan of a batch."""
     env, params = build(name)
-    params = params.replace(max_steps_in_episode=50)
-    keys = jnp.stack([jax.random.key(3), jax.random.key(4)])
-    first = jax.vmap(env.init_state, (0, None))(jax.vmap(jax.random.key)(jnp.arange(8)), params)
-    again = jax.vmap(env.init_state, (0, None))(jax.vmap(jax.random.key)(jnp.arange(8)), params)
-    jax.tree.map(np.testing.assert_array_equal, first, again)
-    _, states = jax.jit(jax.vmap(env.reset, (0, None)))(keys, params)
-    _, alone, _ = rollout(name)
-    for batched, single in zip(jax.tree.leaves(states), jax.tree.leaves(alone), strict=True):
-        np.testing.assert_allclose(np.asarray(batched[0]), single, rtol=1e-6)
+    keys, actions, params = setting(name)
+    reset, play = compiled(name)
+    first, states = reset(keys, params)
+    wanted = member(play(keys, states, actions, params), 1, 1)
     with jax.disable_jit():
-        plain = env.init_state(keys[0], jax.tree.map(jnp.asarray, params))
-    for eager, single in zip(jax.tree.leaves(plain), jax.tree.leaves(alone), strict=True):
-        np.testing.assert_allclose(np.asarray(eager), single, rtol=1e-6)
+        obs, state = env.reset(keys[1], params)
+        alike((obs, state), member((first, states), 1, 0))
+        out = env.step(jax.random.split(keys[1])[1], state, actions[0], params)
+    alike(out, member(wanted, 0, 0))
+
+
+def alike(one, other) -> None:
+    """Equal but for rounding; of a picture's values few may differ, at the edges of things."""
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        a, b = np.asarray(a), np.asarray(b)
+        assert a.dtype == b.dtype
+        if a.dtype == np.uint8:
+            assert (a != b).mean() < 0.02
+        else:
+            np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_seeds_decide(name):
+    """The same keys give the same episodes again, and other keys others, where any are drawn."""
+    keys, actions, params = setting(name)
+    reset, play = compiled(name)
+    one, other = (play(keys, reset(keys, params)[1], actions, params) for _ in range(2))
+    jax.tree.map(np.testing.assert_array_equal, one, other)
+    frames = np.asarray(one[0])
+    assert (frames[:, 0] != frames[:, 1]).any() == (name not in ("simple", "key-door"))
 
 
 def test_old_and_typed_keys_agree():
@@ -125,12 +212,13 @@ def test_equal_settings_share_one_compilation(name):
     assert one == two
     assert hash(one) == hash(two)
     assert one != other
-    key = jax.random.key(0)
-    one.reset(key, params)
-    cache_size = getattr(Environment.reset, "_cache_size")  # noqa: B009
-    compiled = cache_size()
-    two.reset(key, params)
-    assert cache_size() == compiled
+    keys, _, _ = setting(name)
+    state = jax.tree.map(lambda leaf: leaf[0], compiled(name)[0](keys, params)[1])
+    one.advance(keys[0], state, 0, params)
+    cache_size = getattr(Environment.advance, "_cache_size")  # noqa: B009
+    before = cache_size()
+    two.advance(keys[1], state, 1, params)
+    assert cache_size() == before
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -197,19 +285,6 @@ def test_params_are_traced_not_compiled_in():
     for distance in (0.1, 0.2, 0.3):
         step(jax.random.key(0), state, params.replace(move_distance=distance))
     assert len(traces) == 1
-
-
-def test_jit_and_vmap_change_nothing():
-    env, params = jaxenstein.make("key-door", **SIZE)
-    keys = jax.random.split(jax.random.key(1), 3)
-    batch_obs, batch_states = jax.vmap(env.reset, (0, None))(keys, params)
-    for i, key in enumerate(keys):
-        obs, state = env.reset(key, params)
-        np.testing.assert_array_equal(obs, batch_obs[i])
-        np.testing.assert_array_equal(state.heading, batch_states.heading[i])
-        with jax.disable_jit():
-            plain, _ = env.reset(key, params)
-        assert (np.asarray(plain) != np.asarray(obs)).mean() < 0.01
 
 
 @pytest.mark.parametrize("action", [-1, 5, 127, -(2**31), 2**31 - 1, np.int8(-3), np.uint32(2**31)])

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxenstein.engine.fusion import staged
+from jaxenstein.engine.fusion import repeat, staged, where_any
 
 
 def stage(position, table, flags):
@@ -117,3 +117,97 @@ def test_stages_may_follow_each_other() -> None:
     x = jnp.arange(6, dtype=jnp.float32).reshape(3, 2)
     run = jax.jit(jax.vmap(lambda v: add(double(v), double(v + 1))))
     np.testing.assert_allclose(run(x), 4 * x + 2)
+
+
+def add_up(i, carry, constants):
+    """One round of a loop: rounds beyond a member's own must not harm, hence the mask."""
+    total, count = carry
+    live = i < constants["own"]
+    total = total + jnp.where(live, constants["weight"] * (i + 1), 0)
+    return total, count + jnp.where(live, jnp.int32(1), jnp.int32(0))
+
+
+def loops(own, weight):
+    """What `add_up` should give, in numpy."""
+    own, weight = np.broadcast_arrays(own, weight)
+    return own * (own + 1) // 2 * weight, own
+
+
+def looped(own, weight):
+    start = jnp.int32(0), jnp.int32(0)
+    return repeat(add_up)(own, start, {"own": own, "weight": weight})
+
+
+OWN, WEIGHT = np.array([[0, 5, 2], [1, 0, 9]], np.int32), np.array([3, 1, 2], np.int32)
+
+
+@pytest.mark.parametrize("rounds", [0, 1, 7])
+def test_repeat_alone(rounds: int) -> None:
+    out = jax.jit(looped)(jnp.int32(rounds), jnp.int32(4))
+    np.testing.assert_array_equal(out, loops(rounds, 4))
+
+
+def test_repeat_under_nested_vmaps() -> None:
+    """Bounds, carries and constants batched apart from each other, to two depths."""
+    nested = jax.jit(jax.vmap(jax.vmap(looped), (0, None)))
+    np.testing.assert_array_equal(nested(OWN, WEIGHT), loops(OWN, WEIGHT))
+    weights = jax.jit(jax.vmap(looped, (None, 0)))
+    np.testing.assert_array_equal(weights(jnp.int32(4), WEIGHT), loops(4, WEIGHT))
+
+
+def test_repeat_goes_as_often_as_the_longest_needs() -> None:
+    def count(i, carry, constants):
+        return carry + 1
+
+    out = jax.vmap(lambda n: repeat(count)(n, jnp.int32(0), None))(jnp.array([1, 6, 3]))
+    np.testing.assert_array_equal(out, [6, 6, 6])
+
+
+NEEDS = [np.zeros((2, 3), bool), np.array([[0, 0, 0], [0, 1, 0]], bool), np.ones((2, 3), bool)]
+
+
+@pytest.mark.parametrize("needed", NEEDS, ids=["none", "one", "all"])
+@pytest.mark.parametrize("axes", [((0, 0), (0, 0)), ((0, None), (0, 0)), ((0, 0), (None, 0))])
+def test_where_any_is_right_where_it_is_needed(needed, axes) -> None:
+    def function(key, x):
+        return {"drawn": jax.random.uniform(key), "twice": (x * 2, x > 1)}
+
+    def chosen(needed, key, x):
+        out = where_any(function)(needed, key, x)
+        return jax.tree.map(lambda leaf: jnp.where(needed, leaf, jnp.zeros_like(leaf)), out)
+
+    def plain(needed, key, x):
+        out = function(key, x)
+        return jax.tree.map(lambda leaf: jnp.where(needed, leaf, jnp.zeros_like(leaf)), out)
+
+    # Keys and numbers are batched with the outer axis, the inner one, or both.
+    keys = jax.random.split(jax.random.key(0), 6).reshape(2, 3)
+    x = jnp.arange(6, dtype=jnp.int32).reshape(2, 3)
+    outer, inner = axes
+    keys = keys if inner[0] == 0 else keys[:, 0]
+    x = x if outer[1] == 0 else x[0]
+
+    def nested(run):
+        once = jax.vmap(run, (0, *inner))
+        return jax.jit(jax.vmap(once, (0, *outer)))(jnp.asarray(needed), keys, x)
+
+    same(nested(chosen), nested(plain))
+
+
+def test_where_any_skips_what_nobody_needs() -> None:
+    """On the CPU: the function would divide by nothing but zeros, and must not be called."""
+    called = []
+
+    def function(x):
+        jax.debug.callback(lambda: called.append(1))
+        return x + 1
+
+    run = jax.jit(jax.vmap(where_any(function)))
+    x = jnp.arange(3, dtype=jnp.int32)
+    jax.block_until_ready(run(jnp.zeros(3, bool), x))
+    jax.effects_barrier()
+    assert not called
+    out = run(jnp.array([False, True, False]), x)
+    jax.effects_barrier()
+    assert called
+    assert out[1] == 2

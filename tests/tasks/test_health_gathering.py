@@ -40,7 +40,7 @@ def rollout():
 
         def body(state, inputs):
             key, action = inputs
-            state, reward, terminated, info = env._advance(key, state, action, params)
+            state, reward, terminated, info = env.advance(key, state, action, params)
             return state, (state, reward, terminated, info["took_medkit"])
 
         keys = jax.random.split(key, actions.shape[0])

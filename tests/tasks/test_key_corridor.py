@@ -139,7 +139,7 @@ def test_bad_layout_seeds_are_refused(seed):
 @functools.cache
 def stepper():
     env, params = task("key-corridor")
-    step = jax.jit(lambda state, action: env._advance(jax.random.key(0), state, action, params))
+    step = jax.jit(lambda state, action: env.advance(jax.random.key(0), state, action, params))
     return env, step, pick(first_states("key-corridor", 300), 7)
 
 

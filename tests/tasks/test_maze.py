@@ -152,7 +152,7 @@ NAME = "dmlab-static-01"
 def stepper(name):
     """A compiled step that draws nothing, and a first state."""
     env, params = task(name)
-    step = jax.jit(lambda key, state, action: env._advance(key, state, action, params))
+    step = jax.jit(lambda key, state, action: env.advance(key, state, action, params))
     return step, env.init_state(jax.random.key(1), params)
 
 
@@ -266,7 +266,7 @@ def test_an_apple_beside_the_goal_counts_in_the_same_step():
         position=jnp.array(goal, jnp.float32) + 0.5, apples=jnp.array([beside, *others], jnp.int32)
     )
     action = jnp.int32(INTERACT)
-    after, reward, terminated, info = env._advance(jax.random.key(0), state, action, params)
+    after, reward, terminated, info = env.advance(jax.random.key(0), state, action, params)
     assert (float(reward), bool(terminated), int(info["ate_apple"])) == (11, False, 1)
     assert not np.array(after.eaten).any()
     np.testing.assert_array_equal(after.apples, state.apples)
