@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 from pathlib import Path
 from typing import Any
@@ -84,9 +85,11 @@ def succeeded(episodes: Episodes, env: Environment[Any, Any]) -> np.ndarray:
     return np.asarray(episodes.goals) > 0
 
 
-def measure(name: str, player: str, episodes: int) -> dict[str, Any]:
+def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[str, Any]:
     """Returns, lengths and successes of a player in an environment, and print them as a row."""
     env, params = make(name, height=8, width=8)
+    if turn is not None:
+        params = params.replace(turn_angle=np.float32(math.radians(turn)))
     states = first_states(env, params, episodes, seed=0)
     result = play(env, _PLAYERS[player], params, jax.random.key(1), states)
     returned = np.asarray(result.returned).tolist()
@@ -149,6 +152,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=256, help="episodes of each player")
     parser.add_argument("--starts", type=int, default=4096, help="most starts to solve an id from")
     parser.add_argument("--ids", nargs="+", default=list(environment_ids()), metavar="ID")
+    parser.add_argument("--turn", type=float, metavar="DEGREES", help="another turn a step")
     parser.add_argument("--json", type=Path, help="write the figures to this file as well")
     options = parser.parse_args()
     began = time.perf_counter()
@@ -161,7 +165,7 @@ def main() -> None:
         "|---|---|---:|---:|---:|---:|---:|---:|---|"
     )
     rows = [
-        measure(name, player, options.episodes)
+        measure(name, player, options.episodes, options.turn)
         for name in options.ids
         for player in _players_of(name)
     ]

