@@ -51,6 +51,10 @@ class UnknownEnvironmentError(JAXensteinError):
     """An environment id that does not exist."""
 
 
+class TrajectoryError(JAXensteinError):
+    """A trajectory that cannot be saved, read or replayed; the message names the file and entry."""
+
+
 class MapWarning(UserWarning):
     """A map that can be used but is likely not what its author meant."""
 

@@ -59,7 +59,7 @@ def test_list_explains_the_symbols(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.strip() == legend().strip()
 
 
-@pytest.mark.parametrize("command", ["", "list", "rollout", "record", "bench"])
+@pytest.mark.parametrize("command", ["", "list", "rollout", "record", "replay", "bench"])
 def test_help_shows_examples(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main([*command.split(), "--help"])
@@ -94,7 +94,11 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["rollout", "--map-file", "x", "--heading", "north"], "'north'"),
         (["record", "--map-file", "x", "--out", "a.gif", "--heading", "90,45"], "LOW,HIGH"),
         (["record", "simple"], "--out"),
-        (["record", "simple", "--out", "a.mp4"], ".gif"),
+        (["record", "simple", "--out", "a.avi"], ".gif or .mp4"),
+        (["record", "simple", "--out", "a.gif", "--save", "a.txt"], ".json"),
+        (["record", "simple", "--out", "a.gif", "--policy", "greedy_medkits"], "health-gathering"),
+        (["replay", "no/such.json"], "no/such.json: cannot be read"),
+        (["replay"], "FILE"),
         (["record", "simple", "--out", "a.gif", "--sheet", "a.jpg"], ".png"),
         (["record", "simple", "--out", "a.gif", "--actions", "2,fly"], "'fly'"),
         (["record", "simple", "--out", "a.gif", "--actions", "2,7"], "'7'"),
@@ -137,6 +141,8 @@ def test_bad_map_file_names_the_place(tmp_path: Path, capsys: pytest.CaptureFixt
         ["record", "simple", "--out", "{}/file/a.gif"],
         ["record", "simple", "--out", "{}/folder.gif"],
         ["record", "simple", "--out", "{}/a.gif", "--sheet", "{}/none/a.png"],
+        ["record", "simple", "--out", "{}/a.gif", "--save", "{}/none/a.json"],
+        ["replay", "a.json", "--out", "{}/none/a.gif"],
         ["rollout", "simple", "--out", "{}/file"],
         ["bench", "--json", "{}/none/a.json"],
     ],

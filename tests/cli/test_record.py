@@ -11,9 +11,12 @@ import pytest
 from PIL import Image
 
 import jaxenstein
+from jaxenstein import SettingError
 from jaxenstein.cli import main, record
-from jaxenstein.cli.playing import in_words
-from jaxenstein.cli.policies import POLICIES, Forward, RandomPolicy, Script, parse_actions
+from jaxenstein.cli.record import parse_actions
+from jaxenstein.episodes.policies import POLICIES, Forward, Script
+from jaxenstein.episodes.recorder import in_words, play
+from jaxenstein.episodes.session import Session
 from jaxenstein.maps.ascii import parse_ascii
 from jaxenstein.maps.symbols import (
     APPLE_LABEL,
@@ -24,8 +27,8 @@ from jaxenstein.maps.symbols import (
 )
 from jaxenstein.tasks.first_person import FirstPerson
 from jaxenstein.view import glyphs
+from jaxenstein.view.episode import CAPTION_HEIGHT, Episode, compose, overview
 from jaxenstein.view.ground import FLOOR
-from jaxenstein.view.recording import CAPTION_HEIGHT, Episode
 from jaxenstein.view.topdown import draw_map
 
 NAMES = ("turn left", "turn right", "forward", "backward", "interact")
@@ -45,7 +48,7 @@ def world() -> World:
 @pytest.fixture(scope="module")
 def episode(world: World) -> Episode:
     script = [2] * 17 + [4] + [2] * 40
-    return record.play(*world, Script(script), len(script), seed=0)
+    return play(Session(*world), Script(script), len(script))
 
 
 def test_episode_tells_what_happened(world: World, episode: Episode) -> None:
@@ -74,11 +77,11 @@ def test_episode_tells_what_happened(world: World, episode: Episode) -> None:
 
 def test_pictures_show_view_and_path(episode: Episode) -> None:
     played = episode
-    pictures = list(record.compose(played, 60.0, with_map=True, scale=10))
+    pictures = list(compose(played, with_map=True, scale=10))
     assert len(pictures) == played.steps + 1
     assert len({picture.shape for picture in pictures}) == 1
     assert (pictures[0] != pictures[-1]).any()
-    plain = next(iter(record.compose(played, 60.0, with_map=False, scale=10)))
+    plain = next(iter(compose(played, with_map=False, scale=10)))
     assert plain.shape[1] < pictures[0].shape[1]
     np.testing.assert_array_equal(
         plain[6:86, 6:86], np.kron(played.frames[0], np.ones((10, 10, 1)))
@@ -86,8 +89,8 @@ def test_pictures_show_view_and_path(episode: Episode) -> None:
 
 
 def test_long_episodes_can_be_thinned_out(episode: Episode) -> None:
-    every = list(record.compose(episode, 60.0, with_map=True, scale=4))
-    some = list(record.compose(episode, 60.0, with_map=True, scale=4, every=7))
+    every = list(compose(episode, with_map=True, scale=4))
+    some = list(compose(episode, with_map=True, scale=4, every=7))
     chosen = [*range(0, episode.steps, 7), episode.steps]
     assert len(some) == len(chosen)
     for shot, i in zip(some, chosen, strict=True):
@@ -123,7 +126,7 @@ def test_things_appear_and_vanish_from_frame_to_frame() -> None:
     ground = draw_map(FIELD, scale=20)
     medkit, apple = [], []
     for i in range(4):
-        image = np.asarray(record.overview(ground, played, i, 60.0).image())
+        image = np.asarray(overview(ground, played, i).image())
         medkit.append(tuple(image[30, 50]) == glyphs.CROSS)
         apple.append(tuple(image[31, 90]) == tuple(LABEL_COLOURS[APPLE_LABEL]))
     assert medkit == [False, True, False, False]
@@ -132,9 +135,9 @@ def test_things_appear_and_vanish_from_frame_to_frame() -> None:
 
 def test_a_new_start_is_no_path() -> None:
     played = moving_things()
-    *_, last = record.compose(played, 60.0, with_map=True, scale=96)
+    *_, last = compose(played, with_map=True, scale=96)
     played.visible[:] = False
-    *_, bare = record.compose(played, 60.0, with_map=True, scale=96)
+    *_, bare = compose(played, with_map=True, scale=96)
     # The map is the right part, 56 pixels a tile; between old and new start there is floor.
     left = last.shape[1] - 6 - 8 * 56
     top = (last.shape[0] - CAPTION_HEIGHT - 3 * 56) // 2
@@ -196,17 +199,17 @@ def test_actions_by_number_name_and_count() -> None:
     assert parse_actions("2,2, forward*3 ,interact,0 * 2", NAMES) == [2, 2, 2, 2, 2, 4, 0, 0]
 
 
-def at(x: float, y: float = 0.0) -> SimpleNamespace:
-    """A state as far as these policies look at it."""
-    return SimpleNamespace(position=np.array([x, y]))
+def at(x: float, y: float = 0.0) -> Any:
+    """A session as far as this policy looks at it."""
+    return SimpleNamespace(state=SimpleNamespace(position=np.array([x, y])))
 
 
 def test_forward_policy_walks_then_tries_the_door_then_turns() -> None:
     policy = Forward(NAMES, np.random.default_rng(0))
     policy.DRIFT = 0.0
-    moving = [policy.choose(None, at(i)) for i in range(5)]
+    moving = [policy(at(i)) for i in range(5)]
     assert moving == [2] * 5
-    stuck = [policy.choose(None, at(4)) for _ in range(12)]
+    stuck = [policy(at(4)) for _ in range(12)]
     assert stuck[:2] == [4, 2]
     assert stuck[2] in (0, 1)
     assert stuck.count(2) >= 2
@@ -214,17 +217,37 @@ def test_forward_policy_walks_then_tries_the_door_then_turns() -> None:
 
 def test_forward_policy_needs_three_actions_only() -> None:
     policy = Forward(NAMES[:3], np.random.default_rng(0))
-    taken = {policy.choose(None, at(0)) for _ in range(100)}
+    taken = {policy(at(0)) for _ in range(100)}
     assert taken == {0, 1, 2}
 
 
-def test_random_policy_takes_every_action() -> None:
-    policy = RandomPolicy(5, np.random.default_rng(0))
-    assert {policy.choose(None, None) for _ in range(100)} == set(range(5))
+def test_random_policy_takes_every_action(world: World) -> None:
+    session = Session(*world)
+    played = play(session, POLICIES["random"].make(*world, 0), 60)
+    assert played.steps == 60
+    assert set(session.actions) == set(range(5))
 
 
-def test_every_named_policy_acts(world: World) -> None:
+def test_every_named_policy_acts_or_says_why_not(world: World) -> None:
     for name, named in POLICIES.items():
-        policy = named.make(*world, np.random.default_rng(0))
-        played = record.play(*world, policy, 3, seed=0)
-        assert played.steps == 3, name
+        if name == "greedy_medkits":
+            with pytest.raises(SettingError, match="plays health-gathering, not 'custom'"):
+                named.make(*world, 0)
+        else:
+            assert play(Session(*world), named.make(*world, 0), 3).steps == 3, name
+
+
+def test_the_expert_does_the_task(world: World) -> None:
+    played = play(Session(*world), POLICIES["expert"].make(*world, 0), 100)
+    assert played.ending == "terminated"
+    assert played.returns[-1] == 1
+
+
+@pytest.mark.slow
+def test_the_expert_of_health_gathering_looks_for_medkits() -> None:
+    made = jaxenstein.make("health-gathering", height=8, width=8)
+    survived = play(Session(*made), POLICIES["expert"].make(*made, 0), 150)
+    idle = play(Session(*made), POLICIES["idle"].make(*made, 0), 150)
+    assert survived.variables["health"].min() >= idle.variables["health"].min()
+    assert any("medkit" in event for event in survived.events)
+    assert not any("medkit" in event for event in idle.events)

@@ -14,8 +14,8 @@ from PIL import Image
 
 import jaxenstein
 from jaxenstein.cli import main, rollout
-from jaxenstein.cli.frames import picture
 from jaxenstein.maps.symbols import LABEL_COLOURS
+from jaxenstein.view.frames import picture
 
 MAP = "######\n#S..G#\n######\n"
 

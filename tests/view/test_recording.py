@@ -10,11 +10,9 @@ import pytest
 from PIL import Image
 
 from jaxenstein.view import recording
+from jaxenstein.view.episode import Episode, caption, compose_side_by_side
 from jaxenstein.view.files import OutputError
 from jaxenstein.view.recording import (
-    Episode,
-    caption,
-    compose_side_by_side,
     contact_sheet,
     enlarge,
     evenly,

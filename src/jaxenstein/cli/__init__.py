@@ -1,4 +1,4 @@
-"""The command line: `jaxenstein list | rollout | record | convert | bench`.
+"""The command line: `jaxenstein list | play | rollout | record | replay | convert | bench`.
 
 Importing this package is cheap; JAX is imported by the commands that need it, when they run.
 """
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from ..errors import JAXensteinError
 from ..version import __version__
 from ..view.files import OutputError
-from . import bench, convert, listing, record, rollout
+from . import bench, convert, listing, play, record, replay, rollout
 from .arguments import Parser, UsageError
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
@@ -20,8 +20,11 @@ FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
 EXAMPLES = """\
 examples:
   jaxenstein list
+  jaxenstein play key-door
   jaxenstein rollout my-way-home --envs 512 --steps 500 --out demo
   jaxenstein record key-door --policy forward --out key-door.gif
+  jaxenstein record simple --out simple.mp4 --save simple.json
+  jaxenstein replay simple.json
   jaxenstein convert nav_maze_static_01.map --out maze.txt
   jaxenstein bench my-way-home --batch 64,256,1024 --json bench.json
 
@@ -36,12 +39,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the arguments, by default those of the process.
 
     Returns:
-        The exit code: 0; 1 if something could not be written or run; 2 for wrong arguments; 130
-        after Ctrl-C; 141 if the reader of the output went away.
+        The exit code: 0; 1 if something could not be written or run, or a replay is not the
+        same; 2 for wrong arguments; 130 after Ctrl-C; 141 if the reader of the output went away.
     """
     try:
         options = build_parser().parse_args(argv)
-        options.run(options)
+        code = options.run(options)
         sys.stdout.flush()
     except UsageError as error:
         return _complain(str(error), WRONG_ARGUMENTS)
@@ -61,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (MemoryError, RuntimeError) as error:
         # JAX's own errors (out of memory, no such device) are RuntimeErrors of several lines.
         return _complain(f"jaxenstein: {error or 'out of memory'}", FAILED)
-    return 0
+    return code or 0
 
 
 def build_parser() -> Parser:
@@ -73,7 +76,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"jaxenstein {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (listing, rollout, record, convert, bench):
+    for command in (listing, play, rollout, record, replay, convert, bench):
         command.add_command(commands)
     return parser
 

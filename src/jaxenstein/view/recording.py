@@ -1,68 +1,26 @@
-"""Episodes as pictures: animated GIFs, contact sheets, frames beside a map."""
+"""Images as files: animations, contact sheets, PNGs; each is written whole or not at all."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping, Sequence
-from functools import cache
+import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
-from ..maps.tilemap import TileMap
-from .files import atomic
+from ..errors import SettingError
+from .files import atomic, check_writable
+from .video import find_ffmpeg, save_mp4
 
 BACKGROUND = (24, 26, 30)
 TEXT = (232, 232, 226)
 FAINT = (150, 153, 160)
-CAPTION_HEIGHT = 30
 # Frames from which a GIF's palette is taken, and their longest side while doing so.
 PALETTE_SAMPLES = 16
 PALETTE_SIZE = 400
 # GIF delays are whole hundredths of a second, and browsers slow down delays below two.
 MAX_FPS = 50
-
-
-@dataclasses.dataclass(frozen=True)
-class Episode:
-    """What was seen and done in one episode of T steps, as numpy arrays.
-
-    Attributes:
-        frames: uint8[T + 1, H, W, 3], what the agent saw, from the reset on.
-        positions: float32[T + 1, 2], (x, y) in tiles.
-        headings: float32[T + 1], radians, 0 along +x, growing clockwise on the map.
-        rewards: float32[T], of each step.
-        closed: bool[T + 1, D], which doors were closed, in the order of the map's.
-        sprites: float32[T + 1, N, 2], (x, y) of the things there can be, in tiles.
-        labels: int32[T + 1, N], label id of each.
-        visible: bool[T + 1, N], which of them were there.
-        events: what happened in each of the T steps, in words, "" for nothing.
-        tilemap: the map it was played on, or None.
-        variables: what else was known of the agent, by name, such as its health: float[T + 1].
-    """
-
-    frames: np.ndarray
-    positions: np.ndarray
-    headings: np.ndarray
-    rewards: np.ndarray
-    closed: np.ndarray
-    sprites: np.ndarray
-    labels: np.ndarray
-    visible: np.ndarray
-    events: tuple[str, ...]
-    tilemap: TileMap | None = None
-    variables: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
-
-    @property
-    def steps(self) -> int:
-        """The number of steps, T."""
-        return len(self.rewards)
-
-    @property
-    def returns(self) -> np.ndarray:
-        """float64[T + 1]: the sum of the rewards so far."""
-        return np.concatenate([[0.0], np.cumsum(self.rewards, dtype=np.float64)])
 
 
 def enlarge(frame: np.ndarray, scale: int) -> np.ndarray:
@@ -121,7 +79,48 @@ def save_png(image: np.ndarray, path: str | Path) -> None:
         Image.fromarray(image).save(temporary, format="PNG", optimize=True)
 
 
-def save_gif(frames: Sequence[np.ndarray], path: str | Path, fps: float = 15.0) -> None:
+def check_animation(path: str | Path) -> None:
+    """Find out early, before anything is played, whether `save_animation` can write `path`.
+
+    Raises:
+        SettingError: `path` ends neither in .gif nor in .mp4, or what MP4 needs is missing.
+        OutputError: its folder is missing or cannot be written to.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in ANIMATIONS:
+        raise SettingError(f"{path} should end in {' or '.join(ANIMATIONS)}")
+    if suffix == ".mp4":
+        find_ffmpeg()
+    check_writable(path)
+
+
+def save_animation(
+    frames: Sequence[np.ndarray] | np.ndarray, path: str | Path, fps: float = 15.0
+) -> None:
+    """Write images as an animation: a GIF or, with the extra `video`, an MP4.
+
+    Args:
+        frames: at least one image uint8[h, w, 3], all of one size.
+        path: the file to write, whole or not at all; its suffix, .gif or .mp4, decides.
+        fps: frames a second, 0.1 to 1000; GIFs go up to 50.
+
+    Raises:
+        SettingError: the suffix is another one, `fps` is out of range, there is no
+            image, or imageio-ffmpeg is missing.
+        OutputError: if `path` cannot be written.
+    """
+    check_animation(path)
+    if not 0.1 <= fps <= 1000:
+        raise SettingError(f"fps must be a number from 0.1 to 1000, not {fps!r}")
+    if len(frames) == 0:
+        raise SettingError("an animation needs at least one frame")
+    save = ANIMATIONS[Path(path).suffix.lower()]
+    save(frames, path, fps)
+
+
+def save_gif(
+    frames: Sequence[np.ndarray] | np.ndarray, path: str | Path, fps: float = 15.0
+) -> None:
     """Write an endlessly repeating GIF with one palette for all frames and no dithering.
 
     Args:
@@ -132,22 +131,33 @@ def save_gif(frames: Sequence[np.ndarray], path: str | Path, fps: float = 15.0) 
     Raises:
         OutputError: if `path` cannot be written.
     """
-    palette = _common_palette(frames)
-    pictures = [_with_palette(frame, palette) for frame in frames]
-    delay = 10 * round(100 / min(fps, MAX_FPS))
+    data = encode_gif(frames, fps)
     with atomic(path) as temporary:
-        pictures[0].save(
-            temporary,
-            format="GIF",
-            save_all=True,
-            append_images=pictures[1:],
-            duration=delay,
-            loop=0,
-            optimize=False,
-        )
+        temporary.write_bytes(data)
 
 
-def _common_palette(frames: Sequence[np.ndarray]) -> Image.Image:
+def encode_gif(frames: Sequence[np.ndarray] | np.ndarray, fps: float = 15.0) -> bytes:
+    """The content of the file that `save_gif` writes."""
+    palette = _common_palette(frames)
+    first, *others = [_with_palette(frame, palette) for frame in frames]
+    stream = io.BytesIO()
+    first.save(
+        stream,
+        format="GIF",
+        save_all=True,
+        append_images=others,
+        duration=10 * round(100 / min(fps, MAX_FPS)),
+        loop=0,
+        optimize=False,
+    )
+    return stream.getvalue()
+
+
+ANIMATIONS = {".gif": save_gif, ".mp4": save_mp4}
+"""What writes files of each suffix."""
+
+
+def _common_palette(frames: Sequence[np.ndarray] | np.ndarray) -> Image.Image:
     """A palette image made from frames spread over the whole sequence.
 
     Each colour counts by the root of its area, so that small bright things keep theirs beside
@@ -167,75 +177,6 @@ def _common_palette(frames: Sequence[np.ndarray]) -> Image.Image:
 
 def _with_palette(frame: np.ndarray, palette: Image.Image) -> Image.Image:
     return Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
-
-
-def compose_side_by_side(
-    frame: np.ndarray, map_picture: Image.Image | None, caption: Sequence[str], *, scale: int
-) -> np.ndarray:
-    """What the agent sees beside the map, over a line of text.
-
-    Args:
-        frame: uint8[H, W, 3].
-        map_picture: the map from above, or None to leave it out.
-        caption: pieces of text: the last one is set apart at the right, the others follow each
-            other from the left.
-        scale: whole factor by which the frame is enlarged.
-
-    Returns:
-        uint8[h, w, 3], the same size for every frame and map picture of the same sizes.
-    """
-    gap = 6
-    view = Image.fromarray(enlarge(frame, scale))
-    parts = [view] if map_picture is None else [view, map_picture]
-    height = max(part.height for part in parts)
-    width = sum(part.width for part in parts) + gap * (len(parts) + 1)
-    sheet = Image.new("RGB", (width, height + 2 * gap + CAPTION_HEIGHT), BACKGROUND)
-    left = gap
-    for part in parts:
-        sheet.paste(part, (left, gap + (height - part.height) // 2))
-        left += part.width + gap
-    _write_caption(sheet, caption, height + gap)
-    return np.asarray(sheet)
-
-
-def _write_caption(sheet: Image.Image, caption: Sequence[str], top: int) -> None:
-    draw = ImageDraw.Draw(sheet)
-    middle = top + CAPTION_HEIGHT // 2 + 3
-    *facts, event = caption
-    left = 12
-    for fact in facts:
-        draw.text((left, middle), fact, TEXT, _font(), anchor="lm")
-        left += round(draw.textlength(fact, _font())) + 22
-    if sheet.width - left > draw.textlength(event, _font()) + 12:
-        draw.text((sheet.width - 12, middle), event, (255, 206, 84), _font(), anchor="rm")
-
-
-@cache
-def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(15)
-
-
-def caption(episode: Episode, step: int, recent: int = 12) -> list[str]:
-    """The text for a frame of an episode: step, return, variables, and the latest event.
-
-    Args:
-        episode: the episode.
-        step: index of the frame, 0 to `episode.steps`.
-        recent: for how many steps an event stays visible.
-    """
-    latest = ""
-    for event in episode.events[max(0, step - recent) : step]:
-        latest = event or latest
-    variables = [f"{name} {values[step]:g}" for name, values in episode.variables.items()]
-    return [f"step {step}", f"return {_sum_text(episode, step)}", *variables, latest]
-
-
-def _sum_text(episode: Episode, step: int) -> str:
-    """The return so far: a whole number where all rewards are."""
-    total = float(episode.returns[step])
-    if not total or np.array_equal(episode.rewards, np.round(episode.rewards)):
-        return str(round(total))
-    return f"{total:+.4g}"
 
 
 def evenly(count: int, wanted: int) -> list[int]:

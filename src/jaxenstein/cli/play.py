@@ -1,0 +1,258 @@
+"""`jaxenstein play`: somebody plays, in a window or in the terminal."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import itertools
+import os
+import signal
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+
+from ..view.display import DisplayError
+from ..view.episode import Episode, compose
+from ..view.progress import Progress
+from ..view.recording import check_animation, save_animation, scale_to
+from .arguments import UsageError, add_environment, add_seed, open_environment, real
+
+if TYPE_CHECKING:
+    from ..episodes.session import Session
+    from ..view.game import Game
+    from ..view.terminal import Terminal
+    from ..view.window import Window
+
+DESCRIPTION = """\
+Play an environment with the keyboard, in a window (extra 'play': pygame-ce) or, with --terminal,
+in a terminal with 24-bit colour, also over SSH.
+
+  W A S D, arrows   walk and turn          M       map from above
+  space             interact               P       pause
+  R                 next episode           H       help
+                                           Q, Esc  quit
+
+Keys that are held act again and again. Time passes only with actions, as it does for an agent.
+"""
+EPILOG = """\
+examples:
+  jaxenstein play key-door
+  jaxenstein play my-way-home --native --record home.gif
+  jaxenstein play health-gathering --terminal
+  jaxenstein play --map-file maze.txt --save maze.json
+"""
+# (height, width) of pictures for people, of those that agents get by default, and the largest
+# that a terminal gets, which a slow line has to carry.
+COMFORTABLE, NATIVE, TERMINAL = (120, 160), (64, 64), (72, 96)
+# The height in pixels to which a window enlarges the view at first.
+VIEW_HEIGHT = 480
+STATUS_LINES = 2
+# Heights of the view and the map in a recording.
+RECORDED_VIEW, RECORDED_MAP = 240, 256
+STOPPING = ("SIGTERM", "SIGHUP")
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "play",
+        help="play with the keyboard, in a window or in the terminal",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+    )
+    add_environment(parser)
+    parser.set_defaults(height=COMFORTABLE[0], width=COMFORTABLE[1])
+    how = parser.add_argument_group("how it is played")
+    how.add_argument(
+        "--terminal",
+        action="store_true",
+        help="play in the terminal, in as many pixels as fit, up to 96x72",
+    )
+    how.add_argument(
+        "--native", action="store_true", help="show the 64x64 pixels that agents get by default"
+    )
+    how.add_argument(
+        "--fps",
+        type=real(1, 60),
+        default=15.0,
+        metavar="RATE",
+        help="the most steps a second, 1 to 60 (default %(default)g)",
+    )
+    add_seed(how)
+    out = parser.add_argument_group("what is written at the end")
+    out.add_argument(
+        "--record",
+        type=Path,
+        metavar="FILE",
+        help="everything played as an animation beside the map: .gif, or .mp4 with extra 'video'",
+    )
+    out.add_argument(
+        "--save",
+        type=Path,
+        metavar="FILE.json",
+        help="the last episode as a trajectory for 'jaxenstein replay'",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Play, then write what was asked for, however the game ended."""
+    if options.record is not None:
+        check_animation(options.record)
+    terminal = _open_terminal() if options.terminal else None
+    _choose_size(options, terminal)
+    env, params, name = open_environment(options, autoreset=None)
+    from ..episodes.recipe import recipe_of
+    from ..episodes.trajectory import check_trajectory
+    from ..view.game import Game, play, wait_for
+
+    if options.save is not None:
+        check_trajectory(options.save)
+        recipe_of(env, params)
+
+    def load() -> Game:
+        keep, note = options.record is not None, _note(options)
+        return Game(env, params, seed=options.seed, fps=options.fps, keep=keep, note=note)
+
+    game = None
+    try:
+        with _stopping(), terminal or _open_window(options, name) as display:
+            game = wait_for(display, load)
+            if game is not None:
+                play(display, game)
+    finally:
+        if game is not None:
+            _write(game, options, name)
+
+
+def _open_terminal() -> Terminal:
+    from ..view.terminal import Terminal
+
+    try:
+        return Terminal()
+    except DisplayError as error:
+        raise UsageError(f"jaxenstein play --terminal: {error}") from error
+
+
+def _open_window(options: argparse.Namespace, name: str) -> Window:
+    """A window in which the view is about 480 pixels high."""
+    from ..view.window import GAP, LINE, Window
+
+    scale = scale_to(options.height, VIEW_HEIGHT)
+    width = max(options.width * scale, VIEW_HEIGHT) + 2 * GAP
+    height = options.height * scale + 3 * GAP + STATUS_LINES * LINE
+    try:
+        return Window(f"{name} - JAXenstein", (width, height))
+    except DisplayError as error:
+        raise UsageError(
+            f"jaxenstein play: {error}; --terminal plays in the terminal instead"
+        ) from error
+
+
+def _choose_size(options: argparse.Namespace, terminal: Terminal | None) -> None:
+    """Set the size of the picture, unless it was given."""
+    given = (options.height, options.width) != COMFORTABLE
+    if given and options.native:
+        raise UsageError("jaxenstein play: give either --native or --height and --width")
+    if options.native:
+        options.height, options.width = NATIVE
+    elif terminal is not None and not given:
+        columns, rows = terminal.size
+        most_high, most_wide = TERMINAL
+        height = min(most_high, 2 * (rows - STATUS_LINES), columns * most_high // most_wide)
+        options.height = max(height, 6)
+        options.width = options.height * most_wide // most_high
+
+
+def _note(options: argparse.Namespace) -> str:
+    """What to say of the size of the picture."""
+    here = f"{options.width}x{options.height} pixels"
+    high, wide = NATIVE
+    if (options.height, options.width) == NATIVE:
+        return f"{here}, as agents see by default"
+    return f"{here}; agents see {wide}x{high} by default (--native)"
+
+
+def _write(game: Game, options: argparse.Namespace, name: str) -> None:
+    """Write what was asked for and say so."""
+    session = game.last_played
+    summary = f"{name}: nothing was played"
+    if session is not None:
+        steps, total = len(session.actions), session.episode_return
+        summary = f"{name}: seed {session.seed}, {steps} steps, return {total:.4g}"
+    with contextlib.ExitStack() as stack:
+        try:
+            print(summary, flush=True)
+        except OSError:
+            # The terminal is gone, which must not cost the files.
+            nowhere = stack.enter_context(open(os.devnull, "w"))
+            stack.enter_context(contextlib.redirect_stdout(nowhere))
+            stack.enter_context(contextlib.redirect_stderr(nowhere))
+        try:
+            if session is not None and options.save is not None:
+                _save(session, options.save)
+        finally:
+            if session is not None and options.record is not None:
+                _record(game, options.record, options.fps)
+
+
+def _save(session: Session, path: Path) -> None:
+    from ..episodes.trajectory import trajectory_of
+
+    trajectory_of(session).save(path)
+    print(f"wrote {path}")
+
+
+def _record(game: Game, path: Path, fps: float) -> None:
+    episodes = game.episodes()
+    total = sum(episode.steps + 1 for episode in episodes)
+    with Progress(total, "drawing", unit="frames") as progress:
+        save_animation(Film(episodes, progress), path, fps)
+    print(f"wrote {path}")
+
+
+class Film(Sequence[np.ndarray]):
+    """The pictures of several episodes, one after the other, each drawn when it is needed."""
+
+    def __init__(self, episodes: Sequence[Episode], progress: Progress) -> None:
+        """Take episodes of one environment, so that all pictures are of one size."""
+        self._progress = progress
+        scale = scale_to(episodes[0].frames.shape[1], RECORDED_VIEW)
+        self._parts = [compose(part, scale=scale, map_size=RECORDED_MAP) for part in episodes]
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return sum(map(len, self._parts))
+
+    def __getitem__(self, index: int) -> np.ndarray:  # type: ignore[override]
+        """One of them."""
+        for part in self._parts:
+            if index < len(part):
+                return part[index]
+            index -= len(part)
+        raise IndexError(index)
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        """All of them in order."""
+        for done, picture in enumerate(itertools.chain.from_iterable(self._parts), 1):
+            self._progress.update(done)
+            yield picture
+
+
+@contextlib.contextmanager
+def _stopping() -> Iterator[None]:
+    """Turn the signals that end a process into an ordinary exit, so that nothing is lost."""
+
+    def stop(number: int, frame: object) -> NoReturn:
+        del frame
+        raise SystemExit(128 + number)
+
+    numbers = [getattr(signal, name) for name in STOPPING if hasattr(signal, name)]
+    before = {number: signal.signal(number, stop) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

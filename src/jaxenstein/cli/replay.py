@@ -1,0 +1,55 @@
+"""`jaxenstein replay`: a trajectory file played again, bit for bit."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ..view.progress import Progress
+from .record import add_pictures, check_pictures, save_pictures
+
+DESCRIPTION = """\
+Play the episode of a trajectory file again and compare every reward, state and observation with
+what they were. Exit code 0: all are the same, bit for bit. Exit code 1: some are not, and the
+first steps that differ are named, with the versions that made the file and those that run now.
+"""
+EPILOG = """\
+examples:
+  jaxenstein replay walk.json
+  jaxenstein replay walk.json --out walk.gif --sheet walk.png
+
+'jaxenstein record ... --save FILE.json' and 'jaxenstein play ... --save FILE.json' write such
+files. With the same versions on the same hardware an episode is always the same.
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "replay",
+        help="play a trajectory file again, and tell whether it is the same",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+    )
+    parser.add_argument("file", type=Path, metavar="FILE", help="a trajectory, .json")
+    out = parser.add_argument_group("what is written")
+    out.add_argument("--out", type=Path, metavar="FILE", help="the animation: .gif or .mp4")
+    add_pictures(out)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay the file, write the pictures, and say whether it is the same."""
+    check_pictures(options)
+    from ..episodes.replaying import replay
+    from ..episodes.trajectory_file import load_trajectory
+
+    trajectory = load_trajectory(options.file)
+    steps = len(trajectory.actions)
+    with Progress(steps, "playing") as progress:
+        played = replay(trajectory, notify=progress.update)
+    written = save_pictures(played.episode, options)
+    print(played.report())
+    if written:
+        print(f"wrote {' and '.join(map(str, written))}")
+    return 0 if played.identical else 1

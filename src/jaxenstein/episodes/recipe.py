@@ -1,0 +1,139 @@
+"""How an environment and its params are built again: by `make`, or by `from_ascii` from a text."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .. import registry
+from ..environment import Environment, cast_params
+from ..errors import JAXensteinError, MapWarning, TrajectoryError
+from ..tasks.navigation import Navigation
+
+# What does not matter to one episode that is stepped by hand.
+_RESETTING = ("autoreset", "final_observation")
+# The texts of a custom map, which files hold line by line.
+TEXTS = ("text", "faces")
+Settings = Mapping[str, Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class Recipe:
+    """What an environment and its params are built from.
+
+    Attributes:
+        id: what `make` takes, or None for a custom map.
+        version: that the environment had.
+        settings: the settings of `make`, or those of `from_ascii`, `text` among them.
+        params: the params that are not the default ones, by name.
+    """
+
+    id: str | None
+    version: int
+    settings: Settings
+    params: Mapping[str, bool | int | float]
+
+    def build(self) -> tuple[Environment[Any, Any], Any]:
+        """The environment, without automatic resets, and its params.
+
+        Raises:
+            JAXensteinError: an id, setting or param does not exist or has a wrong value.
+        """
+        settings = {**self.settings, "autoreset": None}
+        with warnings.catch_warnings():
+            # Whoever made the map has been warned.
+            warnings.simplefilter("ignore", MapWarning)
+            if self.id is not None:
+                env, params = registry.make(self.id, **settings)
+            else:
+                env, params = registry.from_ascii(**settings)
+        names = [field.name for field in dataclasses.fields(params)]
+        for name, value in self.params.items():
+            if name not in names:
+                raise TrajectoryError(f"unknown param {name!r}; known: {', '.join(names)}")
+            if not _fits(value, getattr(params, name).dtype):
+                raise TrajectoryError(f"param {name!r} cannot be {value!r}")
+        changed = params.replace(**self.params)
+        return env, cast_params(changed, params)
+
+
+def recipe_of(env: Environment[Any, Any], params: Any) -> Recipe:
+    """How an environment and its params can be built again.
+
+    Raises:
+        TrajectoryError: neither `make` nor `from_ascii` builds this environment, or the params
+            are not those of one environment.
+    """
+    env = dataclasses.replace(env, autoreset=None, final_observation=False)
+    changes = _changed(env, params)
+    for id, settings in _candidates(env):
+        recipe = Recipe(id, env.version, settings, {})
+        try:
+            built, _ = recipe.build()
+        except JAXensteinError:
+            continue
+        if built == env:
+            return dataclasses.replace(recipe, params=changes)
+    raise TrajectoryError(
+        f"the environment {env.name!r} cannot be kept in a trajectory: neither make nor "
+        "from_ascii builds one that is equal to it"
+    )
+
+
+def _candidates(env: Any) -> list[tuple[str | None, dict[str, Any]]]:
+    """The ids and settings that the environment may have been built from."""
+    common = [name for name in registry.SETTINGS if name not in _RESETTING and hasattr(env, name)]
+    for start, own in registry.OWN_SETTINGS.items():
+        common += own if env.name.startswith(start) else ()
+    found: list[tuple[str | None, dict[str, Any]]] = []
+    if env.name in registry.ENTRIES:
+        found.append((env.name, {name: _plain(getattr(env, name)) for name in common}))
+    if type(env) is Navigation:
+        own = ("name", "heading", "floor", "ceiling")
+        common = [name for name in registry.SETTINGS if name not in _RESETTING]
+        settings = {name: _plain(getattr(env, name)) for name in (*common, *own)}
+        settings["text"] = env.tilemap.tile_text()
+        faces = env.tilemap.faces_text()
+        found.append((None, settings if faces is None else settings | {"faces": faces}))
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """A setting in types that files keep: numpy's numbers as Python's, lists as tuples."""
+    if isinstance(value, np.generic):
+        return value.item()
+    return tuple(map(_plain, value)) if isinstance(value, tuple | list) else value
+
+
+def _fits(value: Any, dtype: np.dtype) -> bool:
+    """Whether a number can be a param of a dtype: bool, int32 or float32."""
+    if isinstance(value, bool) or dtype.kind == "b":
+        return isinstance(value, bool) and dtype.kind == "b"
+    if dtype.kind == "i":
+        return isinstance(value, int) and -(2**31) <= value < 2**31
+    return isinstance(value, int | float) and abs(value) <= float(np.finfo(np.float32).max)
+
+
+def _changed(env: Environment[Any, Any], params: Any) -> dict[str, bool | int | float]:
+    default = env.default_params
+    if type(params) is not type(default):
+        raise TrajectoryError(
+            f"params must be a {type(default).__name__}, not {type(params).__name__}"
+        )
+    given, usual = cast_params(params, default), cast_params(default, default)
+    changes = {}
+    for field in dataclasses.fields(default):
+        value, other = (np.asarray(getattr(numbers, field.name)) for numbers in (given, usual))
+        if value.shape != ():
+            raise TrajectoryError(
+                f"param {field.name!r} has the shape {value.shape}, not one value"
+            )
+        if not np.isfinite(value):
+            raise TrajectoryError(f"param {field.name!r} is {value}, which files cannot hold")
+        if value != other:
+            changes[field.name] = value.item()
+    return changes

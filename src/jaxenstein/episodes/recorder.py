@@ -1,0 +1,221 @@
+"""Playing one episode and keeping what pictures of it need, and what replaying it needs."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import SettingError, TrajectoryError
+from ..tasks.first_person import FirstPerson
+from ..view.episode import Episode
+from ..view.frames import image_of, picture
+from .policies import Policy, Script, named_policy
+from .recipe import Recipe, recipe_of
+from .session import NOTHING, Session, check_seed, whole_action
+from .trajectory import Witness, witnessed
+
+if TYPE_CHECKING:
+    from ..environment import Environment
+    from ..maps.tilemap import TileMap
+
+# Events of `info` in words: for one, and for several where it is a count.
+EVENTS: dict[str, tuple[str, str]] = {
+    "picked_key": ("picked up a key", "picked up {} keys"),
+    "opened_door": ("opened a door", "opened {} doors"),
+    "ate_apple": ("ate an apple", "ate {} apples"),
+    "took_medkit": ("took a medkit", "took {} medkits"),
+    "reached_goal": ("reached the goal", "reached the goal"),
+    "respawned": ("moved to a new start", "moved to a new start"),
+    "died": ("died", "died"),
+}
+# What `describe` says of a state that the caption shows.
+VARIABLES = ("health",)
+
+
+def record(
+    env: Environment[Any, Any],
+    params: Any = None,
+    policy: str | Sequence[int] | Policy = "forward",
+    *,
+    seed: int = 0,
+    steps: int | None = None,
+) -> Episode:
+    """Play one episode and keep it: a notebook shows it, `save` writes it.
+
+    Args:
+        env: an environment that is seen in first person; its `autoreset` does not matter.
+        params: its params, None for the default ones.
+        policy: who acts: a name of `episodes.policies.POLICIES`, such as "forward", "random" or
+            "expert"; a list of actions; or any function of a `Session` that returns an action,
+            such as `lambda session: agent(session.observation)`.
+        seed: of the episode and of the named policies, 0 to 2**32 - 1.
+        steps: the most steps; None for as many as the episode, or the list of actions, has.
+
+    Raises:
+        SettingError: the environment is not seen in first person, there is no such policy, it
+            does not know this task, or an action, `seed` or `steps` is no whole number in range.
+    """
+    if not isinstance(env, FirstPerson):
+        raise SettingError(f"only environments seen in first person are recorded, not {env!r}")
+    params = env.default_params if params is None else params
+    seed = check_seed(seed)
+    chosen, length = _policy(policy, env, params, seed)
+    limit = int(params.max_steps_in_episode) if length is None else length
+    if steps is not None and (whole_action(steps) < 1 or isinstance(steps, bool)):
+        raise SettingError(f"steps must be at least 1, not {steps!r}")
+    limit = limit if steps is None else min(whole_action(steps), limit)
+    try:
+        recipe = recipe_of(env, params)
+    except TrajectoryError:
+        recipe = None
+    return play(Session(env, params, seed), chosen, limit, recipe)
+
+
+def _policy(
+    policy: str | Sequence[int] | Policy, env: Environment[Any, Any], params: Any, seed: int
+) -> tuple[Policy, int | None]:
+    """The policy, and how many actions it has if that is known."""
+    if isinstance(policy, str):
+        return named_policy(policy, env, params, seed), None
+    if callable(policy):
+        return policy, None
+    actions = [whole_action(action) for action in policy]
+    for index, action in enumerate(actions):
+        if not NOTHING <= action < env.num_actions:
+            raise SettingError(
+                f"action {index} (from 0) is {action}; {env.name!r} has the actions 0 to "
+                f"{env.num_actions - 1}, and {NOTHING} for none"
+            )
+    return Script(actions), len(actions)
+
+
+def play(
+    session: Session,
+    policy: Policy,
+    steps: int,
+    recipe: Recipe | None = None,
+    *,
+    beyond: bool = False,
+    notify: Callable[[int], object] | None = None,
+) -> Episode:
+    """Play one episode to its end, or the first `steps` steps of it.
+
+    Args:
+        session: just reset.
+        policy: chooses the actions.
+        steps: the most steps to take.
+        recipe: how the environment is built, for the trajectory; None for none.
+        beyond: whether to take all steps, even after the end, where the old episode goes on.
+        notify: called with the number of steps taken.
+    """
+    tape, witness = Tape(), Witness()
+    look = watcher(session.env, session.params)
+    env: Any = session.env
+    tilemap = env.tilemap_of(session.state)
+
+    def see() -> None:
+        tape.look(image_of(session.observation), look(session.state))
+        if recipe is not None:
+            witness.look(session)
+
+    see()
+    while len(session.actions) < steps and (beyond or not session.over):
+        session.step(policy(session))
+        see()
+        over = session.truncated and not session.terminated
+        tape.act(session.rewards[-1], session.info, over=over)
+        if notify is not None:
+            notify(len(session.actions))
+    trajectory = None if recipe is None else witnessed(session, witness, recipe)
+    episode = tape.episode(env.observation, tilemap)
+    return dataclasses.replace(
+        episode,
+        name=env.name,
+        field_of_view=float(env.field_of_view),
+        ending="terminated" if session.terminated else "truncated" * session.truncated,
+        trajectory=trajectory,
+    )
+
+
+def watcher(env: Any, params: Any) -> Callable[[Any], dict[str, Any]]:
+    """A function of a state that gives what the map and the caption show of it, on the host.
+
+    Its keys are those of `Episode` that it fills, by frame, and `"variables"`.
+    """
+    env = dataclasses.replace(env, autoreset=None, final_observation=False)
+    return lambda state: jax.device_get(_look(env, state, params))
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _look(env: Any, state: Any, params: Any) -> dict[str, Any]:
+    scene = env.scene(state, params)
+    told = env.describe(state, params)
+    return {
+        "positions": state.position,
+        "headings": state.heading,
+        "closed": scene.closed,
+        "sprites": scene.sprites.position,
+        "labels": jnp.asarray(scene.theme.sprite_labels)[scene.sprites.look],
+        "visible": scene.sprites.visible,
+        "variables": {name: told[name] for name in VARIABLES if name in told},
+    }
+
+
+@dataclasses.dataclass
+class Tape:
+    """Collects an episode step by step."""
+
+    frames: list[np.ndarray] = dataclasses.field(default_factory=list)
+    seen: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    rewards: list[float] = dataclasses.field(default_factory=list)
+    events: list[str] = dataclasses.field(default_factory=list)
+
+    def look(self, image: Any, seen: dict[str, Any]) -> None:
+        """Add what the agent sees in a state, and what `watcher` tells of it."""
+        self.frames.append(np.asarray(image))
+        self.seen.append(seen)
+
+    def act(self, reward: float, info: dict[str, Any], *, over: bool) -> None:
+        """Add what a step brought."""
+        self.rewards.append(reward)
+        self.events.append(", ".join(in_words(info) + ["time is up"] * over))
+
+    def episode(self, kind: str, tilemap: TileMap | None) -> Episode:
+        """The finished episode; `kind` is the environment's `observation`."""
+
+        def over_time(name: str, dtype: type) -> np.ndarray:
+            return np.stack([np.asarray(seen[name]) for seen in self.seen]).astype(dtype)
+
+        names = self.seen[0]["variables"]
+        return Episode(
+            frames=picture(np.stack(self.frames), kind),
+            positions=over_time("positions", np.float32),
+            headings=over_time("headings", np.float32),
+            rewards=np.array(self.rewards, np.float32),
+            closed=over_time("closed", bool),
+            sprites=over_time("sprites", np.float32),
+            labels=over_time("labels", np.int32),
+            visible=over_time("visible", bool),
+            events=tuple(self.events),
+            tilemap=tilemap,
+            variables={
+                name: np.array([float(seen["variables"][name]) for seen in self.seen])
+                for name in names
+            },
+        )
+
+
+def in_words(info: dict[str, Any]) -> list[str]:
+    """The events of a step that `EVENTS` knows, each in words."""
+    words = []
+    for name, (one, several) in EVENTS.items():
+        count = int(info.get(name, 0))
+        if count:
+            words.append(one if count == 1 else several.format(count))
+    return words

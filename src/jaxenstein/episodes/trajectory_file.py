@@ -1,0 +1,260 @@
+"""Reading trajectory files, which anybody may have edited, cut off or made with another version."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import string
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from ..environment import Environment
+from ..errors import JAXensteinError, TrajectoryError
+from .recipe import TEXTS, Recipe
+from .session import NOTHING
+from .trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory
+
+# A run may claim any length; an episode of so many steps would take weeks.
+MOST_ACTIONS = 10_000_000
+Table = dict[str, Any]
+
+
+def load_trajectory(path: str | Path) -> Trajectory:
+    """Read a trajectory file, and build its environment once to see that all of it is usable.
+
+    Raises:
+        TrajectoryError: it cannot be read, is cut off or no trajectory, is of a newer format, or
+            has an entry that is missing, unknown or wrong; the message names file and entry.
+    """
+    try:
+        return _read(_parse(Path(path)))
+    except JAXensteinError as error:
+        raise TrajectoryError(f"{path}: {error}") from error
+
+
+def _parse(path: Path) -> Any:
+    """The JSON of a file."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise TrajectoryError(f"cannot be read: {reason}") from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise TrajectoryError(
+            f"no trajectory, or only a part of one: {place}: {error.msg}"
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise TrajectoryError(f"no trajectory: {error}") from error
+
+
+def _read(table: Any) -> Trajectory:
+    if not isinstance(table, dict) or table.get("format") != FORMAT:
+        raise TrajectoryError(f"no trajectory: 'format' is not {FORMAT!r}")
+    made_by = _made_by(table)
+    version = _take(table, "format_version", _whole(1, None))
+    if version > FORMAT_VERSION:
+        raise TrajectoryError(
+            f"its format is version {version}, made by jaxenstein {made_by.get('jaxenstein')}; "
+            f"this version reads up to {FORMAT_VERSION}: a newer jaxenstein is needed"
+        )
+    _only(table, "", ("format", "format_version", *_names(Trajectory)))
+    recipe = _recipe(_take(table, "environment", _object))
+    try:
+        env, params = recipe.build()
+        # Traced only: nothing is compiled, and every setting is looked at.
+        jax.eval_shape(env.reset, jax.random.key(0), params)
+    except JAXensteinError as error:
+        raise TrajectoryError(f"'environment': {error}") from error
+    except (TypeError, ValueError, IndexError, OverflowError) as error:
+        raise TrajectoryError(f"'environment' has an unusable setting: {error}") from error
+    actions = _actions(table, env)
+    return Trajectory(
+        environment=recipe,
+        seed=_take(table, "seed", _whole(0, 2**32 - 1)),
+        actions=actions,
+        checks=_checks(_take(table, "checks", _object), len(actions)),
+        made_by=made_by,
+    )
+
+
+def _made_by(table: Table) -> dict[str, str]:
+    made_by = _take(table, "made_by", _object)
+    return {name: _take(made_by, name, _text, "made_by.") for name in made_by}
+
+
+def _recipe(table: Table) -> Recipe:
+    within = "environment."
+    _only(table, within, _names(Recipe))
+    settings = dict(_take(table, "settings", _object, within))
+    id = _take(table, "id", lambda value: None if value is None else _text(value), within)
+    for name in ("autoreset", "final_observation"):
+        if name in settings:
+            raise TrajectoryError(f"'{within}settings.{name}' does not belong to a trajectory")
+    if id is None and "text" not in settings:
+        raise TrajectoryError("an environment without an id needs the map 'settings.text'")
+    if id is None:
+        for name in TEXTS:
+            if name in settings:
+                settings[name] = _take(settings, name, _lines, f"{within}settings.")
+        settings["name"] = _take(settings, "name", _text, f"{within}settings.")
+    params = _take(table, "params", _object, within)
+    return Recipe(
+        id=id,
+        version=_take(table, "version", _whole(0, None), within),
+        settings={name: _frozen(value) for name, value in settings.items()},
+        params={name: _take(params, name, _number, f"{within}params.") for name in params},
+    )
+
+
+def _actions(table: Table, env: Environment[Any, Any]) -> tuple[int, ...]:
+    actions = _runs(table, "actions", "", _whole(None, None))
+    for index, action in enumerate(actions):
+        if not NOTHING <= action < env.num_actions:
+            raise TrajectoryError(
+                f"action {index} (from 0) is {action}, and {env.name!r} has the actions 0 to "
+                f"{env.num_actions - 1}, and {NOTHING} for none"
+            )
+    return actions
+
+
+def _checks(table: Table, steps: int) -> Checks:
+    within = "checks."
+    _only(table, within, _names(Checks))
+    every = _take(table, "every", _whole(1, None), within)
+    wanted = -(-(steps + 1) // every)
+    checks = Checks(
+        rewards=_runs(table, "rewards", within, _real),
+        terminated=_take(table, "terminated", _flag, within),
+        truncated=_take(table, "truncated", _flag, within),
+        every=every,
+        states=_take(table, "states", _digests, within),
+        observations=_take(table, "observations", _digests, within),
+    )
+    for name, count, right in (
+        ("rewards", len(checks.rewards), steps),
+        ("states", len(checks.states), wanted),
+        ("observations", len(checks.observations), wanted),
+    ):
+        if count != right:
+            raise TrajectoryError(
+                f"'{within}{name}' has {count} values; {steps} actions need {right}"
+            )
+    return checks
+
+
+def _names(kind: type) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(kind))
+
+
+def _only(table: Table, within: str, names: tuple[str, ...]) -> None:
+    """Raise unless all entries are known."""
+    for name in table:
+        if name not in names:
+            raise TrajectoryError(f"unknown entry '{within}{name}'")
+
+
+def _take(table: Table, name: str, kind: Callable[[Any], Any], within: str = "") -> Any:
+    """An entry as `kind` converts it; `kind` raises ValueError with what would be right."""
+    if name not in table:
+        raise TrajectoryError(f"the entry '{within}{name}' is missing")
+    try:
+        return kind(table[name])
+    except JAXensteinError:
+        raise
+    except ValueError as error:
+        shown = repr(table[name])
+        shown = shown if len(shown) <= 60 else f"{shown[:57]}..."
+        raise TrajectoryError(f"'{within}{name}' must be {error}, not {shown}") from error
+
+
+def _runs(table: Table, name: str, within: str, kind: Callable[[Any], Any]) -> tuple[Any, ...]:
+    """The values of a list of runs [value, how often]."""
+
+    def convert(value: Any) -> tuple[Any, ...]:
+        values: list[Any] = []
+        for i, run in enumerate(_list(value)):
+            if not isinstance(run, list) or len(run) != 2:
+                raise TrajectoryError(f"'{within}{name}[{i}]' must be [value, how often]")
+            where = dict(enumerate(run))
+            label = f"{within}{name}[{i}]"
+            one = _take({label: where[0]}, label, kind)
+            count = _take({label: where[1]}, label, _whole(1, MOST_ACTIONS - len(values)))
+            values += [one] * count
+        return tuple(values)
+
+    return _take(table, name, convert, within)
+
+
+def _whole(least: int | None, most: int | None) -> Callable[[Any], int]:
+    def convert(value: Any) -> int:
+        number = isinstance(value, int) and not isinstance(value, bool)
+        if not number or not (-math.inf if least is None else least) <= value <= (
+            math.inf if most is None else most
+        ):
+            low = "" if least is None else f" of at least {least}"
+            bounds = low if most is None else f" from {least} to {most}"
+            raise ValueError(f"a whole number{bounds}")
+        return value
+
+    return convert
+
+
+def _real(value: Any) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        raise ValueError("a finite number")
+    return float(value)
+
+
+def _number(value: Any) -> bool | int | float:
+    return value if isinstance(value, bool | int) else _real(value)
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError("true or false")
+    return value
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError("a text")
+    return value
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise ValueError("a list")
+    return value
+
+
+def _object(value: Any) -> Table:
+    if not isinstance(value, dict):
+        raise ValueError("an object of named entries")
+    return value
+
+
+def _lines(value: Any) -> str:
+    if not isinstance(value, list) or not all(isinstance(line, str) for line in value):
+        raise ValueError("a list of lines")
+    return "".join(f"{line}\n" for line in value)
+
+
+def _digests(value: Any) -> tuple[str, ...]:
+    digits = set(string.hexdigits.lower())
+    if not isinstance(value, list) or not all(
+        isinstance(item, str) and len(item) == DIGITS and set(item) <= digits for item in value
+    ):
+        raise ValueError(f"a list of digests of {DIGITS} hexadecimal digits")
+    return tuple(value)
+
+
+def _frozen(value: Any) -> Any:
+    """Lists as tuples, since settings are hashed."""
+    if isinstance(value, dict):
+        raise TrajectoryError(f"a setting cannot be an object: {value!r}")
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value

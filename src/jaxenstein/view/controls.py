@@ -1,0 +1,111 @@
+"""From keys to actions: which key asks for what, and when a key that is held acts again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+# Keys of each action by its name; the first one is named first in the help.
+ACTION_KEYS: dict[str, tuple[str, ...]] = {
+    "forward": ("w", "up"),
+    "backward": ("s", "down"),
+    "turn left": ("a", "left"),
+    "turn right": ("d", "right"),
+    "interact": ("space",),
+}
+OPPOSITES = {
+    "forward": "backward",
+    "backward": "forward",
+    "turn left": "turn right",
+    "turn right": "turn left",
+}
+# Seconds for which a key must be held before it acts again: a tap is one step.
+HOLD = 0.2
+
+
+def keys_of(action_names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """The keys of each action, by its name; actions that nobody foresaw get the keys 1 to 9."""
+    digits = iter("123456789")
+    found = {}
+    for name in action_names:
+        keys = ACTION_KEYS.get(name)
+        if keys is None:
+            digit = next(digits, None)
+            keys = () if digit is None else (digit,)
+        found[name] = keys
+    return found
+
+
+class Controls:
+    """The keys pressed and held, as actions at a limited rate.
+
+    A press is one action; when it comes while an earlier one of the same action still waits for
+    its turn, the two are one. A key that is held repeats. Several that are held take turns, which
+    walks in curves; of two opposite ones the later one counts.
+    """
+
+    def __init__(self, action_names: Sequence[str], fps: float) -> None:
+        """Start with no key pressed.
+
+        Args:
+            action_names: of the environment.
+            fps: the most actions a second.
+        """
+        keys = keys_of(action_names)
+        self._actions = {key: i for i, name in enumerate(action_names) for key in keys[name]}
+        index = {name: i for i, name in enumerate(action_names)}
+        self._opposite = {
+            index[name]: index[other]
+            for name, other in OPPOSITES.items()
+            if name in index and other in index
+        }
+        self._interval = 1 / fps
+        self._waiting: list[int] = []
+        self._held: dict[str, float] = {}
+        self._turns: list[int] = []
+        self._ready = 0.0
+
+    def press(self, key: str, now: float) -> bool:
+        """A key goes down at the time `now` (seconds); returns whether it is one of an action."""
+        action = self._actions.get(key)
+        if action is None:
+            return False
+        if action not in self._waiting:
+            self._waiting.append(action)
+        # Whoever is on the way already need not wait to turn as well.
+        self._held[key] = now if self._held else now + HOLD
+        return True
+
+    def release(self, key: str) -> None:
+        """A key goes up; what it asked for and did not get yet still counts."""
+        self._held.pop(key, None)
+
+    def clear(self) -> None:
+        """Forget all keys, also those that are still held."""
+        self._waiting.clear()
+        self._held.clear()
+
+    def due(self, now: float) -> float | None:
+        """Seconds until the next action; None if no key asks for one."""
+        times = [self._ready] * bool(self._waiting) + list(self._held.values())
+        return max(0.0, max(self._ready, min(times)) - now) if times else None
+
+    def take(self, now: float) -> int | None:
+        """The action to take now, if one is due."""
+        if now < self._ready:
+            return None
+        action = self._waiting.pop(0) if self._waiting else self._repeated(now)
+        if action is not None:
+            # A step that is only a little late does not delay those after it.
+            late = now - self._ready
+            self._ready = now + self._interval - (late if late < self._interval else 0.0)
+            self._turns = [*(turn for turn in self._turns if turn != action), action]
+        return action
+
+    def _repeated(self, now: float) -> int | None:
+        held = [self._actions[key] for key, start in self._held.items() if start <= now]
+        held = [
+            action for i, action in enumerate(held) if self._opposite.get(action) not in held[i:]
+        ]
+        if not held:
+            return None
+        return min(held, key=lambda a: self._turns.index(a) if a in self._turns else -1)

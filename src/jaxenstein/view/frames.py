@@ -1,0 +1,130 @@
+"""Observations of any kind as pictures, and as pictures that a notebook shows by itself."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from ..errors import SettingError
+from ..maps.symbols import LABEL_COLOURS
+from .recording import enlarge, evenly, mosaic, save_png, scale_to
+
+# Depth in tiles at which a depth image is at half brightness.
+HALF_DEPTH = 1.3
+KINDS = ("rgb", "gray", "depth", "labels")
+# Pixels that a single image, and a whole batch of them, is made high at least.
+SHOWN_HEIGHT = 256
+BATCH_HEIGHT = 480
+MOST_SHOWN = 64
+
+
+def image_of(obs: Any) -> Any:
+    """The image of an observation: the one of a `dict`, or the observation itself."""
+    return obs["image"] if isinstance(obs, dict) else obs
+
+
+def picture(image: np.ndarray, kind: str) -> np.ndarray:
+    """An image observation as uint8[..., H, W, 3].
+
+    Args:
+        image: images of any number, with their leading axes.
+        kind: the environment's `observation`. Depth becomes brightness, near is bright; labels
+            become the colours that the maps give them.
+    """
+    if kind in ("rgb", "dict"):
+        return image
+    if kind == "labels":
+        return np.asarray(LABEL_COLOURS, np.uint8)[image]
+    if kind == "depth":
+        image = np.round(255 * HALF_DEPTH / (HALF_DEPTH + image)).astype(np.uint8)
+    return np.repeat(image[..., None], 3, axis=-1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Frame:
+    """A picture that a notebook shows as the last value of a cell.
+
+    Attributes:
+        image: uint8[H, W, 3].
+        scale: whole factor by which it is enlarged where it is shown; pixels stay squares.
+    """
+
+    image: np.ndarray
+    scale: int = 1
+
+    def __repr__(self) -> str:
+        """Its size."""
+        height, width, _ = self.image.shape
+        return f"<Frame of {width}x{height} pixels>"
+
+    def _repr_png_(self) -> bytes:
+        """The picture, enlarged, as a PNG: what notebooks ask for."""
+        stream = io.BytesIO()
+        Image.fromarray(enlarge(self.image, self.scale)).save(stream, format="PNG")
+        return stream.getvalue()
+
+    def save(self, path: str | Path) -> None:
+        """Write the picture, enlarged, as a PNG.
+
+        Raises:
+            SettingError: `path` does not end in .png.
+            OutputError: it cannot be written.
+        """
+        if Path(path).suffix.lower() != ".png":
+            raise SettingError(f"{path} should end in .png")
+        save_png(enlarge(self.image, self.scale), path)
+
+
+def show(observation: Any, kind: str | None = None, *, scale: int | None = None) -> Frame:
+    """An observation, or a batch of them, as a picture that a notebook shows by itself.
+
+    Args:
+        observation: as `reset` and `step` return it, with any number of leading axes; of many,
+            64 spread over the batch are shown.
+        kind: the environment's `observation`, needed for `"labels"`, which else count as gray.
+        scale: whole factor by which pixels are enlarged; None for a good size.
+
+    Raises:
+        SettingError: it is no observation of that kind.
+    """
+    image = np.asarray(image_of(observation))
+    kind = _kind_of(image) if kind in (None, "dict") else kind
+    _check(image, kind)
+    if scale is not None and (not isinstance(scale, int) or not 1 <= scale <= 64):
+        raise SettingError(f"scale must be a whole number from 1 to 64, not {scale!r}")
+    frames = picture(image, kind)
+    if frames.ndim == 3:
+        return Frame(frames, scale or scale_to(frames.shape[0], SHOWN_HEIGHT))
+    frames = frames.reshape(-1, *frames.shape[-3:])
+    frames = frames[evenly(len(frames), MOST_SHOWN)]
+    columns = int(np.ceil(np.sqrt(len(frames))))
+    rows = -(-len(frames) // columns)
+    size = scale or scale_to(rows * frames.shape[1], BATCH_HEIGHT)
+    return Frame(mosaic(frames, columns, scale=size))
+
+
+def _kind_of(image: np.ndarray) -> str:
+    if image.dtype.kind == "f":
+        return "depth"
+    return "rgb" if image.ndim >= 3 and image.shape[-1] == 3 else "gray"
+
+
+def _check(image: np.ndarray, kind: str) -> None:
+    """Raise a SettingError unless there is at least one image of the kind, of a size above 0."""
+    if kind not in KINDS:
+        raise SettingError(f"kind must be one of {', '.join(KINDS)} or dict, not {kind!r}")
+    axes = 3 if kind == "rgb" else 2
+    shape = "[..., height, width, 3]" if kind == "rgb" else "[..., height, width]"
+    dtype = "float32" if kind == "depth" else "uint8"
+    fits = image.ndim >= axes and image.size and (kind != "rgb" or image.shape[-1] == 3)
+    if not fits or image.dtype != dtype:
+        raise SettingError(
+            f"a {kind} observation is {dtype}{shape}, not {image.dtype}{list(image.shape)}"
+        )
+    if kind == "labels" and image.max() >= len(LABEL_COLOURS):
+        raise SettingError(f"label {image.max()} is none of the {len(LABEL_COLOURS)} there are")

@@ -1,0 +1,304 @@
+"""Playing by hand, without anything to show it on: episodes, keys, texts, the map, the record."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from ..episodes.recorder import Tape, in_words, watcher
+from ..episodes.session import Session
+from ..maps.symbols import COLOUR_NAMES
+from .controls import Controls, keys_of
+from .display import Box, Display, Event
+from .episode import Episode
+from .frames import image_of, picture
+from .topdown import MapPicture, draw_map
+
+if TYPE_CHECKING:
+    from ..tasks.first_person import FirstPerson
+
+QUIT_KEYS = ("q", "escape")
+COMMANDS = {
+    "R": "next episode",
+    "M": "map from above",
+    "P": "pause",
+    "H": "this help",
+    "Q, Esc": "quit",
+}
+# For how many steps an event stays visible.
+RECENT = 12
+# Seconds between two looks at the clock while the compiler works.
+COMPILING_INTERVAL = 0.1
+
+
+class Game:
+    """An environment played by somebody who presses keys.
+
+    Time passes only with actions, as it does for an agent. After the end of an episode only the
+    next one can be played.
+
+    Attributes:
+        session: the episode that is played.
+        paused: whether actions wait.
+        mapped: whether the map is shown.
+        helping: whether the help is shown.
+        over: whether the player wants to quit.
+    """
+
+    def __init__(
+        self,
+        env: FirstPerson[Any, Any],
+        params: Any,
+        *,
+        seed: int = 0,
+        fps: float = 15.0,
+        keep: bool = False,
+        note: str = "",
+    ) -> None:
+        """Compile what playing needs, and begin the first episode.
+
+        Args:
+            env: the environment; its `autoreset` does not matter.
+            params: its params.
+            seed: of the first episode; each next one has the next number.
+            fps: the most actions a second.
+            keep: whether to keep the frames of everything played, for `episodes`.
+            note: a line about the picture.
+        """
+        self.params = params
+        self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
+        self.paused = self.mapped = self.helping = self.over = False
+        self._tapes: list[tuple[Tape, Any]] = []
+        self._keep = keep
+        self._note = note
+        self._horizon = int(params.max_steps_in_episode)
+        self._controls = Controls(env.action_names, fps)
+        self._fps = fps
+        self._look = watcher(self.env, params)
+        self._variables = jax.jit(self.env.variables)
+        self._played: Session | None = None
+        Session(self.env, params, seed).step(0)
+        self._begin(seed)
+
+    @property
+    def last_played(self) -> Session | None:
+        """The latest episode with at least one action; None if there is none."""
+        return self.session if self.session.actions else self._played
+
+    def episodes(self) -> list[Episode]:
+        """Everything played, if it was kept; episodes without an action are left out."""
+        found = []
+        for tape, tilemap in self._tapes:
+            if tape.rewards or len(self._tapes) == 1:
+                episode = tape.episode(self.env.observation, tilemap)
+                angle = float(self.env.field_of_view)
+                named = dataclasses.replace(episode, name=self.env.name, field_of_view=angle)
+                found.append(named)
+        return found
+
+    @property
+    def frame(self) -> np.ndarray:
+        """uint8[H, W, 3]: what the agent sees now."""
+        return picture(np.asarray(image_of(self.session.observation)), self.env.observation)
+
+    def handle(self, event: Event, now: float) -> bool:
+        """Take in what happened at the time `now` (seconds); returns whether to draw anew."""
+        if event.kind == "close":
+            self.over = True
+        elif event.kind == "release":
+            self._controls.release(event.key)
+            return False
+        elif event.kind == "press":
+            return self._press(event.key, now)
+        return True
+
+    def advance(self, now: float) -> bool:
+        """Take a step if one is due; returns whether it did."""
+        action = self._controls.take(now) if self._playing else None
+        if action is None:
+            return False
+        session = self.session
+        session.step(action)
+        self._seen = self._look(session.state)
+        late = session.truncated and not session.terminated
+        words = in_words(session.info) + ["time is up"] * late
+        if words:
+            self._event, self._event_step = ", ".join(words), len(session.actions)
+        self._positions.append(self._seen["positions"])
+        if self._keep:
+            tape, _ = self._tapes[-1]
+            tape.look(image_of(session.observation), self._seen)
+            tape.act(session.rewards[-1], session.info, over=late)
+        return True
+
+    def due(self, now: float) -> float | None:
+        """Seconds until the next step; None if nobody asks for one."""
+        return self._controls.due(now) if self._playing else None
+
+    def status(self) -> list[str]:
+        """Two lines: numbers; and the latest event, or a hint."""
+        session = self.session
+        reward = session.rewards[-1] if session.rewards else 0.0
+        facts = [
+            f"seed {session.seed}",
+            f"step {len(session.actions)}/{self._horizon}",
+            f"reward {_signed(reward)}",
+            f"return {_signed(session.episode_return)}",
+            *(f"{name} {float(value):g}" for name, value in self._seen["variables"].items()),
+        ]
+        keys = self._keys()
+        if keys is not None:
+            facts.append(f"keys: {', '.join(keys) or 'none'}")
+        recent = len(session.actions) - self._event_step < RECENT
+        hint = "   ".join(["H: help", *([self._note] if self._note else [])])
+        return ["   ".join(facts), self._event if self._event and recent else hint]
+
+    def overlay(self) -> list[str]:
+        """The text to show on top of the picture; [] for none."""
+        session = self.session
+        if self.helping:
+            return self.help()
+        if session.over:
+            return [
+                f"{(self._event or 'the episode is over')}",
+                f"return {_signed(session.episode_return)} after {len(session.actions)} steps",
+                f"R: next episode (seed {_next(session.seed)})   Q: quit",
+            ]
+        return ["paused", "P: go on"] if self.paused else []
+
+    def help(self) -> list[str]:
+        """What the keys do."""
+        keys = keys_of(self.env.action_names)
+        rows = [
+            (", ".join(key if len(key) > 1 else key.upper() for key in keys[name]), name)
+            for name in self.env.action_names
+        ]
+        rows += COMMANDS.items()
+        lines = [f"{key}: {what}" for key, what in rows if key]
+        rate = f"Time passes only when you act, at most {self._fps:g} times a second."
+        return [*lines, "", rate, *([self._note] if self._note else [])]
+
+    def map_image(self, room: Box, finer: int = 1) -> np.ndarray:
+        """uint8[h, w, 3]: the map with the agent and its path, for a room of that size.
+
+        Args:
+            room: what it has to fit in, unless there are more tiles than pixels.
+            finer: how many times larger it may be all the same.
+        """
+        tilemap = self._tilemap
+        fitting = min(room.width // tilemap.columns, room.height // tilemap.rows)
+        scale = max(1, finer * fitting)
+        if self._ground is None or self._ground.scale != scale:
+            self._ground, self._drawn = draw_map(tilemap, scale=scale), 0
+        new = np.array(self._positions[self._drawn :])
+        self._ground.path(new, self._drawn, self._horizon)
+        self._drawn = len(self._positions) - 1
+        seen = self._seen
+        shot = self._ground.copy().doors(seen["closed"])
+        pose = seen["positions"], float(seen["headings"])
+        shot.sight(*pose, self.env.field_of_view, seen["closed"])
+        shot.sprites(seen["sprites"], seen["labels"], seen["visible"])
+        return np.asarray(shot.agent(*pose).image())
+
+    @property
+    def _playing(self) -> bool:
+        return not (self.paused or self.helping or self.session.over)
+
+    def _begin(self, seed: int) -> None:
+        """Start the episode of a seed."""
+        self.session = session = Session(self.env, self.params, seed)
+        self._seen = self._look(session.state)
+        self._tilemap = self.env.tilemap_of(session.state)
+        self._positions = [self._seen["positions"]]
+        self._ground: MapPicture | None = None
+        self._drawn = 0
+        self._event, self._event_step = "", 0
+        self._controls.clear()
+        if self._keep:
+            tape = Tape()
+            tape.look(image_of(session.observation), self._seen)
+            self._tapes.append((tape, self._tilemap))
+
+    def _press(self, key: str, now: float) -> bool:
+        if key in QUIT_KEYS:
+            self.over = True
+        elif key == "r":
+            if self.session.actions:
+                self._played = self.session
+            self._begin(_next(self.session.seed))
+            self.paused = False
+        elif key == "m":
+            self.mapped = not self.mapped
+        elif key == "p":
+            self.paused = not self.paused
+        elif key == "h":
+            self.helping = not self.helping
+        else:
+            if self._playing:
+                self._controls.press(key, now)
+            return False
+        if not self._playing:
+            self._controls.clear()
+        return True
+
+    def _keys(self) -> list[str] | None:
+        """The colours of the keys that are carried; None where there are no keys to carry."""
+        if "keys" not in self.env.variable_spaces():
+            return None
+        carried = np.asarray(self._variables(self.session.state)["keys"])
+        return [name for name, here in zip(COLOUR_NAMES, carried, strict=True) if here]
+
+
+def wait_for(display: Display, load: Callable[[], Game]) -> Game | None:
+    """The game that `load` makes, with a notice meanwhile; None if the player quits before.
+
+    Compiling takes seconds, and happens on a thread so that the display stays alive.
+    """
+    pool = ThreadPoolExecutor(1)
+    game = pool.submit(load)
+    pool.shutdown(wait=False)
+    start = time.monotonic()
+    while not game.done():
+        display.show(None, overlay=[f"compiling ... {time.monotonic() - start:.0f} s"])
+        for event in display.events(COMPILING_INTERVAL):
+            if event.kind == "close" or event.key in QUIT_KEYS:
+                return None
+    return game.result()
+
+
+def play(display: Display, game: Game) -> None:
+    """Show a game and pass it the keys until the player quits; asleep while nothing happens."""
+    draw(display, game)
+    while not game.over:
+        due = game.due(time.monotonic())
+        events = display.events(1.0 if due is None else due)
+        now = time.monotonic()
+        mapped = game.mapped
+        changed = [game.handle(event, now) for event in events]
+        if mapped != game.mapped:
+            display.make_room(game.mapped)
+        if game.advance(now) or any(changed):
+            draw(display, game)
+
+
+def draw(display: Display, game: Game) -> None:
+    """Show a game as it is."""
+    lines = game.status()
+    room = display.beside_area(len(lines))
+    beside = game.map_image(room, display.finer) if game.mapped else None
+    display.show(game.frame, lines, beside=beside, overlay=game.overlay())
+
+
+def _next(seed: int) -> int:
+    return (seed + 1) % 2**32
+
+
+def _signed(number: float) -> str:
+    """A sum of rewards: 0, +1, -0.0012."""
+    return f"{number:+.4g}" if number else "0"

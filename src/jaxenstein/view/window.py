@@ -1,0 +1,235 @@
+"""A window that shows pictures sharply enlarged over lines of text, and tells of keys.
+
+It knows nothing of games. pygame-ce, from the extra `play`, is imported when a window is opened.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from .display import Box, DisplayError, Event, arrange
+from .recording import BACKGROUND, TEXT
+
+# Pixels around the pictures, at the sides of text, and of a line of text.
+GAP, MARGIN, LINE, LETTERS = 6, 12, 22, 22
+# The darkness of what is behind an overlay, 0 to 255.
+SHADE = 208
+# A picture beside the view gets at most this share of the width.
+BESIDE_SHARE = 0.5
+# SDL's drivers that draw without showing.
+UNSEEN = ("dummy", "offscreen")
+# Where Linux says which display there is.
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+# Seconds after which waiting looks at signals such as that of Ctrl-C.
+LONGEST_WAIT = 0.25
+
+
+def import_pygame() -> Any:
+    """The module pygame.
+
+    Raises:
+        DisplayError: it is not installed.
+    """
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    try:
+        return importlib.import_module("pygame")
+    except ImportError as error:
+        raise DisplayError(
+            f"a window needs the package pygame-ce ({error}): pip install 'jaxenstein[play]'"
+        ) from error
+
+
+class Window:
+    """The window of this process; there can be one at a time. Use it from the main thread.
+
+    Attributes:
+        view: where the last frame was drawn; None if there was none.
+        beside: where the picture beside it was drawn; None if there was none.
+    """
+
+    finer = 1
+
+    def __init__(self, title: str, size: tuple[int, int]) -> None:
+        """Open a window that can be resized.
+
+        Args:
+            title: of the window.
+            size: (width, height) in pixels.
+
+        Raises:
+            DisplayError: pygame-ce is not installed, or there is no display.
+        """
+        pygame = import_pygame()
+        self._pygame = pygame
+        self._first = size
+        wanted = os.environ.get("SDL_VIDEODRIVER", "")
+        # SDL itself would look for one and complain on standard error.
+        if sys.platform == "linux" and not (wanted or any(map(os.environ.get, DISPLAYS))):
+            raise DisplayError(f"no window can be opened: {' and '.join(DISPLAYS)} are not set")
+        try:
+            pygame.display.init()
+            pygame.font.init()
+            pygame.display.set_caption(title)
+            self.resize(size)
+        except pygame.error as error:
+            raise DisplayError(f"no window can be opened: {error}") from error
+        driver = pygame.display.get_driver()
+        if driver in UNSEEN and driver != wanted:
+            pygame.display.quit()
+            raise DisplayError("no window can be opened: there is no display")
+        self._font = pygame.font.Font(None, LETTERS)
+        self.view: Box | None = None
+        self.beside: Box | None = None
+
+    def __enter__(self) -> Self:
+        """The window."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close it."""
+        self.close()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self._pygame.display.get_surface().get_size()
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Give the window another size, (width, height) in pixels."""
+        self._pygame.display.set_mode(size, self._pygame.RESIZABLE)
+
+    def make_room(self, beside: bool) -> None:
+        """Grow for a picture beside the frame, or shrink back.
+
+        A window that was resized by hand keeps its size.
+        """
+        narrow, height = self._first
+        wide = min(2 * narrow, max(narrow, self._screen_width()))
+        before, after = (narrow, wide) if beside else (wide, narrow)
+        if self.size == (before, height):
+            self.resize((after, height))
+            self._move_into_screen(after)
+
+    def _screen_width(self) -> int:
+        return max(width for width, _ in self._pygame.display.get_desktop_sizes())
+
+    def _move_into_screen(self, width: int) -> None:
+        """Move a window of that width to the left if it sticks out on the right."""
+        display = self._pygame.display
+        # Wayland lets no window know where it is, and older versions of pygame cannot ask.
+        with contextlib.suppress(AttributeError, self._pygame.error):
+            left, top = display.get_window_position()
+            fitting = max(0, self._screen_width() - width)
+            if left > fitting:
+                display.set_window_position((fitting, top))
+
+    def show(
+        self,
+        frame: np.ndarray | None,
+        lines: Sequence[str] = (),
+        *,
+        beside: np.ndarray | None = None,
+        overlay: Sequence[str] = (),
+    ) -> None:
+        """Draw everything anew.
+
+        Args:
+            frame: uint8[H, W, 3], enlarged by a whole factor; None for none.
+            lines: text below.
+            beside: uint8[h, w, 3], a picture to the right of the frame.
+            overlay: text in a box on top of everything.
+        """
+        surface = self._pygame.display.get_surface()
+        surface.fill(BACKGROUND)
+        area, side = self._area(len(lines)), self.beside_area(len(lines))
+        self.view, self.beside = arrange(area, side, frame, beside, GAP)
+        for picture, box in ((frame, self.view), (beside, self.beside)):
+            if picture is not None and box is not None:
+                self._draw(surface, picture, box)
+        for i, line in enumerate(lines):
+            top = area.top + area.height + GAP + i * LINE
+            surface.blit(self._font.render(line, True, TEXT), (MARGIN, top))
+        if overlay:
+            self._draw_overlay(surface, overlay)
+        self._pygame.display.flip()
+
+    def beside_area(self, lines: int) -> Box:
+        """The room for a picture beside the frame, above so many lines of text."""
+        area = self._area(lines)
+        width = max(1, int(BESIDE_SHARE * (area.width - GAP)))
+        return area._replace(left=area.left + area.width - width, width=width)
+
+    def pixels(self) -> np.ndarray:
+        """uint8[height, width, 3]: what the window shows."""
+        surface = self._pygame.display.get_surface()
+        return self._pygame.surfarray.array3d(surface).swapaxes(0, 1).copy()
+
+    def events(self, timeout: float = 0.0) -> list[Event]:
+        """What happened since the last call; to be called often, or the window seems dead.
+
+        Args:
+            timeout: seconds to wait for something to happen, asleep; it may be less.
+        """
+        pygame = self._pygame
+        found = []
+        if timeout > 0:
+            first = pygame.event.wait(max(1, round(1000 * min(timeout, LONGEST_WAIT))))
+            found = [first] if first.type != pygame.NOEVENT else []
+        told = [self._translate(event) for event in (*found, *pygame.event.get())]
+        return [event for event in told if event is not None]
+
+    def close(self) -> None:
+        """Close the window; closing it again does nothing."""
+        self._pygame.display.quit()
+
+    def _area(self, lines: int) -> Box:
+        """The room for pictures above so many lines of text."""
+        width, height = self.size
+        text = lines * LINE + GAP if lines else 0
+        return Box(GAP, GAP, max(1, width - 2 * GAP), max(1, height - 2 * GAP - text))
+
+    def _draw(self, surface: Any, picture: np.ndarray, box: Box) -> None:
+        pygame = self._pygame
+        height, width = picture.shape[:2]
+        image = pygame.image.frombuffer(picture.tobytes(), (width, height), "RGB")
+        shrunk = box.width < width
+        scale = pygame.transform.smoothscale if shrunk else pygame.transform.scale
+        surface.blit(scale(image, (box.width, box.height)), (box.left, box.top))
+
+    def _draw_overlay(self, surface: Any, lines: Sequence[str]) -> None:
+        pygame = self._pygame
+        texts = [self._font.render(line, True, TEXT) for line in lines]
+        width = max(text.get_width() for text in texts) + 2 * MARGIN
+        height = len(lines) * LINE + 2 * MARGIN
+        box = pygame.Surface((width, height))
+        box.fill(BACKGROUND)
+        for i, text in enumerate(texts):
+            box.blit(text, (MARGIN, MARGIN + i * LINE))
+        box.set_alpha(SHADE)
+        area = self.view or self._area(0)
+        left, top = area.left + (area.width - width) // 2, area.top + (area.height - height) // 2
+        surface.blit(box, (max(0, left), max(0, top)))
+
+    def _translate(self, event: Any) -> Event | None:
+        pygame = self._pygame
+        if event.type == pygame.QUIT:
+            return Event("close")
+        if event.type in (pygame.KEYDOWN, pygame.KEYUP):
+            kind = "press" if event.type == pygame.KEYDOWN else "release"
+            return Event(kind, pygame.key.name(event.key).lower())
+        if event.type in (pygame.VIDEORESIZE, pygame.VIDEOEXPOSE):
+            return Event("redraw")
+        return None

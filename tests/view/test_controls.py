@@ -1,0 +1,129 @@
+"""From keys to actions, with a clock of the test's own."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from jaxenstein.tasks.steering import ACTION_NAMES, BACKWARD, FORWARD, INTERACT
+from jaxenstein.tasks.steering import TURN_LEFT as LEFT
+from jaxenstein.tasks.steering import TURN_RIGHT as RIGHT
+from jaxenstein.view.controls import HOLD, Controls, keys_of
+
+FPS = 10.0
+
+
+def played(controls: Controls, start: float, seconds: float) -> list[tuple[float, int]]:
+    """The actions of a display that looks every millisecond, each with its time."""
+    found = []
+    for tick in range(round(1000 * seconds)):
+        now = start + tick / 1000
+        due = controls.due(now)
+        action = controls.take(now)
+        # What is due is taken, and nothing else is.
+        assert (due == 0.0) == (action is not None)
+        if action is not None:
+            found.append((round(now, 3), action))
+    return found
+
+
+def test_every_key_of_the_wish_list_acts() -> None:
+    wanted = {
+        FORWARD: ("w", "up"),
+        BACKWARD: ("s", "down"),
+        LEFT: ("a", "left"),
+        RIGHT: ("d", "right"),
+        INTERACT: ("space",),
+    }
+    for action, keys in wanted.items():
+        for key in keys:
+            controls = Controls(ACTION_NAMES, FPS)
+            assert controls.press(key, 0.0)
+            assert controls.take(0.0) == action
+
+
+def test_keys_without_a_meaning_do_nothing() -> None:
+    controls = Controls(ACTION_NAMES[:3], FPS)
+    # The first three actions do without backward and interact.
+    for key in ("s", "down", "space", "x", "1", ""):
+        assert not controls.press(key, 0.0)
+    assert controls.due(0.0) is None
+    assert controls.take(0.0) is None
+
+
+def test_unknown_actions_get_digits() -> None:
+    names = ("jump", "forward", "duck")
+    assert keys_of(names) == {"jump": ("1",), "forward": ("w", "up"), "duck": ("2",)}
+    controls = Controls(names, FPS)
+    controls.press("2", 0.0)
+    assert controls.take(0.0) == 2
+    assert keys_of([f"action {i}" for i in range(11)])["action 10"] == ()
+
+
+def test_a_tap_is_one_step_however_short_or_long() -> None:
+    for length in (0.0, 0.03, 0.9 * HOLD):
+        controls = Controls(ACTION_NAMES, FPS)
+        controls.press("w", 5.0)
+        before = played(controls, 5.0, length)
+        controls.release("w")
+        assert [action for _, action in before + played(controls, 5.0 + length, 1.0)] == [FORWARD]
+
+
+def test_a_held_key_repeats_at_the_rate() -> None:
+    controls = Controls(ACTION_NAMES, FPS)
+    controls.press("up", 5.0)
+    times = [time for time, _ in played(controls, 5.0, 1.05)]
+    assert times[:2] == [5.0, 5.0 + HOLD]
+    assert all(abs(b - a - 0.1) < 2e-3 for a, b in itertools.pairwise(times[1:]))
+    assert len(times) == 10
+    controls.release("up")
+    assert played(controls, 6.05, 0.5) == []
+    assert controls.due(7.0) is None
+
+
+def test_a_display_that_looks_rarely_keeps_the_rate() -> None:
+    controls = Controls(ACTION_NAMES, FPS)
+    controls.press("w", 0.0)
+    looks = np.cumsum(np.random.default_rng(0).uniform(0.001, 0.09, 400))
+    steps = sum(controls.take(float(now)) is not None for now in looks)
+    # One at once, and from then on ten a second.
+    assert abs(steps - 1 - FPS * (looks[-1] - HOLD)) < 2
+
+
+def test_taps_between_steps_wait_for_their_turn() -> None:
+    controls = Controls(ACTION_NAMES, FPS)
+    for key in ("w", "w", "d", "space", "d"):
+        controls.press(key, 5.0)
+        controls.release(key)
+    # The second press of a key that still waits is no step more.
+    assert [action for _, action in played(controls, 5.0, 1.0)] == [FORWARD, RIGHT, INTERACT]
+
+
+def test_keys_held_together_take_turns() -> None:
+    controls = Controls(ACTION_NAMES, FPS)
+    controls.press("w", 5.0)
+    assert len(played(controls, 5.0, 0.6)) == 5
+    controls.press("a", 5.6)
+    actions = [action for _, action in played(controls, 5.6, 0.6)]
+    assert actions == [LEFT, FORWARD] * 3
+    controls.release("w")
+    assert {action for _, action in played(controls, 6.2, 0.5)} == {LEFT}
+
+
+def test_of_opposite_keys_the_later_one_counts() -> None:
+    controls = Controls(ACTION_NAMES, FPS)
+    controls.press("w", 5.0)
+    played(controls, 5.0, 0.6)
+    controls.press("s", 5.6)
+    assert {action for _, action in played(controls, 5.6, 0.5)} == {BACKWARD}
+    controls.release("s")
+    assert {action for _, action in played(controls, 6.1, 0.5)} == {FORWARD}
+
+
+def test_clearing_forgets_held_keys() -> None:
+    controls = Controls(ACTION_NAMES, FPS)
+    controls.press("w", 5.0)
+    controls.press("d", 5.0)
+    controls.clear()
+    assert played(controls, 5.0, 1.0) == []
