@@ -1,22 +1,78 @@
 """First-person, visual, partially observable environments that live entirely inside JAX."""
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from .adapters.registration import register_once_imported
 from .environment import Environment, Params, State
-from .errors import JAXensteinError, MapError, MapWarning, SettingError, UnknownEnvironmentError
+from .errors import (
+    JAXensteinError,
+    MapError,
+    MapWarning,
+    SettingError,
+    TrajectoryError,
+    UnknownEnvironmentError,
+)
 from .registry import EnvironmentId, environment_ids, from_ascii, make
 from .version import __version__
+
+if TYPE_CHECKING:
+    from .episodes.recorder import record
+    from .episodes.replaying import Replay, replay
+    from .episodes.session import Session
+    from .episodes.trajectory import Trajectory
+    from .episodes.trajectory_file import load_trajectory
+    from .view.episode import Episode
+    from .view.frames import Frame, show
+
+register_once_imported()
+
+# What people look at is loaded when it is first asked for: training needs none of it.
+_LAZY = {
+    "Episode": ".view.episode",
+    "Frame": ".view.frames",
+    "Replay": ".episodes.replaying",
+    "Session": ".episodes.session",
+    "Trajectory": ".episodes.trajectory",
+    "load_trajectory": ".episodes.trajectory_file",
+    "record": ".episodes.recorder",
+    "replay": ".episodes.replaying",
+    "show": ".view.frames",
+}
 
 __all__ = [
     "Environment",
     "EnvironmentId",
+    "Episode",
+    "Frame",
     "JAXensteinError",
     "MapError",
     "MapWarning",
     "Params",
+    "Replay",
+    "Session",
     "SettingError",
     "State",
+    "Trajectory",
+    "TrajectoryError",
     "UnknownEnvironmentError",
     "__version__",
     "environment_ids",
     "from_ascii",
+    "load_trajectory",
     "make",
+    "record",
+    "replay",
+    "show",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(importlib.import_module(_LAZY[name], __name__), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LAZY})

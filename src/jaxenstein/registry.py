@@ -59,10 +59,12 @@ class Entry:
     Attributes:
         summary: one line for people.
         build: makes the environment from its settings.
+        version: of the environment, which grows when its behaviour changes.
     """
 
     summary: str
     build: Callable[..., Environment[Any, Any]]
+    version: int = 0
 
 
 def _corridors(layout: str, horizon: int) -> Callable[..., Navigation]:
@@ -248,7 +250,7 @@ def make(id: EnvironmentId | str, **settings: Any) -> tuple[Environment[Any, Any
             f"unknown environment {id!r}{close}; known: {', '.join(ENTRIES)}"
         )
     _check_names(settings, (*SETTINGS, *_own_settings(name)), MazeParams)
-    env = entry.build(name=name, **settings)
+    env = entry.build(name=name, version=entry.version, **settings)
     return env, _on_device(env.default_params)
 
 

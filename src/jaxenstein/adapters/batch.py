@@ -1,0 +1,308 @@
+"""Many environments behind one compiled call, for training loops that live outside of JAX."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import secrets
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engine.fusion import where_any
+from ..environment import Autoreset, Environment, cast_params
+from ..errors import SettingError
+
+# Environments that are reset and drawn in one call after a step in which some ended.
+_TOGETHER = 8
+
+
+class Ended(NamedTuple):
+    """What a step that ended K episodes says of their ends.
+
+    Attributes:
+        indices: int64[K], which environments ended, ascending.
+        observation: as of the environment, as numpy arrays with a leading axis K: the last
+            observations.
+        info: numpy arrays [K, ...]: what the step told of the last states.
+    """
+
+    indices: np.ndarray
+    observation: Any
+    info: dict[str, np.ndarray]
+
+
+class Stepped(NamedTuple):
+    """What a step gives. Arrays are on the device and have a leading axis N, but for `ended`.
+
+    Attributes:
+        observation: what to act on next.
+        reward: float32[N].
+        terminated: bool[N], the tasks' own ends.
+        truncated: bool[N], ends by the time limit.
+        info: of the state in which each environment now is: after a reset in the same step that
+            of the new episode. On the device, or on the host (numpy) where an episode ended.
+        ended: only with `"same-step"`, where an episode ended; else None.
+    """
+
+    observation: Any
+    reward: jax.Array
+    terminated: jax.Array
+    truncated: jax.Array
+    info: dict[str, Any]
+    ended: Ended | None
+
+
+class Batch:
+    """N environments of one kind that keep their own states and random streams.
+
+    The last observations of a batch in which nothing ended are not drawn: a step in which K
+    episodes end draws N + K frames, with K rounded up to a multiple of 8.
+    """
+
+    def __init__(
+        self,
+        env: Environment[Any, Any],
+        params: Any = None,
+        num_envs: int = 1,
+        *,
+        autoreset: Autoreset | None = "same-step",
+    ) -> None:
+        """Hold `num_envs` environments; nothing is compiled or drawn before `reset`.
+
+        Args:
+            env: the environment; its own `autoreset` and `final_observation` do not matter.
+            params: its params, of all environments.
+            num_envs: N, at least 1.
+            autoreset: `"same-step"`, `"next-step"` or None, as `Environment.autoreset`.
+
+        Raises:
+            SettingError: for a wrong `num_envs`, `autoreset` or `params`.
+        """
+        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
+            raise SettingError(f"num_envs must be a whole number from 1 on, not {num_envs!r}")
+        dataclasses.replace(env, autoreset=autoreset, final_observation=False)  # checks the mode
+        # Resets are made here: within the step after a look at which episodes ended.
+        self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
+        self.autoreset = autoreset
+        self.num_envs = num_envs
+        default = self.env.default_params
+        if params is not None and type(params) is not type(default):
+            raise SettingError(
+                f"params must be a {type(default).__name__}, as `make` returns it, "
+                f"not {type(params).__name__}"
+            )
+        self.params = cast_params(default if params is None else params, default)
+        self.states: Any = None
+        self._keys: jax.Array | None = None
+
+    def reset(
+        self, seed: int | Sequence[int | None] | None = None, mask: Any = None
+    ) -> tuple[Any, dict[str, jax.Array]]:
+        """Begin new episodes: observations and info, on the device.
+
+        Args:
+            seed: of the random streams: N numbers, or one, which stands for seed, seed + 1, ...
+                None, for all or for one of them, goes on with the stream; before the first reset
+                it begins a stream by chance.
+            mask: bool[N], which environments to reset; None for all. The seeds of others are
+                ignored. The first reset is of all.
+
+        Raises:
+            SettingError: a seed is not a whole number from 0 on, or there are not N of them; the
+                mask has another shape or type, or leaves one out at the first reset.
+        """
+        chosen = np.ones(self.num_envs, bool) if mask is None else np.asarray(mask)
+        if chosen.shape != (self.num_envs,) or chosen.dtype != bool:
+            raise SettingError(
+                f"the mask of a reset must be bool[{self.num_envs}], "
+                f"not {chosen.dtype}{list(chosen.shape)}"
+            )
+        if self.states is None and not chosen.all():
+            raise SettingError("the first reset must be of all environments: leave the mask out")
+        keys = self._seeded(_seeds(seed, self.num_envs), chosen)
+        if chosen.all():
+            out = _reset(self.env, keys, self.params)
+        else:
+            out = _reset_some(self.env, keys, self.states, jnp.asarray(chosen), self.params)
+        self._keys, self.states, observation, info = out
+        return observation, info
+
+    def step(self, actions: Any) -> Stepped:
+        """Step every environment.
+
+        Args:
+            actions: integers [N], numpy or on the device. Actions outside of the action space do
+                nothing.
+
+        Raises:
+            SettingError: the actions have another shape or type, or `reset` was not called.
+        """
+        if self._keys is None:
+            raise SettingError("call reset before step")
+        actions = jnp.asarray(actions)
+        if actions.shape != (self.num_envs,) or not jnp.issubdtype(actions.dtype, jnp.integer):
+            raise SettingError(
+                f"actions must be {self.num_envs} integers, one for each environment, "
+                f"not {actions.dtype}{list(actions.shape)}"
+            )
+        step = _step_or_reset if self.autoreset == "next-step" else _step
+        out = step(self.env, self._keys, self.states, actions, self.params)
+        self._keys, self.states, stepped = out
+        if self.autoreset == "same-step":
+            indices = np.flatnonzero(np.asarray(self.states.done))
+            if indices.size:
+                return self._restart(Stepped(*stepped, ended=None), indices)
+        return Stepped(*stepped, ended=None)
+
+    def _restart(self, stepped: Stepped, indices: np.ndarray) -> Stepped:
+        """Reset the environments `indices` after a step that ended their episodes."""
+        observation = stepped.observation
+        info = {name: np.array(value) for name, value in stepped.info.items()}
+        last = {name: value[indices] for name, value in info.items()}
+        frames = []
+        together = min(_TOGETHER, self.num_envs)
+        for first in range(0, indices.size, together):
+            some = indices[first : first + together]
+            # Filled up with the last one again, which writes the same values once more.
+            padded = np.pad(some, (0, together - some.size), mode="edge").astype(np.int32)
+            self._keys, self.states, observation, final, told = _restart(
+                self.env, self._keys, self.states, observation, padded, self.params
+            )
+            frames.append(jax.tree.map(lambda leaf, n=some.size: np.asarray(leaf)[:n], final))
+            for name, value in told.items():
+                info[name][some] = np.asarray(value)[: some.size]
+            for name in info.keys() - told.keys():
+                info[name][some] = 0
+        final = jax.tree.map(lambda *parts: np.concatenate(parts), *frames)
+        return stepped._replace(
+            observation=observation, info=info, ended=Ended(indices, final, last)
+        )
+
+    def _seeded(self, seeds: list[int | None], chosen: np.ndarray) -> jax.Array:
+        """The streams: new ones where there is a seed, and at first everywhere."""
+        fresh = [int(i) for i in np.flatnonzero(chosen) if seeds[i] is not None]
+        if self._keys is None:
+            drawn = [secrets.randbits(32) if seed is None else seed for seed in seeds]
+            return _keys_of(drawn)
+        if not fresh:
+            return self._keys
+        return self._keys.at[np.array(fresh)].set(_keys_of([seeds[i] or 0 for i in fresh]))
+
+
+def _keys_of(seeds: Sequence[int]) -> jax.Array:
+    """A key for each seed; seeds beyond 32 bits are folded in, without loss."""
+    words = [(seed & 0xFFFFFFFF, seed >> 32) for seed in seeds]
+    low, high = (jnp.asarray(np.array(part, np.uint32)) for part in zip(*words, strict=True))
+    return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a), b))(low, high)
+
+
+def _seeds(seed: Any, count: int) -> list[int | None]:
+    """A seed for each environment."""
+    if seed is None:
+        return [None] * count
+    if isinstance(seed, (int, np.integer)) and not isinstance(seed, bool):
+        seeds: list[Any] = [int(seed) + i for i in range(count)]
+    elif isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, str):
+        seeds = [int(s) if isinstance(s, np.integer) else s for s in seed]
+    else:
+        raise SettingError(f"seed must be a whole number, a list of them or None, not {seed!r}")
+    if len(seeds) != count:
+        raise SettingError(
+            f"there must be one seed for each of {count} environments, not {len(seeds)}"
+        )
+    for one in seeds:
+        if one is not None and (type(one) is not int or not 0 <= one < 2**64):
+            raise SettingError(f"a seed must be a whole number from 0 to 2**64 - 1, not {one!r}")
+    return seeds
+
+
+_compiled = functools.partial(jax.jit, static_argnums=0)
+
+
+# A stream is a key that is split at every reset and at every step: one part is used, the other
+# stays. So an environment draws the same whatever the number of its neighbours and whoever, the
+# batch or its caller, makes the resets.
+
+
+@_compiled
+def _reset(env: Environment[Any, Any], keys: jax.Array, params: Any) -> tuple[Any, ...]:
+    keys, used = _split(keys)
+    observation, states = jax.vmap(env.reset, (0, None))(used, params)
+    return keys, states, observation, jax.vmap(env.describe, (0, None))(states, params)
+
+
+@_compiled
+def _reset_some(
+    env: Environment[Any, Any], keys: jax.Array, states: Any, mask: jax.Array, params: Any
+) -> tuple[Any, ...]:
+    after, used = _split(keys)
+    fresh = jax.vmap(env.init_state, (0, None))(used, params)
+    keys = jnp.where(mask, after, keys)
+    states = jax.tree.map(lambda new, old: _where(mask, new, old), fresh, states)
+    observation = jax.vmap(env.observe, (0, None))(states, params)
+    return keys, states, observation, jax.vmap(env.describe, (0, None))(states, params)
+
+
+@_compiled
+def _step(
+    env: Environment[Any, Any], keys: jax.Array, states: Any, actions: jax.Array, params: Any
+) -> tuple[Any, ...]:
+    keys, used = _split(keys)
+    step = jax.vmap(env.step, (0, 0, 0, None))
+    observation, states, *rest = step(used, states, actions, params)
+    return keys, states, (observation, *rest)
+
+
+@_compiled
+def _step_or_reset(
+    env: Environment[Any, Any], keys: jax.Array, states: Any, actions: jax.Array, params: Any
+) -> tuple[Any, ...]:
+    """Reset the environments whose last step ended, step the others."""
+    over = states.done
+    keys, used = _split(keys)
+    advance = jax.vmap(env.advance, (0, 0, 0, None))
+    after, reward, terminated, info = advance(used, states, actions, params)
+    truncated = after.time >= params.max_steps_in_episode
+    fresh = jax.vmap(where_any(env.init_state), (0, 0, None))(over, used, params)
+    states = jax.tree.map(lambda new, old: _where(over, new, old), fresh, after)
+    first = {name: jnp.zeros_like(value) for name, value in info.items()}
+    first |= jax.vmap(env.describe, (0, None))(states, params)
+    info = {name: _where(over, first[name], value) for name, value in info.items()}
+    observation = jax.vmap(env.observe, (0, None))(states, params)
+    ends = terminated & ~over, truncated & ~over
+    return keys, states, (observation, jnp.where(over, 0, reward), *ends, info)
+
+
+# The observations are given away, so that the frames of the others need not be copied.
+@functools.partial(jax.jit, static_argnums=0, donate_argnums=3)
+def _restart(
+    env: Environment[Any, Any],
+    keys: jax.Array,
+    states: Any,
+    observation: Any,
+    indices: jax.Array,
+    params: Any,
+) -> tuple[Any, ...]:
+    final = jax.tree.map(lambda leaf: leaf[indices], observation)
+    after, used = _split(keys[indices])
+    first, fresh = jax.vmap(env.reset, (0, None))(used, params)
+    keys, states, observation = jax.tree.map(
+        lambda all_, some: all_.at[indices].set(some),
+        (keys, states, observation),
+        (after, fresh, first),
+    )
+    return keys, states, observation, final, jax.vmap(env.describe, (0, None))(fresh, params)
+
+
+def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """What stays of each stream, and a key of each to use."""
+    split = jax.vmap(jax.random.split)(keys)
+    return split[:, 0], split[:, 1]
+
+
+def _where(mask: jax.Array, new: jax.Array, old: jax.Array) -> jax.Array:
+    return jnp.where(mask.reshape(mask.shape + (1,) * (new.ndim - 1)), new, old)

@@ -1,0 +1,309 @@
+"""One environment as a `gymnasium.Env`."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import spaces
+from ..environment import Environment
+from ..errors import SettingError, nearest
+from ..registry import OWN_SETTINGS, SETTINGS, make
+from ..tasks.first_person import FirstPerson
+from .batch import Batch
+
+try:
+    import gymnasium
+except ImportError as error:
+    raise ImportError(
+        f"Gymnasium is not installed ({error}): pip install 'jaxenstein[gymnasium]'"
+    ) from error
+
+RENDER_FPS = 15
+# Pixels of the longer side of the window, at least.
+WINDOW = 512
+
+
+class GymnasiumEnv(gymnasium.Env[Any, Any]):
+    """An environment for loops that step one at a time.
+
+    `gymnasium.make("jaxenstein/my-way-home-v0", height=84, width=84)` makes one, and so does this
+    class of an environment of your own. Observations are numpy arrays that belong to the caller;
+    those of images without colours have no channel axis. The infos of a reset are those of a step
+    without its events, such as `reached_goal`.
+
+    The time limit is the environment's param `max_steps_in_episode`. Gymnasium's
+    `max_episode_steps` can only shorten it.
+
+    Attributes:
+        env: the environment, with `autoreset=None`.
+        params: its params.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": ["human", "rgb_array"],
+        "render_fps": RENDER_FPS,
+    }
+
+    def __init__(
+        self,
+        env: Environment[Any, Any] | str,
+        params: Any = None,
+        *,
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
+        """Wrap an environment, or make one.
+
+        Args:
+            env: an environment or an id of `jaxenstein.make`.
+            params: params of the environment; None for its own.
+            render_mode: `"rgb_array"`: `render` returns uint8[height, width, 3], whatever the
+                kind of observation; `"human"`: a window shows every reset and step (it needs the
+                extra `play`).
+            **settings: settings of `make` and params by name, such as `max_steps_in_episode`;
+                only with an id.
+
+        Raises:
+            SettingError: a setting or param is unknown or has a value that it cannot have.
+            UnknownEnvironmentError: there is no such id.
+        """
+        env, params = resolve(env, params, settings)
+        check_render_mode(env, render_mode, self.metadata["render_modes"])
+        self._batch = Batch(env, params, autoreset=None)
+        self.env, self.params = self._batch.env, self._batch.params
+        self.render_mode = render_mode
+        self.observation_space = gymnasium_space(self.env, params)
+        self.action_space = gymnasium.spaces.Discrete(self.env.num_actions)
+        self._observation: Any = None
+        self._over = True
+        self._screen: _Screen | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: begins the random stream anew, 0 to 2**64 - 1; None goes on with it. A first
+                reset without a seed takes one from `np_random`.
+            options: there are none.
+
+        Returns:
+            The observation and the info: numpy scalars, bools, and arrays.
+        """
+        super().reset(seed=seed)
+        if seed is None and self._batch.states is None:
+            seed = int(self.np_random.integers(2**63))
+        self._observation, info = self._batch.reset(seed)
+        self._over = False
+        if self.render_mode == "human":
+            self.render()
+        return _first(self._observation), _first_info(info)
+
+    def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Take a step.
+
+        Raises:
+            gymnasium.error.ResetNeeded: the episode is over or has not begun.
+            gymnasium.error.InvalidAction: the action is not one integer of the action space.
+        """
+        if self._over:
+            state = "has not begun" if self._batch.states is None else "is over"
+            raise gymnasium.error.ResetNeeded(f"the episode {state}: call reset before step")
+        actions = checked_actions(np.asarray(action)[None], 1, self.env.num_actions)
+        stepped = self._batch.step(actions)
+        self._observation = stepped.observation
+        reward, terminated, truncated = (np.asarray(part)[0].item() for part in stepped[1:4])
+        self._over = terminated or truncated
+        if self.render_mode == "human":
+            self.render()
+        info = _first_info(stepped.info)
+        return _first(self._observation), reward, terminated, truncated, info
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """The frame as uint8[height, width, 3], or a window that shows it; see `render_mode`.
+
+        Raises:
+            gymnasium.error.ResetNeeded: there was no reset yet.
+            SettingError: a window cannot be opened; the message says what is missing.
+        """
+        if self.render_mode is None:
+            return warn_of_no_render_mode(self)
+        frame = frames(self._batch, self._observation)[0]
+        if self.render_mode == "rgb_array":
+            return frame
+        if self._screen is None:
+            self._screen = _Screen(self.env.name, *frame.shape[:2])
+        self._screen.show(frame)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._screen is not None:
+            self._screen.close()
+            self._screen = None
+
+
+def resolve(
+    env: Environment[Any, Any] | str, params: Any, settings: dict[str, Any]
+) -> tuple[Environment[Any, Any], Any]:
+    """The environment and params that the arguments of an adapter name."""
+    if not isinstance(env, str):
+        if not isinstance(env, Environment):
+            raise SettingError(f"env must be an id or an environment, not {env!r}")
+        if settings:
+            raise SettingError(
+                f"settings ({', '.join(settings)}) go with an id; give an environment its own "
+                "where it is made, and numbers by params.replace(...)"
+            )
+        return env, env.default_params if params is None else params
+    for name in ("autoreset", "final_observation"):
+        if name in settings:
+            raise SettingError(
+                f"{name!r} is not for Gymnasium: resets are the caller's, or those of "
+                "autoreset_mode in a vector environment"
+            )
+    static = {*SETTINGS, *(name for own in OWN_SETTINGS.values() for name in own)}
+    made, default = make(env, **{key: settings[key] for key in settings if key in static})
+    if params is None:
+        params = default
+    if type(params) is not type(default):
+        raise SettingError(
+            f"params must be a {type(default).__name__}, as `make` returns it, "
+            f"not {type(params).__name__}"
+        )
+    numbers = {key: value for key, value in settings.items() if key not in static}
+    _check_numbers(
+        numbers, made.name, [field.name for field in dataclasses.fields(default)], static
+    )
+    return made, params.replace(**numbers)
+
+
+def _check_numbers(
+    numbers: dict[str, Any], owner: str, params: list[str], settings: set[str]
+) -> None:
+    for name, value in numbers.items():
+        if name not in params:
+            close = nearest(name, [*settings, *params])
+            raise SettingError(f"{owner} has no setting or param {name!r}{close}")
+        number = np.asarray(value)
+        if number.shape != () or number.dtype.kind not in "biuf":
+            raise SettingError(f"{name} must be a number, not {value!r}")
+
+
+def gymnasium_space(env: Environment[Any, Any], params: Any) -> gymnasium.Space[Any]:
+    """The space of observations in Gymnasium's terms, without infinite bounds.
+
+    Nothing is farther away than the diagonal of the map; distances in other environments than
+    those seen in first person end at the largest float32.
+    """
+    far = math.inf
+    if isinstance(env, FirstPerson) and env.observation == "depth":
+        far = math.hypot(*env.map_size)
+    return _space(env.observation_space(params), far)
+
+
+def _space(space: spaces.Space, far: float) -> gymnasium.Space[Any]:
+    if isinstance(space, spaces.Dict):
+        return gymnasium.spaces.Dict({name: _space(s, far) for name, s in space.spaces.items()})
+    if isinstance(space, spaces.Discrete):
+        return gymnasium.spaces.Discrete(space.n)
+    low, high = space.low, space.high
+    if np.issubdtype(space.dtype, np.floating):
+        most = float(np.finfo(space.dtype).max)
+        low, high = max(low, -most), min(far if high == math.inf else high, most)
+    return gymnasium.spaces.Box(low, high, space.shape, space.dtype.type)
+
+
+def checked_actions(actions: Any, count: int, number: int) -> np.ndarray:
+    """int32[count]: the actions, each from 0 to number - 1."""
+    array = np.asarray(actions)
+    if array.shape != (count,) or array.dtype.kind not in "iu":
+        what = (
+            "an action must be one integer" if count == 1 else f"actions must be {count} integers"
+        )
+        raise gymnasium.error.InvalidAction(f"{what}, not {array.dtype}{list(array.shape)}")
+    if not ((array >= 0) & (array < number)).all():
+        wrong = array[(array < 0) | (array >= number)][0]
+        raise gymnasium.error.InvalidAction(f"an action must be 0 to {number - 1}, not {wrong}")
+    return array.astype(np.int32)
+
+
+def check_render_mode(env: Environment[Any, Any], mode: str | None, modes: list[str]) -> None:
+    """Complain of a mode that there is not, or for an environment that cannot be drawn."""
+    if mode is not None and mode not in modes:
+        known = ", ".join(map(repr, (*modes, None)))
+        raise SettingError(f"render_mode must be one of {known}, not {mode!r}")
+    if mode is not None and not isinstance(env, FirstPerson):
+        raise SettingError(f"{env.name} is not seen in first person: it cannot be drawn")
+
+
+def warn_of_no_render_mode(env: Any) -> None:
+    """What `render` does in an environment without a render mode."""
+    gymnasium.logger.warn(
+        f"{env} was made without a render mode: render does nothing. "
+        'Add render_mode="rgb_array" where it is made.'
+    )
+
+
+def frames(batch: Batch, observation: Any) -> np.ndarray:
+    """uint8[N, height, width, 3]: pictures of the states of a batch, in colours.
+
+    Args:
+        batch: of environments that are seen in first person.
+        observation: of these states, where it shows colours there is nothing to draw.
+    """
+    if batch.states is None:
+        raise gymnasium.error.ResetNeeded("call reset before render")
+    env: Any = batch.env
+    if env.observation in ("rgb", "dict"):
+        return np.array(observation["image"] if env.observation == "dict" else observation)
+    coloured = dataclasses.replace(env, observation="rgb")
+    return np.array(_observe(coloured, batch.states, batch.params))
+
+
+_observe = jax.jit(
+    lambda env, states, params: jax.vmap(env.observe, (0, None))(states, params), static_argnums=0
+)
+
+
+def _first(tree: Any) -> Any:
+    """The one entry of a batch, as numpy arrays of their own."""
+    return jax.tree.map(lambda leaf: np.array(np.asarray(leaf)[0]), tree)
+
+
+def _first_info(info: dict[str, Any]) -> dict[str, Any]:
+    """The info of the one environment of a batch."""
+    values = {name: np.asarray(value)[0] for name, value in info.items()}
+    # Vector environments take together arrays, numbers of numpy, and bools of Python.
+    return {
+        name: bool(value) if value.dtype == bool and value.ndim == 0 else value.copy()
+        for name, value in values.items()
+    }
+
+
+class _Screen:
+    """A window that shows a frame at most every 1 / `RENDER_FPS` seconds."""
+
+    def __init__(self, title: str, height: int, width: int) -> None:
+        from ..view.window import GAP, Window
+
+        scale = math.ceil(WINDOW / max(height, width))
+        self._window = Window(title, (width * scale + 2 * GAP, height * scale + 2 * GAP))
+        self._due = 0.0
+
+    def show(self, frame: np.ndarray) -> None:
+        """Show uint8[height, width, 3]."""
+        time.sleep(max(0.0, self._due - time.monotonic()))
+        self._due = time.monotonic() + 1 / RENDER_FPS
+        self._window.events()  # without this the window seems dead to the desktop
+        self._window.show(frame)
+
+    def close(self) -> None:
+        self._window.close()

@@ -1,0 +1,235 @@
+"""Many environments as one `gymnasium.vector.VectorEnv`, stepped by one compiled call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..environment import Environment
+from ..errors import SettingError
+from .batch import Batch, Ended
+from .gymnasium import (
+    RENDER_FPS,
+    check_render_mode,
+    checked_actions,
+    frames,
+    gymnasium,
+    gymnasium_space,
+    resolve,
+    warn_of_no_render_mode,
+)
+
+AutoresetMode = gymnasium.vector.AutoresetMode
+_MODES = {
+    AutoresetMode.NEXT_STEP: "next-step",
+    AutoresetMode.SAME_STEP: "same-step",
+    AutoresetMode.DISABLED: None,
+}
+
+
+class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
+    """N environments in the format of `gymnasium.vector.SyncVectorEnv`, which it equals.
+
+    `gymnasium.make_vec("jaxenstein/my-way-home-v0", num_envs=64)` makes one, and so does this
+    class of an environment of your own. With the seed S, environment i does what a single one
+    does with the seed S + i: observations, rewards, ends and infos are the same.
+
+    Observations are views of what JAX computed, on a CPU without a copy; they are read-only and
+    no later step changes them. `copy=True` gives arrays that may be written to.
+
+    Attributes:
+        env: the environment.
+        params: its params.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": ["rgb_array"],
+        "render_fps": RENDER_FPS,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        env: Environment[Any, Any] | str,
+        params: Any = None,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = False,
+        render_mode: str | None = None,
+        max_episode_steps: int | None = None,
+        **settings: Any,
+    ) -> None:
+        """Wrap N environments of one kind, or make them.
+
+        Args:
+            env: an environment or an id of `jaxenstein.make`.
+            params: params of the environment; None for its own.
+            num_envs: N, at least 1.
+            autoreset_mode: Gymnasium's modes, or their names `"NextStep"`: the step after the end
+                of an episode resets, ignores its action and has the reward 0; `"SameStep"`: the
+                step that ends an episode resets, and tells of the last state in
+                `infos["final_obs"]` and `infos["final_info"]`; `"Disabled"`: the caller resets,
+                with `reset(options={"reset_mask": ...})`.
+            copy: whether observations are copies, which may be written to.
+            render_mode: `"rgb_array"` or None.
+            max_episode_steps: shortens the environment's `max_steps_in_episode`.
+            **settings: settings of `make` and params by name; only with an id.
+
+        Raises:
+            SettingError: a setting or param is unknown or has a value that it cannot have.
+            UnknownEnvironmentError: there is no such id.
+        """
+        env, params = resolve(env, params, settings)
+        check_render_mode(env, render_mode, self.metadata["render_modes"])
+        self._mode = _mode(autoreset_mode)
+        if max_episode_steps is not None:
+            params = _shortened(params, max_episode_steps)
+        self._batch = Batch(env, params, num_envs, autoreset=_MODES[self._mode])
+        self.env, self.params = self._batch.env, self._batch.params
+        self.metadata = self.metadata | {"autoreset_mode": self._mode}
+        self.num_envs = num_envs
+        self.render_mode = render_mode
+        self.single_observation_space = gymnasium_space(self.env, params)
+        self.single_action_space = gymnasium.spaces.Discrete(self.env.num_actions)
+        batch_space = gymnasium.vector.utils.batch_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._to_numpy = np.array if copy else np.asarray
+        self._observation: Any = None
+        self._described: set[str] = set()
+        self._over = np.zeros(num_envs, bool)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin new episodes.
+
+        Args:
+            seed: begins the random streams anew: N numbers, or one, which stands for seed,
+                seed + 1, ... None goes on with the stream. A first reset without a seed takes one
+                from `np_random`.
+            options: `{"reset_mask": bool[N]}` resets some and leaves the others as they are. The
+                first reset must be of all.
+
+        Raises:
+            SettingError: for a wrong seed or mask.
+        """
+        mask = None if options is None else options.get("reset_mask")
+        if mask is not None and not np.any(mask):
+            raise SettingError("options['reset_mask'] must be True for one environment or more")
+        if isinstance(seed, int):
+            super().reset(seed=seed)
+        elif seed is None and self._batch.states is None:
+            seed = int(self.np_random.integers(2**63))
+        self._observation, info = self._batch.reset(seed, mask)
+        chosen = np.ones(self.num_envs, bool) if mask is None else np.array(mask)
+        self._described = set(info)
+        self._over &= ~chosen
+        told = {name: np.asarray(value) for name, value in info.items()}
+        return self._numpy(self._observation), _spread(_taken(told, chosen), chosen)
+
+    def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Step all environments.
+
+        Args:
+            actions: integers [N] of the action space.
+
+        Returns:
+            observations; float64[N] rewards; bool[N] terminations; bool[N] truncations; infos,
+            each entry with its mask `_entry`. The infos of an environment that was reset are
+            those of a reset, so that entries on events, such as `reached_goal`, leave it out.
+
+        Raises:
+            gymnasium.error.ResetNeeded: before the first reset, or for an episode that is over
+                where automatic resets are disabled.
+            gymnasium.error.InvalidAction: an action is not an integer of the action space.
+        """
+        self._check_order()
+        number = self.env.num_actions
+        out = self._batch.step(checked_actions(actions, self.num_envs, number))
+        self._observation = out.observation
+        terminated, truncated = np.array(out.terminated), np.array(out.truncated)
+        began = self._over if self._mode is AutoresetMode.NEXT_STEP else np.zeros_like(self._over)
+        self._over = terminated | truncated
+        infos: dict[str, Any] = {}
+        if out.ended is not None:
+            began, self._over = self._over, began
+            infos = _final(out.ended, began)
+        every = np.ones(self.num_envs, bool)
+        for name, value in out.info.items():
+            told = every if name in self._described else ~began
+            infos |= _spread({name: np.array(value)}, told)
+        rewards = np.array(out.reward, np.float64)
+        return self._numpy(self._observation), rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]
+        """The frames, each uint8[height, width, 3]."""
+        if self.render_mode is None:
+            return warn_of_no_render_mode(self)
+        return tuple(frames(self._batch, self._observation))
+
+    def _check_order(self) -> None:
+        if self._batch.states is None:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        if self._mode is AutoresetMode.DISABLED and self._over.any():
+            over = ", ".join(map(str, np.flatnonzero(self._over)))
+            raise gymnasium.error.ResetNeeded(
+                f"the episodes of these environments are over: {over}; reset them with "
+                "reset(options={'reset_mask': terminations | truncations})"
+            )
+
+    def _numpy(self, observation: Any) -> Any:
+        return jax.tree.map(self._to_numpy, observation)
+
+
+def _mode(mode: Any) -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        known = ", ".join(repr(one.value) for one in AutoresetMode)
+        raise SettingError(f"autoreset_mode must be one of {known}, not {mode!r}") from None
+
+
+def _shortened(params: Any, most: Any) -> Any:
+    if isinstance(most, bool) or not isinstance(most, int) or most < 1:
+        raise SettingError(f"max_episode_steps must be a whole number from 1 on, not {most!r}")
+    return params.replace(max_steps_in_episode=min(most, int(params.max_steps_in_episode)))
+
+
+def _taken(values: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndarray]:
+    """Copies with zeros where the mask is false."""
+    taken = {name: np.array(value) for name, value in values.items()}
+    for value in taken.values():
+        value[~mask] = 0
+    return taken
+
+
+def _spread(values: dict[str, Any], mask: np.ndarray) -> dict[str, Any]:
+    """Entries of an info with their masks, or none if no environment has them."""
+    if not mask.any():
+        return {}
+    return {key: part for name in values for key, part in _pair(name, values[name], mask)}
+
+
+def _pair(name: str, value: Any, mask: np.ndarray) -> tuple[tuple[str, Any], tuple[str, Any]]:
+    return (name, value), (f"_{name}", mask.copy())
+
+
+def _final(ended: Ended, mask: np.ndarray) -> dict[str, Any]:
+    """What infos say of the last states of the episodes that a step ended."""
+    count = mask.size
+    last = np.full(count, None, object)
+    for at, index in enumerate(ended.indices):
+        last[index] = jax.tree.map(lambda leaf, at=at: np.asarray(leaf[at]), ended.observation)
+    info = {}
+    for name, value in ended.info.items():
+        info[name] = np.zeros((count, *value.shape[1:]), value.dtype)
+        info[name][ended.indices] = value
+    return _spread({"final_obs": last, "final_info": _spread(info, mask)}, mask)

@@ -1,0 +1,88 @@
+"""Making the environments known to Gymnasium, whichever of the two packages is imported first."""
+
+from __future__ import annotations
+
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+
+from ..registry import ALIASES, ENTRIES
+
+NAMESPACE = "jaxenstein"
+_SINGLE = "jaxenstein.adapters.gymnasium:GymnasiumEnv"
+_VECTOR = "jaxenstein.adapters.gymnasium_vector:GymnasiumVectorEnv"
+
+
+def gymnasium_ids() -> dict[str, str]:
+    """The id of every environment in Gymnasium, such as `jaxenstein/simple-v0`, and ours."""
+    names = {name: name for name in ENTRIES} | ALIASES
+    return {f"{NAMESPACE}/{new}-v{ENTRIES[ours].version}": ours for new, ours in names.items()}
+
+
+def register() -> None:
+    """Register all environments with Gymnasium; those that it knows already are left alone."""
+    import gymnasium
+
+    for id, name in gymnasium_ids().items():
+        if id not in gymnasium.registry:
+            # The time limit is the environment's own, so that there is no `max_episode_steps`.
+            gymnasium.register(
+                id, entry_point=_SINGLE, vector_entry_point=_VECTOR, kwargs={"env": name}
+            )
+
+
+def register_once_imported() -> None:
+    """Register now if Gymnasium is imported, else when it will be: it is not imported here.
+
+    Gymnasium has had no plugins since 1.0: it asks no package for its environments.
+    """
+    gymnasium = sys.modules.get("gymnasium")
+    if hasattr(gymnasium, "register"):
+        register()
+    elif gymnasium is None and not any(isinstance(finder, _Watch) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Watch())
+
+
+class _Watch(importlib.abc.MetaPathFinder):
+    """Registers at the end of `import gymnasium`, which it leaves to the other finders."""
+
+    def __init__(self) -> None:
+        self._asking = False
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        if fullname != "gymnasium" or self._asking:
+            return None
+        self._asking = True
+        try:
+            spec = importlib.util.find_spec(fullname)
+        finally:
+            self._asking = False
+        if spec is not None and spec.loader is not None:
+            spec.loader = _Loader(spec.loader, self)
+        return spec
+
+
+class _Loader(importlib.abc.Loader):
+    """Loads as another loader does, then registers."""
+
+    def __init__(self, loader: importlib.abc.Loader, watch: _Watch) -> None:
+        self._loader = loader
+        self._watch = watch
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType | None:
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module: ModuleType) -> None:
+        # What the module says of itself afterwards is the truth: the other loader.
+        module.__loader__ = self._loader
+        if module.__spec__ is not None:
+            module.__spec__.loader = self._loader
+        self._loader.exec_module(module)
+        if self._watch in sys.meta_path:
+            sys.meta_path.remove(self._watch)
+        register()

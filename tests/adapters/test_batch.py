@@ -1,0 +1,313 @@
+"""The batch beside a loop over single environments, and what callers may rely on."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import inspect
+import pickle
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.adapters import batch as module
+from jaxenstein.adapters.batch import Batch
+from jaxenstein.tasks.navigation import Navigation
+
+# Fast feet reach the goal at different times; the others run out of time.
+MAP = "#######\n#S.rGG#\n#SS...#\n#######"
+COUNT = 9
+MODES = ("same-step", "next-step", None)
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[Any, Any]:
+    env, params = jaxenstein.from_ascii(
+        MAP, height=8, width=12, observation="dict", heading=(-10.0, 10.0), sprite_layers=1
+    )
+    return env, params.replace(move_distance=0.5, goal_radius=1.2, max_steps_in_episode=9)
+
+
+def batch_of(made: Any, mode: Any = "same-step") -> Any:
+    return Batch(made[0], made[1], COUNT, autoreset=mode)
+
+
+def told_of(observation: Any, reward: Any, ends: Any, info: Any) -> dict[str, Any]:
+    ends = tuple(map(bool, ends))
+    return {"observation": observation, "reward": float(reward), "ends": ends, "info": info}
+
+
+class Loop:
+    """The same, one environment after another, by the native functions alone."""
+
+    def __init__(self, env: Any, params: Any, mode: str | None, seeds: list[int]) -> None:
+        self.env = dataclasses.replace(env, autoreset=None)
+        self.params, self.mode = params, mode
+        self.describe = jax.jit(self.env.describe)
+        self.keys = [jax.random.fold_in(jax.random.key(seed), 0) for seed in seeds]
+        self.states: list[Any] = [None] * len(seeds)
+        self.over = [False] * len(seeds)
+
+    def draw(self, i: int) -> jax.Array:
+        self.keys[i], used = jax.random.split(self.keys[i])
+        return used
+
+    def reset(self, i: int) -> tuple[Any, dict[str, Any]]:
+        observation, self.states[i] = self.env.reset(self.draw(i), self.params)
+        self.over[i] = False
+        return observation, self.describe(self.states[i], self.params)
+
+    def step(self, i: int, action: int) -> dict[str, Any]:
+        if self.mode == "next-step" and self.over[i]:
+            observation, info = self.reset(i)
+            return told_of(observation, 0.0, (False, False), info)
+        used = self.draw(i)
+        out = self.env.step(used, self.states[i], np.int32(action), self.params)
+        observation, self.states[i], reward, terminated, truncated, info = out
+        self.over[i] = bool(terminated | truncated)
+        told = told_of(observation, reward, (terminated, truncated), info)
+        if self.mode == "same-step" and self.over[i]:
+            told["last"] = observation, info
+            told["observation"], told["info"] = self.reset(i)
+        return told
+
+
+def assert_same(one: Any, other: Any) -> None:
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        a, b = np.asarray(a), np.asarray(b)
+        assert (a.shape, a.dtype) == (b.shape, b.dtype)
+        if a.dtype.kind == "f":
+            np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-6)
+        else:
+            np.testing.assert_array_equal(a, b)
+
+
+def at(tree: Any, index: Any) -> Any:
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[index], tree)
+
+
+def some_actions(rng: np.random.Generator) -> np.ndarray:
+    """Mostly forward; the first ones idle by turning."""
+    actions = rng.choice(6, size=COUNT, p=[0.05, 0.05, 0.8, 0.0, 0.05, 0.05])
+    actions[:2] = 0
+    return actions
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_equals_a_loop_over_single_environments(made: Any, mode: Any) -> None:
+    rng = np.random.default_rng(0)
+    batch, loop = batch_of(made, mode), Loop(made[0], made[1], mode, [*range(40, 40 + COUNT)])
+    observation, info = batch.reset(40)
+    for i in range(COUNT):
+        assert_same(at((observation, info), i), loop.reset(i))
+    together, reached = set(), 0
+    for time in range(24):
+        actions = some_actions(rng)
+        out = batch.step(actions)
+        told = [loop.step(i, action) for i, action in enumerate(actions)]
+        compare(out, told)
+        together.add(0 if out.ended is None else out.ended.indices.size)
+        if time == 4 or (mode is None and time % 3 == 0):
+            # From now on the episodes end at different times.
+            mask = np.arange(COUNT) % 3 == time % 3
+            observation, info = batch.reset(mask=mask)
+            for i in np.flatnonzero(mask):
+                assert_same(at((observation, info), i), loop.reset(int(i)))
+            for i in np.flatnonzero(~mask):
+                assert_same(at(observation, i), told[i]["observation"])
+        reached += np.asarray(out.terminated).sum()
+    assert reached > 0
+    assert mode != "same-step" or len(together) > 3
+
+
+def compare(out: Any, told: list[dict[str, Any]]) -> None:
+    last = {i: one["last"] for i, one in enumerate(told) if "last" in one}
+    assert (out.ended is None) == (not last)
+    if out.ended is not None:
+        assert out.ended.indices.tolist() == [*last]
+        for place, i in enumerate(last):
+            assert_same(at((out.ended.observation, out.ended.info), place), last[i])
+    reward, *ends = (np.asarray(part) for part in out[1:4])
+    for i, one in enumerate(told):
+        assert_same(at(out.observation, i), one["observation"])
+        assert reward[i] == pytest.approx(one["reward"])
+        assert tuple(end[i] for end in ends) == one["ends"]
+        info = at(out.info, i)
+        events = info.keys() - one["info"].keys()
+        assert_same({name: info[name] for name in one["info"]}, one["info"])
+        assert not any(info[name].any() for name in events)
+
+
+def test_more_than_a_block_of_episodes_end_at_once(made: Any) -> None:
+    batch = batch_of(made)
+    batch.reset(0)
+    idle = np.zeros(COUNT, np.int32)
+    out = [batch.step(idle) for _ in range(9)][-1]
+    assert out.ended is not None
+    assert out.ended.indices.tolist() == [*range(COUNT)]
+    assert (np.asarray(out.info["episode_length"]) == 0).all()
+    assert (out.ended.info["episode_length"] == 9).all()
+    assert not np.asarray(batch.states.done).any()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_observations_handed_out_stay_as_they_are(made: Any, mode: Any) -> None:
+    batch = batch_of(made, mode)
+    observation, _ = batch.reset(1)
+    views = [np.asarray(observation["image"])]
+    rng = np.random.default_rng(1)
+    for _ in range(12):
+        out = batch.step(some_actions(rng))
+        views.append(np.asarray(out.observation["image"]))
+        if out.ended is not None:
+            views.append(out.ended.observation["image"])
+    copies = [view.copy() for view in views]
+    for _ in range(12):
+        batch.step(some_actions(rng))
+        batch.reset(mask=rng.random(COUNT) < 0.5)
+    for view, kept in zip(views, copies, strict=True):
+        np.testing.assert_array_equal(view, kept)
+
+
+def frames(batch: Any, seed: Any) -> np.ndarray:
+    """What a reset with a seed and the next two resets of the same streams show."""
+    shown = [batch.reset(seed)[0]["image"], batch.reset()[0]["image"], batch.reset()[0]["image"]]
+    return np.stack([np.asarray(image) for image in shown])
+
+
+def test_seeds(made: Any) -> None:
+    batch = batch_of(made)
+    first = frames(batch, 7)
+    assert (frames(batch, 7) == first).all()
+    assert (frames(batch_of(made), [*range(7, 7 + COUNT)]) == first).all()
+    assert (frames(batch, np.arange(7, 7 + COUNT)) == first).all()
+    assert (first[0] != first[1]).any()
+    assert (frames(batch, 8)[:, :-1] == first[:, 1:]).all()
+    # Each one's stream, whatever the others do.
+    mixed = frames(batch, [7, None, 9, *[None] * (COUNT - 3)])
+    assert (mixed[:, [0, 2]] == first[:, [0, 2]]).all()
+
+
+def test_seeds_beyond_32_bits_differ(made: Any) -> None:
+    seeds = [1, 1 + 2**32, 1 + 2**33, 2**64 - 1]
+    keys = np.asarray(jax.random.key_data(module._keys_of(seeds)))
+    assert len({tuple(key) for key in keys}) == len(seeds)
+
+
+def test_without_a_seed_chance_decides(made: Any) -> None:
+    one, other = batch_of(made), batch_of(made)
+    one.reset()
+    other.reset()
+    assert (jax.random.key_data(one._keys) != jax.random.key_data(other._keys)).any()
+
+
+def test_a_mask_leaves_the_seeds_of_others_alone(made: Any) -> None:
+    def keys(*resets: Any) -> np.ndarray:
+        batch = batch_of(made)
+        for reset in resets:
+            batch.reset(*reset)
+        return np.asarray(jax.random.key_data(batch._keys))
+
+    mask = np.arange(COUNT) % 2 == 0
+    seeded = keys([3], [50, mask])
+    seeds = [50 + i if chosen else 1 for i, chosen in enumerate(mask)]
+    assert (seeded == keys([3], [seeds, mask])).all()
+    assert (seeded[mask] == keys([50])[mask]).all()
+    assert (seeded[~mask] == keys([3])[~mask]).all()
+
+
+@pytest.mark.parametrize("change", [copy.deepcopy, lambda b: pickle.loads(pickle.dumps(b))])
+def test_copies_go_on_alike(made: Any, change: Any) -> None:
+    batch = batch_of(made)
+    batch.reset(5)
+    other = change(batch)
+    actions = np.full(COUNT, 2, np.int32)
+    for _ in range(10):
+        one, two = batch.step(actions), other.step(actions)
+        np.testing.assert_array_equal(one.observation["image"], two.observation["image"])
+
+
+def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    env, params = jaxenstein.from_ascii(MAP, height=5, width=6)
+    drawn = []
+    observe = Navigation.observe
+
+    def count(self: Any, state: Any, params: Any) -> Any:
+        drawn.append(1)
+        return observe(self, state, params)
+
+    monkeypatch.setattr(Navigation, "observe", count)
+    batch = Batch(env, params, 3)
+    keys, states, actions = module._keys_of([1, 2, 3]), None, np.zeros(3, np.int32)
+    _, states, _, _ = jax.eval_shape(
+        lambda: inspect.unwrap(module._reset)(batch.env, keys, batch.params)
+    )
+    assert len(drawn) == 1
+    for step in (module._step, module._step_or_reset):
+        drawn.clear()
+        jax.eval_shape(
+            lambda states, step=step: inspect.unwrap(step)(
+                batch.env, keys, states, actions, batch.params
+            ),
+            states,
+        )
+        assert len(drawn) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        ({"num_envs": 0}, "num_envs"),
+        ({"num_envs": True}, "num_envs"),
+        ({"num_envs": 2.0}, "num_envs"),
+        ({"autoreset": "never"}, "autoreset"),
+        ({"params": {"discount": 1}}, "params must be a NavigationParams"),
+    ],
+)
+def test_wrong_arguments(made: Any, arguments: dict[str, Any], what: str) -> None:
+    with pytest.raises(jaxenstein.SettingError, match=what):
+        Batch(made[0], **{"params": made[1], "num_envs": 2, **arguments})
+
+
+@pytest.mark.parametrize(
+    "seed", [-1, 2**64, 1.5, "1", True, [1], [*range(10)], ["1"] * COUNT, [-1] * COUNT, {}]
+)
+def test_wrong_seeds(made: Any, seed: Any) -> None:
+    batch = batch_of(made)
+    with pytest.raises(jaxenstein.SettingError, match="seed"):
+        batch.reset(seed)
+    assert batch.states is None
+
+
+def test_wrong_masks(made: Any) -> None:
+    batch = batch_of(made)
+    with pytest.raises(jaxenstein.SettingError, match="the first reset must be of all"):
+        batch.reset(mask=np.arange(COUNT) == 1)
+    for mask in ([True], [1] * COUNT, np.ones((COUNT, 1), bool)):
+        with pytest.raises(jaxenstein.SettingError, match=r"must be bool\[9\]"):
+            batch.reset(mask=mask)
+
+
+def test_wrong_actions(made: Any) -> None:
+    batch = batch_of(made)
+    with pytest.raises(jaxenstein.SettingError, match="call reset"):
+        batch.step([0] * COUNT)
+    batch.reset(1)
+    for actions in (0, [0] * 3, [0.0] * COUNT, [True] * COUNT, [[0]] * COUNT):
+        with pytest.raises(jaxenstein.SettingError, match=f"must be {COUNT} integers"):
+            batch.step(np.asarray(actions))
+
+
+def test_actions_outside_of_the_space_do_nothing(made: Any) -> None:
+    batch = batch_of(made)
+    batch.reset(1)
+    before = np.asarray(batch.states.position), np.asarray(batch.states.heading)
+    out = batch.step(np.arange(COUNT, dtype=np.int32) * 7 + 5)
+    batch.step(np.full(COUNT, -1, np.int64))
+    assert (np.asarray(out.info["position"]) == before[0]).all()
+    assert (np.asarray(batch.states.heading) == before[1]).all()
+    assert (np.asarray(batch.states.time) == 2).all()

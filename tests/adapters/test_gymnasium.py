@@ -1,0 +1,325 @@
+"""Gymnasium's own checks of a single environment, and its registration."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import os
+import pickle
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.adapters.registration import gymnasium_ids
+
+gymnasium = pytest.importorskip("gymnasium")
+env_checker = pytest.importorskip("gymnasium.utils.env_checker")
+adapter = pytest.importorskip("jaxenstein.adapters.gymnasium")
+
+SOURCE = Path(jaxenstein.__file__).parent.parent
+SMALL = {"height": 12, "width": 16}
+# The goal is reached by going forward.
+MAP = "#########\n#SSSSS.G#\n#########"
+FORWARD = 2
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[Any, Any]:
+    return jaxenstein.from_ascii(MAP, heading=0.0, **SMALL)
+
+
+@pytest.fixture
+def env(made: Any) -> Any:
+    return adapter.GymnasiumEnv(*made, render_mode="rgb_array")
+
+
+def run_python(code: str) -> str:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(SOURCE), *sys.path[1:]])}
+    done = subprocess.run(
+        [sys.executable, "-W", "error::UserWarning", "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+COUNT_IDS = "print(sum(id.startswith('jaxenstein/') for id in gymnasium.registry))"
+
+
+@pytest.mark.parametrize(
+    "imports",
+    [
+        "import gymnasium, jaxenstein",
+        # Asking whether a package is there is not importing it.
+        "import jaxenstein, importlib.util; importlib.util.find_spec('gymnasium')\n"
+        "import sys; assert 'gymnasium' not in sys.modules\nimport gymnasium\n"
+        "assert gymnasium.__spec__.loader is gymnasium.__loader__\n"
+        "assert not any('jaxenstein' in type(finder).__module__ for finder in sys.meta_path)",
+        "import gymnasium; gymnasium.make('jaxenstein:jaxenstein/simple-v0')",
+    ],
+)
+def test_registered_whichever_is_imported_first(imports: str) -> None:
+    assert run_python(f"{imports}\n{COUNT_IDS}") == str(len(gymnasium_ids()))
+
+
+def test_without_gymnasium() -> None:
+    code = (
+        "import sys; sys.modules['gymnasium'] = None\nimport jaxenstein\n"
+        "try: import jaxenstein.adapters.gymnasium_vector\n"
+        "except ImportError as error: print(error)"
+    )
+    assert "pip install 'jaxenstein[gymnasium]'" in run_python(code)
+
+
+def test_ids_name_what_they_build_with_its_version() -> None:
+    ids = gymnasium_ids()
+    assert {"jaxenstein/my-way-home-v0", "jaxenstein/key-corridor-s4r3-v0"} <= set(ids)
+    assert set(ids.values()) == set(jaxenstein.environment_ids())
+    for id, name in ids.items():
+        spec = gymnasium.spec(id)
+        assert (spec.kwargs, spec.namespace) == ({"env": name}, "jaxenstein")
+        assert spec.version == jaxenstein.make(name)[0].version
+        assert (spec.max_episode_steps, spec.nondeterministic) == (None, False)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("simple", "rgb"), ("key-door", "dict"), ("health-gathering", "depth")]
+)
+def test_gymnasiums_check(name: str, kind: str) -> None:
+    """Warnings are errors here, so that there are none."""
+    check(f"jaxenstein/{name}-v0", kind)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["rgb", "gray", "depth", "labels", "dict"])
+@pytest.mark.parametrize("id", list(gymnasium_ids()))
+def test_gymnasiums_check_of_all(id: str, kind: str) -> None:
+    if kind == "rgb" or id.startswith(("jaxenstein/health", "jaxenstein/key-door")):
+        check(id, kind)
+
+
+def check(id: str, kind: str) -> None:
+    env = gymnasium.make(id, observation=kind, **SMALL)
+    env_checker.check_env(env.unwrapped, skip_render_check=True)
+    rng = np.random.default_rng(0)
+    observation, _ = env.reset(seed=1)
+    for _ in range(20):
+        assert env.observation_space.contains(observation)
+        observation, *_ = env.step(int(rng.integers(env.action_space.n)))
+    env.close()
+
+
+def test_warnings_of_gymnasium_are_seen() -> None:
+    """Otherwise the checks above would pass whatever they find."""
+    env = gymnasium.make("jaxenstein/simple-v0", **SMALL)
+    env.reset()
+    with pytest.warns(UserWarning, match="without a render mode"):
+        assert env.render() is None
+
+
+def test_values_are_gymnasiums(env: Any) -> None:
+    observation, info = env.reset(seed=1)
+    assert type(observation) is np.ndarray
+    assert (observation.shape, observation.dtype) == ((12, 16, 3), np.uint8)
+    assert env.observation_space == gymnasium.spaces.Box(0, 255, (12, 16, 3), np.uint8)
+    assert env.action_space == gymnasium.spaces.Discrete(5)
+    observation[:] = 0  # the caller's own
+    assert env.render().any()
+    stepped = env.step(np.int64(FORWARD))
+    assert [type(value) for value in stepped[1:4]] == [float, bool, bool]
+    told = stepped[4]
+    assert type(told["reached_goal"]) is bool
+    assert (type(told["heading"]), type(told["cell"])) == (np.float32, np.ndarray)
+    assert told.keys() > info.keys()
+
+
+def test_the_same_as_the_native_environment(env: Any, made: Any) -> None:
+    params = made[1]
+    env.reset(seed=3)
+    state = env.unwrapped._batch.states
+    position = np.asarray(state.position)[0]
+    _, _, _, _, info = env.step(FORWARD)
+    assert info["position"] == pytest.approx(position + np.array([params.move_distance, 0]))
+    steps = 1
+    while True:
+        observation, reward, ended, truncated, info = env.step(FORWARD)
+        steps += 1
+        assert not truncated
+        if ended:
+            break
+    # Up to the radius of the goal, at 0.15 tile a step.
+    assert steps == np.ceil((7.5 - 0.35 - position[0]) / 0.15)
+    assert (reward, info["episode_return"], info["episode_length"]) == (1.0, 1.0, steps)
+    assert info["reached_goal"] is True
+    assert env.observation_space.contains(observation)
+
+
+def frames(env: Any, seed: int | None) -> np.ndarray:
+    found = [env.reset(seed=seed)[0], *(env.reset()[0] for _ in range(4))]
+    return np.stack([*found, *(env.step(action)[0] for action in (0, 0, 1, 3))])
+
+
+def test_seeds(made: Any) -> None:
+    env = adapter.GymnasiumEnv(*made)
+    first, again, other = (frames(env, seed) for seed in (4, 4, 5))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+    assert (first[0] != first[1:5]).any()
+    # Gymnasium's own generator decides on a first reset without a seed.
+    unseeded = []
+    for _ in range(2):
+        env = adapter.GymnasiumEnv(*made)
+        env.np_random = np.random.default_rng(2)
+        unseeded.append(frames(env, None))
+    np.testing.assert_array_equal(*unseeded)
+
+
+@pytest.mark.parametrize("change", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_copies_go_on_alike(env: Any, change: Any) -> None:
+    env.reset(seed=1)
+    other = change(env)
+    for action in (0, 0, FORWARD):
+        np.testing.assert_array_equal(env.step(action)[0], other.step(action)[0])
+
+
+def test_the_time_limit_is_the_environments(made: Any) -> None:
+    native, params = made
+    env = adapter.GymnasiumEnv(native, params.replace(max_steps_in_episode=3))
+    env.reset(seed=1)
+    assert [env.step(0)[3] for _ in range(3)] == [False, False, True]
+    for limit, wanted in ((2, 2), (50, 3)):
+        limited = gymnasium.make(
+            "jaxenstein/simple-v0", max_steps_in_episode=3, max_episode_steps=limit, **SMALL
+        )
+        limited.reset(seed=1)
+        ends = [limited.step(0)[3] for _ in range(wanted)]
+        assert ends == [False] * (wanted - 1) + [True]
+
+
+def test_stepping_out_of_order(made: Any) -> None:
+    native, params = made
+    env = adapter.GymnasiumEnv(native, params.replace(max_steps_in_episode=1))
+    with pytest.raises(gymnasium.error.ResetNeeded, match="has not begun"):
+        env.step(0)
+    env.reset()
+    assert env.step(0)[3]
+    with pytest.raises(gymnasium.error.ResetNeeded, match="is over"):
+        env.step(0)
+    env.reset()
+    env.step(0)
+
+
+@pytest.mark.parametrize("action", [-1, 5, 1.0, True, "1", None, [1], np.array([1]), 2**40])
+def test_wrong_actions(env: Any, action: Any) -> None:
+    env.reset(seed=1)
+    with pytest.raises(gymnasium.error.InvalidAction, match="action must be"):
+        env.step(action)
+    assert np.asarray(env.unwrapped._batch.states.time) == 0
+
+
+@pytest.mark.parametrize(
+    ("settings", "what"),
+    [
+        ({"hight": 5}, "no setting or param 'hight', did you mean 'height'"),
+        ({"autoreset": None}, "not for Gymnasium"),
+        ({"final_observation": True}, "not for Gymnasium"),
+        ({"hud": True}, "unknown setting 'hud'"),
+        ({"goal_reward": "much"}, "goal_reward must be a number"),
+        ({"goal_reward": [1, 2]}, "goal_reward must be a number"),
+        ({"damage": 3}, "no setting or param 'damage'"),
+        ({"render_mode": "ansi"}, "render_mode must be one of 'human', 'rgb_array', None"),
+        ({"height": 0}, "height must be"),
+        ({"params": {}}, "params must be"),
+    ],
+)
+def test_wrong_settings(settings: dict[str, Any], what: str) -> None:
+    with pytest.raises(jaxenstein.SettingError, match=what):
+        adapter.GymnasiumEnv("simple", **settings)
+
+
+def test_wrong_environments(made: Any) -> None:
+    with pytest.raises(jaxenstein.UnknownEnvironmentError, match="did you mean 'simple'"):
+        adapter.GymnasiumEnv("simpel")
+    with pytest.raises(jaxenstein.SettingError, match="go with an id"):
+        adapter.GymnasiumEnv(*made, height=5)
+    with pytest.raises(jaxenstein.SettingError, match="must be an id or an environment"):
+        adapter.GymnasiumEnv(None)
+    for seed, error in ((-1, gymnasium.error.Error), (2**64, jaxenstein.SettingError)):
+        with pytest.raises(error):
+            adapter.GymnasiumEnv(*made).reset(seed=seed)
+
+
+def test_settings_and_params_by_name() -> None:
+    env = adapter.GymnasiumEnv("health-gathering", height=9, hud=True, damage=10, heal=3)
+    assert (env.env.height, env.env.hud) == (9, True)
+    assert (int(env.params.damage), int(env.params.heal)) == (10, 3)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "dict",
+        "depth",
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("rgb", "gray", "labels")),
+    ],
+)
+def test_frames_are_in_colours_whatever_the_observation(made: Any, kind: str) -> None:
+    """The frame of every kind is the observation of the kind rgb."""
+    env = adapter.GymnasiumEnv(
+        dataclasses.replace(made[0], observation=kind), made[1], render_mode="rgb_array"
+    )
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.render()
+    coloured = adapter.GymnasiumEnv(*made)
+    for one in (env, coloured):
+        one.reset(seed=2)
+        wanted, *_ = one.step(1)
+    frame = env.render()
+    np.testing.assert_array_equal(frame, wanted)
+    assert frame.flags.writeable
+
+
+def test_collected_frames(made: Any) -> None:
+    env = gymnasium.make("jaxenstein/simple-v0", render_mode="rgb_array_list", **SMALL)
+    env.reset(seed=1)
+    env.step(0)
+    assert [frame.shape for frame in env.render()] == [(12, 16, 3)] * 2
+
+
+def test_a_window_shows_what_happens(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setattr(adapter, "RENDER_FPS", 1000)
+    with warnings.catch_warnings():
+        # pygame itself uses what Python is going to drop.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        env = adapter.GymnasiumEnv(*made, render_mode="human")
+        env.reset(seed=1)
+        env.step(0)
+        observation, *_ = env.step(0)
+        assert env.render() is None
+    window = env._screen._window
+    box, pixels = window.view, window.pixels()
+    shown = pixels[box.top : box.top + box.height, box.left : box.left + box.width]
+    factor = box.height // 12
+    assert factor == box.width // 16 >= 32
+    np.testing.assert_array_equal(shown[::factor, ::factor], observation)
+    env.close()
+    env.close()
+
+
+def test_a_window_without_pygame(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = adapter.GymnasiumEnv(*made, render_mode="human")
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "pygame", None)
+        with pytest.raises(jaxenstein.SettingError, match=r"jaxenstein\[play\]"):
+            env.reset()
+    env.close()

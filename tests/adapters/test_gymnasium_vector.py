@@ -1,0 +1,288 @@
+"""The vector environment beside Gymnasium's own vector of single environments."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+import pytest
+
+import jaxenstein
+
+gymnasium = pytest.importorskip("gymnasium")
+single = pytest.importorskip("jaxenstein.adapters.gymnasium")
+vector = pytest.importorskip("jaxenstein.adapters.gymnasium_vector")
+
+AutoresetMode = gymnasium.vector.AutoresetMode
+SMALL = {"height": 8, "width": 12}
+MAP = "#######\n#S.rGG#\n#SS...#\n#######"
+COUNT = 5
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[Any, Any]:
+    """Fast feet reach the goal at different times; idlers run out of time."""
+    env, params = jaxenstein.from_ascii(
+        MAP, observation="dict", heading=(-10.0, 10.0), sprite_layers=1, **SMALL
+    )
+    return env, params.replace(move_distance=0.5, goal_radius=1.2, max_steps_in_episode=9)
+
+
+def both(made: Any, mode: Any) -> tuple[Any, Any]:
+    """Ours, and Gymnasium's."""
+    make = functools.partial(single.GymnasiumEnv, *made, render_mode="rgb_array")
+    sync = gymnasium.vector.SyncVectorEnv([make] * COUNT, autoreset_mode=mode)
+    ours = vector.GymnasiumVectorEnv(*made, COUNT, autoreset_mode=mode, render_mode="rgb_array")
+    return ours, sync
+
+
+def assert_same(ours: Any, theirs: Any, place: str = "") -> None:
+    """Equal types, keys, shapes, data types and values, down to the bit."""
+    assert type(ours) is type(theirs), place
+    if isinstance(ours, dict):
+        assert ours.keys() == theirs.keys(), place
+        for key in ours:
+            assert_same(ours[key], theirs[key], f"{place}/{key}")
+    elif isinstance(ours, tuple) or (isinstance(ours, np.ndarray) and ours.dtype == object):
+        assert len(ours) == len(theirs), place
+        for i, (one, other) in enumerate(zip(ours, theirs, strict=True)):
+            assert_same(one, other, f"{place}/{i}")
+    elif isinstance(ours, np.ndarray):
+        assert (ours.dtype, ours.shape) == (theirs.dtype, theirs.shape), place
+        np.testing.assert_array_equal(ours, theirs, err_msg=place)
+    else:
+        assert ours == theirs, place
+
+
+def some_actions(rng: np.random.Generator) -> np.ndarray:
+    """Mostly forward and interact; the first environment idles by turning."""
+    actions = rng.choice(5, size=COUNT, p=[0.1, 0.1, 0.6, 0.0, 0.2])
+    actions[0] = 0
+    return actions
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_equals_gymnasiums_vector_of_single_environments(made: Any, mode: Any) -> None:
+    ours, theirs = both(made, mode)
+    assert ours.metadata["autoreset_mode"] is mode
+    for name in ("observation_space", "action_space"):
+        assert getattr(ours, name) == getattr(theirs, name)
+        assert getattr(ours, f"single_{name}") == getattr(theirs, f"single_{name}")
+    rng = np.random.default_rng(0)
+    assert_same(ours.reset(seed=8), theirs.reset(seed=8), "reset")
+    ends = np.zeros(3, int)
+    for time in range(45):
+        actions = some_actions(rng)
+        one, other = ours.step(actions), theirs.step(actions)
+        assert_same(one, other, f"step {time}")
+        assert ours.observation_space.contains(one[0])
+        over = one[2] | one[3]
+        ends += one[2].sum(), one[3].sum(), over.any()
+        if mode is AutoresetMode.DISABLED and over.any():
+            mask = over | (rng.random(COUNT) < 0.2)
+            seeds = [int(seed) for seed in rng.integers(100, size=COUNT)] if time % 2 else None
+            told = [env.reset(seed=seeds, options={"reset_mask": mask}) for env in (ours, theirs)]
+            assert_same(told[0], told[1], f"masked reset {time}")
+        elif time in (20, 30):
+            seeds = 3 if time == 20 else None
+            assert_same(ours.reset(seed=seeds), theirs.reset(seed=seeds), f"reset {time}")
+        if time % 20 == 0:
+            assert_same(ours.render(), theirs.render(), f"frames {time}")
+    # Both kinds of ends, not all at once.
+    assert min(ends) > 0
+    assert ends[2] > 3
+
+
+def test_equals_at_once_after_all_ended_together(made: Any) -> None:
+    """Then no environment has events to tell, and Gymnasium leaves their entries out."""
+    for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+        ours, theirs = both(made, mode)
+        assert_same(ours.reset(seed=1), theirs.reset(seed=1))
+        for _ in range(11):
+            idle = np.zeros(COUNT, int)
+            assert_same(ours.step(idle), theirs.step(idle))
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_statistics_of_gymnasium_are_the_environments(made: Any, mode: Any) -> None:
+    ours, _ = both(made, mode)
+    env = gymnasium.wrappers.vector.RecordEpisodeStatistics(ours)
+    if mode is AutoresetMode.SAME_STEP and not hasattr(env, "_autoreset_mode"):
+        pytest.skip("this version's wrapper counts as if resets came in the next step")
+    env.reset(seed=2)
+    rng = np.random.default_rng(3)
+    count = 0
+    for _ in range(40):
+        _, _, terminated, truncated, infos = env.step(some_actions(rng))
+        over = terminated | truncated
+        assert ("episode" in infos) == over.any()
+        if not over.any():
+            continue
+        count += over.sum()
+        told = infos["final_info"] if mode is AutoresetMode.SAME_STEP else infos
+        assert (infos["episode"]["l"][over] == told["episode_length"][over]).all()
+        np.testing.assert_allclose(infos["episode"]["r"][over], told["episode_return"][over])
+        assert (infos["_episode"] == over).all()
+    assert env.episode_count == count > 5
+
+
+def test_other_wrappers_of_gymnasium(made: Any) -> None:
+    envs = vector.GymnasiumVectorEnv(*made, COUNT)
+    wrappers = gymnasium.wrappers.vector
+    envs = wrappers.ClipReward(wrappers.FlattenObservation(envs), -1, 1)
+    envs = wrappers.DictInfoToList(envs)
+    observation, infos = envs.reset(seed=1)
+    assert observation.shape == (COUNT, 8 * 12 * 3 + 6)
+    assert [info["episode_length"] for info in infos] == [0] * COUNT
+    _, _, _, _, infos = envs.step(np.zeros(COUNT, int))
+    assert [info["reached_goal"] for info in infos] == [False] * COUNT
+
+
+def test_make_vec() -> None:
+    envs = gymnasium.make_vec("jaxenstein/simple-v0", num_envs=3, **SMALL)
+    assert type(envs) is vector.GymnasiumVectorEnv
+    assert (envs.num_envs, envs.metadata["autoreset_mode"]) == (3, AutoresetMode.NEXT_STEP)
+    assert vector.GymnasiumVectorEnv.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    again = gymnasium.make_vec(envs.spec)
+    assert_same(again.reset(seed=1), envs.reset(seed=1))
+    assert gymnasium.envs.registration.EnvSpec.from_json(envs.spec.to_json()) == envs.spec
+    assert envs.np_random_seed == 1
+    same = gymnasium.make_vec(
+        "jaxenstein/simple-v0", num_envs=2, autoreset_mode="SameStep", goal_reward=7, **SMALL
+    )
+    assert same.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert float(same.unwrapped.params.goal_reward) == 7
+    envs.close()
+    assert envs.closed
+
+
+def test_max_episode_steps_only_shortens(made: Any) -> None:
+    for limit, wanted in ((2, 2), (20, 9)):
+        envs = vector.GymnasiumVectorEnv(*made, COUNT, max_episode_steps=limit)
+        envs.reset(seed=1)
+        ends = [envs.step(np.zeros(COUNT, int))[3].tolist() for _ in range(wanted)]
+        assert ends == [[False] * COUNT] * (wanted - 1) + [[True] * COUNT]
+
+
+def test_observations_are_not_copied(made: Any) -> None:
+    envs = vector.GymnasiumVectorEnv(*made, COUNT)
+    envs.reset(seed=1)
+    for act in (envs.reset, lambda: envs.step(np.zeros(COUNT, int))):
+        for name, view in act()[0].items():
+            device = envs._observation[name]
+            if next(iter(device.devices())).platform == "cpu":
+                assert view.ctypes.data == device.unsafe_buffer_pointer()
+            assert not view.flags.writeable
+    own = vector.GymnasiumVectorEnv(*made, COUNT, copy=True)
+    for observation in (own.reset(seed=1)[0], own.step(np.zeros(COUNT, int))[0]):
+        assert all(view.flags.writeable and view.flags.owndata for view in observation.values())
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_what_was_handed_out_stays_as_it_is(made: Any, mode: Any) -> None:
+    envs, _ = both(made, mode)
+    rng = np.random.default_rng(5)
+    kept = [(envs.reset(seed=1)[0]["image"], None)]
+    for _ in range(12):
+        observation, _, terminated, truncated, infos = envs.step(some_actions(rng))
+        kept.append((observation["image"], infos["position"]))
+        if mode is AutoresetMode.DISABLED and (terminated | truncated).any():
+            envs.reset(options={"reset_mask": terminated | truncated})
+    views = [part for pair in kept for part in pair if part is not None]
+    copies = [view.copy() for view in views]
+    for _ in range(8):
+        envs.reset()
+        envs.step(some_actions(rng))
+    for view, one in zip(views, copies, strict=True):
+        np.testing.assert_array_equal(view, one)
+
+
+def test_seeds(made: Any) -> None:
+    def images(seed: Any) -> np.ndarray:
+        found = [envs.reset(seed=seed)[0], envs.reset()[0]]
+        return np.stack([observation["image"] for observation in found])
+
+    envs = vector.GymnasiumVectorEnv(*made, COUNT)
+    first = images(7)
+    assert (images(7) == first).all()
+    assert (images([*range(7, 7 + COUNT)]) == first).all()
+    assert (first[0] != first[1]).any()
+    assert (images(8)[:, :-1] == first[:, 1:]).all()
+    unseeded = []
+    for _ in range(2):
+        envs = vector.GymnasiumVectorEnv(*made, COUNT)
+        envs.np_random = np.random.default_rng(2)
+        unseeded.append(images(None))
+    np.testing.assert_array_equal(*unseeded)
+
+
+def test_options_are_left_as_they_are(made: Any) -> None:
+    envs, _ = both(made, AutoresetMode.DISABLED)
+    env = gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
+    env.reset(seed=1)
+    env.step(np.zeros(COUNT, int))
+    env.reset(options={"reset_mask": np.arange(COUNT) == 1})
+    # The wrapper looks for the mask after the environment did.
+    assert env.episode_lengths.tolist() == [1, 0, 1, 1, 1]
+    assert np.asarray(envs._batch.states.time).tolist() == [1, 0, 1, 1, 1]
+
+
+def test_stepping_out_of_order(made: Any) -> None:
+    envs, _ = both(made, AutoresetMode.DISABLED)
+    idle = np.zeros(COUNT, int)
+    for act in (lambda: envs.step(idle), envs.render):
+        with pytest.raises(gymnasium.error.ResetNeeded, match="call reset"):
+            act()
+    with pytest.raises(jaxenstein.SettingError, match="first reset"):
+        envs.reset(options={"reset_mask": np.arange(COUNT) == 1})
+    envs.reset(seed=1)
+    envs.step(idle)
+    envs.reset(options={"reset_mask": np.arange(COUNT) == 1})
+    for _ in range(8):
+        envs.step(idle)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="over: 0, 2, 3, 4; reset them"):
+        envs.step(idle)
+    envs.reset(options={"reset_mask": np.arange(COUNT) != 1})
+    envs.step(idle)
+
+
+def test_wrong_actions_seeds_and_masks(made: Any) -> None:
+    envs = vector.GymnasiumVectorEnv(*made, COUNT)
+    envs.reset(seed=1)
+    for actions in (0, [0] * 4, [0.0] * COUNT, [True] * COUNT, [[0]] * COUNT, [0, 0, 5, 0, 0]):
+        with pytest.raises(gymnasium.error.InvalidAction, match="must be"):
+            envs.step(actions)
+    assert (np.asarray(envs._batch.states.time) == 0).all()
+    envs.step([0, 1, 2, 3, 4])
+    for seed in ([1], "1", [1.5] * COUNT, 2**64):
+        with pytest.raises(jaxenstein.SettingError, match="seed"):
+            envs.reset(seed=seed)
+    for mask in (np.zeros(COUNT, bool), np.ones(3, bool), [1] * COUNT):
+        with pytest.raises(jaxenstein.SettingError, match="mask"):
+            envs.reset(options={"reset_mask": mask})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        ({"num_envs": 0}, "num_envs must be"),
+        ({"autoreset_mode": "Sometimes"}, "'NextStep', 'SameStep', 'Disabled'"),
+        ({"autoreset_mode": None}, "autoreset_mode must be"),
+        ({"render_mode": "human"}, "render_mode must be one of 'rgb_array', None"),
+        ({"max_episode_steps": 0}, "max_episode_steps must be"),
+        ({"max_episode_steps": 2.5}, "max_episode_steps must be"),
+        ({"autoreset": None}, "autoreset_mode in a vector environment"),
+        ({"width": -1}, "width must be"),
+    ],
+)
+def test_wrong_arguments(arguments: dict[str, Any], what: str) -> None:
+    with pytest.raises(jaxenstein.SettingError, match=what):
+        vector.GymnasiumVectorEnv("simple", **arguments)
+
+
+def test_rendering_without_a_mode(made: Any) -> None:
+    envs = vector.GymnasiumVectorEnv(*made, COUNT)
+    envs.reset(seed=1)
+    with pytest.warns(UserWarning, match="without a render mode"):
+        assert envs.render() is None
