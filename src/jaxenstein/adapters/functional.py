@@ -1,0 +1,57 @@
+"""What the adapters to libraries that themselves run inside of JAX share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from ..environment import Environment, Info, cast_params
+from ..errors import SettingError
+
+
+def checked_params(env: Environment[Any, Any], params: Any) -> Any:
+    """The params on the device, the default ones for None.
+
+    Raises:
+        SettingError: they are of another kind of environment.
+    """
+    default = env.default_params
+    if params is None:
+        params = default
+    if type(params) is not type(default):
+        raise SettingError(
+            f"params of {env.name!r} must be a {type(default).__name__}, as jaxenstein.make "
+            f"returns it, not {type(params).__name__}"
+        )
+    return cast_params(params, default)
+
+
+def check_resets(env: Environment[Any, Any], allowed: tuple[str | None, ...], partner: str) -> None:
+    """Refuse an environment whose automatic resets are not what the partner's loops expect.
+
+    Raises:
+        SettingError: naming what would be right.
+    """
+    if env.autoreset not in allowed:
+        right = " or ".join(f"autoreset={mode!r}" for mode in allowed)
+        raise SettingError(f"{partner} needs an environment with {right}, not {env.autoreset!r}")
+
+
+def first_info(env: Environment[Any, Any], key: jax.Array, state: Any, params: Any) -> Info:
+    """What `info` says right after a reset: as of a step in which nothing happens.
+
+    It has the entries, shapes and dtypes of a step's, so that both fit one `jax.lax.scan`.
+    """
+    action = jnp.int32(0)
+    shapes = jax.eval_shape(env.step_env, key, state, action, params)[-1]
+    zeros = {name: jnp.zeros(leaf.shape, leaf.dtype) for name, leaf in shapes.items()}
+    return zeros | env.describe(state, params)
+
+
+def event_names(env: Environment[Any, Any], key: jax.Array, state: Any, params: Any) -> list[str]:
+    """The entries of `info` that tell of a step rather than of a state, sorted."""
+    of_step = jax.eval_shape(env.step_env, key, state, jnp.int32(0), params)[-1]
+    of_state = jax.eval_shape(env.describe, state, params)
+    return sorted(of_step.keys() - of_state.keys())

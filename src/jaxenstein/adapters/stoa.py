@@ -1,0 +1,190 @@
+"""Environments as Stoa has them, the interface of Stoix.
+
+    env = jaxenstein.adapters.stoa.make("my-way-home", height=64, width=64)
+    env = stoa.RecordEpisodeMetrics(stoa.AutoResetWrapper(env, next_obs_in_extras=True))
+
+gives a subclass of Stoa's `Environment` with Stoa's time steps and spaces. It does not reset by
+itself, as Stoa has wrappers for that. They draw the frame of the step and that of the reset at
+every step. `make(..., autoreset="same-step")` gives an environment that resets by itself, as if in
+an `AutoResetWrapper`, and draws one frame a step; with `final_observation=True` the last
+observation is in `extras["next_obs"]`, as with `next_obs_in_extras`, at the price of the second.
+
+Needs the extra `stoa`.
+"""
+
+# The partner is an extra, which need not be there to check the types.
+# pyright: reportMissingImports=false
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from .. import registry
+from .. import spaces as own
+from ..environment import Environment
+from ..errors import SettingError
+from .functional import check_resets, checked_params, first_info
+
+try:
+    import stoa
+except ImportError as error:
+    raise ImportError(
+        f"jaxenstein.adapters.stoa needs stoa-env ({error}): pip install 'jaxenstein[stoa]'"
+    ) from error
+
+# The entry of `extras` in which Stoa's wrappers put the last observation.
+_LAST = "next_obs"
+
+
+class StoaEnvironment(stoa.Environment):
+    """An environment of this package behind Stoa's interface.
+
+    States are Stoa's `StateWithKey`: that of the environment and the stream's key. Keys may be
+    typed or old. A time step's `extras` are the `info` of the environment, also after a reset.
+
+    Attributes:
+        env: the environment inside.
+        params: the params that `env_params=None` stands for.
+    """
+
+    env: Environment[Any, Any]
+    params: Any
+
+    def __init__(self, env: Environment[Any, Any], params: Any = None) -> None:
+        """Wrap `env`.
+
+        Args:
+            env: the environment, with `autoreset` None or "same-step".
+            params: its params; None for the default ones.
+
+        Raises:
+            SettingError: it is no environment or resets in the next step, or the params are of
+                another kind.
+        """
+        if not isinstance(env, Environment):
+            raise SettingError(
+                f"an environment as jaxenstein.make returns it is needed, not {env!r}"
+            )
+        check_resets(env, (None, "same-step"), "Stoa")
+        super().__init__()
+        self.env = env
+        self.params = checked_params(env, params)
+
+    def __repr__(self) -> str:
+        """The id, and whether it resets."""
+        return f"StoaEnvironment({self.env.name!r}, autoreset={self.env.autoreset!r})"
+
+    # Stoa's base is a dataclass without fields, all of whose instances are equal.
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same object."""
+        return self is other
+
+    def __hash__(self) -> int:
+        """Of the object."""
+        return id(self)
+
+    def reset(
+        self, rng_key: jax.Array, env_params: Any = None
+    ) -> tuple[stoa.StateWithKey, stoa.TimeStep]:
+        """Begin an episode: a state, and a time step of type FIRST with reward 0, discount 1."""
+        params = self._params(env_params)
+        reset_key, key = jax.random.split(rng_key)
+        observation, state = self.env.reset(reset_key, params)
+        extras = first_info(self.env, reset_key, state, params)
+        if self.env.final_observation:
+            extras[_LAST] = observation
+        first = stoa.TimeStep(
+            step_type=stoa.StepType.FIRST,
+            reward=jnp.float32(0.0),
+            discount=jnp.float32(1.0),
+            observation=observation,
+            extras=extras,
+        )
+        return stoa.StateWithKey(base_env_state=state, rng_key=key), first
+
+    def step(
+        self, state: stoa.StateWithKey, action: Any, env_params: Any = None
+    ) -> tuple[stoa.StateWithKey, stoa.TimeStep]:
+        """Take a step.
+
+        Returns:
+            The state and a time step: type TERMINATED and discount 0 where the task ended, also if
+            time is up in the same step; TRUNCATED and discount 1 at the time limit; else MID.
+            Both 0-dimensional, int8 and float32.
+        """
+        key, step_key = jax.random.split(state.rng_key)
+        observation, after, reward, terminated, truncated, info = self.env.step(
+            step_key, state.base_env_state, action, self._params(env_params)
+        )
+        extras = dict(info)
+        if self.env.final_observation:
+            extras[_LAST] = extras.pop("final_observation")
+        kind = jnp.where(truncated, stoa.StepType.TRUNCATED, stoa.StepType.MID)
+        step = stoa.TimeStep(
+            step_type=jnp.where(terminated, stoa.StepType.TERMINATED, kind),
+            reward=reward,
+            discount=1.0 - terminated.astype(jnp.float32),
+            observation=observation,
+            extras=extras,
+        )
+        return stoa.StateWithKey(base_env_state=after, rng_key=key), step
+
+    def observation_space(self, env_params: Any = None) -> stoa.Space:
+        """Stoa's `BoundedArraySpace`, or a `DictSpace` for `observation="dict"`."""
+        return _space(self.env.observation_space(self._params(env_params)), "observation")
+
+    def action_space(self, env_params: Any = None) -> stoa.DiscreteSpace:
+        """Stoa's `DiscreteSpace` of int32."""
+        del env_params
+        return stoa.DiscreteSpace(self.env.num_actions, dtype=jnp.int32, name="action")
+
+    def state_space(self, env_params: Any = None) -> stoa.Space:
+        """Not to be had.
+
+        Raises:
+            NotImplementedError: always.
+        """
+        raise NotImplementedError("states of jaxenstein have no space; observations have one")
+
+    def _params(self, params: Any) -> Any:
+        return self.params if params is None else checked_params(self.env, params)
+
+
+def make(id: str, **settings: Any) -> StoaEnvironment:
+    """Build an environment behind Stoa's interface.
+
+    Args:
+        id: as of `jaxenstein.make`.
+        **settings: those of `jaxenstein.make`; `autoreset` is None if left out.
+
+    Raises:
+        UnknownEnvironmentError: there is no such id.
+        SettingError: there is no such setting, its value is out of range, or `autoreset` is
+            "next-step".
+    """
+    return from_env(*registry.make(id, **{"autoreset": None, **settings}))
+
+
+def from_env(env: Environment[Any, Any], params: Any = None) -> StoaEnvironment:
+    """Put an environment, such as `jaxenstein.from_ascii` returns it, behind Stoa's interface.
+
+    Args:
+        env: the environment, with `autoreset` None or "same-step".
+        params: what `env_params=None` stands for; None for the default ones.
+
+    Raises:
+        SettingError: the environment resets in the next step, or the params are of another kind.
+    """
+    return StoaEnvironment(env, params)
+
+
+def _space(space: own.Space, name: str) -> stoa.Space:
+    if isinstance(space, own.Dict):
+        parts = {key: _space(part, key) for key, part in space.spaces.items()}
+        return stoa.DictSpace(parts, name=name)
+    if isinstance(space, own.Box):
+        return stoa.BoundedArraySpace(space.shape, space.dtype, space.low, space.high, name=name)
+    return stoa.DiscreteSpace(space.n, dtype=jnp.int32, name=name)

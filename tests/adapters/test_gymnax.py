@@ -1,0 +1,393 @@
+"""The gymnax adapter beside gymnax itself, of either contract, and its clients."""
+
+# The partner is an extra, which need not be there to check the types.
+# pyright: reportMissingImports=false
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.errors import SettingError, UnknownEnvironmentError
+
+pytest.importorskip("gymnax")
+pytestmark = [
+    # Raised inside of gymnax and of what it imports.
+    pytest.mark.filterwarnings("ignore::DeprecationWarning:(gymnax|gymnasium|flax|chex|distrax).*"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning:(jaxopt|tensorflow_probability).*"),
+]
+
+import gymnax  # noqa: E402
+from gymnax.environments import environment, spaces  # noqa: E402
+from gymnax.wrappers import purerl  # noqa: E402
+
+from jaxenstein.adapters import gymnax as adapter  # noqa: E402
+
+SIX = adapter.STEP_VALUES == 6
+SMALL = {"height": 12, "width": 16}
+# One step to the goal from the spawn, facing it; the goal is reached by moving forward.
+CORRIDOR = """
+#####
+#S.G#
+#####
+"""
+LEFT, FORWARD = 0, 2
+
+
+@pytest.fixture
+def partner_promotion() -> Iterator[None]:
+    """JAX's own promotion of dtypes and ranks, which partners rely on; ours keeps to strict."""
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield
+
+
+def corridor(**settings: Any) -> tuple[Any, Any]:
+    return jaxenstein.from_ascii(CORRIDOR, heading=0.0, **SMALL, **settings)
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[Any, Any]:
+    return adapter.from_env(*corridor())
+
+
+def alike(one: Any, other: Any) -> bool:
+    """Whether frames are the same but for rounding, which differs between compilations."""
+    return bool(np.mean(np.asarray(one) != np.asarray(other)) < 0.02)
+
+
+def split(values: tuple[Any, ...]) -> tuple[Any, Any, Any, Any, Any, dict[str, Any]]:
+    """A step's values as observation, state, reward, terminated, truncated, info."""
+    obs, state, reward, *ends, info = values
+    assert len(ends) == (2 if SIX else 1)
+    if SIX:
+        return obs, state, reward, *ends, info
+    np.testing.assert_array_equal(ends[0], info["terminated"] | info["truncated"])
+    return obs, state, reward, info["terminated"], info["truncated"], info
+
+
+def test_the_contract_is_that_of_the_gymnax_installed(made: tuple[Any, Any]) -> None:
+    theirs, their_params = gymnax.make("Catch-bsuite")
+    with jax.numpy_dtype_promotion("standard"):
+        _, state = theirs.reset(jax.random.key(0), their_params)
+        values = theirs.step(jax.random.key(1), state, jnp.int32(0), their_params)
+        plain = theirs.step_env(jax.random.key(1), state, jnp.int32(0), their_params)
+    env, params = made
+    _, state = env.reset(jax.random.key(0), params)
+    assert len(values) == len(env.step(jax.random.key(1), state, LEFT, params))
+    assert len(plain) == len(env.step_env(jax.random.key(1), state, LEFT, params))
+    assert len(values) == adapter.STEP_VALUES
+    assert isinstance(env, environment.Environment)
+    missing = {name for name in dir(theirs) if not name.startswith("_")} - set(dir(env))
+    assert missing <= {"rows", "columns", "render"}  # of Catch alone
+
+
+def test_spaces_are_those_of_gymnax() -> None:
+    env, params = adapter.make("key-door", **SMALL)
+    assert type(env.action_space(params)) is spaces.Discrete
+    assert env.action_space(params).n == env.num_actions == 5
+    assert env.action_space(params).sample(jax.random.key(0)).dtype == jnp.int32
+    box = env.observation_space(params)
+    assert type(box) is spaces.Box
+    assert (box.shape, box.dtype, box.low, box.high) == ((12, 16, 3), jnp.uint8, 0, 255)
+    assert box.contains(env.reset(jax.random.key(0), params)[0])
+    many = adapter.make("key-door", **SMALL, observation="dict")[0].observation_space()
+    assert type(many) is spaces.Dict
+    assert set(many.spaces) == {"image", "keys"}
+    assert all(isinstance(space, spaces.Space) for space in many.spaces.values())
+
+
+def test_params_are_a_dataclass_with_gymnax_name_of_the_horizon(made: tuple[Any, Any]) -> None:
+    env, params = made
+    names = {field.name for field in dataclasses.fields(env.default_params)}
+    assert "max_steps_in_episode" in names
+    shorter = dataclasses.replace(params, max_steps_in_episode=1)
+    _, state = env.reset(jax.random.key(0), shorter)
+    assert hasattr(state, "time")
+    *_, truncated, info = split(env.step(jax.random.key(0), state, LEFT, shorter))
+    assert truncated
+    assert info["episode_length"] == 1
+
+
+@pytest.mark.parametrize("new_key", [jax.random.key, jax.random.PRNGKey])
+def test_a_step_is_that_of_the_environment(made: tuple[Any, Any], new_key: Any) -> None:
+    env, params = made
+    obs, state = env.reset(new_key(3), params)
+    expected_obs, _ = env.env.reset(new_key(3), params)
+    np.testing.assert_array_equal(obs, expected_obs)
+    for action in (FORWARD, LEFT, 4):
+        ours = split(env.step(new_key(5), state, action, params))
+        native = env.env.step(new_key(5), state, action, params)
+        jax.tree.map(np.testing.assert_array_equal, ours[:5], native[:5])
+        for name, value in native[5].items():
+            np.testing.assert_array_equal(ours[5][name], value)
+        assert set(ours[5]) == set(native[5]) | {"terminated", "truncated", "discount"}
+        state = ours[1]
+
+
+def walk(env: Any, params: Any, action: int, steps: int) -> list[tuple[Any, ...]]:
+    _, state = env.reset(jax.random.key(0), params)
+    out = []
+    for i in range(steps):
+        out.append(split(env.step(jax.random.key(i), state, action, params)))
+        state = out[-1][1]
+    return out
+
+
+def test_ends_are_told_apart_and_reset_in_the_same_step(made: tuple[Any, Any]) -> None:
+    env, params = made
+    steps = walk(env, params, FORWARD, 40)
+    first = next(i for i, step in enumerate(steps) if step[3])
+    assert not any(step[4] for step in steps)
+    assert steps[first][2] == 1
+    assert steps[first][5]["discount"] == 0
+    assert steps[first - 1][5]["discount"] == 1
+    # The next episode's first state and frame.
+    assert steps[first][1].time == 0
+    assert alike(steps[first][0], env.get_obs(steps[first][1], params))
+    cut = walk(env, params.replace(max_steps_in_episode=3), LEFT, 4)
+    assert [bool(step[4]) for step in cut] == [False, False, True, False]
+    assert not any(step[3] for step in cut)
+    assert [float(step[5]["discount"]) for step in cut] == [1, 1, 1, 1]
+    both = walk(env, params.replace(max_steps_in_episode=first + 1), FORWARD, first + 1)[-1]
+    assert both[3]
+    assert both[4]
+    assert both[5]["discount"] == 0
+
+
+def test_steps_without_resets_and_the_questions_of_states(made: tuple[Any, Any]) -> None:
+    env, params = made
+    obs, state = env.reset_env(jax.random.key(0), params)
+    end, info = False, {}
+    while not env.is_terminated(state, params):
+        obs, state, _, end, info = env.step_env(jax.random.key(0), state, FORWARD, params)
+    assert end
+    assert info["terminated"]
+    assert not info["truncated"]
+    assert state.time > 0
+    assert env.is_terminal(state, params)
+    assert not env.is_truncated(state, params)
+    assert env.discount(state, params) == 0
+    assert alike(obs, env.observe(jax.random.key(0), state, 0, params))
+    tight = params.replace(max_steps_in_episode=1)
+    _, state = env.reset_env(jax.random.key(0), tight)
+    _, state, _, end, info = env.step_env(jax.random.key(0), state, LEFT, tight)
+    assert info["truncated"]
+    assert not info["terminated"]
+    assert bool(end) is not SIX
+    assert env.is_truncated(state, tight)
+    assert bool(env.is_terminal(state, tight)) is not SIX
+    assert env.discount(state, tight) == 1
+
+
+def test_info_is_small_unless_the_last_frame_is_asked_for(made: tuple[Any, Any]) -> None:
+    env, params = made
+    _, state = env.reset(jax.random.key(0), params)
+    info = env.step(jax.random.key(0), state, LEFT, params)[-1]
+    assert all(np.size(leaf) <= 2 for leaf in jax.tree.leaves(info))
+    env, params = adapter.from_env(*corridor(final_observation=True))
+    last = next(step for step in walk(env, params, FORWARD, 40) if step[3])
+    assert last[5]["final_observation"].shape == (12, 16, 3)
+    assert (last[5]["final_observation"] != last[0]).any()
+
+
+@pytest.mark.parametrize(("final_observation", "frames"), [(False, 1), (True, 2)])
+def test_frames_drawn_a_step(
+    monkeypatch: pytest.MonkeyPatch, final_observation: bool, frames: int
+) -> None:
+    # A name of its own, so that nothing traced before is used again.
+    native, params = corridor(
+        name=f"counted-{final_observation}", final_observation=final_observation
+    )
+    env, _ = adapter.from_env(native, params)
+    _, state = env.reset(jax.random.key(0), params)
+    drawn = []
+    original = type(native).observe
+    monkeypatch.setattr(
+        type(native), "observe", lambda *args: (drawn.append(1), original(*args))[1]
+    )
+    jax.make_jaxpr(lambda key: env.step(key, state, LEFT, params))(jax.random.key(0))
+    assert len(drawn) == frames
+
+
+def test_equal_environments_compile_once() -> None:
+    traced = []
+
+    def step(env: Any, key: jax.Array) -> Any:
+        traced.append(env)
+        return env.reset(key)
+
+    compiled = jax.jit(step, static_argnums=0)
+    for _ in range(2):
+        compiled(adapter.make("simple", **SMALL)[0], jax.random.key(0))
+    assert len(traced) == 1
+    one, other = (adapter.make("simple", height=height)[0] for height in (12, 13))
+    assert one != other
+    assert one != one.env
+    assert "simple" in repr(one)
+
+
+@pytest.mark.usefixtures("partner_promotion")
+def test_log_wrapper_counts_what_info_says() -> None:
+    env, params = adapter.from_env(*corridor())
+    logged = purerl.LogWrapper(env)
+    assert logged.num_actions == 5  # passed on
+
+    def step(carry: Any, key: jax.Array) -> Any:
+        obs, state = carry
+        obs, state, *_, info = logged.step(key, state, FORWARD, params)
+        return (obs, state), info
+
+    carry = logged.reset(jax.random.key(0), params)
+    # gymnax 0.0.9 begins with Python numbers, which are no carry of a scan.
+    carry = jax.tree.map(jnp.asarray, carry)
+    step(carry, jax.random.key(0))
+    info = []
+    for i in range(30):
+        carry, told = step(carry, jax.random.key(i))
+        info.append(told)
+    ends = [i for i, told in enumerate(info) if told["returned_episode"]]
+    assert len(ends) >= 2
+    for i in ends:
+        assert info[i]["returned_episode_returns"] == info[i]["episode_return"] == 1
+        assert info[i]["returned_episode_lengths"] == info[i]["episode_length"]
+
+
+@pytest.mark.usefixtures("partner_promotion")
+def test_flatten_observation_wrapper() -> None:
+    # That of gymnax 1.x flattens the last frame as well, and so needs it.
+    env, params = adapter.from_env(*corridor(final_observation=SIX))
+    flat = purerl.FlattenObservationWrapper(env)
+    obs, state = flat.reset(jax.random.key(0), params)
+    assert obs.shape == flat.observation_space(params).shape == (12 * 16 * 3,)
+    after, *_, info = flat.step(jax.random.key(0), state, LEFT, params)
+    assert after.shape == obs.shape
+    if SIX:
+        assert info["final_observation"].shape == obs.shape
+        bare = purerl.FlattenObservationWrapper(adapter.from_env(*corridor())[0])
+        with pytest.raises(KeyError, match="final_observation"):
+            bare.step(jax.random.key(0), state, LEFT, params)
+
+
+@pytest.mark.usefixtures("partner_promotion")
+@pytest.mark.skipif(not SIX, reason="of gymnax 1.x")
+def test_wrappers_of_gymnax_1() -> None:
+    wrappers = __import__("gymnax.wrappers", fromlist=["LegacyStepAPIWrapper"])
+    env, params = adapter.from_env(*corridor(final_observation=True))
+    legacy = wrappers.LegacyStepAPIWrapper(env)
+    _, state = legacy.reset(jax.random.key(0), params)
+    assert len(legacy.step(jax.random.key(0), state, LEFT, params)) == 5
+    sticky = wrappers.StickyActionWrapper(env, 0.5)
+    _, state = sticky.reset(jax.random.key(0), params)
+    assert len(sticky.step(jax.random.key(0), state, LEFT, params)) == 6
+    dm_env = wrappers.GymnaxToDmEnvWrapper(env)
+    step = dm_env.reset(jax.random.key(0), params)
+    for i in range(30):
+        step = dm_env.step(jax.random.key(i), step, FORWARD, params)
+        if step.discount == 0:
+            break
+    assert step.discount == 0
+    assert step.reward == 1
+
+
+@pytest.mark.usefixtures("partner_promotion")
+def test_gym_wrappers_of_gymnax() -> None:
+    """They make deep copies and put functions of their own on them."""
+    from gymnax.wrappers import gym
+
+    env, params = adapter.from_env(*corridor())
+    single = gym.GymnaxToGymWrapper(env, params, seed=1)
+    obs, _ = single.reset()
+    assert single.observation_space.contains(np.asarray(obs))
+    assert len(single.step(LEFT)) == 5
+    assert single.action_space.n == 5
+    vector = gym.GymnaxToVectorGymWrapper(env, 3, params)
+    obs, _ = vector.reset()
+    assert obs.shape == (3, 12, 16, 3)
+    assert vector.step(jnp.zeros(3, jnp.int32))[1].shape == (3,)
+    # The copies' functions did not reach the environment itself.
+    assert env.reset(jax.random.key(0), params)[0].shape == (12, 16, 3)
+
+
+@pytest.mark.usefixtures("partner_promotion")
+def test_a_recurrent_ppo_in_a_scan_trains() -> None:
+    import recurrent_ppo
+
+    env, params = adapter.from_env(*corridor())
+    params = params.replace(max_steps_in_episode=10)
+    config = recurrent_ppo.Config()
+    batches, losses, weights = recurrent_ppo.train(env, params, config=config)
+    shape = (config.updates, config.steps, config.envs)
+    assert losses.shape == (config.updates, config.epochs)
+    assert np.isfinite(losses).all()
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(weights))
+    start = recurrent_ppo.init_weights(jax.random.split(jax.random.PRNGKey(0), 3)[1], 576, 5)
+    assert any((weights[name] != start[name]).any() for name in start)
+    assert batches.obs.shape == (*shape, 12, 16, 3)
+    assert batches.obs.dtype == jnp.uint8
+    info = batches.info
+    done = np.asarray(batches.done)
+    assert done.any()
+    np.testing.assert_array_equal(done, info["terminated"] | info["truncated"])
+    np.testing.assert_array_equal(info["episode_length"][done] <= 10, True)
+    np.testing.assert_array_equal(
+        info["returned_episode_returns"][done], info["episode_return"][done]
+    )
+    per_step = sum(leaf[0, 0, 0].nbytes for leaf in jax.tree.leaves(info))
+    assert per_step < 200
+
+
+@pytest.mark.usefixtures("partner_promotion")
+def test_rejax_ppo_trains() -> None:
+    rejax = pytest.importorskip("rejax")
+    # Near enough for chance to reach it.
+    near = jaxenstein.from_ascii("####\n#SG#\n####", heading=0.0, **SMALL)
+    env, params = adapter.from_env(*near)
+    params = params.replace(max_steps_in_episode=20)
+    ppo = rejax.PPO.create(
+        env=env,
+        env_params=params,
+        agent_kwargs={"hidden_layer_sizes": (16,)},
+        num_envs=4,
+        num_steps=8,
+        num_epochs=2,
+        num_minibatches=2,
+        total_timesteps=96,
+        eval_freq=32,
+        skip_initial_evaluation=True,
+        max_grad_norm=0.5,
+        learning_rate=1e-3,
+        normalize_observations=True,
+    )
+    assert ppo.discrete
+    assert ppo.action_dim == 5
+    state, (lengths, returns) = jax.jit(ppo.train)(jax.random.PRNGKey(0))
+    assert lengths.shape == returns.shape == (3, 128)
+    assert state.global_step == 96
+    assert ((lengths >= 1) & (lengths <= 20)).all()
+    assert np.isin(returns, (0, 1)).all()
+    assert (returns == 1).any()
+    before = ppo.init_state(jax.random.PRNGKey(0))
+    moved = jax.tree.map(
+        lambda new, old: bool((new != old).any()), state.actor_ts.params, before.actor_ts.params
+    )
+    assert all(jax.tree.leaves(moved))
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(state.critic_ts.params))
+
+
+def test_mistakes_are_named() -> None:
+    for mode in ("next-step", None):
+        with pytest.raises(SettingError, match=r"gymnax needs .*autoreset='same-step'"):
+            adapter.make("simple", autoreset=mode)
+    with pytest.raises(SettingError, match="must be a NavigationParams"):
+        adapter.from_env(corridor()[0], jaxenstein.make("health-gathering")[1])
+    with pytest.raises(SettingError, match=r"as jaxenstein\.make returns it"):
+        adapter.from_env("simple")  # type: ignore[arg-type]
+    with pytest.raises(UnknownEnvironmentError, match="did you mean 'simple'"):
+        adapter.make("simpel")
