@@ -4,7 +4,8 @@ A plain script, so that any interpreter can run it. It prepares the subject, pri
 that describes it, and then answers each line `{"seconds": S}` on standard input with
 `{"steps": N, "seconds": T}`, after stepping for about `S` seconds. End of input ends it.
 
-Names: `scan-B`, `loop` and `loop-async` (this project), `vizdoom-gymnasium`, `vizdoom-raw`.
+Names: `scan-B`, `loop` and `loop-async` (this project), `vizdoom-gymnasium`, `vizdoom-raw`, and
+`adapter-KIND-B`, the subjects of `adapter_subjects.py`.
 """
 
 from __future__ import annotations
@@ -156,6 +157,10 @@ def prepare(name: str) -> Chunk:
     """Build the subject called `name`."""
     if name.startswith("scan-"):
         return scan(int(name.removeprefix("scan-")))
+    if name.startswith("adapter-"):
+        import adapter_subjects
+
+        return adapter_subjects.prepare(name.removeprefix("adapter-"))
     named = {"loop": partial(loop, False), "loop-async": partial(loop, True)}
     named |= {"vizdoom-gymnasium": vizdoom_gymnasium, "vizdoom-raw": vizdoom_raw}
     return named[name]()
@@ -166,6 +171,8 @@ def versions() -> dict[str, str]:
     found = {"python": platform.python_version()}
     names = {"jax": "jax", "jaxlib": "jaxlib", "numpy": "numpy", "gymnasium": "gymnasium"}
     names |= {"vizdoom": "vizdoom", "cv2": "opencv-python-headless"}
+    names |= {"gymnax": "gymnax", "stoa": "stoa-env", "brax": "brax", "torch": "torch"}
+    names |= {"stable_baselines3": "stable-baselines3"}
     for module, package in names.items():
         if module in sys.modules:
             found[package] = importlib.metadata.version(package)

@@ -16,14 +16,22 @@ def readme() -> str:
     return (ROOT / "README.md").read_text("utf-8")
 
 
-def test_python_blocks_run_in_order(readme):
-    blocks = re.findall(r"^```python\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)
-    assert len(blocks) >= 3
-    names: dict = {}
+def blocks(text: str) -> list[str]:
+    return re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def run(block: str, names: dict) -> None:
     # Users run with JAX's own promotion rules, not with the strict ones of these tests.
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        for block in blocks:
-            exec(compile(block, "README.md", "exec"), names)
+        exec(compile(block, "README.md", "exec"), names)
+
+
+def test_python_blocks_run_in_order(readme):
+    names: dict = {}
+    own = blocks(readme.split("## In your training loop")[0])
+    assert len(own) >= 3
+    for block in own:
+        run(block, names)
     assert names["reward"].shape == (100, 256)
     assert names["env"].tilemap.tile_text().splitlines() == [
         "#########",
@@ -32,6 +40,28 @@ def test_python_blocks_run_in_order(readme):
         "#....R..#",
         "#########",
     ]
+
+
+LATER = blocks((ROOT / "README.md").read_text("utf-8").split("## In your training loop")[1])
+# Its learning takes minutes, and its package excludes current versions of JAX.
+NOT_RUN = ("brax",)
+
+
+def imported(block: str) -> set[str]:
+    """The packages that a block imports, besides this one."""
+    found = re.findall(r"^(?:import|from) (\w+)", block, re.MULTILINE)
+    return {name for name in found if name != "jaxenstein"}
+
+
+@pytest.mark.parametrize("block", LATER, ids=lambda block: "-".join(sorted(imported(block))))
+@pytest.mark.filterwarnings("default")  # partners and what they import warn of their own
+def test_later_blocks_run_by_themselves(block, tmp_path, monkeypatch):
+    for name in sorted(imported(block)):
+        if name in NOT_RUN:
+            pytest.skip(f"{name} is run by tests/adapters/partners.py")
+        pytest.importorskip(name)
+    monkeypatch.chdir(tmp_path)
+    run(block, {})
 
 
 def test_linked_files_exist(readme):

@@ -1,0 +1,257 @@
+"""Stable-Baselines3: many environments behind one compiled call, as its `VecEnv`.
+
+Stable-Baselines3 wants the reset in the step that ends an episode, the last observation in that
+step's info, and NumPy arrays that it may write to. It draws no difference between an image that
+JAX drew and any other: its `CnnPolicy` turns uint8[H, W, C] round by itself, from 36x36 pixels on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..environment import Environment, cast_params
+from ..errors import SettingError, nearest
+from .batch import Batch, Ended
+
+try:
+    import torch  # pyright: ignore[reportMissingImports]
+    from gymnasium import spaces  # pyright: ignore[reportMissingImports]
+    from stable_baselines3.common.monitor import Monitor  # pyright: ignore[reportMissingImports]
+    from stable_baselines3.common.vec_env import VecEnv  # pyright: ignore[reportMissingImports]
+except ImportError as error:
+    raise ImportError(
+        f"Stable-Baselines3 is not installed ({error}): pip install 'jaxenstein[sb3]'"
+    ) from error
+
+from .gymnasium import check_render_mode, gymnasium_space, resolve
+
+Indices = None | int | Iterable[int]
+
+
+class SB3VecEnv(VecEnv):
+    """N environments of one kind for the algorithms of Stable-Baselines3.
+
+    Observations are as of the environment with a leading axis N, but for images of one channel,
+    which are uint8[N, H, W, 1], because Stable-Baselines3 takes images with channels alone.
+
+    The info of a step that ends an episode has, besides what the environment tells of the last
+    state, `terminal_observation` and `episode` with the return `r`, the length `l` and the
+    seconds `t` since the making of the batch, as from a `Monitor`, in whose place
+    `env_is_wrapped(Monitor)` is true. Every info has `TimeLimit.truncated`: whether the time
+    limit alone ended the episode.
+
+    All environments share their params, so attributes are those of all of them.
+    """
+
+    def __init__(
+        self,
+        env: Environment[Any, Any] | str,
+        params: Any = None,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
+        """Hold `num_envs` environments; nothing is compiled or drawn before `reset`.
+
+        Args:
+            env: an environment, whose own `autoreset` and `final_observation` do not matter, or
+                an id of `jaxenstein.make`.
+            params: params of all environments; None for the environment's own.
+            num_envs: N, at least 1.
+            render_mode: `"rgb_array"`, for `render` and `get_images` to draw what each agent
+                sees, or None.
+            **settings: settings of `make` and params by name, such as `max_steps_in_episode`;
+                only with an id.
+
+        Raises:
+            SettingError: a setting or param is unknown or has a value that it cannot have.
+            UnknownEnvironmentError: there is no such id.
+        """
+        env, params = resolve(env, params, settings)
+        check_render_mode(env, render_mode, ["rgb_array"])
+        self.batch = Batch(env, params, num_envs)
+        self.render_mode = render_mode
+        self._began = time.time()
+        self._actions: Any = None
+        super().__init__(num_envs, _space(env, params), spaces.Discrete(env.num_actions))
+
+    def reset(self) -> Any:
+        """Begin new episodes everywhere; the seeds of `seed` count for this reset alone."""
+        if any(self._options):
+            raise SettingError("the environments have no options for a reset: use params instead")
+        observation, info = self.batch.reset(self._seeds)
+        self._reset_seeds()
+        self.reset_infos = _rows(jax.device_get(info), self.num_envs)
+        return _writable(observation)
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions of the step that `step_wait` makes: integers [N].
+
+        Actions outside of the action space do nothing.
+        """
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Step every environment; those whose episode ends show the first observation of the next.
+
+        Returns:
+            observations; float32[N] rewards; bool[N], whether the episode ended; infos.
+
+        Raises:
+            SettingError: the actions have another shape or type, or `reset` was not called.
+        """
+        if self._actions is None:
+            raise SettingError("call step_async before step_wait")
+        actions, self._actions = self._actions, None
+        stepped = self.batch.step(actions)
+        reward, terminated, truncated = (np.array(part) for part in stepped[1:4])
+        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in reward]
+        if stepped.ended is not None:
+            cut = truncated & ~terminated
+            for i, told in self._endings(stepped.ended):
+                infos[i] = told | {"TimeLimit.truncated": bool(cut[i])}
+        return _writable(stepped.observation), reward, terminated | truncated, infos
+
+    def close(self) -> None:
+        """Forget the episodes; the next call has to be `reset`."""
+        self.batch = Batch(self.batch.env, self.batch.params, self.num_envs)
+
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+        """An attribute of the environment, or one of its params, once for each index.
+
+        Raises:
+            AttributeError: there is neither.
+            SettingError: an index is out of range.
+        """
+        count = len(self._chosen(indices))
+        if attr_name == "render_mode":
+            return [self.render_mode] * count
+        for owner in (self.batch.params, self.batch.env):
+            if hasattr(owner, attr_name):
+                value = getattr(owner, attr_name)
+                return [value.item() if isinstance(value, jax.Array) else value] * count
+        raise AttributeError(f"{self.batch.env.name} has no attribute or param {attr_name!r}")
+
+    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+        """Set a param of all environments, from the next step on.
+
+        Raises:
+            SettingError: there is no such param, or `indices` leaves environments out.
+        """
+        params = self.batch.params
+        names = [field.name for field in dataclasses.fields(params)]
+        if attr_name not in names:
+            raise SettingError(
+                f"there is no param {attr_name!r}{nearest(attr_name, names)}; "
+                f"those that can be set: {', '.join(names)}"
+            )
+        if set(self._chosen(indices)) != set(range(self.num_envs)):
+            raise SettingError(f"{attr_name} is one number for all environments: set it for all")
+        default = self.batch.env.default_params
+        self.batch.params = cast_params(params.replace(**{attr_name: value}), default)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the environment, once for each index.
+
+        They are pure functions of their arguments; `"render"` draws what each agent sees.
+        """
+        chosen = self._chosen(indices)
+        if method_name == "render" and not method_args and not method_kwargs:
+            images = self.get_images()
+            return [images[i] for i in chosen]
+        method = getattr(self.batch.env, method_name)
+        return [method(*method_args, **method_kwargs) for _ in chosen]
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Indices = None) -> list[bool]:
+        """Whether there is what a wrapper gives: true of `Monitor`, whose `episode` is here."""
+        return [wrapper_class is Monitor] * len(self._chosen(indices))
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """What each agent sees: uint8[H, W, 3]; None for each without `render_mode`.
+
+        Raises:
+            SettingError: before the first reset.
+        """
+        if self.render_mode is None:
+            return [None] * self.num_envs
+        if self.batch.states is None:
+            raise SettingError("call reset before render")
+        # Drawn anew: what `step` returned may have been written to since, or not be in colours.
+        env = dataclasses.replace(self.batch.env, observation="rgb")
+        return list(np.array(_observe(env, self.batch.states, self.batch.params)))
+
+    def _endings(self, ended: Ended) -> Iterable[tuple[int, dict[str, Any]]]:
+        """The index of each environment that ended, and its info."""
+        seconds = round(time.time() - self._began, 6)
+        count = ended.indices.size
+        last = _rows(_with_channel(ended.observation), count)
+        for i, told, observation in zip(
+            ended.indices.tolist(), _rows(ended.info, count), last, strict=True
+        ):
+            total, length = float(told["episode_return"]), int(told["episode_length"])
+            episode = {"r": round(total, 6), "l": length, "t": seconds}
+            yield i, told | {"terminal_observation": observation, "episode": episode}
+
+    def _chosen(self, indices: Indices) -> list[int]:
+        chosen = list(self._get_indices(indices))
+        for i in chosen:
+            if not -self.num_envs <= i < self.num_envs:
+                raise SettingError(f"there is no environment {i} among {self.num_envs}")
+        return [i % self.num_envs for i in chosen]
+
+
+def _space(env: Environment[Any, Any], params: Any) -> spaces.Space:
+    """The space of observations, images of one channel with their channel."""
+
+    def add(space: spaces.Space) -> spaces.Space:
+        if isinstance(space, spaces.Dict):
+            return spaces.Dict({name: add(part) for name, part in space.spaces.items()})
+        if space.shape is not None and _lacks_channel(space.shape, space.dtype):
+            return spaces.Box(0, 255, (*space.shape, 1), np.uint8)
+        return space
+
+    return add(gymnasium_space(env, params))
+
+
+def _lacks_channel(shape: tuple[int, ...], dtype: Any) -> bool:
+    return len(shape) == 2 and dtype == np.uint8
+
+
+def _with_channel(observation: Any) -> Any:
+    """Arrays [N, H, W] of uint8 as [N, H, W, 1]."""
+
+    def add(leaf: np.ndarray) -> np.ndarray:
+        return leaf[..., None] if _lacks_channel(leaf.shape[1:], leaf.dtype) else leaf
+
+    return jax.tree.map(add, observation)
+
+
+def _writable(observation: Any) -> Any:
+    """Observations on the host that torch may wrap: on a CPU the memory that JAX drew them in.
+
+    NumPy's own view of a JAX array cannot be written to, at which torch warns.
+    """
+    arrays = jax.tree.map(lambda leaf: torch.from_dlpack(leaf).cpu().numpy(), observation)
+    return _with_channel(arrays)
+
+
+def _rows(tree: Any, count: int) -> list[Any]:
+    """A dict of arrays [K, ...] as K dicts; an array as its rows."""
+    if isinstance(tree, dict):
+        return [{name: values[i] for name, values in tree.items()} for i in range(count)]
+    return list(tree)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _observe(env: Environment[Any, Any], states: Any, params: Any) -> jax.Array:
+    return jax.vmap(env.observe, (0, None))(states, params)

@@ -1,0 +1,158 @@
+"""PyTorch: many environments whose observations are tensors in the memory that JAX drew them in.
+
+Nothing is copied on the way to torch: JAX hands each array over by DLPack, on the device on which
+it lies, and torch waits for it as the protocol says.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..environment import Autoreset, Environment
+from ..errors import SettingError
+from .batch import Batch, Ended
+
+try:
+    import torch  # pyright: ignore[reportMissingImports]
+except ImportError as error:
+    raise ImportError(
+        f"PyTorch is not installed ({error}): pip install 'jaxenstein[torch]'"
+    ) from error
+
+_INTEGERS = (torch.int64, torch.int32, torch.int16, torch.int8, torch.uint8)
+
+
+class TorchEnded(NamedTuple):
+    """What a step that ended K episodes says of their ends, on the device of the batch.
+
+    Attributes:
+        indices: int64[K], which environments ended, ascending.
+        observation: as of the environment, with a leading axis K: the last observations.
+        info: tensors [K, ...]: what the step told of the last states.
+    """
+
+    indices: torch.Tensor
+    observation: Any
+    info: dict[str, torch.Tensor]
+
+
+class TorchStepped(NamedTuple):
+    """What a step gives: tensors on the device of the batch, with a leading axis N.
+
+    Attributes:
+        observation: what to act on next.
+        reward: float32[N].
+        terminated: bool[N], the tasks' own ends.
+        truncated: bool[N], ends by the time limit.
+        info: of the state in which each environment now is: after a reset in the same step that
+            of the new episode.
+        ended: only with `"same-step"`, where an episode ended; else None.
+    """
+
+    observation: Any
+    reward: torch.Tensor
+    terminated: torch.Tensor
+    truncated: torch.Tensor
+    info: dict[str, torch.Tensor]
+    ended: TorchEnded | None
+
+
+class TorchBatch:
+    """N environments of one kind for a training loop in PyTorch.
+
+    Every tensor keeps its values for as long as it is held, and may be written to: no step reads
+    or overwrites what an earlier one handed out. (Reading the same memory again as a JAX array
+    would show what was written.)
+
+    On a GPU each step waits for the work that torch has queued on its current stream before the
+    step, and torch for the step. Work on other streams of torch is the caller's to order.
+    """
+
+    def __init__(
+        self,
+        env: Environment[Any, Any],
+        params: Any = None,
+        num_envs: int = 1,
+        *,
+        autoreset: Autoreset | None = "same-step",
+    ) -> None:
+        """Hold `num_envs` environments; nothing is compiled or drawn before `reset`.
+
+        Args:
+            env: the environment, as `jaxenstein.make` returns it; its own `autoreset` and
+                `final_observation` do not matter.
+            params: its params, of all environments.
+            num_envs: N, at least 1.
+            autoreset: `"same-step"`, `"next-step"` or None, as `jaxenstein.Environment.autoreset`.
+
+        Raises:
+            SettingError: for a wrong `num_envs`, `autoreset` or `params`.
+        """
+        self.batch = Batch(env, params, num_envs, autoreset=autoreset)
+        self.num_envs = num_envs
+        self.num_actions = env.num_actions
+        # Where JAX puts what it computes is where the tensors are.
+        self.device = torch.from_dlpack(jnp.zeros(1, jnp.uint8)).device
+
+    def reset(
+        self, seed: int | list[int | None] | None = None, mask: torch.Tensor | None = None
+    ) -> tuple[Any, dict[str, torch.Tensor]]:
+        """Begin new episodes: observations and info.
+
+        Args:
+            seed: of the random streams: N numbers, or one, which stands for seed, seed + 1, ...
+                None goes on with the stream; before the first reset it begins one by chance.
+            mask: bool[N], which environments to reset; None for all.
+
+        Returns:
+            Observations of all environments (also of those that were not reset) and info.
+
+        Raises:
+            SettingError: for a wrong seed or mask.
+        """
+        host = mask.numpy(force=True) if mask is not None and torch.is_tensor(mask) else mask
+        return self._tensors(self.batch.reset(seed, host))
+
+    def step(self, actions: torch.Tensor) -> TorchStepped:
+        """Step every environment.
+
+        Args:
+            actions: integers [N], on any device; they may be overwritten afterwards. Actions
+                outside of the action space do nothing.
+
+        Raises:
+            SettingError: the actions have another shape or type, or `reset` was not called.
+        """
+        *values, ended = self.batch.step(self._to_jax(actions))
+        observation, reward, terminated, truncated, info = self._tensors(values)
+        ends = terminated, truncated
+        return TorchStepped(observation, reward, *ends, info, self._ended(ended))
+
+    def _to_jax(self, actions: torch.Tensor) -> jax.Array:
+        if not isinstance(actions, torch.Tensor) or actions.dtype not in _INTEGERS:
+            kind = getattr(actions, "dtype", type(actions).__name__)
+            raise SettingError(
+                f"actions must be a torch tensor of {self.num_envs} integers, not {kind}"
+            )
+        # Cut off before the cast to int32 could wrap around. What JAX gets is always new memory:
+        # it may read it later than the caller writes to theirs.
+        known = actions.to(self.device, torch.int64).clamp(-1, self.num_actions)
+        return jnp.from_dlpack(known.to(torch.int32))
+
+    def _ended(self, ended: Ended | None) -> TorchEnded | None:
+        if ended is None:
+            return None
+        indices, observation, info = self._tensors(tuple(ended))
+        return TorchEnded(indices, observation, info)
+
+    def _tensors(self, values: Any) -> Any:
+        return jax.tree.map(self._tensor, values)
+
+    def _tensor(self, value: jax.Array | np.ndarray) -> torch.Tensor:
+        if isinstance(value, np.ndarray):
+            return torch.from_numpy(value).to(self.device)
+        return torch.from_dlpack(value)

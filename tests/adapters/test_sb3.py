@@ -1,0 +1,294 @@
+"""Stable-Baselines3's `VecEnv`, beside the native environment and under its own algorithms."""
+
+import importlib
+import sys
+import warnings
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+import jaxenstein
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+
+from stable_baselines3 import PPO  # noqa: E402  # pyright: ignore[reportMissingImports]
+from stable_baselines3.common.evaluation import evaluate_policy  # noqa: E402  # pyright: ignore[reportMissingImports]
+from stable_baselines3.common.monitor import Monitor  # noqa: E402  # pyright: ignore[reportMissingImports]
+from stable_baselines3.common.vec_env import (  # noqa: E402  # pyright: ignore[reportMissingImports]
+    VecFrameStack,
+    VecMonitor,
+    VecTransposeImage,
+)
+
+from jaxenstein.adapters.sb3 import SB3VecEnv  # noqa: E402
+
+MAP = "#####\n#S.G#\n#####"
+FORWARD, STAY = 2, 4
+SIZE = {"height": 12, "width": 16}
+N = 3
+
+
+@pytest.fixture(scope="module")
+def made():
+    env, params = jaxenstein.from_ascii(MAP, heading=0.0, **SIZE)
+    return env, params.replace(max_steps_in_episode=7, move_distance=0.6)
+
+
+@pytest.fixture
+def venv(made):
+    venv = SB3VecEnv(made[0], made[1], N, render_mode="rgb_array")
+    venv.seed(0)
+    return venv
+
+
+class Native:
+    """One environment by `reset_env` and `step_env`; the corridor has nothing drawn by chance."""
+
+    def __init__(self, env, params):
+        self.env, self.params, self.key = env, params, jax.random.key(0)
+        self.reset()
+
+    def reset(self):
+        self.obs, self.state = self.env.reset_env(self.key, self.params)
+        return np.asarray(self.obs)
+
+    def step(self, action):
+        out = self.env.step_env(self.key, self.state, action, self.params)
+        self.obs, self.state, reward, terminated, _ = out
+        over = int(self.state.time) >= int(self.params.max_steps_in_episode)
+        return np.asarray(self.obs), float(reward), bool(terminated), over
+
+
+def test_steps_and_ends_are_those_of_the_environment(made, venv):
+    natives = [Native(made[0], made[1]) for _ in range(N)]
+    observation = venv.reset()
+    np.testing.assert_array_equal(observation, [native.reset() for native in natives])
+    rng = np.random.default_rng(0)
+    kinds = set()
+    sums, lengths = np.zeros(N), np.zeros(N, int)
+    for t in range(40):
+        # Three steps to the goal: at once; so late that time is up with the last; by chance.
+        late = FORWARD if t % 7 >= 4 else STAY
+        actions = np.array([FORWARD, late, rng.integers(0, 5)])
+        observation, rewards, dones, infos = venv.step(actions)
+        for i, native in enumerate(natives):
+            last, reward, terminated, over = native.step(int(actions[i]))
+            sums[i], lengths[i] = sums[i] + reward, lengths[i] + 1
+            assert rewards[i] == np.float32(reward)
+            assert dones[i] == (terminated or over)
+            assert infos[i]["TimeLimit.truncated"] == (over and not terminated)
+            if dones[i]:
+                kinds.add((terminated, over))
+                np.testing.assert_array_equal(infos[i]["terminal_observation"], last)
+                assert infos[i]["episode"]["r"] == pytest.approx(sums[i], abs=1e-6)
+                assert infos[i]["episode"]["l"] == lengths[i]
+                assert infos[i]["reached_goal"] == terminated
+                sums[i], lengths[i] = 0, 0
+                last = native.reset()
+            else:
+                assert set(infos[i]) == {"TimeLimit.truncated"}
+            np.testing.assert_array_equal(observation[i], last)
+    assert kinds == {(True, False), (False, True), (True, True)}
+
+
+def test_types(venv):
+    observation = venv.reset()
+    space = venv.observation_space
+    assert (space.shape, space.dtype, observation.shape) == ((12, 16, 3), np.uint8, (N, 12, 16, 3))
+    observation, rewards, dones, infos = venv.step(np.zeros(N, np.int64))
+    assert (rewards.shape, rewards.dtype) == ((N,), np.float32)
+    assert (dones.shape, dones.dtype) == ((N,), bool)
+    assert all(space.contains(row) for row in observation)
+    assert len(infos) == len({id(info) for info in infos}) == N
+    assert venv.action_space.n == 5
+    assert len(venv.reset_infos) == N
+    assert venv.reset_infos[0]["episode_length"] == 0
+
+
+def test_arrays_may_be_written_to_and_never_change(made):
+    ours, clean = SB3VecEnv(made[0], made[1], N), SB3VecEnv(made[0], made[1], N)
+    arrays = []
+    for venv in (ours, clean):
+        venv.seed(1)
+        arrays.append([venv.reset()])
+    arrays[0][0][:] = 9
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        actions = rng.integers(0, 5, N)
+        mine, theirs = ours.step(actions.copy()), clean.step(actions)
+        for a, b in zip(mine[:3], theirs[:3], strict=True):
+            np.testing.assert_array_equal(a, b)
+            assert a.flags.writeable
+            a[:] = 1
+        for a, b in zip(mine[3], theirs[3], strict=True):
+            if "terminal_observation" in a:
+                np.testing.assert_array_equal(a["terminal_observation"], b["terminal_observation"])
+                a["terminal_observation"][:] = 1
+        arrays[0].append(theirs[0])
+        arrays[1].append(theirs[0].copy())
+    for a, b in zip(arrays[0][1:], arrays[1][1:], strict=True):
+        np.testing.assert_array_equal(a, b)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        torch.as_tensor(ours.step(np.zeros(N, np.int64))[0])
+
+
+def test_seeds():
+    env, params = jaxenstein.from_ascii("######\n#S..G#\n######", **SIZE)
+
+    def headings(venv):
+        return [float(info["heading"]) for info in venv.reset_infos]
+
+    first, second = SB3VecEnv(env, params, N), SB3VecEnv(env, params, N)
+    drawn = []
+    for venv in (first, second):
+        assert venv.seed(7) == [7, 8, 9]
+        venv.reset()
+        drawn.append(headings(venv))
+        # A seed counts for one reset, after which the stream goes on.
+        venv.reset()
+        drawn.append(headings(venv))
+    assert drawn[0] == drawn[2]
+    assert drawn[1] == drawn[3]
+    assert drawn[0] != drawn[1]
+    assert len(set(drawn[0])) == N
+    first.seed()
+    first.reset()
+    assert headings(first) != drawn[0]
+
+
+@pytest.mark.parametrize("kind", ["gray", "dict"])
+def test_kinds_of_observation(made, kind):
+    env, params = jaxenstein.from_ascii(MAP, heading=0.0, observation=kind, **SIZE)
+    venv = SB3VecEnv(env, params.replace(max_steps_in_episode=2), 2)
+    first = venv.reset()
+    venv.step(np.zeros(2, int))
+    observation, _, dones, infos = venv.step(np.zeros(2, int))
+    assert dones.all()
+    if kind == "dict":
+        assert venv.observation_space["image"].shape == (12, 16, 3)
+        assert observation["image"].shape == (2, 12, 16, 3)
+        np.testing.assert_array_equal(observation["image"], first["image"])
+        last = infos[0]["terminal_observation"]
+        assert last["image"].shape == (12, 16, 3)
+        assert last["keys"].shape == (6,)
+        assert venv.observation_space.contains(last)
+    else:
+        assert observation.shape == (2, 12, 16, 1)
+        assert venv.observation_space.contains(infos[1]["terminal_observation"])
+        assert VecTransposeImage(venv).reset().shape == (2, 1, 12, 16)
+
+
+def test_by_id_and_without_what_there_is_not():
+    venv = SB3VecEnv("simple", num_envs=2, max_steps_in_episode=5, height=12, width=16)
+    assert venv.get_attr("max_steps_in_episode") == [5, 5]
+    assert venv.get_attr("render_mode") == [None, None]
+    wrong: list[tuple[dict[str, Any], str]] = [
+        ({"env": "simple", "num_envs": 0}, "num_envs"),
+        ({"env": "simple", "render_mode": "human"}, "render_mode must be"),
+        ({"env": "simple", "wdith": 3}, "wdith.*did you mean 'width'"),
+    ]
+    for arguments, message in wrong:
+        with pytest.raises(jaxenstein.SettingError, match=message):
+            SB3VecEnv(**arguments)
+    with pytest.raises(jaxenstein.UnknownEnvironmentError, match="simple"):
+        SB3VecEnv("simpel")
+
+
+def test_attributes_and_methods(made, venv):
+    env, _ = made
+    assert venv.get_attr("name", indices=[0, 2]) == ["custom", "custom"]
+    assert venv.get_attr("move_distance", indices=1) == [pytest.approx(0.6)]
+    assert not venv.has_attr("nothing")
+    assert venv.env_method("action_space", indices=1) == [env.action_space()]
+    venv.set_attr("max_steps_in_episode", 1)
+    venv.reset()
+    assert venv.step(np.full(N, STAY))[2].all()
+    with pytest.raises(jaxenstein.SettingError, match="did you mean 'move_distance'"):
+        venv.set_attr("move_distanc", 1.0)
+    with pytest.raises(jaxenstein.SettingError, match="set it for all"):
+        venv.set_attr("move_distance", 0.5, indices=[0])
+    with pytest.raises(jaxenstein.SettingError, match="no environment 3 among 3"):
+        venv.get_attr("name", indices=[3])
+    assert venv.env_is_wrapped(Monitor, indices=[0]) == [True]
+    assert venv.env_is_wrapped(VecMonitor) == [False] * N
+
+
+def test_pictures(made, venv):
+    with pytest.raises(jaxenstein.SettingError, match="call reset before render"):
+        venv.render()
+    observation = venv.reset()
+    np.testing.assert_array_equal(venv.get_images(), observation)
+    observation = venv.step(np.array([FORWARD, STAY, 0]))[0]
+    np.testing.assert_array_equal(venv.env_method("render", indices=[1, 2]), observation[1:])
+    picture = venv.render()
+    assert picture.shape == (24, 32, 3)
+    np.testing.assert_array_equal(picture[:12, :16], observation[0])
+    assert SB3VecEnv(made[0], made[1], 2).get_images() == [None, None]
+
+
+def test_wrong_calls(made, venv):
+    with pytest.raises(jaxenstein.SettingError, match="call reset before step"):
+        venv.step(np.zeros(N, int))
+    venv.reset()
+    with pytest.raises(jaxenstein.SettingError, match="step_async"):
+        venv.step_wait()
+    for actions in (np.zeros(N), np.zeros(N + 1, int), np.zeros((N, 1), int)):
+        with pytest.raises(jaxenstein.SettingError, match="3 integers"):
+            venv.step(actions)
+    venv.set_options({"map": 3})
+    with pytest.raises(jaxenstein.SettingError, match="no options"):
+        venv.reset()
+    venv.set_options()
+    venv.close()
+    with pytest.raises(jaxenstein.SettingError, match="call reset before step"):
+        venv.step(np.zeros(N, int))
+
+
+class Forward:
+    """A model for `evaluate_policy` that walks straight on."""
+
+    def predict(self, observations, state=None, episode_start=None, deterministic=True):
+        del episode_start, deterministic
+        return np.full(len(observations), FORWARD), state
+
+
+def test_evaluation_and_wrappers(venv):
+    # Warnings are errors here: evaluation without a Monitor would warn.
+    mean, deviation = evaluate_policy(Forward(), venv, n_eval_episodes=4)  # type: ignore[arg-type]
+    assert (mean, deviation) == (1.0, 0.0)
+    stacked = VecFrameStack(venv, 2)
+    first = stacked.reset()
+    assert first.shape == (N, 12, 16, 6)
+    second = stacked.step(np.full(N, STAY))[0]
+    np.testing.assert_array_equal(second[..., :3], first[..., 3:])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("policy", ["CnnPolicy", "MlpPolicy"])
+def test_ppo_trains(policy):
+    size = {"height": 36, "width": 36} if policy == "CnnPolicy" else SIZE
+    env, params = jaxenstein.from_ascii(MAP, heading=0.0, **size)
+    venv = SB3VecEnv(env, params.replace(max_steps_in_episode=20, move_distance=0.6), 8)
+    model = PPO(policy, venv, n_steps=32, batch_size=128, n_epochs=4, seed=0, learning_rate=1e-3)
+    before = [p.detach().clone() for p in model.policy.parameters()]
+    model.learn(4096)
+    assert any(
+        not torch.equal(a, b) for a, b in zip(before, model.policy.parameters(), strict=True)
+    )
+    assert all(bool(torch.isfinite(p).all()) for p in model.policy.parameters())
+    # Its own bookkeeping reads `episode`.
+    assert model.ep_info_buffer
+    assert {episode["r"] for episode in model.ep_info_buffer} <= {0.0, 1.0}
+    mean, _ = evaluate_policy(model, venv, n_eval_episodes=16, deterministic=False)
+    assert mean > 0.9
+
+
+def test_without_the_partner(monkeypatch):
+    monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env", None)
+    monkeypatch.delitem(sys.modules, "jaxenstein.adapters.sb3")
+    with pytest.raises(ImportError, match=r"pip install 'jaxenstein\[sb3\]'"):
+        importlib.import_module("jaxenstein.adapters.sb3")

@@ -1,0 +1,32 @@
+"""The actor-critic in PyTorch runs."""
+
+import math
+
+import jax
+import pytest
+
+pytest.importorskip("torch")
+
+from examples import torch_loop
+
+
+@pytest.fixture(autouse=True)
+def settings_as_users_have_them():
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield
+    jax.config.update("jax_cpu_enable_async_dispatch", True)
+
+
+def test_a_short_training(capsys):
+    curve = torch_loop.main(["--updates", "10", "--envs", "3", "--steps", "6"])
+    assert len(curve) == 10
+    # Episodes end after 50 of the 60 steps at the latest.
+    assert 0 <= curve[-1] <= 1
+    assert math.isnan(curve[0]) or 0 <= curve[0] <= 1
+    assert "update 10: mean return" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_it_learns():
+    curve = torch_loop.main(["--seed", "1"])
+    assert curve[-1] > 0.8
