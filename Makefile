@@ -17,7 +17,7 @@ PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || ec
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test check demo bench compare clean
+.PHONY: help setup test check demo bench compare partners clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
@@ -42,8 +42,11 @@ bench: $(VENV)/.core ## measure steps per second
 compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
 	$(BIN)/python -m benchmarks.compare_vizdoom $(ARGS)
 
+partners: $(VENV)/.created ## run the adapters' tests beside their partners, each in a .venv-partners/NAME
+	$(BIN)/python tests/adapters/partners.py $(ARGS)
+
 clean: ## remove .venv and everything generated
-	rm -rf $(VENV) $(DEMO) build dist .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-partners $(DEMO) build dist .pytest_cache .ruff_cache .hypothesis
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted one is done again.
