@@ -1,0 +1,313 @@
+"""The networks: image encoder, GRU with resets inside the sequence, heads.
+
+Every function takes any leading axes; sequences have time first. Parameters are float32,
+computations are of the config's dtype, results float32.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import flax.linen as nn
+import jax
+import jax.numpy as jnp
+
+from ..errors import SettingError
+from .config import Config
+from .convolution import conv_lax, conv_matmul, output_size
+from .observations import ObservationSpec
+
+Layers = tuple[tuple[int, int, int], ...]
+Prepare = Callable[[Any, Any], tuple[list[jax.Array], jax.Array]]
+
+# Frames that are encoded at once on a CPU.
+PIECE = 16
+
+NATURE: Layers = ((8, 4, 32), (4, 2, 64), (3, 1, 64))
+"""(kernel, stride, features) of Mnih et al. 2015; for images from 36 pixels on."""
+
+SMALL: Layers = ((4, 2, 16), (3, 2, 32))
+"""Layers for smaller images."""
+
+_SQRT2 = 2.0**0.5
+
+
+def dense(size: int, gain: float, dtype: Any) -> nn.Dense:
+    """A layer with orthogonal weights and no bias at first."""
+    initial = nn.initializers.orthogonal(gain)
+    return nn.Dense(size, kernel_init=initial, dtype=dtype, param_dtype=jnp.float32)
+
+
+class Encoder(nn.Module):
+    """Features of an observation: convolutions for each image, then one layer over everything."""
+
+    spec: ObservationSpec
+    features: int
+    layers: Layers | None
+    implementation: str
+    dtype: Any
+
+    @nn.compact
+    def __call__(self, images: list[jax.Array], vector: jax.Array) -> jax.Array:
+        """Return dtype[..., features] of what `ObservationSpec.prepare` returned."""
+        parts = [
+            self._convolve(image, shape, index)
+            for index, (image, shape) in enumerate(zip(images, self.spec.images, strict=True))
+        ]
+        merged = jnp.concatenate([*parts, vector], axis=-1)
+        return nn.relu(dense(self.features, _SQRT2, self.dtype)(merged))
+
+    def _convolve(self, image: jax.Array, shape: tuple[int, int, int], index: int) -> jax.Array:
+        convolve = conv_lax if self.implementation == "lax" else conv_matmul
+        channels = shape[-1]
+        for number, (kernel, stride, features) in enumerate(layers_for(shape, self.layers)):
+            name = f"image{index}_convolution{number}"
+            size = (kernel, kernel, channels, features)
+            weights = self.param(f"{name}_kernel", nn.initializers.orthogonal(_SQRT2), size)
+            bias = self.param(f"{name}_bias", nn.initializers.zeros, (features,))
+            image = convolve(image, weights.astype(self.dtype), stride)
+            bias = bias.astype(self.dtype).reshape((1,) * (image.ndim - 1) + (-1,))
+            image = nn.relu(image + bias)
+            channels = features
+        return image.reshape(*image.shape[:-3], -1)
+
+
+def layers_for(shape: tuple[int, int, int], layers: Layers | None) -> Layers:
+    """The convolutions for an image.
+
+    Raises:
+        SettingError: it is too small for the layers that were asked for.
+    """
+    height, width, _ = shape
+    if layers is None:
+        layers = NATURE if min(height, width) >= 36 else SMALL
+    for kernel, stride, _ in layers:
+        if min(height, width) < kernel:
+            raise SettingError(
+                f"convolutions {list(layers)} do not fit images of {shape[0]}x{shape[1]}: one "
+                f"with kernel {kernel} would see {height}x{width}; use fewer or smaller ones"
+            )
+        height, width = output_size(height, kernel, stride), output_size(width, kernel, stride)
+    return layers
+
+
+def _orthogonal_gates(key: jax.Array, shape: tuple[int, int]) -> jax.Array:
+    """Recurrent weights, orthogonal for each of the three gates."""
+    size = shape[0]
+    gates = [nn.initializers.orthogonal()(k, (size, size)) for k in jax.random.split(key, 3)]
+    return jnp.concatenate(gates, axis=1)
+
+
+class GRU(nn.Module):
+    """A gated recurrent unit (Cho et al. 2014), the reset gate behind the matrix, as in cuDNN.
+
+    r = sig(Wr x + br + Ur h),  z = sig(Wz x + bz + Uz h)
+    n = tanh(Wn x + bn + r (Un h + cn)),  h' = (1 - z) n + z h
+    """
+
+    size: int
+    dtype: Any
+
+    @nn.compact
+    def __call__(
+        self, inputs: jax.Array, reset: jax.Array, hidden: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
+        """Run over a sequence.
+
+        Args:
+            inputs: dtype[T, N, F].
+            reset: bool[T, N], where the memory is cleared before the step.
+            hidden: float32[N, size], the memory before the first step.
+
+        Returns:
+            float32[T, N, size], the memory after each step, and the last of them.
+        """
+        gates = nn.Dense(3 * self.size, dtype=self.dtype, param_dtype=jnp.float32)(inputs)
+        weights = self.param("recurrent", _orthogonal_gates, (self.size, 3 * self.size))
+        bias = self.param("candidate_bias", nn.initializers.zeros, (self.size,))
+        weights, bias = weights.astype(self.dtype), bias.astype(hidden.dtype)[None]
+
+        def cell(
+            hidden: jax.Array, step: tuple[jax.Array, jax.Array]
+        ) -> tuple[jax.Array, jax.Array]:
+            gates, reset = step
+            hidden = jnp.where(reset[:, None], jnp.zeros_like(hidden), hidden)
+            recurrent = (hidden.astype(self.dtype) @ weights).astype(hidden.dtype)
+            reset_x, update_x, new_x = jnp.split(gates.astype(hidden.dtype), 3, axis=-1)
+            reset_h, update_h, new_h = jnp.split(recurrent, 3, axis=-1)
+            update = nn.sigmoid(update_x + update_h)
+            new = jnp.tanh(new_x + nn.sigmoid(reset_x + reset_h) * (new_h + bias))
+            hidden = (1 - update) * new + update * hidden
+            return hidden, hidden
+
+        last, all_steps = jax.lax.scan(cell, hidden, (gates, reset))
+        return all_steps, last
+
+
+class Heads(nn.Module):
+    """The policy's logits and the values, each behind a hidden layer of its own."""
+
+    actions: int
+    values: int
+    hidden: int
+    dtype: Any
+
+    @nn.compact
+    def __call__(self, memory: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Return dtype[..., actions] and dtype[..., values]."""
+        memory = memory.astype(self.dtype)
+        actor = nn.relu(dense(self.hidden, _SQRT2, self.dtype)(memory))
+        logits = dense(self.actions, 0.01, self.dtype)(actor)
+        critic = nn.relu(dense(self.hidden, _SQRT2, self.dtype)(memory))
+        return logits, dense(self.values, 1.0, self.dtype)(critic)
+
+
+@dataclasses.dataclass(frozen=True)
+class Eye:
+    """An image encoder with parameters of its own.
+
+    Attributes:
+        spec: what observations are.
+        features: size of the result.
+        config: the kind of convolutions.
+        dtype: of the computations.
+    """
+
+    spec: ObservationSpec
+    features: int
+    config: Config
+    dtype: Any
+
+    def init(self, key: jax.Array) -> Any:
+        """Draw the parameters."""
+        images = [jnp.zeros((1, *shape), self.dtype) for shape in self.spec.images]
+        return self._module.init(key, images, jnp.zeros((1, self.spec.vector), self.dtype))
+
+    def encode(self, params: Any, obs: Any, prepare: Prepare | None = None) -> jax.Array:
+        """dtype[..., features] of observations; `prepare` replaces that of `spec`."""
+        return self._module.apply(params, *(prepare or self.spec.prepare)(obs, self.dtype))
+
+    def encode_sequence(self, params: Any, obs: Any, prepare: Prepare | None = None) -> jax.Array:
+        """The same for leading axes [T, N].
+
+        On a CPU it goes piece by piece, and again in the backward pass, so that the pieces stay
+        in the cache: twice as fast, and it takes far less memory.
+        """
+        length, batch = jax.tree.leaves(obs)[0].shape[:2]
+        piece = max(
+            size
+            for size in range(1, length + 1)
+            if length % size == 0 and (size == 1 or size * batch <= PIECE)
+        )
+        if jax.default_backend() != "cpu" or piece == length:
+            return self.encode(params, obs, prepare)
+        pieces = jax.tree.map(lambda leaf: leaf.reshape(-1, piece, *leaf.shape[1:]), obs)
+        encode = jax.checkpoint(lambda part: self.encode(params, part, prepare))
+        features = jax.lax.map(encode, pieces)
+        return features.reshape(length, batch, -1)
+
+    @functools.cached_property
+    def _module(self) -> Encoder:
+        config = self.config
+        return Encoder(
+            self.spec, self.features, config.convolutions, config.convolution, self.dtype
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class ActorCritic:
+    """The recurrent network of policy and values.
+
+    Attributes:
+        spec: what observations are.
+        actions: number of actions, `A`.
+        values: number of values, `V`.
+        config: sizes, dtype and kind of convolutions.
+        dtype: of the computations.
+        state_dtype: of the memory and the results; float64 for tests.
+    """
+
+    spec: ObservationSpec
+    actions: int
+    values: int
+    config: Config
+    dtype: Any = jnp.float32
+    state_dtype: Any = jnp.float32
+
+    @functools.cached_property
+    def eye(self) -> Eye:
+        """The image encoder."""
+        return Eye(self.spec, self.config.features, self.config, self.dtype)
+
+    def init(self, key: jax.Array) -> dict[str, Any]:
+        """Draw the parameters."""
+        encoder_key, core_key, heads_key = jax.random.split(key, 3)
+        width = self.config.features + self.actions
+        sequence = jnp.zeros((1, 1, width), self.dtype)
+        memory = self.initial_memory(1)
+        return {
+            "encoder": self.eye.init(encoder_key),
+            "core": self._core.init(core_key, sequence, jnp.zeros((1, 1), bool), memory),
+            "heads": self._heads.init(heads_key, memory),
+        }
+
+    def initial_memory(self, batch: int) -> jax.Array:
+        """float[batch, hidden], zeros."""
+        return jnp.zeros((batch, self.config.hidden), self.state_dtype)
+
+    def unroll(
+        self, params: Any, obs: Any, previous: jax.Array, first: jax.Array, memory: jax.Array
+    ) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """Run over sequences.
+
+        Args:
+            params: of `init`.
+            obs: observations with leading axes [T, N].
+            previous: int32[T, N], the actions before; ignored where `first`.
+            first: bool[T, N], whether an episode begins with the observation.
+            memory: float32[N, hidden] before the first step.
+
+        Returns:
+            float32[T, N, A] logits, float32[T, N, V] values, float32[N, hidden] memory after
+            the last step.
+        """
+        features = self.eye.encode_sequence(params["encoder"], obs)
+        return self.unroll_features(params, features, previous, first, memory)
+
+    def unroll_features(
+        self,
+        params: Any,
+        features: jax.Array,
+        previous: jax.Array,
+        first: jax.Array,
+        memory: jax.Array,
+    ) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """The part of `unroll` behind the encoder."""
+        if not self.config.recurrent:
+            first = jnp.ones_like(first)
+        # -1 is no action: its one-hot vector is zero.
+        action = jnp.where(first, jnp.full_like(previous, -1), previous)
+        action = jax.nn.one_hot(action, self.actions, dtype=self.dtype)
+        inputs = jnp.concatenate([features, action], axis=-1)
+        steps, last = self._core.apply(params["core"], inputs, first, memory)
+        logits, values = self._heads.apply(params["heads"], steps)
+        return logits.astype(self.state_dtype), values.astype(self.state_dtype), last
+
+    def step(
+        self, params: Any, obs: Any, previous: jax.Array, first: jax.Array, memory: jax.Array
+    ) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """One step of `unroll`: the same without the axis of time."""
+        obs = jax.tree.map(lambda leaf: leaf[None], obs)
+        logits, values, memory = self.unroll(params, obs, previous[None], first[None], memory)
+        return logits[0], values[0], memory
+
+    @functools.cached_property
+    def _core(self) -> GRU:
+        return GRU(self.config.hidden, self.dtype)
+
+    @functools.cached_property
+    def _heads(self) -> Heads:
+        return Heads(self.actions, self.values, self.config.head, self.dtype)

@@ -1,0 +1,209 @@
+"""Environments as the training loop drives them: a batch, resets included.
+
+`Simulator` hides where an environment comes from. Those of this package are stepped without an
+observation, reset where an episode ended, and drawn once; a state, not a frame, is kept of
+episodes that the time limit cut off. Others go by gymnax' contract of six values.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engine.fusion import where_any
+from ..environment import Environment, cast_params
+from ..errors import SettingError
+from ..pytree import Record, record
+
+
+@record
+class Outcome(Record):
+    """What one step of `N` environments led to.
+
+    Attributes:
+        obs: the next observations to act on: first ones where an episode ended.
+        state: the states that belong to them.
+        reward: float32[N].
+        terminated: bool[N], the task's own end.
+        truncated: bool[N], the time limit, where not terminated.
+        reached: bool[N], whether the goal was reached in this step.
+        final: what `final_observation` makes the last observation of an ended episode of.
+    """
+
+    obs: Any
+    state: Any
+    reward: jax.Array
+    terminated: jax.Array
+    truncated: jax.Array
+    reached: jax.Array
+    final: Any
+
+
+class Simulator(Protocol):
+    """A batch of environments."""
+
+    num_actions: int
+
+    def reset(self, keys: jax.Array) -> tuple[Any, Any]:
+        """First observations and states, for keys[N]."""
+        ...
+
+    def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
+        """Step each environment, and begin anew where an episode ended."""
+        ...
+
+    def final_of(self, obs: Any, state: Any) -> Any:
+        """What `Outcome.final` is of, for any observations and states of the batch."""
+        ...
+
+    def final_observation(self, final: Any) -> Any:
+        """The observations of `Outcome.final` with one leading axis."""
+        ...
+
+
+def make_simulator(env: Any, params: Any) -> Simulator:
+    """Wrap an environment of this package or of gymnax' contract.
+
+    Raises:
+        SettingError: actions are not discrete, or it lacks the contract's functions.
+    """
+    if isinstance(env, Environment):
+        return OwnSimulator(env, params)
+    for name in ("reset", "step", "action_space", "observation_space"):
+        if not callable(getattr(env, name, None)):
+            raise SettingError(
+                f"an environment needs {name}(...), as those of jaxenstein.make or gymnax have "
+                f"it; {type(env).__name__} has none"
+            )
+    return GymnaxSimulator(env, params)
+
+
+def most_truncations(params: Any, steps: int) -> int:
+    """How many time limits one environment can meet in `steps` steps.
+
+    Args:
+        params: with concrete `max_steps_in_episode`; without it, `steps` is the answer.
+        steps: at least 1.
+    """
+    limit = getattr(params, "max_steps_in_episode", None)
+    if limit is None:
+        return steps
+    shortest = max(1, int(np.min(np.asarray(limit))))
+    return 1 + (steps - 1) // shortest
+
+
+class OwnSimulator:
+    """Environments of this package, whatever their `autoreset`."""
+
+    def __init__(self, env: Environment[Any, Any], params: Any) -> None:
+        """Take an environment and its params."""
+        self.num_actions = env.num_actions
+        self._env = env
+        self._params = params
+
+    def reset(self, keys: jax.Array) -> tuple[Any, Any]:
+        """First observations and states, for keys[N]."""
+        return jax.vmap(lambda key: self._env.reset(key, self._params))(keys)
+
+    def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
+        """As `Environment.step` with `"same-step"`, key for key; `final` are the states."""
+        return jax.vmap(self._step)(keys, state, action)
+
+    def _step(self, key: jax.Array, state: Any, action: jax.Array) -> Outcome:
+        env, params = self._env, env_cast(self._env, self._params)
+        step_key, reset_key = jax.random.split(key)
+        after, reward, terminated, info = env.advance(step_key, state, action, params)
+        ended = after.done
+        fresh = where_any(env.init_state)(ended, reset_key, params)
+        following = jax.tree.map(lambda a, b: jnp.where(ended, a, b), fresh, after)
+        return Outcome(
+            obs=env.observe(following, params),
+            state=following,
+            reward=reward.astype(jnp.float32),
+            terminated=terminated,
+            truncated=(after.time >= params.max_steps_in_episode) & ~terminated,
+            reached=_reached(info, terminated, reward),
+            final=after,
+        )
+
+    def final_of(self, obs: Any, state: Any) -> Any:
+        """The states."""
+        del obs
+        return state
+
+    def final_observation(self, final: Any) -> Any:
+        """Draw the observations of states."""
+        params = env_cast(self._env, self._params)
+        return jax.vmap(lambda state: self._env.observe(state, params))(final)
+
+
+class GymnaxSimulator:
+    """Environments of gymnax' contract: six values, resets in the same step.
+
+    `info["final_observation"]` is the observation before a reset.
+    """
+
+    def __init__(self, env: Any, params: Any) -> None:
+        """Take an environment and its params.
+
+        Raises:
+            SettingError: its actions are not discrete, or `step` returns other than six values.
+        """
+        actions = getattr(env.action_space(params), "n", None)
+        if actions is None:
+            raise SettingError(f"actions must be discrete, not {env.action_space(params)}")
+        self.num_actions = int(actions)
+        self._env = env
+        self._params = params
+        key = jax.random.key(0)
+        state = jax.eval_shape(env.reset, key, params)[1]
+        values = jax.eval_shape(env.step, key, state, jnp.int32(0), params)
+        if len(values) != 6:
+            raise SettingError(
+                "step must return observation, state, reward, terminated, truncated, info, as "
+                f"gymnax 1.0 does; {type(env).__name__} returns {len(values)} values"
+            )
+        self.has_final = "final_observation" in values[-1]
+
+    def reset(self, keys: jax.Array) -> tuple[Any, Any]:
+        """First observations and states, for keys[N]."""
+        return jax.vmap(lambda key: self._env.reset(key, self._params))(keys)
+
+    def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
+        """Step; `final` are the observations before the resets, () if `info` has none."""
+        step = jax.vmap(lambda *args: self._env.step(*args, self._params))
+        obs, state, reward, terminated, truncated, info = step(keys, state, action)
+        terminated = terminated.astype(bool)
+        return Outcome(
+            obs=obs,
+            state=state,
+            reward=reward.astype(jnp.float32),
+            terminated=terminated,
+            truncated=truncated.astype(bool) & ~terminated,
+            reached=_reached(info, terminated, reward),
+            final=info.get("final_observation", ()),
+        )
+
+    def final_of(self, obs: Any, state: Any) -> Any:
+        """The observations."""
+        del state
+        return obs if self.has_final else ()
+
+    def final_observation(self, final: Any) -> Any:
+        """The observations themselves."""
+        return final
+
+
+def env_cast(env: Environment[Any, Any], params: Any) -> Any:
+    """The params as arrays of the default's kinds."""
+    return cast_params(params, env.default_params)
+
+
+def _reached(info: Any, terminated: jax.Array, reward: jax.Array) -> jax.Array:
+    """Success: the event of that name, or else an end with a reward."""
+    if "reached_goal" in info:
+        return info["reached_goal"].astype(bool)
+    return terminated & (reward > 0)

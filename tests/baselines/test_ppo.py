@@ -1,0 +1,183 @@
+"""PPO's parts against hand computation and finite differences."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+
+from jaxenstein.baselines import Config, HParams, optimiser, ppo
+from jaxenstein.baselines.minibatches import draw_minibatches, passes, take
+from jaxenstein.baselines.networks import ActorCritic
+from jaxenstein.baselines.observations import ObservationSpec, Part
+from jaxenstein.baselines.rollout import Steps
+from tests.baselines.worlds import enable_x64
+
+
+def make_batch(rng, steps=4, batch=3, heads=2, dtype: Any = np.float32):
+    shape = (steps, batch)
+    real = lambda *extra: jnp.asarray(rng.normal(size=(*shape, *extra)).astype(dtype))  # noqa: E731
+    whole = lambda n: jnp.asarray(rng.integers(0, n, shape).astype(np.int32))  # noqa: E731
+    flags = lambda p: jnp.asarray(rng.random(shape) < p)  # noqa: E731
+    played = Steps(
+        obs=real(3),
+        previous=whole(2),
+        first=flags(0.3),
+        action=whole(2),
+        log_prob=-jnp.abs(real()) - 0.3,
+        value=real(heads),
+        reward=real(),
+        terminated=flags(0.1),
+        truncated=flags(0.1),
+    )
+    memory = jnp.asarray(rng.normal(size=(batch, 4)).astype(dtype))
+    return ppo.Batch(played, memory, real(), real(heads))
+
+
+def by_hand(logits, value, batch, h, floor=1e-8):
+    """The loss, step by step in numpy."""
+    p = jax.tree.map(np.asarray, batch)
+    advantage = (p.advantage - p.advantage.mean()) / (p.advantage.std() + floor)
+    steps, count = p.advantage.shape
+    policy, entropy, clipped = 0.0, 0.0, 0
+    errors = np.zeros(value.shape[-1])
+    for t in range(steps):
+        for n in range(count):
+            prob = np.exp(logits[t, n]) / np.exp(logits[t, n]).sum()
+            ratio = prob[p.steps.action[t, n]] / np.exp(p.steps.log_prob[t, n])
+            bounded = min(max(ratio, 1 - h.clip), 1 + h.clip)
+            policy -= min(ratio * advantage[t, n], bounded * advantage[t, n])
+            clipped += abs(ratio - 1) > h.clip
+            entropy -= (prob * np.log(prob)).sum()
+            for v in range(len(errors)):
+                old, target, new = p.steps.value[t, n, v], p.target[t, n, v], value[t, n, v]
+                near = old + min(max(new - old, -h.value_clip), h.value_clip)
+                errors[v] += max((new - target) ** 2, (near - target) ** 2)
+    size = steps * count
+    total = policy / size + h.value * errors.sum() / size - h.entropy * entropy / size
+    return total, policy / size, errors.sum() / size, entropy / size, clipped / size
+
+
+class Fixed:
+    """A network that says what it is told."""
+
+    def __init__(self, logits, value):
+        self.result = logits, value, None
+
+    def unroll(self, params, obs, previous, first, memory):
+        return self.result
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_loss_is_that_of_a_hand_computation(seed):
+    rng = np.random.default_rng(seed)
+    batch = make_batch(rng)
+    logits, value = rng.normal(size=(4, 3, 2)), rng.normal(size=(4, 3, 2))
+    h = HParams(entropy=0.3, clip=0.25, value_clip=0.4)
+    network: Any = Fixed(jnp.asarray(logits, jnp.float32), jnp.asarray(value, jnp.float32))
+    total, parts = ppo.loss(network, Config(), {}, batch, h)
+    expected = by_hand(logits, value, batch, h)
+    got = (total, *(parts[n] for n in ("policy_loss", "value_loss", "entropy", "clip_fraction")))
+    np.testing.assert_allclose(got, expected, rtol=1e-5)
+    half, _ = ppo.loss(network, Config(value_loss_half=True), {}, batch, h)
+    np.testing.assert_allclose(total - half, h.value * expected[2] / 2, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("advantage", "moved", "gradient"),
+    [(1.0, 0.5, 0.0), (1.0, -0.5, 1.0), (-1.0, 0.5, 1.0), (-1.0, -0.5, 0.0)],
+)
+def test_the_clip_stops_what_went_far_enough(advantage, moved, gradient):
+    batch = make_batch(np.random.default_rng(0), 1, 1)
+    steps = batch.steps.replace(
+        action=jnp.zeros((1, 1), jnp.int32), log_prob=jnp.log(0.5) * jnp.ones((1, 1)) - moved
+    )
+
+    def surrogate(logits):
+        return ppo.policy_loss(logits, steps, jnp.full((1, 1), advantage), HParams())[0]
+
+    slope = jax.grad(surrogate)(jnp.zeros((1, 1, 2)))
+    assert bool(jnp.any(slope != 0)) == bool(gradient)
+
+
+def test_the_floor_keeps_small_advantages_small():
+    advantage = jnp.array([[1e-3, -1e-3]])
+    np.testing.assert_allclose(ppo.normalise(advantage, HParams()), [[1, -1]], rtol=1e-4)
+    floored = ppo.normalise(advantage, HParams(advantage_floor=0.1))
+    np.testing.assert_allclose(floored, advantage / 0.101, rtol=1e-4)
+    np.testing.assert_array_equal(ppo.normalise(jnp.ones((2, 2)), HParams()), np.zeros((2, 2)))
+
+
+def test_gradient_is_that_of_finite_differences():
+    with enable_x64(True):
+        spec = ObservationSpec((Part((3,), False, "log"),))
+        config = Config(features=5, hidden=4, head=5)
+        network = ActorCritic(spec, 2, 2, config, jnp.float64, jnp.float64)
+        params = jax.tree.map(lambda a: a.astype(jnp.float64), network.init(jax.random.key(0)))
+        batch = make_batch(np.random.default_rng(4), dtype=np.float64)
+
+        @jax.jit
+        def value(params):
+            return ppo.loss(network, config, params, batch, HParams(entropy=0.3))[0]
+
+        gradients = jax.grad(value)(params)
+        rng = np.random.default_rng(5)
+        direction = jax.tree.map(lambda a: jnp.asarray(rng.normal(size=a.shape)), params)
+        slope = sum(
+            jnp.sum(a * b)
+            for a, b in zip(jax.tree.leaves(gradients), jax.tree.leaves(direction), strict=True)
+        )
+        move = lambda e: jax.tree.map(lambda a, b: a + e * b, params, direction)  # noqa: E731
+        expected = (value(move(1e-6)) - value(move(-1e-6))) / 2e-6
+        np.testing.assert_allclose(slope, expected, rtol=1e-6)
+        assert abs(float(expected)) > 1e-3
+
+
+def test_minibatches_are_all_environments_once():
+    config = Config(num_envs=12, minibatches=3, shards=2)
+    chosen = draw_minibatches(jax.random.key(0), config)
+    assert chosen.shape == (3, 2, 2)
+    env = jnp.arange(12, dtype=jnp.int32)
+    data = (jnp.stack([env, env + 100]), jnp.arange(24, dtype=jnp.int32).reshape(2, 12, 1))
+    seen = []
+    for part in chosen:
+        rows = take(env, part, 0)
+        assert sorted(r // 6 for r in rows.tolist()) == [0, 0, 1, 1]
+        sequences, wide = take(data, part, 1)
+        np.testing.assert_array_equal(sequences, [rows, rows + 100])
+        np.testing.assert_array_equal(wide[..., 0], [rows, rows + 12])
+        seen += rows.tolist()
+    assert sorted(seen) == list(range(12))
+
+
+def test_every_pass_shuffles_anew():
+    config = Config(num_envs=8, minibatches=2)
+    _, mean = passes(jax.random.key(0), config, 3, lambda c, e: (c, e.astype(jnp.float32)), 0)
+    np.testing.assert_allclose(mean, 3.5)
+    orders = [draw_minibatches(k, config) for k in jax.random.split(jax.random.key(0), 3)]
+    assert not np.array_equal(orders[0], orders[1])
+
+
+def test_optimiser_is_that_of_optax():
+    rng = np.random.default_rng(0)
+    draw = lambda: {"a": jnp.asarray(rng.normal(size=(3, 2)).astype(np.float32)), "b": jnp.ones(2)}  # noqa: E731
+    params = mine = draw()
+    reference = optax.chain(optax.clip_by_global_norm(0.5), optax.adam(1e-2, eps=1e-5))
+    state, adam, gradients = reference.init(params), optimiser.init(mine), {}
+    rate, highest = jnp.float32(1e-2), jnp.float32(0.5)
+    for _ in range(3):
+        gradients = draw()
+        with jax.numpy_dtype_promotion("standard"):
+            updates, state = reference.update(gradients, state, params)
+            params = optax.apply_updates(params, updates)
+        mine, adam, size = optimiser.step(gradients, adam, mine, rate, highest)
+        np.testing.assert_allclose(
+            size, np.sqrt(sum((np.asarray(g) ** 2).sum() for g in gradients.values())), rtol=1e-6
+        )
+        jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5), mine, params)
+    clipped, _ = optimiser.clip(gradients, highest)
+    np.testing.assert_allclose(optimiser.norm(clipped), 0.5, rtol=1e-6)
+    small, _ = optimiser.clip(gradients, jnp.float32(1e3))
+    jax.tree.map(np.testing.assert_array_equal, small, gradients)
