@@ -33,8 +33,11 @@ check: $(VENV)/.dev ## lint, formatting and types
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 
-demo: $(VENV)/.core ## a rollout of 512 environments, with a GIF and a contact sheet in demo/
-	$(BIN)/jaxenstein rollout my-way-home --envs 512 --steps 500 --out $(DEMO)
+demo: $(VENV)/.baselines ## train an agent on a small map in about 3 minutes: its curve and a GIF in demo/
+	@rm -rf $(DEMO)/run && mkdir -p $(DEMO)
+	$(BIN)/jaxenstein train --config examples/demo.toml --out $(DEMO)/run
+	$(BIN)/jaxenstein plot $(DEMO)/run --metric success --out $(DEMO)/learning_curve.png
+	$(BIN)/jaxenstein evaluate $(DEMO)/run --gif $(DEMO)/agent.gif
 
 bench: $(VENV)/.core ## measure steps per second
 	$(BIN)/jaxenstein bench my-way-home $(ARGS)
@@ -68,6 +71,11 @@ $(VENV)/.core: pyproject.toml src/jaxenstein/version.py $(VENV)/.created
 $(VENV)/.dev: $(VENV)/.core
 	@echo "Installing the tools for tests and checks ..."
 	@$(PIP) --editable '.[dev]'
+	@touch $@
+
+$(VENV)/.baselines: $(VENV)/.core
+	@echo "Installing flax, optax, orbax and matplotlib for the baselines ..."
+	@$(PIP) --editable '.[baselines]'
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.core

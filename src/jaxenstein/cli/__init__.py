@@ -1,4 +1,4 @@
-"""The command line: `jaxenstein list | play | rollout | record | replay | convert | bench`.
+"""The command line: `jaxenstein list | play | rollout | record | train | ...`.
 
 Importing this package is cheap; JAX is imported by the commands that need it, when they run.
 """
@@ -12,10 +12,36 @@ from collections.abc import Sequence
 from ..errors import JAXensteinError
 from ..version import __version__
 from ..view.files import OutputError
-from . import bench, convert, listing, play, record, replay, rollout
+from . import (
+    bench,
+    convert,
+    evaluate,
+    listing,
+    play,
+    plot,
+    record,
+    replay,
+    rollout,
+    sweep,
+    train,
+)
 from .arguments import Parser, UsageError
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
+
+COMMANDS = (
+    listing,
+    play,
+    rollout,
+    record,
+    replay,
+    convert,
+    bench,
+    train,
+    sweep,
+    evaluate,
+    plot,
+)
 
 EXAMPLES = """\
 examples:
@@ -27,6 +53,9 @@ examples:
   jaxenstein replay simple.json
   jaxenstein convert nav_maze_static_01.map --out maze.txt
   jaxenstein bench my-way-home --batch 64,256,1024 --json bench.json
+  jaxenstein train --env simple --algo rnd --seeds 5 --out runs/simple-rnd
+  jaxenstein evaluate runs/simple-rnd --gif agent.gif
+  jaxenstein plot runs/simple-rnd --out curves.png
 
 'jaxenstein COMMAND --help' explains a command and all its options.
 """
@@ -76,7 +105,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"jaxenstein {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (listing, play, rollout, record, replay, convert, bench):
+    for command in COMMANDS:
         command.add_command(commands)
     return parser
 

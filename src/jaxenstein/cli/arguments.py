@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
-from ..errors import MapWarning
+from ..errors import MapWarning, nearest
 
 if TYPE_CHECKING:
     from ..tasks.first_person import FirstPerson
@@ -25,10 +25,39 @@ class UsageError(Exception):
 class Parser(argparse.ArgumentParser):
     """An argument parser that reports mistakes as `UsageError` and keeps the layout of texts."""
 
-    def __init__(self, **kwargs: Any) -> None:
-        """Take the arguments of `argparse.ArgumentParser`."""
+    def __init__(self, *, fill: Callable[[Parser], None] | None = None, **kwargs: Any) -> None:
+        """Build.
+
+        Args:
+            fill: adds the arguments when they are needed, for a command whose arguments take
+                long to find out.
+            **kwargs: those of `argparse.ArgumentParser`.
+        """
         kwargs.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
         super().__init__(allow_abbrev=False, **kwargs)
+        self._fill = fill
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Any = None, namespace: Any = None
+    ) -> Any:
+        """Parse; the nearest flag is named for one that there is not."""
+        self._filled()
+        known, unknown = super().parse_known_args(args, namespace)
+        for flag in unknown:
+            close = nearest(flag.partition("=")[0], self._option_string_actions)
+            if flag.startswith("--") and close:
+                self.error(f"unrecognized argument: {flag}{close}")
+        return known, unknown
+
+    def format_help(self) -> str:
+        """The help text."""
+        self._filled()
+        return super().format_help()
+
+    def _filled(self) -> None:
+        if self._fill is not None:
+            fill, self._fill = self._fill, None
+            fill(self)
 
     def error(self, message: str) -> NoReturn:
         """Raise `UsageError` instead of printing the usage."""

@@ -9,7 +9,7 @@ import os
 import signal
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -18,9 +18,12 @@ from ..view.episode import Episode, compose
 from ..view.progress import Progress
 from ..view.recording import check_animation, save_animation, scale_to
 from .arguments import UsageError, add_environment, add_seed, open_environment, real
+from .record import load_agent, stage_of
 
 if TYPE_CHECKING:
+    from ..baselines.agents import TrainedPolicy
     from ..episodes.session import Session
+    from ..tasks.first_person import FirstPerson
     from ..view.game import Game
     from ..view.terminal import Terminal
     from ..view.window import Window
@@ -35,6 +38,7 @@ in a terminal with 24-bit colour, also over SSH.
                                            Q, Esc  quit
 
 Keys that are held act again and again. Time passes only with actions, as it does for an agent.
+With --policy RUN an agent that 'jaxenstein train' made plays, and you watch.
 """
 EPILOG = """\
 examples:
@@ -42,6 +46,7 @@ examples:
   jaxenstein play my-way-home --native --record home.gif
   jaxenstein play health-gathering --terminal
   jaxenstein play --map-file maze.txt --save maze.json
+  jaxenstein play --policy runs/simple-rnd
 """
 # (height, width) of pictures for people, of those that agents get by default, and the largest
 # that a terminal gets, which a slow line has to carry.
@@ -80,6 +85,12 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         metavar="RATE",
         help="the most steps a second, 1 to 60 (default %(default)g)",
     )
+    how.add_argument(
+        "--policy",
+        type=Path,
+        metavar="RUN",
+        help="watch the trained agent of a run directory, where it was trained or in ID",
+    )
     add_seed(how)
     out = parser.add_argument_group("what is written at the end")
     out.add_argument(
@@ -102,11 +113,17 @@ def run(options: argparse.Namespace) -> None:
     if options.record is not None:
         check_animation(options.record)
     terminal = _open_terminal() if options.terminal else None
-    _choose_size(options, terminal)
-    env, params, name = open_environment(options, autoreset=None)
+    agent = None
+    if options.policy is None:
+        _choose_size(options, terminal)
+        env, params, name = open_environment(options, autoreset=None)
+    else:
+        agent = load_agent(options.policy)
+        env, params, name = _stage(agent, options)
     from ..episodes.recipe import recipe_of
     from ..episodes.trajectory import check_trajectory
     from ..view.game import Game, play, wait_for
+    from ..view.watching import Watched
 
     if options.save is not None:
         check_trajectory(options.save)
@@ -114,7 +131,10 @@ def run(options: argparse.Namespace) -> None:
 
     def load() -> Game:
         keep, note = options.record is not None, _note(options)
-        return Game(env, params, seed=options.seed, fps=options.fps, keep=keep, note=note)
+        common: dict[str, Any] = {"seed": options.seed, "fps": options.fps, "keep": keep}
+        if agent is not None:
+            return Watched(env, params, agent, note=f"watching {agent.name}", **common)
+        return Game(env, params, note=note, **common)
 
     game = None
     try:
@@ -125,6 +145,23 @@ def run(options: argparse.Namespace) -> None:
     finally:
         if game is not None:
             _write(game, options, name)
+
+
+def _stage(
+    agent: TrainedPolicy, options: argparse.Namespace
+) -> tuple[FirstPerson[Any, Any], Any, str]:
+    """The environment to watch an agent in; the picture is the one that it sees."""
+    height, width = agent.env.height, agent.env.width
+    if (options.height, options.width) not in (COMFORTABLE, (height, width)):
+        raise UsageError(
+            f"jaxenstein play: {agent.name} sees {width}x{height} pixels; leave out --height and "
+            "--width"
+        )
+    elsewhere = options.id is not None or options.map_file is not None
+    options.height, options.width = (height, width) if elsewhere else NATIVE
+    stage = stage_of(agent, options)
+    options.height, options.width = height, width
+    return stage
 
 
 def _open_terminal() -> Terminal:

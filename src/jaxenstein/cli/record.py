@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..episodes.policies import POLICIES, Policy, Script, named_policy
+from ..errors import nearest
 from ..view.episode import SHEET_VIEWS, Episode, compose, save_sheet
 from ..view.files import check_writable
 from ..view.progress import Progress
@@ -22,6 +23,7 @@ from .arguments import (
 )
 
 if TYPE_CHECKING:
+    from ..baselines.agents import TrainedPolicy
     from ..tasks.first_person import FirstPerson
 
 DESCRIPTION = """\
@@ -29,6 +31,8 @@ Play one episode and write it as a GIF or MP4: what the agent sees, beside the m
 with the agent, its field of view and its path so far, over a line with step, return and events.
 MP4 needs the extra 'video': pip install 'jaxenstein[video]'.
 The episode stops at the goal, at the horizon, after --steps, or after the last of --actions.
+An agent that 'jaxenstein train' made acts with --policy RUN, its run directory; without ID it
+does so in the environment that it was trained in.
 """
 EPILOG = """\
 examples:
@@ -38,6 +42,7 @@ examples:
   jaxenstein record simple --policy random --out simple.gif --save simple.json
   jaxenstein record simple --actions "forward*20,turn right*6,forward" --out simple.gif
   jaxenstein record --map-file maze.txt --width 160 --height 120 --fov 90 --out maze.gif
+  jaxenstein record --policy runs/simple-rnd --out agent.gif
 
 actions are numbers or names (see 'jaxenstein list'), separated by commas; 2*10 is ten times 2.
 policies:
@@ -75,10 +80,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     how = played.add_mutually_exclusive_group()
     how.add_argument(
         "--policy",
-        choices=tuple(POLICIES),
+        type=actor,
         default="forward",
         metavar="NAME",
-        help="who acts, see below (default %(default)s)",
+        help="who acts, see below, or the run directory of a trained agent (default %(default)s)",
     )
     how.add_argument("--actions", metavar="LIST", help='the actions to take, such as "2,2,0,1"')
     add_seed(played)
@@ -123,7 +128,8 @@ def add_pictures(out: argparse._ArgumentGroup) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Play the episode and write its pictures."""
-    env, params, name = open_environment(options, autoreset=None)
+    agent = load_agent(options.policy) if isinstance(options.policy, Path) else None
+    env, params, name = stage_of(agent, options)
     check_pictures(options)
     from ..episodes.recipe import recipe_of
     from ..episodes.recorder import play
@@ -133,7 +139,7 @@ def run(options: argparse.Namespace) -> None:
     if options.save is not None:
         check_trajectory(options.save)
     recipe = None if options.save is None else recipe_of(env, params)
-    policy, steps = _policy(env, params, options)
+    policy, steps = _policy(env, params, options, agent)
     with Progress(steps, "playing") as progress:
         session = Session(env, params, options.seed)
         episode = play(session, policy, steps, recipe, notify=progress.update)
@@ -144,6 +150,48 @@ def run(options: argparse.Namespace) -> None:
         written.append(options.save)
     files = " and ".join(map(str, written))
     print(f"{name}: {episode.steps} steps, return {episode.returns[-1]:.4g}, wrote {files}")
+
+
+def actor(text: str) -> str | Path:
+    """An argument type: the name of a policy, or the path of a run directory."""
+    if text in POLICIES:
+        return text
+    if Path(text).is_dir():
+        return Path(text)
+    raise argparse.ArgumentTypeError(
+        f"must be one of {', '.join(POLICIES)}, or a run directory, not "
+        f"{text!r}{nearest(text, POLICIES)}"
+    )
+
+
+def load_agent(path: Path) -> TrainedPolicy:
+    """The trained agent of a run directory: that of its first run."""
+    from .train import baselines
+
+    return baselines("agents").load_policy(path)
+
+
+def stage_of(
+    agent: TrainedPolicy | None, options: argparse.Namespace
+) -> tuple[FirstPerson[Any, Any], Any, str]:
+    """As `open_environment`; without an ID or map the one that the agent was trained in.
+
+    Raises:
+        UsageError: neither is given, or the picture is to be of another kind than the agent's.
+        SettingError: the agent cannot act there.
+    """
+    if agent is None or options.id is not None or options.map_file is not None:
+        env, params, name = open_environment(options, autoreset=None)
+        if agent is not None:
+            agent.check(env, params)
+        return env, params, name
+    seen = {"height": 64, "width": 64, "fov": None, "observation": "rgb"}
+    for setting, default in seen.items():
+        if getattr(options, setting) != default:
+            raise UsageError(
+                f"jaxenstein: --{setting} goes with an ID; {agent.name} sees what it was trained on"
+            )
+    return agent.env, agent.params, agent.name
 
 
 def check_pictures(options: argparse.Namespace) -> None:
@@ -175,8 +223,10 @@ def save_pictures(episode: Episode, options: argparse.Namespace) -> list[Path]:
 
 
 def _policy(
-    env: FirstPerson[Any, Any], params: Any, options: argparse.Namespace
+    env: FirstPerson[Any, Any], params: Any, options: argparse.Namespace, agent: Policy | None
 ) -> tuple[Policy, int]:
+    if agent is not None:
+        return agent, options.steps
     if options.actions is not None:
         script = parse_actions(options.actions, env.action_names)
         return Script(script), min(len(script), options.steps)

@@ -18,6 +18,10 @@ class Progress:
 
     Use as a context manager and call `update` with the amount done so far. On a terminal one
     line is redrawn in place; in a log file a line appears every ten seconds and at the end.
+
+    Attributes:
+        done: the amount done so far.
+        note: shown behind the rate; may be changed at any time.
     """
 
     def __init__(
@@ -37,6 +41,8 @@ class Progress:
         self.stream = sys.stderr if stream is None else stream
         self.live = self.stream.isatty()
         self.done = 0
+        self.note = ""
+        self._done_before = 0
         self._start = self._shown = time.monotonic()
         self._complete = False
 
@@ -59,6 +65,11 @@ class Progress:
             self.stream.write("\n")
         self.stream.flush()
 
+    def restart(self, done: int) -> None:
+        """Measure the rate from here on: `done` was done before, or took longer than the rest."""
+        self.done = self._done_before = done
+        self._start = time.monotonic()
+
     def update(self, done: int) -> None:
         """Say that `done` of the total is done; redraws only as often as is useful."""
         self.done = done
@@ -71,17 +82,18 @@ class Progress:
         elapsed = max(time.monotonic() - self._start, 1e-9)
         fraction = min(self.done / self.total, 1.0)
         filled = round(fraction * WIDTH)
-        rate = self.done / elapsed
+        rate = (self.done - self._done_before) / elapsed
         if self.done >= self.total:
             when = f"in {_duration(elapsed)}"
-        elif self.done:
+        elif rate:
             when = f"{_duration((self.total - self.done) / rate)} left"
         else:
             when = ""
         bar = "#" * filled + "-" * (WIDTH - filled)
         # Below one a second the time left says more.
         speed = f"{si(rate)} {self.unit}/s" if rate >= 1 else ""
-        return "  ".join(filter(None, [f"{self.label} [{bar}] {fraction:4.0%}", speed, when]))
+        head = f"{self.label} [{bar}] {fraction:4.0%}"
+        return "  ".join(filter(None, [head, speed, self.note, when]))
 
     def show(self) -> None:
         """Show the current state now."""

@@ -1,0 +1,174 @@
+"""Learning curves of run directories: the mean over seeds and a bootstrap band, as pictures."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import SettingError, nearest
+from ..view.files import atomic, check_writable
+from .bootstrap import band
+from .experiment import Experiment
+from .metrics import Row, read_metrics
+from .runs import RunFolder
+
+# Means over episodes, and the sums that they are made of.
+EPISODE_MEANS = {"return": "return_sum", "length": "length_sum", "success": "successes"}
+AXES = {
+    "return": "return",
+    "success": "success rate",
+    "length": "steps of an episode",
+}
+SUFFIXES = (".png", ".svg")
+POINTS = 50
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """A line of a plot.
+
+    Attributes:
+        label: for the legend.
+        steps: int64[points], environment steps of each run.
+        values: float64[runs, points]; NaN where no episode ended.
+    """
+
+    label: str
+    steps: np.ndarray
+    values: np.ndarray
+
+
+def curves_of(path: str | Path, metric: str = "return", points: int = POINTS) -> list[Curve]:
+    """The curves of a run directory: one for each point of its grid.
+
+    Args:
+        path: the run directory.
+        metric: a column of its metrics; of `return`, `length` and `success` every value is the
+            mean over the episodes that ended, of others the mean over updates.
+        points: into how many parts the updates are pooled, at most.
+
+    Raises:
+        SettingError: there is no run, it has no metrics yet, or no such column.
+    """
+    folder = RunFolder.open(path)
+    rows = read_metrics(folder.path)
+    if not rows:
+        raise SettingError(f"{path} has no metrics yet")
+    if metric not in rows[0]:
+        known = ", ".join(rows[0])
+        raise SettingError(f"unknown metric {metric!r}{nearest(metric, rows[0])}; known: {known}")
+    experiment = folder.experiment
+    grid = [name for name, _ in experiment.grid]
+    by_run: dict[str, list[list[Row]]] = {}
+    for number, run in enumerate(experiment.runs):
+        of_run = rows[number :: len(experiment.runs)]
+        by_run.setdefault(_label(experiment, folder.path, grid, run), []).append(of_run)
+    return [_curve(label, runs, metric, points) for label, runs in by_run.items()]
+
+
+def _label(experiment: Experiment, path: Path, grid: Sequence[str], run: Any) -> str:
+    del experiment
+    return ", ".join([path.name or str(path.absolute().name), *(f"{n} {run[n]:g}" for n in grid)])
+
+
+def _curve(label: str, runs: list[list[Row]], metric: str, points: int) -> Curve:
+    # A run that was killed may have rows of some runs of its last update alone.
+    updates = min(map(len, runs))
+    parts = np.array_split(np.arange(updates), min(points, updates))
+    values = [[_pooled([run[i] for i in part], metric) for part in parts] for run in runs]
+    steps = [runs[0][part[-1]]["steps"] for part in parts]
+    return Curve(label, np.array(steps, np.int64), np.array(values, np.float64))
+
+
+def _pooled(rows: Sequence[Row], metric: str) -> float:
+    if metric in EPISODE_MEANS:
+        episodes = sum(row["episodes"] or 0 for row in rows)
+        total = sum(row[EPISODE_MEANS[metric]] or 0 for row in rows)
+        return total / episodes if episodes else np.nan
+    there = [value for row in rows if (value := row[metric]) is not None]
+    return float(np.mean(there)) if there else np.nan
+
+
+def check_picture(path: Path) -> None:
+    """Find out early whether a plot can be written.
+
+    Raises:
+        SettingError: the suffix is another one, or matplotlib is missing.
+        OutputError: the folder is missing or cannot be written to.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise SettingError(f"{path} should end in {' or '.join(SUFFIXES)}")
+    _matplotlib()
+    check_writable(path)
+
+
+def save_plot(
+    curves: Sequence[Curve], paths: Sequence[Path], metric: str = "return", title: str = ""
+) -> None:
+    """Draw curves with their bands.
+
+    Args:
+        curves: at least one.
+        paths: files to write, each whole or not at all: .png or .svg.
+        metric: for the axis.
+        title: above the plot.
+
+    Raises:
+        SettingError: a suffix is another one, or matplotlib is missing.
+        OutputError: a file cannot be written.
+    """
+    for path in paths:
+        check_picture(path)
+    figure = draw(curves, metric, title)
+    for path in paths:
+        kind = path.suffix.lower()[1:]
+        # Without a date and with fixed ids, equal plots are equal files.
+        metadata = {"Date": None} if kind == "svg" else {"Software": None}
+        with _matplotlib().rc_context({"svg.hashsalt": "jaxenstein"}), atomic(path) as temporary:
+            figure.savefig(temporary, format=kind, dpi=150, metadata=metadata)
+
+
+def draw(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Any:
+    """The plot as a matplotlib figure."""
+    matplotlib = _matplotlib()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        figure = matplotlib.figure.Figure(figsize=(6.4, 4.0), layout="constrained")
+    axes = figure.subplots()
+    for curve in curves:
+        runs = len(curve.values)
+        mean, low, high = band(curve.values)
+        there = ~np.isnan(mean)
+        count = f" ({runs} runs)" if runs > 1 else ""
+        # A lone point would not be seen as a line.
+        marker = "o" if np.sum(there) == 1 else ""
+        steps = curve.steps[there]
+        (line,) = axes.plot(steps, mean[there], marker=marker, label=f"{curve.label}{count}")
+        if runs > 1:
+            colour = line.get_color()
+            axes.fill_between(steps, low[there], high[there], color=colour, alpha=0.2, lw=0)
+    axes.set_xlabel("environment steps")
+    axes.set_ylabel(AXES.get(metric, metric.replace("_", " ")))
+    axes.set_title(title)
+    axes.grid(alpha=0.3)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False)
+    if metric == "success":
+        axes.set_ylim(-0.03, 1.03)
+    return figure
+
+
+def _matplotlib() -> Any:
+    try:
+        import matplotlib
+        import matplotlib.figure
+    except ImportError as error:
+        raise SettingError(
+            f"plots need matplotlib ({error}): pip install 'jaxenstein[baselines]'"
+        ) from error
+    return matplotlib

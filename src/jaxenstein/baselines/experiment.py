@@ -1,0 +1,194 @@
+"""What a run directory is about: environment, static settings, numbers, seeds, and a grid."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from ..episodes.recipe import Recipe
+from ..errors import SettingError
+from .config import Config, HParams
+from .learner import Learner, make_learner
+
+FORMAT = 1
+# Fields of `Config` that the recipe of the environment replaces.
+OF_RECIPE = ("env", "env_settings")
+
+
+@dataclasses.dataclass(frozen=True)
+class Experiment:
+    """Runs that one compiled program trains side by side.
+
+    Attributes:
+        recipe: how the environment and its params are built.
+        config: the static settings.
+        hparams: the numbers, by name; None where a number is left to the environment.
+        seeds: one run for each, at every point of the grid.
+        grid: (name, values) of the numbers that differ between runs.
+    """
+
+    recipe: Recipe
+    config: Config
+    hparams: Mapping[str, float | None]
+    seeds: tuple[int, ...]
+    grid: tuple[tuple[str, tuple[float, ...]], ...] = ()
+
+    @property
+    def runs(self) -> tuple[dict[str, float | int], ...]:
+        """What tells each run from the others: its numbers of the grid, and its `seed`."""
+        names = [name for name, _ in self.grid]
+        points = itertools.product(*(values for _, values in self.grid))
+        return tuple(
+            {**dict(zip(names, point, strict=True)), "seed": seed}
+            for point in points
+            for seed in self.seeds
+        )
+
+    @functools.cached_property
+    def learner(self) -> Learner:
+        """The training loop, with the environment built anew.
+
+        Raises:
+            JAXensteinError: the environment cannot be built, or does not fit the config.
+        """
+        return make_learner(*self.recipe.build(), self.config)
+
+    def keys(self) -> jax.Array:
+        """A typed random key for each run: that of its seed."""
+        # Named, lest a setting of JAX change what a seed means.
+        keys = {seed: jax.random.key(seed, impl="threefry2x32") for seed in self.seeds}
+        return jnp.stack([keys[int(run["seed"])] for run in self.runs])
+
+    def numbers(self) -> HParams:
+        """The numbers of all runs: those of the grid as float32[runs], the others as they are."""
+        varied = {
+            name: jnp.asarray([run[name] for run in self.runs], jnp.float32)
+            for name, _ in self.grid
+        }
+        return HParams(**{**self.hparams, **varied})
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values, which `from_json` reads."""
+        config = {
+            field.name: getattr(self.config, field.name)
+            for field in dataclasses.fields(Config)
+            if field.name not in OF_RECIPE
+        }
+        plain = {
+            "format": FORMAT,
+            "environment": {
+                "id": self.recipe.id,
+                "version": self.recipe.version,
+                "settings": dict(self.recipe.settings),
+                "params": dict(self.recipe.params),
+            },
+            "config": config,
+            "hparams": dict(self.hparams),
+            "seeds": list(self.seeds),
+            "grid": {name: list(values) for name, values in self.grid},
+        }
+        return json.loads(json.dumps(plain))
+
+    @classmethod
+    def from_json(cls, plain: Any) -> Experiment:
+        """What `to_json` wrote.
+
+        Raises:
+            SettingError: it is something else, or of another version of this package.
+        """
+        try:
+            if plain["format"] != FORMAT:
+                raise SettingError(f"format {plain['format']!r}, not {FORMAT}")
+            place = plain["environment"]
+            recipe = Recipe(
+                place["id"], place["version"], _tuples(place["settings"]), place["params"]
+            )
+            config = config_of(recipe, {name: _tuple(v) for name, v in plain["config"].items()})
+            grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
+            return cls(recipe, config, plain["hparams"], tuple(plain["seeds"]), grid)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise SettingError(f"not the configuration of a run: {error!r}") from error
+
+    def differences(self, other: Experiment) -> list[str]:
+        """The fields in which two experiments differ, each with both values."""
+        mine, its = _flat(self.to_json()), _flat(other.to_json())
+        return [
+            f"{name} ({_shown(mine.get(name))}, not {_shown(its.get(name))})"
+            for name in sorted({*mine, *its})
+            if mine.get(name, ...) != its.get(name, ...)
+        ]
+
+    def __hash__(self) -> int:
+        """By what it is about; the mappings in it are not changed."""
+        return hash(json.dumps(self.to_json(), sort_keys=True))
+
+
+def config_of(recipe: Recipe, fields: Mapping[str, Any]) -> Config:
+    """A config for an environment; of a custom map it has the name alone.
+
+    Raises:
+        SettingError: there is no such field, or its value is out of range.
+    """
+    if recipe.id is None:
+        name, settings = str(recipe.settings.get("name", "custom")), ()
+    else:
+        name, settings = recipe.id, tuple(recipe.settings.items())
+    # First with the right names, then checked together: one alone need not fit the defaults.
+    Config().replace(**dict.fromkeys(set(fields) - set(_config_names())))
+    return Config(env=name, env_settings=settings, **fields)
+
+
+def _config_names() -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(Config))
+
+
+def check_seeds(first: int, count: int) -> tuple[int, ...]:
+    """`count` seeds from `first` on.
+
+    Raises:
+        SettingError: there is none, or they are not all whole numbers from 0 to 2**32 - 1.
+    """
+    if count < 1:
+        raise SettingError(f"seeds must be a whole number from 1, not {count!r}")
+    if first < 0 or first + count > 2**32:
+        raise SettingError(
+            f"seed must be a whole number from 0 to {2**32 - count}, the first of {count}, not "
+            f"{first!r}"
+        )
+    return tuple(range(first, first + count))
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(map(_tuple, value)) if isinstance(value, list | tuple) else value
+
+
+def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: _tuple(value) for name, value in values.items()}
+
+
+def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:
+    """The leaves of nested dictionaries, by their dotted names."""
+    if not isinstance(tree, dict):
+        return {prefix: tree}
+    found: dict[str, Any] = {}
+    for name, value in tree.items():
+        found |= _flat(value, f"{prefix}.{name}" if prefix else name)
+    return found
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def finite(value: float) -> float | None:
+    """The number, or None for one that JSON does not know."""
+    return value if math.isfinite(value) else None

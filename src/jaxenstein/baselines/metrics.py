@@ -1,0 +1,272 @@
+"""What a run reports: rows of numbers, written as CSV and JSON lines and sent to other tools."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..errors import SettingError
+from ..view.files import OutputError
+
+CSV, JSONL = "metrics.csv", "metrics.jsonl"
+Number = int | float | None
+Row = dict[str, Number]
+
+
+def rows_of(
+    metrics: Mapping[str, Any], runs: Sequence[Mapping[str, Any]], first: int, steps: int
+) -> list[Row]:
+    """The rows of a chunk, one for each update and run.
+
+    Args:
+        metrics: arrays [runs, updates] by name.
+        runs: what tells the runs apart.
+        first: updates before the chunk.
+        steps: environment steps of an update.
+
+    Returns:
+        By update, then by run: `update` from 1, `steps`, what tells the run apart, the mean
+        return, length and success rate of the episodes that ended (None where none did), and the
+        metrics.
+    """
+    arrays = {name: np.asarray(values) for name, values in metrics.items()}
+    updates = next(iter(arrays.values())).shape[1]
+    return [
+        _row(arrays, run, number, first + update + 1, steps, update)
+        for update in range(updates)
+        for number, run in enumerate(runs)
+    ]
+
+
+def _row(
+    arrays: Mapping[str, np.ndarray],
+    run: Mapping[str, Any],
+    number: int,
+    count: int,
+    steps: int,
+    update: int,
+) -> Row:
+    values = {name: _plain(array[number, update]) for name, array in arrays.items()}
+    row: Row = {"update": count, "steps": count * steps, **run}
+    return row | means(values) | values
+
+
+def means(sums: Mapping[str, Number]) -> Row:
+    """Mean return, length and success rate of the episodes whose sums are given."""
+    episodes = sums.get("episodes") or 0
+    names = {"return": "return_sum", "length": "length_sum", "success": "successes"}
+    return {name: (sums[key] or 0) / episodes if episodes else None for name, key in names.items()}
+
+
+def _plain(value: np.generic) -> Number:
+    """A Python number that is written as short as its precision allows."""
+    if isinstance(value, np.floating):
+        number = float(str(value))
+        return number if math.isfinite(number) else None
+    return int(value)
+
+
+class Sink(Protocol):
+    """Something that takes rows."""
+
+    def write(self, rows: Sequence[Row]) -> None:
+        """Take the rows of a chunk."""
+        ...
+
+    def close(self) -> None:
+        """End."""
+        ...
+
+
+class MetricsFiles:
+    """`metrics.csv` and `metrics.jsonl` of a run directory, with the same rows.
+
+    The columns are those of the first row. What is no finite number is an empty field of the CSV
+    file and null in the JSON lines.
+    """
+
+    def __init__(self, folder: Path, rows: int = 0) -> None:
+        """Open the files to go on after `rows` rows; what follows them is cut off.
+
+        Raises:
+            SettingError: the files have fewer rows.
+            OutputError: they cannot be written.
+        """
+        self._csv, self._jsonl = folder / CSV, folder / JSONL
+        self._columns: list[str] | None = None
+        with _told(self._csv):
+            _cut(self._csv, rows + 1 if rows else 0)
+        with _told(self._jsonl):
+            _cut(self._jsonl, rows)
+        if rows:
+            with self._csv.open(newline="", encoding="utf-8") as file:
+                self._columns = next(csv.reader(file))
+
+    def write(self, rows: Sequence[Row]) -> None:
+        """Append rows, and bring them to the disk.
+
+        Raises:
+            OutputError: they cannot be written.
+        """
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        if self._columns is None:
+            self._columns = list(rows[0])
+            writer.writerow(self._columns)
+        for row in rows:
+            writer.writerow(["" if row[name] is None else row[name] for name in self._columns])
+        _append(self._csv, text.getvalue())
+        _append(self._jsonl, "".join(json.dumps(row) + "\n" for row in rows))
+
+    def close(self) -> None:
+        """Nothing is open between writes."""
+
+
+def read_metrics(folder: Path) -> list[Row]:
+    """The rows of a run directory.
+
+    A last line that is not whole, as an interruption may leave it, is passed over.
+
+    Raises:
+        SettingError: there are none, or they cannot be read.
+    """
+    path = folder / JSONL
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")[:-1]
+        return [json.loads(line) for line in lines]
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise SettingError(f"cannot read {path}: {reason}") from error
+    except ValueError as error:
+        raise SettingError(f"{path} is damaged: {error}") from error
+
+
+def _cut(path: Path, lines: int) -> None:
+    """Keep the first `lines` lines of a file, which is made if it is missing."""
+    with path.open("a+b") as file:
+        file.seek(0)
+        for line in range(lines):
+            if not file.readline().endswith(b"\n"):
+                raise SettingError(
+                    f"{path} has {line} whole lines where the checkpoint needs {lines}; "
+                    "it is not the file that the run wrote"
+                )
+        file.truncate(file.tell())
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _append(path: Path, text: str) -> None:
+    with _told(path), path.open("a", encoding="utf-8", newline="") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextlib.contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Turn errors of the system into `OutputError`."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(path, (error.strerror or str(error)).lower()) from error
+
+
+class TensorBoard:
+    """Scalars for TensorBoard, one run of it for each of ours; by package tensorboard alone."""
+
+    def __init__(self, folder: Path, names: Sequence[str]) -> None:
+        """Open a writer for each run, named `names`.
+
+        Raises:
+            ImportError: neither tensorboard nor tensorboardX is installed.
+        """
+        try:
+            from tensorboard.summary import Writer
+        except ImportError:
+            from tensorboardX import SummaryWriter as Writer  # type: ignore[import-not-found]
+
+        self._writers = [Writer(str(folder / name)) for name in names]
+
+    def write(self, rows: Sequence[Row]) -> None:
+        """Send every number of every row, at its environment step."""
+        for number, row in enumerate(rows):
+            writer = self._writers[number % len(self._writers)]
+            for name, value in _scalars(row):
+                writer.add_scalar(name, value, int(row["steps"] or 0))
+        for writer in self._writers:
+            writer.flush()
+
+    def close(self) -> None:
+        """Close the writers."""
+        for writer in self._writers:
+            writer.close()
+
+
+class WeightsAndBiases:
+    """Scalars for Weights & Biases: one run of it, with the runs' means and each by its name."""
+
+    def __init__(
+        self, folder: Path, names: Sequence[str], project: str, config: dict[str, Any]
+    ) -> None:
+        """Begin, or go on with, the run of a folder.
+
+        Raises:
+            SettingError: wandb is not installed.
+        """
+        try:
+            import wandb  # type: ignore[import-not-found]
+        except ImportError as error:
+            raise SettingError(
+                f"Weights & Biases is not installed ({error}): pip install wandb"
+            ) from error
+        self._names = list(names)
+        self._run: Any = wandb.init(
+            project=project,
+            id=folder.absolute().name,
+            name=folder.absolute().name,
+            dir=str(folder),
+            config=config,
+            resume="allow",
+        )
+
+    def write(self, rows: Sequence[Row]) -> None:
+        """Send the rows of each update together, at its environment step."""
+        many = len(self._names)
+        for start in range(0, len(rows), many):
+            together = rows[start : start + many]
+            sent: dict[str, float] = {}
+            for name, row in zip(self._names, together, strict=True):
+                prefix = f"{name}/" if many > 1 else ""
+                sent |= {f"{prefix}{key}": value for key, value in _scalars(row)}
+            if many > 1:
+                sent |= _averages(together)
+            self._run.log(sent, step=int(together[0]["steps"] or 0))
+
+    def close(self) -> None:
+        """Finish."""
+        self._run.finish()
+
+
+def _scalars(row: Row) -> Iterable[tuple[str, float]]:
+    return (
+        (name, float(value))
+        for name, value in row.items()
+        if value is not None and name not in ("update", "steps", "seed")
+    )
+
+
+def _averages(rows: Sequence[Row]) -> dict[str, float]:
+    """The mean over runs of every number that all of them have."""
+    scalars = [dict(_scalars(row)) for row in rows]
+    shared = [name for name in scalars[0] if all(name in row for row in scalars)]
+    return {name: float(np.mean([row[name] for row in scalars])) for name in shared}

@@ -1,0 +1,137 @@
+"""`jaxenstein evaluate`: what trained agents achieve, and how they look doing it."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..view.episode import compose
+from ..view.files import atomic, check_writable
+from ..view.progress import Progress
+from ..view.recording import check_animation, save_animation
+from .arguments import add_seed, real, whole
+from .listing import format_table
+from .train import baselines
+
+if TYPE_CHECKING:
+    from ..baselines.agents import Result
+
+DESCRIPTION = """\
+Play whole episodes with the agents of a run directory, with the most likely actions ("greedy")
+and with drawn ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs
+and episodes, or with one run over episodes. --gif also writes an episode beside the map.
+"""
+EPILOG = """\
+examples:
+  jaxenstein evaluate runs/simple-rnd
+  jaxenstein evaluate runs/simple-rnd --episodes 1000 --json simple-rnd.json
+  jaxenstein evaluate runs/simple-rnd --gif agent.gif --run 2
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "evaluate",
+        help="evaluate trained agents, and record one",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+    )
+    parser.add_argument("folder", metavar="RUN", type=Path, help="a run directory")
+    parser.add_argument(
+        "--episodes",
+        type=whole(),
+        default=100,
+        metavar="N",
+        help="episodes of each run (default %(default)s)",
+    )
+    add_seed(parser)
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="also write every run's results as JSON"
+    )
+    shown = parser.add_argument_group("an episode beside the map")
+    shown.add_argument(
+        "--gif", type=Path, metavar="FILE", help="write it: .gif, or .mp4 with extra 'video'"
+    )
+    shown.add_argument(
+        "--run",
+        dest="number",
+        type=whole(0),
+        metavar="N",
+        help="which run acts, from 0 (default: the best one)",
+    )
+    shown.add_argument(
+        "--greedy",
+        action="store_true",
+        help="with the most likely actions (default: drawn ones)",
+    )
+    shown.add_argument(
+        "--fps", type=real(1, 50), default=15.0, metavar="RATE", help="(default %(default)g)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Evaluate, print the table, write the files."""
+    agents, runs = baselines("agents"), baselines("runs")
+    if options.json is not None:
+        check_writable(options.json)
+    if options.gif is not None:
+        check_animation(options.gif)
+    folder = runs.RunFolder.open(options.folder)
+    update, _ = runs.final_state(folder)
+    if options.number is not None:
+        agents.load_policy(options.folder, options.number)
+    results = {}
+    with Progress(2, "evaluating", unit="ways") as progress:
+        for done, greedy in enumerate((True, False), 1):
+            name = "greedy" if greedy else "sampled"
+            results[name] = agents.evaluate(
+                folder, episodes=options.episodes, seed=options.seed, greedy=greedy
+            )
+            progress.update(done)
+    names = runs.run_names(folder.experiment)
+    total = folder.experiment.config.updates
+    many = f"{len(names)} run{'s' * (len(names) > 1)}, {options.episodes} episodes each"
+    print(f"{options.folder}: update {update} of {total}, {many}")
+    print(table(results))
+    if options.json is not None:
+        report = {name: result.to_json(names) for name, result in results.items()}
+        with atomic(options.json) as temporary:
+            temporary.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        print(f"wrote {options.json}")
+    if options.gif is not None:
+        best = results["greedy" if options.greedy else "sampled"].best
+        number = best if options.number is None else options.number
+        _film(agents.load_policy(options.folder, number, greedy=options.greedy), options)
+
+
+def table(results: dict[str, Result]) -> str:
+    """The means with their intervals, as text."""
+    rows = [("ACTIONS", "RETURN", "95 %", "SUCCESS", "95 %", "STEPS")]
+    for name, result in results.items():
+        earned, reached = result.interval(result.returns), result.interval(result.successes)
+        rows.append(
+            (
+                name,
+                f"{earned.mean:.4g}",
+                f"{earned.low:.4g} - {earned.high:.4g}",
+                f"{reached.mean:.1%}",
+                f"{reached.low:.1%} - {reached.high:.1%}",
+                f"{result.lengths.mean():.4g}",
+            )
+        )
+    return format_table(rows, right=(1, 2, 3, 4, 5))
+
+
+def _film(policy: Any, options: argparse.Namespace) -> None:
+    from ..episodes.recorder import record
+
+    episode = record(policy.env, policy.params, policy, seed=options.seed)
+    episode = dataclasses.replace(episode, name=policy.name)
+    with Progress(episode.steps + 1, "drawing", unit="frames") as progress:
+        save_animation(compose(episode, notify=progress.update), options.gif, options.fps)
+    print(f"{episode.summary()}, wrote {options.gif}")

@@ -1,0 +1,120 @@
+"""`jaxenstein sweep`: the paper's grids, or others, with all runs of a grid side by side."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .arguments import Parser, UsageError, whole
+from .listing import format_table
+from .train import add_options, add_training, baselines, carry_out, given_options
+
+if TYPE_CHECKING:
+    from ..baselines.runs import RunFolder
+    from ..baselines.sweeps import Point
+
+DESCRIPTION = """\
+Train every algorithm at every point of its grid, with five seeds. The runs of one algorithm are
+trained side by side in one compiled program, in a run directory of its own below DIR. Without
+--grid the grids are those of the paper: none for ppo; --bonus-reward 0.1, 1, 10 and --rnd-loss
+0.01, 0.1 for rnd; --bonus-learning-rate 3e-4, 1e-4 and --bonus-reward 0.1, 1, 10 for icm.
+At the end the points are listed by the mean return over the last tenth of the training.
+"""
+EPILOG = """\
+examples:
+  jaxenstein sweep --env simple --total-steps 3e6 --out runs/simple
+  jaxenstein sweep --out runs/simple --env simple --total-steps 3e6 --resume
+  jaxenstein sweep --algo rnd --grid bonus_reward=0.1,1 --at-once 10 --out runs/rnd
+
+--resume skips what is done and goes on with what is not; give the same options again.
+Of many points the best one looks better than it is: train it again with other seeds (--seed)
+before comparing it with anything.
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    commands.add_parser(
+        "sweep",
+        help="train the grids of the paper, or others",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        fill=fill,
+    )
+
+
+def fill(parser: Parser) -> None:
+    """Add the arguments, which the options of the baselines decide."""
+    sweeps = baselines("sweeps")
+    parser.set_defaults(run=run)
+    out = parser.add_argument_group("where and what")
+    out.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder of the run directories"
+    )
+    out.add_argument("--resume", action="store_true", help="go on with the sweep in DIR")
+    out.add_argument("--config", type=Path, metavar="FILE", help="options from a file")
+    known = tuple(sweeps.PAPER)
+    out.add_argument(
+        "--algo",
+        nargs="+",
+        choices=known,
+        metavar="NAME",
+        help=f"the algorithms (default {' '.join(known)})",
+    )
+    out.add_argument(
+        "--at-once",
+        type=whole(),
+        metavar="N",
+        help="train at most N runs side by side, where memory is short (default: all of a grid)",
+    )
+    add_training(parser)
+    add_options(parser, without=("algo",))
+
+
+def run(options: argparse.Namespace) -> int:
+    """Train what is to be trained, one grid after the other, and list what it gave."""
+    sweeps = baselines("sweeps")
+    given = given_options(options)
+    algos = options.algo or ([given["algo"]] if "algo" in given else list(sweeps.PAPER))
+    planned = sweeps.plan(given, algos, options.at_once)
+    folders = [_folder(options, name, planned[name]) for name in planned]
+    for folder in folders:
+        code = carry_out(folder, options)
+        if code:
+            return code
+    print(table(sweeps.summary([folder.path for folder in folders])))
+    return 0
+
+
+def _folder(options: argparse.Namespace, name: str, experiment: object) -> RunFolder:
+    runs = baselines("runs")
+    path = options.out / name
+    if not (path / runs.CONFIG).exists():
+        return runs.RunFolder.create(path, experiment)
+    if not options.resume:
+        raise UsageError(
+            f"jaxenstein sweep: there is a run in {path} already: --resume goes on with it, or "
+            "choose another folder"
+        )
+    folder = runs.RunFolder.open(path)
+    folder.check_same(experiment)
+    return folder
+
+
+def table(points: list[Point]) -> str:
+    """The points as text."""
+    rows = [("RUNS", "SEEDS", "RETURN", "95 %", "SUCCESS", "95 %")]
+    for point in points:
+        earned, success = point.earned, point.success
+        rows.append(
+            (
+                point.label,
+                str(point.runs),
+                f"{earned.mean:.3g}",
+                f"{earned.low:.3g} - {earned.high:.3g}",
+                f"{success.mean:.1%}",
+                f"{success.low:.1%} - {success.high:.1%}",
+            )
+        )
+    return format_table(rows, right=(1, 2, 3, 4, 5))

@@ -1,0 +1,354 @@
+"""`jaxenstein train`: recurrent PPO with an exploration bonus, in a run directory."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..view.progress import Progress
+from .arguments import Parser, UsageError, heading, read_map, real, whole
+
+if TYPE_CHECKING:
+    from ..baselines.experiment import Experiment
+    from ..baselines.metrics import Row, Sink
+    from ..baselines.options import Option
+    from ..baselines.runs import RunFolder
+
+DESCRIPTION = """\
+Train recurrent PPO (--algo ppo), with random network distillation (rnd) or curiosity (icm), on
+any environment. All seeds are trained side by side in one compiled program. The run directory
+holds the resolved configuration, a row of metrics for each update and seed as CSV and JSON
+lines, and the last two checkpoints. Needs the extra 'baselines':
+pip install 'jaxenstein[baselines]'.
+"""
+EPILOG = """\
+examples:
+  jaxenstein train --env simple --algo rnd --seeds 5 --total-steps 3e6 --out runs/simple-rnd
+  jaxenstein train --out runs/simple-rnd --resume
+  jaxenstein train --config maze.toml --learning-rate 1e-4 --out runs/maze
+
+Ctrl-C stops after the update that runs, with a checkpoint; --resume goes on from the newest
+checkpoint, also after a crash, and gives the same result as without the interruption. It takes
+every option from the run directory; those given again must be the same.
+
+A --config file has the options as names with values, such as
+
+  env = "simple"
+  algo = "rnd"
+  learning_rate = 3e-4
+  seeds = 5
+
+with underscores for hyphens; 'map' is a map as text, and 'settings', 'params' and 'grid' are
+tables. RUN/config.json shows all of them. Flags win over the file.
+"""
+# Flags of options that are tables: their flag, and what one entry looks like.
+TABLES = {
+    "settings": ("--set", "NAME=VALUE"),
+    "params": ("--param", "NAME=VALUE"),
+    "grid": ("--grid", "NAME=V,V"),
+}
+# Updates whose episodes the progress line shows.
+RECENT = 10
+INTERRUPTED = 130
+STOPPING = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    commands.add_parser(
+        "train",
+        help="train recurrent PPO, RND or ICM, with checkpoints",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        fill=fill,
+    )
+
+
+def fill(parser: Parser) -> None:
+    """Add the arguments, which the options of the baselines decide."""
+    parser.set_defaults(run=run)
+    out = parser.add_argument_group("where")
+    out.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="the run directory, a new one"
+    )
+    out.add_argument("--resume", action="store_true", help="go on with the run in DIR")
+    out.add_argument(
+        "--config", type=Path, metavar="FILE", help="options from a file: .toml, .yaml"
+    )
+    add_training(parser)
+    add_options(parser)
+
+
+def add_training(parser: Parser) -> None:
+    """Add what says how a run is carried out, which does not change its result."""
+    how = parser.add_argument_group("how it is carried out; the result is the same")
+    how.add_argument(
+        "--chunk",
+        type=whole(),
+        default=1,
+        metavar="K",
+        help="updates in one call of the compiled program (default %(default)s)",
+    )
+    how.add_argument(
+        "--save-every",
+        type=real(0, 1e9),
+        default=60.0,
+        metavar="SECONDS",
+        help="seconds between checkpoints (default %(default)g)",
+    )
+    how.add_argument(
+        "--tensorboard",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="write DIR/tensorboard (default: where tensorboard is installed)",
+    )
+    how.add_argument("--wandb", metavar="PROJECT", help="also log to Weights & Biases")
+
+
+def add_options(parser: Parser, without: Sequence[str] = ()) -> None:
+    """Add a flag for every option of the baselines, but for those named."""
+    options = baselines("options")
+    groups: dict[str, Any] = {}
+    for option in options.all_options().values():
+        if option.name in without or option.name == "map":
+            continue
+        group = groups.setdefault(option.group, parser.add_argument_group(option.group))
+        _add_option(group, option)
+
+
+def _add_option(group: Any, option: Option) -> None:
+    flag = f"--{option.name.replace('_', '-')}"
+    default = f"{option.default:g}" if isinstance(option.default, float) else option.default
+    shown = "" if default is None else f" (default {default})"
+    common: dict[str, Any] = {
+        "dest": f"option_{option.name}",
+        "default": argparse.SUPPRESS,
+        "help": (option.help + shown).replace("%", "%%"),
+    }
+    if option.kind == "table":
+        flag, metavar = TABLES[option.name]
+        group.add_argument(flag, action="append", metavar=metavar, **common)
+    elif option.kind == "flag":
+        group.add_argument(flag, action=argparse.BooleanOptionalAction, **common)
+    elif option.kind == "choice":
+        group.add_argument(flag, choices=option.choices, metavar="NAME", **common)
+    else:
+        kinds: dict[str, tuple[Callable[[str], Any], str]] = {
+            "count": (count, "N"),
+            "number": (number, "X"),
+            "layers": (layers, "KxSxF,..."),
+            "angle": (heading, "DEGREES"),
+            "text": (str, "TEXT"),
+        }
+        convert, metavar = kinds[option.kind]
+        group.add_argument(flag, type=convert, metavar=metavar, **common)
+
+
+def count(text: str) -> int:
+    """An argument type: a whole number, also as 3e6 or 3_000_000."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if value != value or abs(value) >= 2**53 or value != int(value):
+        raise argparse.ArgumentTypeError(f"must be a whole number, not {text!r}")
+    return int(value)
+
+
+def number(text: str) -> float:
+    """An argument type: a number; its range is checked with the others."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be a number, not {text!r}") from None
+
+
+def layers(text: str) -> list[list[int]]:
+    """An argument type: convolutions like 8x4x32,4x2x64, kernel, stride and features of each."""
+    parts = [part.split("x") for part in text.lower().split(",")]
+    if not all(len(part) == 3 and all(n.isdecimal() for n in part) for part in parts):
+        raise argparse.ArgumentTypeError(
+            f"must be KERNELxSTRIDExFEATURES of each layer, like 8x4x32,4x2x64, not {text!r}"
+        )
+    return [[int(n) for n in part] for part in parts]
+
+
+def baselines(module: str) -> Any:
+    """A module of the baselines.
+
+    Raises:
+        UsageError: the extra is not installed.
+    """
+    import importlib
+
+    hint = "pip install 'jaxenstein[baselines]'"
+    try:
+        return importlib.import_module(f"jaxenstein.baselines.{module}")
+    except ImportError as error:
+        text = str(error)
+        if hint not in text and not isinstance(error, ModuleNotFoundError):
+            raise
+        raise UsageError(f"jaxenstein: {text if hint in text else f'{text}: {hint}'}") from error
+
+
+def run(options: argparse.Namespace) -> int:
+    """Train, and say how it went."""
+    return carry_out(open_folder(options), options)
+
+
+def open_folder(options: argparse.Namespace) -> RunFolder:
+    """A new run directory, or the one to go on with."""
+    runs, parsing = baselines("runs"), baselines("options")
+    given = given_options(options)
+    if not options.resume:
+        return runs.RunFolder.create(options.out, parsing.resolve(given))
+    folder = runs.RunFolder.open(options.out)
+    if given:
+        before = parsing.given_by(folder.experiment)
+        folder.check_same(parsing.resolve(parsing.merge(before, given)))
+    return folder
+
+
+def given_options(options: argparse.Namespace) -> dict[str, Any]:
+    """The options of the file and of the flags together."""
+    parsing = baselines("options")
+    file: dict[str, Any] = {}
+    if options.config is not None:
+        file = parsing.read_file(options.config)
+        if "map_file" in file:
+            file["map_file"] = str(options.config.parent / file["map_file"])
+    flags = {
+        name.removeprefix("option_"): value
+        for name, value in vars(options).items()
+        if name.startswith("option_")
+    }
+    for name in TABLES:
+        if name in flags:
+            flags[name] = dict(_entry(name, text) for text in flags[name])
+    given = parsing.merge(file, parsing.check(flags))
+    if "map_file" in given:
+        texts = read_map(Path(given.pop("map_file")))
+        given |= {"map" if name == "text" else name: text for name, text in texts.items()}
+    return given
+
+
+def _entry(option: str, text: str) -> tuple[str, Any]:
+    """NAME and the value of NAME=VALUE, which is a number, true, false, a list or a text."""
+    flag, metavar = TABLES[option]
+    name, equals, value = text.partition("=")
+    if not equals or not name or not value:
+        raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {text!r}")
+    parts = [_value(part.strip()) for part in value.split(",")]
+    return name.replace("-", "_"), parts if option == "grid" or len(parts) > 1 else parts[0]
+
+
+def _value(text: str) -> Any:
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return kind(text)
+    return text
+
+
+def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
+    """Train in a run directory with a progress line, until it is done or somebody stops it."""
+    runs = baselines("runs")
+    experiment = folder.experiment
+    total = experiment.config.updates
+    many = experiment.config.steps_per_update * len(experiment.runs)
+    sinks = open_sinks(folder, options)
+    recent: deque[Row] = deque(maxlen=RECENT * len(experiment.runs))
+    with Progress(total * many, folder.path.name) as progress, stopping() as stop:
+        progress.note = "compiling"
+
+        def notify(update: int, rows: Sequence[Row]) -> None:
+            compiled = not recent
+            recent.extend(rows)
+            if rows or update == total:
+                progress.note = note_of(recent)
+            # The first chunk takes longer than the others: it is compiled.
+            if compiled:
+                progress.restart(update * many)
+                progress.show()
+            progress.update(update * many)
+
+        try:
+            done = runs.train(
+                folder,
+                chunk=options.chunk,
+                save_every=options.save_every,
+                sinks=sinks,
+                notify=notify,
+                stop=stop,
+            )
+        finally:
+            for sink in sinks:
+                sink.close()
+    where = f"{folder.path}: {done} of {total} updates"
+    print("  ".join(filter(None, [where, note_of(recent)])))
+    if done < total:
+        again = f"jaxenstein train --out {folder.path} --resume"
+        print(f"stopped; '{again}' goes on", file=sys.stderr)
+    return 0 if done == total else INTERRUPTED
+
+
+def note_of(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Mean return and success rate of the episodes that ended in some rows, for people."""
+    episodes = sum(row["episodes"] for row in rows)
+    if not episodes:
+        return ""
+    total = sum(row["return_sum"] or 0 for row in rows) / episodes
+    rate = sum(row["successes"] for row in rows) / episodes
+    return f"return {total:.3g}  success {rate:.0%}"
+
+
+def open_sinks(folder: RunFolder, options: argparse.Namespace) -> list[Sink]:
+    """Where metrics go besides the files."""
+    metrics, runs = baselines("metrics"), baselines("runs")
+    names = runs.run_names(folder.experiment)
+    sinks: list[Sink] = []
+    if options.tensorboard is not False:
+        try:
+            sinks.append(metrics.TensorBoard(folder.path / "tensorboard", names))
+        except ImportError as error:
+            if options.tensorboard:
+                raise UsageError(
+                    f"jaxenstein: TensorBoard is not installed ({error}): pip install tensorboard"
+                ) from error
+    if options.wandb is not None:
+        plain = folder.experiment.to_json()
+        sinks.append(metrics.WeightsAndBiases(folder.path, names, options.wandb, plain))
+    return sinks
+
+
+@contextlib.contextmanager
+def stopping() -> Iterator[Callable[[], bool]]:
+    """Yield a function that tells whether a signal has asked to stop; a second one does at once."""
+    asked: list[int] = []
+
+    def ask(signum: int, frame: object) -> None:
+        del frame
+        if asked:
+            raise KeyboardInterrupt
+        asked.append(signum)
+        print("\nstopping after this update; once more: at once", file=sys.stderr, flush=True)
+
+    numbers = [getattr(signal, name) for name in STOPPING if hasattr(signal, name)]
+    before = {signum: signal.signal(signum, ask) for signum in numbers}
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for signum, handler in before.items():
+            signal.signal(signum, handler)
+
+
+def experiment_of(options: argparse.Namespace) -> Experiment:
+    """The experiment that file and flags describe."""
+    return baselines("options").resolve(given_options(options))

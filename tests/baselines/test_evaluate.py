@@ -1,0 +1,185 @@
+"""Trained agents: the policy of a run directory, evaluation, watching."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("orbax.checkpoint")
+pytest.importorskip("flax")
+
+import jaxenstein
+from jaxenstein import SettingError
+from jaxenstein.baselines.agents import Result, evaluate, load_policy
+from jaxenstein.baselines.runs import RunFolder
+from jaxenstein.cli import main
+from jaxenstein.episodes.recorder import record
+from jaxenstein.episodes.session import Session
+from jaxenstein.view.watching import Watched
+from tests.baselines.tiny import compiled_into, tiny
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with compiled_into(tmp_path_factory.mktemp("compiled")):
+        yield
+
+
+@pytest.fixture(scope="module")
+def folder(compiled: None, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    """A run before its first update, whose agents act almost at random."""
+    experiment = tiny()
+    folder = RunFolder.create(tmp_path_factory.mktemp("runs") / "tiny", experiment)
+    state = experiment.learner.many.init(experiment.keys())
+    # Larger logits: greedy actions that depend on what is seen, and are not close to a tie.
+    heads = jax.tree.map(lambda leaf: leaf * np.float32(30), state.params["heads"])
+    folder.checkpoints.save(0, state.replace(params={**state.params, "heads": heads}))
+    return folder
+
+
+def test_greedy_policy_is_what_the_network_says_of_the_whole_sequence(folder: RunFolder) -> None:
+    """Against the network unrolled once over all that was seen, not step by step."""
+    learner = folder.experiment.learner
+    policy = load_policy(folder.path, run=1, greedy=True)
+    restored = folder.restore()
+    assert restored is not None
+    weights = jax.tree.map(lambda leaf: leaf[1], restored.state.params)
+    # Twice, so that something would be left of the first episode.
+    for seed in (3, 4):
+        session = Session(policy.env, policy.params, seed)
+        frames, actions = [], []
+        while not session.over:
+            frames.append(session.observation)
+            actions.append(policy(session))
+            session.step(actions[-1])
+        first = jnp.arange(len(actions)) == 0
+        previous = jnp.asarray([-1, *actions[:-1]], jnp.int32)
+        logits, _, _ = jax.jit(learner.network.unroll)(
+            weights,
+            jnp.stack(frames)[:, None],
+            previous[:, None],
+            first[:, None],
+            learner.network.initial_memory(1),
+        )
+        gaps = np.sort(np.asarray(logits[:, 0]), axis=-1)
+        clear = gaps[:, -1] - gaps[:, -2] > 1e-4
+        np.testing.assert_array_equal(
+            np.argmax(np.asarray(logits[:, 0]), axis=-1)[clear], np.array(actions)[clear]
+        )
+        assert clear.sum() > len(actions) // 2
+
+
+def test_sampled_policy_repeats_with_the_seed_and_differs_between(folder: RunFolder) -> None:
+    policy = load_policy(folder.path)
+    env, params = policy.env, policy.params
+
+    def played(seed: int) -> list[float]:
+        return record(env, params, policy, seed=seed).positions.ravel().tolist()
+
+    assert played(1) == played(1)
+    assert len({tuple(played(seed)) for seed in range(4)}) > 1
+
+
+def test_evaluation_counts_whole_episodes(folder: RunFolder) -> None:
+    result = evaluate(folder, episodes=12, seed=1)
+    assert result.returns.shape == (2, 12)
+    # The goal is the only reward, and the horizon is 10.
+    np.testing.assert_array_equal(result.returns, result.successes.astype(np.float32))
+    assert result.lengths.min() >= 1
+    assert result.lengths.max() <= 10
+    assert np.all(result.lengths[~result.successes] == 10)
+    again = evaluate(folder, episodes=12, seed=1)
+    np.testing.assert_array_equal(result.lengths, again.lengths)
+    plain = json.loads(json.dumps(result.to_json(["a", "b"])))
+    assert plain["episodes"] == 12
+    assert plain["runs"]["b"]["length"] == pytest.approx(result.lengths[1].mean())
+    assert plain["length"]["mean"] == pytest.approx(result.lengths.mean())
+
+
+def test_intervals_of_a_result_are_of_its_runs() -> None:
+    returns = np.repeat([[0.0], [1.0]], 50, axis=1).astype(np.float32)
+    result = Result(True, returns, returns.astype(np.int32), returns > 0)
+    interval = result.interval(result.returns)
+    assert (interval.low, interval.mean, interval.high) == (0, 0.5, 1)
+    assert result.best == 1
+    lengths = np.array([[9, 9], [3, 4], [5, 5]], np.int32)
+    assert Result(True, np.ones((3, 2), np.float32), lengths, lengths > 0).best == 1
+
+
+def test_command_evaluates_and_films(
+    folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film, report = tmp_path / "agent.gif", tmp_path / "report.json"
+    arguments = ["--episodes", "12", "--json", str(report), "--gif", str(film), "--run", "1"]
+    assert main(["evaluate", str(folder.path), *arguments]) == 0
+    shown = capsys.readouterr().out
+    assert f"{folder.path}: update 0 of 6, 2 runs, 12 episodes each" in shown
+    assert "tiny seed-1:" in shown
+    plain = json.loads(report.read_text())
+    assert set(plain) == {"greedy", "sampled"}
+    assert set(plain["greedy"]["runs"]) == {"seed-0", "seed-1"}
+    with Image.open(film) as image:
+        assert 2 <= getattr(image, "n_frames", 1) <= 11
+
+
+def test_record_plays_a_trained_agent_where_it_was_trained(
+    folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film, saved = tmp_path / "agent.gif", tmp_path / "agent.json"
+    common = ["record", "--policy", str(folder.path), "--out", str(film)]
+    assert main([*common, "--save", str(saved)]) == 0
+    assert "tiny seed-0" in capsys.readouterr().out
+    assert main(["replay", str(saved)]) == 0
+    assert "the same bit for bit" in capsys.readouterr().out
+    elsewhere = ["simple", "--width", "16", "--height", "12", "--steps", "3"]
+    assert main([*common, *elsewhere]) == 0
+    capsys.readouterr()
+    assert main([*common, "simple"]) == 2
+    assert "was trained on observations [[12, 16, 3]]" in capsys.readouterr().err
+    assert main([*common, "--width", "16"]) == 2
+    assert "--width goes with an ID" in capsys.readouterr().err
+
+
+def test_a_watched_game_plays_itself_at_its_pace(folder: RunFolder) -> None:
+    policy = load_policy(folder.path)
+    game = Watched(policy.env, policy.params, policy, seed=2, fps=10.0, note="watching")
+    expected = record(policy.env, policy.params, policy, seed=2)
+    now = 5.0
+    assert game.due(now) == 0
+    assert game.advance(now)
+    assert not game.advance(now + 0.05)
+    assert game.due(now + 0.05) == pytest.approx(0.05)
+    while not game.session.over:
+        now += 0.11
+        assert game.advance(now)
+    assert len(game.session.actions) == expected.steps
+    assert game.due(now) is None
+    press: Any = SimpleNamespace(kind="press", key="r")
+    game.handle(press, now)
+    assert game.session.seed == 3
+    assert game.advance(now + 1)
+    press.key = "p"
+    game.handle(press, now)
+    assert not game.advance(now + 2)
+    assert not any("turn" in line for line in game.help())
+
+
+def test_what_is_not_there_is_told(folder: RunFolder, tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match="has runs 0 to 1, not 2"):
+        load_policy(folder.path, run=2)
+    RunFolder.create(tmp_path / "new", folder.experiment)
+    with pytest.raises(SettingError, match="has no checkpoint yet"):
+        load_policy(tmp_path / "new")
+    policy = load_policy(folder.path)
+    env, params = jaxenstein.make("health-gathering", height=12, width=16)
+    with pytest.raises(SettingError, match="was trained with 5 actions, and 'health-gathering'"):
+        policy.check(env, params)

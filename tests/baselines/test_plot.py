@@ -1,0 +1,153 @@
+"""Learning curves: what is pooled, the bootstrap band, files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("flax")
+pytest.importorskip("matplotlib")
+
+from jaxenstein import SettingError
+from jaxenstein.baselines.bootstrap import band, mean_interval
+from jaxenstein.baselines.curves import Curve, curves_of, draw, save_plot
+from jaxenstein.baselines.metrics import means
+from jaxenstein.baselines.runs import RunFolder
+from jaxenstein.view.files import OutputError
+from tests.baselines.tiny import UPDATES, tiny
+
+
+def write_run(path: Path, successes: list[list[int]], **options: Any) -> Path:
+    """A run directory whose runs [update][run] had so many successes in ten episodes."""
+    experiment = tiny(**options)
+    RunFolder.create(path, experiment)
+    rows = []
+    for update, numbers in enumerate(successes, 1):
+        for run, number in zip(experiment.runs, numbers, strict=True):
+            sums = {
+                "episodes": 10 if number >= 0 else 0,
+                "return_sum": max(number, 0),
+                "length_sum": 80 if number >= 0 else 0,
+                "successes": max(number, 0),
+            }
+            row = {"update": update, "steps": 32 * update, **run, **means(sums), **sums}
+            rows.append(row | {"loss": 1.0 / update})
+    text = "".join(json.dumps(row) + "\n" for row in rows)
+    (path / "metrics.jsonl").write_text(text)
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_run(tmp_path / "run", [[0, 2], [-1, 4], [6, 8], [9, 10], [10, 10], [10, 10]])
+
+
+def test_values_are_means_over_episodes_not_over_updates(folder: Path) -> None:
+    (curve,) = curves_of(folder, "success", points=3)
+    assert curve.label == "run"
+    np.testing.assert_array_equal(curve.steps, [64, 128, 192])
+    # The first run's second update saw no episode end.
+    np.testing.assert_allclose(curve.values, [[0, 0.75, 1], [0.3, 0.9, 1]])
+    (curve,) = curves_of(folder, "success", points=50)
+    assert curve.values.shape == (2, UPDATES)
+    assert np.isnan(curve.values[0, 1])
+    (curve,) = curves_of(folder, "loss", points=2)
+    np.testing.assert_allclose(
+        curve.values[0], [(1 + 1 / 2 + 1 / 3) / 3, (1 / 4 + 0.2 + 1 / 6) / 3]
+    )
+
+
+def test_a_grid_gives_a_curve_for_each_point(tmp_path: Path) -> None:
+    path = write_run(tmp_path / "g", [[1, 2, 3, 4]], grid={"clip": [0.1, 0.2]})
+    one, two = curves_of(path)
+    assert (one.label, two.label) == ("g, clip 0.1", "g, clip 0.2")
+    np.testing.assert_allclose(one.values, [[0.1], [0.2]])
+    np.testing.assert_allclose(two.values, [[0.3], [0.4]])
+
+
+def test_a_run_that_was_killed_is_drawn_as_far_as_it_is_whole(folder: Path) -> None:
+    file = folder / "metrics.jsonl"
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join(lines[:7]) + '\n{"update": 4, "st')
+    (curve,) = curves_of(folder, "success")
+    np.testing.assert_array_equal(curve.steps, [32, 64, 96])
+
+
+def test_band_is_that_of_all_resamples() -> None:
+    """Against every one of the 27 draws of three runs, whose quantiles are exact."""
+    values = np.array([0.0, 1.0, 5.0])
+    draws = np.array(
+        [np.mean([values[i], values[j], values[k]]) for i in range(3) for j in range(3)
+         for k in range(3)]
+    )  # fmt: skip
+    mean, low, high = band(values[:, None])
+    assert mean[0] == 2.0
+    assert low[0] == np.quantile(draws, 0.025, method="inverted_cdf")
+    assert high[0] == np.quantile(draws, 0.975, method="inverted_cdf")
+
+
+def test_band_passes_over_missing_values() -> None:
+    curves = np.array([[1.0, np.nan, np.nan], [3.0, 4.0, np.nan]])
+    mean, low, high = band(curves)
+    np.testing.assert_array_equal(mean, [2, 4, np.nan])
+    np.testing.assert_array_equal(low, [1, 4, np.nan])
+    np.testing.assert_array_equal(high, [3, 4, np.nan])
+
+
+def test_interval_of_one_run_is_that_of_the_mean() -> None:
+    rng = np.random.default_rng(1)
+    values = rng.normal(3.0, 2.0, size=(1, 400))
+    interval = mean_interval(values)
+    half = 1.96 * values.std() / 20
+    assert interval.mean == values.mean()
+    assert interval.low == pytest.approx(values.mean() - half, abs=0.15 * half)
+    assert interval.high == pytest.approx(values.mean() + half, abs=0.15 * half)
+
+
+def test_interval_of_several_runs_is_that_of_runs_not_of_episodes() -> None:
+    """Two runs, all or nothing: however many episodes, no more than two samples."""
+    values = np.repeat([[0.0], [1.0]], 1000, axis=1)
+    interval = mean_interval(values)
+    assert (interval.mean, interval.low, interval.high) == (0.5, 0.0, 1.0)
+
+
+def test_plots_are_written_and_equal_each_time(folder: Path, tmp_path: Path) -> None:
+    curves = curves_of(folder, "success", points=3)
+    paths = [tmp_path / "a.png", tmp_path / "a.svg", tmp_path / "b.svg"]
+    save_plot(curves, paths, "success", "title")
+    with Image.open(paths[0]) as image:
+        assert image.size == (960, 600)
+    assert "<svg" in paths[1].read_text()
+    assert paths[1].read_bytes() == paths[2].read_bytes()
+
+
+def test_the_figure_shows_what_was_measured(folder: Path) -> None:
+    lone = Curve("lone", np.array([10, 20]), np.array([[np.nan, 0.5]]))
+    figure = draw([*curves_of(folder, "success", points=3), lone], "success")
+    (axes,) = figure.axes
+    first, second = axes.lines
+    np.testing.assert_allclose(first.get_xydata(), [[64, 0.15], [128, 0.825], [192, 1]])
+    np.testing.assert_allclose(second.get_xydata(), [[20, 0.5]])
+    assert second.get_marker() == "o"
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["run (2 runs)", "lone"]
+    assert axes.get_ylabel() == "success rate"
+
+
+def test_what_cannot_be_drawn_is_told(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match="unknown metric 'sucess', did you mean 'success'"):
+        curves_of(folder, "sucess")
+    with pytest.raises(SettingError, match=r"should end in .png or .svg"):
+        save_plot([], [tmp_path / "a.jpg"])
+    with pytest.raises(OutputError, match="there is no folder"):
+        save_plot([], [tmp_path / "none" / "a.png"])
+    (folder / "metrics.jsonl").write_text("")
+    with pytest.raises(SettingError, match="has no metrics yet"):
+        curves_of(folder)
+    (folder / "metrics.jsonl").unlink()
+    with pytest.raises(SettingError, match=r"cannot read .*metrics.jsonl"):
+        curves_of(folder)

@@ -1,0 +1,349 @@
+"""Run directories: resuming exactly, refusing what does not fit, metrics files."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+pytest.importorskip("orbax.checkpoint")
+pytest.importorskip("flax")
+
+from jaxenstein import SettingError
+from jaxenstein.baselines import checkpoints, metrics
+from jaxenstein.baselines.experiment import Experiment
+from jaxenstein.baselines.metrics import MetricsFiles, read_metrics, rows_of
+from jaxenstein.baselines.runs import CHECKPOINTS, CONFIG, RunFolder, run_names, train
+from jaxenstein.view.files import OutputError
+from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, tiny
+
+FILES = ("metrics.csv", "metrics.jsonl")
+TRAIN = """
+import sys
+from jaxenstein.baselines.runs import RunFolder, train
+train(RunFolder.open(sys.argv[1]), save_every=0.0)
+"""
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder for compiled programs, which other processes take them from."""
+    folder = tmp_path_factory.mktemp("compiled")
+    with compiled_into(folder):
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def experiment(cache: Path) -> Experiment:
+    """One for all tests, so that it is compiled once."""
+    return tiny()
+
+
+@pytest.fixture(scope="module")
+def whole(experiment: Experiment, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    """A run without interruption."""
+    folder = RunFolder.create(tmp_path_factory.mktemp("whole") / "run", experiment)
+    assert train(folder) == UPDATES
+    return folder
+
+
+def digest(folder: RunFolder) -> str:
+    """Of all bits of the final state."""
+    file = folder.path / CHECKPOINTS / str(folder.experiment.config.updates) / "checkpoint.json"
+    return json.loads(file.read_text())["digest"]
+
+
+def assert_same_result(folder: RunFolder, other: RunFolder) -> None:
+    for name in FILES:
+        assert (folder.path / name).read_bytes() == (other.path / name).read_bytes()
+    assert digest(folder) == digest(other)
+
+
+def test_a_run_leaves_its_configuration_and_metrics(whole: RunFolder) -> None:
+    opened = RunFolder.open(whole.path)
+    assert opened.experiment.differences(whole.experiment) == []
+    rows = read_metrics(whole.path)
+    assert [(row["update"], row["seed"]) for row in rows] == [
+        (update, seed) for update in range(1, UPDATES + 1) for seed in (0, 1)
+    ]
+    assert rows[-1]["steps"] == OPTIONS["total_steps"]
+    # Horizon 10, rollout 8, four environments: every one of them has ended by the second update.
+    assert (rows[2]["episodes"] or 0) >= 4
+    ended = [row for row in rows if row["episodes"]]
+    assert all(0 < (row["length"] or 0) <= 10 for row in ended)
+    with (whole.path / "metrics.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    for line, row in zip(table, rows, strict=True):
+        read = {name: float(text) if text else None for name, text in line.items()}
+        assert read == row
+    assert whole.checkpoints.updates()[-1] == UPDATES
+    assert len(whole.checkpoints.updates()) <= checkpoints.KEEP
+
+
+def test_runs_beside_each_other_differ_and_repeat(
+    whole: RunFolder, experiment: Experiment, tmp_path: Path
+) -> None:
+    first, second = (
+        [row["entropy"] for row in read_metrics(whole.path) if row["seed"] == seed]
+        for seed in (0, 1)
+    )
+    assert first != second
+    again = RunFolder.create(tmp_path / "again", experiment)
+    train(again)
+    assert_same_result(again, whole)
+
+
+@pytest.mark.parametrize("stop_after", [1, 4])
+def test_stopped_and_resumed_is_the_same(
+    whole: RunFolder, experiment: Experiment, tmp_path: Path, stop_after: int
+) -> None:
+    folder = RunFolder.create(tmp_path / "run", experiment)
+    done: list[int] = []
+    train(
+        folder,
+        notify=lambda update, rows: done.append(update),
+        stop=lambda: bool(done) and done[-1] >= stop_after,
+    )
+    assert done == list(range(stop_after + 1))
+    # What came after the checkpoint is cut off: whole rows, and half of one.
+    for name in FILES:
+        with (folder.path / name).open("a") as file:
+            file.write("8,1,2\n8,1")
+    assert train(RunFolder.open(folder.path)) == UPDATES
+    assert_same_result(folder, whole)
+    assert train(folder) == UPDATES
+    assert_same_result(folder, whole)
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_and_resumed_is_the_same(
+    whole: RunFolder, experiment: Experiment, cache: Path, tmp_path: Path
+) -> None:
+    """Processes of their own, killed while they train or write, until one comes to the end."""
+    folder = RunFolder.create(tmp_path / "run", experiment)
+    rng = random.Random(0)
+    environment = os.environ | {
+        "JAX_COMPILATION_CACHE_DIR": str(cache),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+    }
+    killed = 0
+    for _ in range(8):
+        process = subprocess.Popen(
+            [sys.executable, "-c", TRAIN, str(folder.path)],
+            env=environment,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        rows, limit = count_rows(folder), time.monotonic() + 120
+        while process.poll() is None and count_rows(folder) <= rows and time.monotonic() < limit:
+            time.sleep(0.005)
+        time.sleep(rng.uniform(0, 0.3))
+        if killed < 2:
+            process.kill()
+        stderr = process.communicate(timeout=120)[1]
+        if process.returncode == 0:
+            break
+        assert process.returncode == -signal.SIGKILL, stderr
+        killed += 1
+    assert killed >= 1
+    assert process.returncode == 0
+    assert_same_result(folder, whole)
+
+
+def count_rows(folder: RunFolder) -> int:
+    path = folder.path / "metrics.jsonl"
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def test_a_damaged_checkpoint_costs_time_and_nothing_else(whole: RunFolder, tmp_path: Path) -> None:
+    shutil.copytree(whole.path, tmp_path / "run")
+    folder = RunFolder.open(tmp_path / "run")
+    (folder.path / CHECKPOINTS / str(UPDATES) / "checkpoint.json").write_text("{")
+    with pytest.warns(UserWarning, match="passed over a damaged checkpoint"):
+        assert train(folder) == UPDATES
+    assert_same_result(folder, whole)
+
+
+def test_another_configuration_is_refused_with_the_fields_that_differ(whole: RunFolder) -> None:
+    other = tiny(learning_rate=1e-3, epochs=3, horizon=11, seeds=3)
+    with pytest.raises(SettingError) as caught:
+        whole.check_same(other)
+    for part in (
+        "config.epochs (3, not 2)",
+        "hparams.learning_rate (0.001, not 0.00025)",
+        "environment.params.max_steps_in_episode (11, not 10)",
+        "seeds ([0, 1, 2], not [0, 1])",
+    ):
+        assert part in str(caught.value)
+    whole.check_same(tiny())
+
+
+def test_a_folder_holds_one_run_that_one_process_trains(whole: RunFolder) -> None:
+    with pytest.raises(SettingError, match=r"there is a run in .* already"):
+        RunFolder.create(whole.path, whole.experiment)
+    with whole.locked(), pytest.raises(SettingError, match="another process is training"):
+        train(whole)
+
+
+def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match=r"there is no run in .*: it has no config.json"):
+        RunFolder.open(tmp_path)
+    for text, reason in (
+        ("{", "is not JSON"),
+        ("[]", "not the configuration of a run"),
+        ('{"format": 99}', "format 99, not 1"),
+        ('{"format": 1}', "not the configuration of a run"),
+    ):
+        (tmp_path / CONFIG).write_text(text)
+        with pytest.raises(SettingError, match=reason):
+            RunFolder.open(tmp_path)
+    plain = json.loads((whole.path / CONFIG).read_text())
+    plain["config"]["epohcs"] = 1
+    (tmp_path / CONFIG).write_text(json.dumps(plain))
+    with pytest.raises(SettingError, match="unknown setting 'epohcs', did you mean 'epochs'"):
+        RunFolder.open(tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_told_first(
+    experiment: Experiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match=r"not a directory|is not a folder"):
+        RunFolder.create(tmp_path / "file" / "run", experiment)
+    # Root may write everywhere, so the refusal of the system is played.
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(OutputError, match="no permission"):
+        RunFolder.create(tmp_path / "run", experiment)
+    assert not (tmp_path / "run" / CONFIG).exists()
+
+
+@pytest.mark.parametrize("writer", ["metrics", "checkpoints"])
+def test_a_disk_that_fills_up_stops_the_run_and_harms_nothing(
+    whole: RunFolder,
+    experiment: Experiment,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    writer: str,
+) -> None:
+    folder = RunFolder.create(tmp_path / "run", experiment)
+    calls: list[int] = []
+    module, name = {
+        "metrics": (metrics.os, "fsync"),
+        "checkpoints": (checkpoints, "_write_arrays"),
+    }[writer]
+    real = getattr(module, name)
+
+    def full(*args: Any) -> Any:
+        calls.append(1)
+        if len(calls) > 6 or (writer == "checkpoints" and len(calls) > 3):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(*args)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(module, name, full)
+        with pytest.raises(OutputError, match="no space left on device"):
+            train(folder, save_every=0.0)
+    restored = folder.restore()
+    if restored is not None:
+        assert restored.update < UPDATES
+        assert restored.damaged == ()
+    assert train(folder) == UPDATES
+    assert_same_result(folder, whole)
+
+
+def test_metrics_files_of_another_run_are_refused(tmp_path: Path) -> None:
+    files = MetricsFiles(tmp_path)
+    files.write([{"update": 1, "a": 2}, {"update": 2, "a": None}])
+    assert (tmp_path / "metrics.csv").read_text() == "update,a\n1,2\n2,\n"
+    with pytest.raises(SettingError, match=r"metrics.csv has 3 whole lines where .* needs 4"):
+        MetricsFiles(tmp_path, rows=3)
+    MetricsFiles(tmp_path, rows=1).write([{"update": 5, "a": 0.5}])
+    assert read_metrics(tmp_path) == [{"update": 1, "a": 2}, {"update": 5, "a": 0.5}]
+
+
+def test_rows_are_in_order_and_have_no_infinite_numbers() -> None:
+    values = {
+        "episodes": np.array([[0, 2], [4, 1]]),
+        "return_sum": np.array([[0, 1], [2, 3]], np.float32),
+        "length_sum": np.array([[0, 8], [40, 5]]),
+        "successes": np.array([[0, 1], [2, 1]]),
+        "loss": np.array([[0.1, np.nan], [np.inf, -1]], np.float32),
+    }
+    rows = rows_of(values, [{"seed": 3}, {"seed": 4}], first=10, steps=32)
+    assert [(row["update"], row["steps"], row["seed"]) for row in rows] == [
+        (11, 352, 3), (11, 352, 4), (12, 384, 3), (12, 384, 4),
+    ]  # fmt: skip
+    assert [row["return"] for row in rows] == [None, 0.5, 0.5, 3.0]
+    assert [row["length"] for row in rows] == [None, 10, 4, 5]
+    assert [row["success"] for row in rows] == [None, 0.5, 0.5, 1]
+    assert [row["loss"] for row in rows] == [0.1, None, None, -1]
+
+
+def test_a_grid_trains_every_point_with_every_seed(whole: RunFolder, tmp_path: Path) -> None:
+    names = run_names(tiny(grid={"learning_rate": [0, 0.01], "clip": [0.2]}))
+    assert names == [
+        "learning_rate-0-clip-0.2-seed-0",
+        "learning_rate-0-clip-0.2-seed-1",
+        "learning_rate-0.01-clip-0.2-seed-0",
+        "learning_rate-0.01-clip-0.2-seed-1",
+    ]
+    # Two runs again, so that the same compiled program trains them.
+    experiment = tiny(grid={"learning_rate": [0, 0.01]}, seeds=1)
+    folder = RunFolder.create(tmp_path / "run", experiment)
+    train(folder)
+    rows = read_metrics(folder.path)
+    rates = [row["learning_rate"] for row in rows]
+    assert rates == pytest.approx([x for left in range(6, 0, -1) for x in (0, 0.01 * left / 6)])
+    before = experiment.learner.many.init(experiment.keys())
+    restored = folder.restore()
+    assert restored is not None
+    still = jax.tree.map(lambda a, b: a == b, restored.state.params, before.params)
+    assert [all(np.all(leaf[run]) for leaf in jax.tree.leaves(still)) for run in (0, 1)] == [
+        True,
+        False,
+    ]
+
+
+def test_weights_and_biases_gets_every_number(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logged: list[tuple[dict[str, float], int]] = []
+    started: dict[str, Any] = {}
+
+    def init(**settings: Any) -> Any:
+        started.update(settings)
+        return types.SimpleNamespace(
+            log=lambda values, step: logged.append((values, step)), finish=lambda: None
+        )
+
+    stub: Any = types.ModuleType("wandb")
+    stub.init = init
+    monkeypatch.setitem(sys.modules, "wandb", stub)
+    sink = metrics.WeightsAndBiases(tmp_path / "run", ["a", "b"], "mine", {"x": 1})
+    sink.write(
+        [
+            {"update": 1, "steps": 8, "seed": 0, "loss": 1.0, "return": None},
+            {"update": 1, "steps": 8, "seed": 1, "loss": 2.0, "return": 3.0},
+        ]
+    )
+    sink.close()
+    assert (started["project"], started["id"], started["resume"]) == ("mine", "run", "allow")
+    assert logged == [({"a/loss": 1.0, "b/loss": 2.0, "b/return": 3.0, "loss": 1.5}, 8)]
+    monkeypatch.setitem(sys.modules, "wandb", None)
+    with pytest.raises(SettingError, match="pip install wandb"):
+        metrics.WeightsAndBiases(tmp_path / "run", ["a"], "mine", {})

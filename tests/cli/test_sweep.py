@@ -1,0 +1,101 @@
+"""`jaxenstein sweep`: grids of the paper, parts, and the table at the end."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("orbax.checkpoint")
+pytest.importorskip("flax")
+
+from jaxenstein.baselines.experiment import Experiment
+from jaxenstein.baselines.metrics import means
+from jaxenstein.baselines.runs import RunFolder
+from jaxenstein.baselines.sweeps import PAPER, plan, summary
+from jaxenstein.cli import main
+from jaxenstein.cli.sweep import table
+from tests.baselines.tiny import OPTIONS, tiny
+
+WITHOUT_SEEDS = {name: value for name, value in OPTIONS.items() if name != "seeds"}
+
+
+def write_metrics(folder: RunFolder, returns: list[float | None]) -> None:
+    """Ten updates in which each run has a return of its own, None for no episode."""
+    rows = []
+    for update in range(1, 11):
+        for run, value in zip(folder.experiment.runs, returns, strict=True):
+            sums = {
+                "episodes": 0 if value is None else 4,
+                "return_sum": 4 * (value or 0.0),
+                "length_sum": 12,
+                "successes": int(4 * (value or 0.0)),
+            }
+            rows.append({"update": update, "steps": 32 * update, **run, **means(sums), **sums})
+    text = "".join(json.dumps(row) + "\n" for row in rows)
+    (folder.path / "metrics.jsonl").write_text(text)
+
+
+def test_the_papers_grids_are_65_runs() -> None:
+    planned = plan(WITHOUT_SEEDS, list(PAPER))
+    assert {name: len(e.runs) for name, e in planned.items()} == {"ppo": 5, "rnd": 30, "icm": 30}
+    numbers = planned["rnd"].numbers()
+    pairs = set(zip(numbers.bonus_reward.tolist(), numbers.rnd_loss.tolist(), strict=True))
+    assert len(pairs) == 6
+    assert planned["icm"].config.algo == "icm"
+
+
+def test_parts_of_a_grid_are_the_whole_grid() -> None:
+    whole = plan(WITHOUT_SEEDS, ["rnd"])["rnd"]
+    parts = plan(WITHOUT_SEEDS, ["rnd"], at_once=10)
+    assert list(parts) == [f"rnd-bonus_reward-{value}" for value in ("0.1", "1", "10")]
+
+    def runs(experiment: Experiment) -> set[tuple[float, ...]]:
+        numbers = experiment.numbers()
+        columns = np.broadcast_arrays(numbers.bonus_reward, numbers.rnd_loss)
+        seeds = [run["seed"] for run in experiment.runs]
+        rows = np.array([*columns, seeds], np.float32).T
+        return set(map(tuple, rows.tolist()))
+
+    assert set.union(*map(runs, parts.values())) == runs(whole)
+    first = next(iter(plan(WITHOUT_SEEDS, ["rnd"], at_once=1)))
+    assert first == "rnd-bonus_reward-0.1-rnd_loss-0.01"
+
+
+def test_summary_lists_the_best_point_first(tmp_path: Path) -> None:
+    grid = RunFolder.create(tmp_path / "a", tiny(grid={"clip": [0.1, 0.2]}))
+    write_metrics(grid, [0.25, 0.75, 1.0, None])
+    lone = RunFolder.create(tmp_path / "b", tiny(seeds=1))
+    write_metrics(lone, [None])
+    points = summary([lone.path, grid.path])
+    assert [point.label for point in points] == ["a, clip 0.2", "a, clip 0.1", "b"]
+    assert (points[1].earned.mean, points[1].earned.low, points[1].earned.high) == (0.5, 0.25, 0.75)
+    assert points[0].earned.mean == 1
+    assert np.isnan(points[2].earned.mean)
+    lines = table(points).splitlines()
+    assert lines[2].split() == ["a,", "clip", "0.1", "2", "0.5", "0.25", "-", "0.75", "50.0%",
+                                "25.0%", "-", "75.0%"]  # fmt: skip
+
+
+def test_command_trains_skips_and_lists(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "map.txt").write_text(OPTIONS["map"])
+    flags = [
+        "--height=12", "--width=16", "--horizon=10", "--total-steps=192", "--num-envs=4",
+        "--rollout=8", "--minibatches=2", "--epochs=2", "--features=8", "--hidden=8", "--head=8",
+        "--convolutions=4x4x4", "--seeds=2", f"--map-file={tmp_path / 'map.txt'}",
+        "--no-tensorboard", "--algo", "ppo", "--grid", "clip=0.1,0.2", "--out", str(tmp_path / "s"),
+    ]  # fmt: skip
+    assert main(["sweep", *flags]) == 0
+    shown = capsys.readouterr().out
+    assert "ppo, clip 0.1" in shown
+    assert "ppo, clip 0.2" in shown
+    before = (tmp_path / "s" / "ppo" / "metrics.csv").read_bytes()
+    assert main(["sweep", *flags]) == 2
+    assert "there is a run in" in capsys.readouterr().err
+    assert main(["sweep", *flags, "--resume"]) == 0
+    assert (tmp_path / "s" / "ppo" / "metrics.csv").read_bytes() == before
+    capsys.readouterr()
+    assert main(["sweep", *flags, "--resume", "--epochs=3"]) == 2
+    assert "config.epochs (3, not 2)" in capsys.readouterr().err

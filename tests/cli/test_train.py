@@ -1,0 +1,224 @@
+"""`jaxenstein train` and `jaxenstein plot`: flags, files, interruptions, what is told."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("orbax.checkpoint")
+pytest.importorskip("flax")
+
+from jaxenstein.baselines import runs
+from jaxenstein.baselines.metrics import read_metrics
+from jaxenstein.baselines.options import resolve
+from jaxenstein.baselines.runs import RunFolder
+from jaxenstein.cli import build_parser, main
+from jaxenstein.cli.train import given_options, note_of
+from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, tiny
+
+ROOT = Path(__file__).parents[2]
+FLAGS = [
+    "--height=12", "--width=16", "--horizon=10", "--total-steps=192", "--num-envs=4",
+    "--rollout=8", "--minibatches=2", "--epochs=2", "--features=8", "--hidden=8", "--head=8",
+    "--convolutions=4x4x4", "--seeds=2",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Compiled programs, which every call of the command finds again."""
+    folder = tmp_path_factory.mktemp("compiled")
+    with compiled_into(folder):
+        yield folder
+
+
+@pytest.fixture
+def flags(tmp_path: Path) -> list[str]:
+    """Those that give the experiment `tiny()`."""
+    (tmp_path / "map.txt").write_text(OPTIONS["map"])
+    return [*FLAGS, f"--map-file={tmp_path / 'map.txt'}", "--no-tensorboard"]
+
+
+def parse(*arguments: str) -> dict[str, Any]:
+    return given_options(build_parser().parse_args(["train", "--out", "x", *arguments]))
+
+
+def test_trains_resumes_and_plots(
+    flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    assert main(["train", *flags, "--out", str(out)]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.startswith(f"{out}: {UPDATES} of {UPDATES} updates  return ")
+    assert "run [########################] 100%" in captured.err
+    assert "success" in captured.err
+    assert len(read_metrics(out)) == 2 * UPDATES
+    before = (out / "metrics.csv").read_bytes()
+    # There is nothing left to do, and the same options may be given again.
+    assert main(["train", *flags, "--out", str(out), "--resume"]) == 0
+    assert (out / "metrics.csv").read_bytes() == before
+    capsys.readouterr()
+    assert main(["train", *flags, "--out", str(out)]) == 2
+    assert "there is a run in" in capsys.readouterr().err
+    assert main(["train", "--out", str(out), "--resume", "--epochs=3", "--gamma=.5"]) == 2
+    assert "config.epochs (3, not 2); hparams.gamma (0.5, not null)" in capsys.readouterr().err
+    assert main(["train", "--out", str(out), "--resume", "--env=simple"]) == 2
+    assert 'environment.id ("simple", not null)' in capsys.readouterr().err
+    pytest.importorskip("matplotlib")
+    pictures = [str(tmp_path / name) for name in ("a.png", "a.svg")]
+    assert main(["plot", str(out), "--out", pictures[0], "--out", pictures[1]]) == 0
+    assert capsys.readouterr().out == f"wrote {pictures[0]} and {pictures[1]}\n"
+
+
+def test_flags_and_files_give_the_same_experiment(flags: list[str], tmp_path: Path) -> None:
+    file = tmp_path / "tiny.toml"
+    lines = [f"{name} = {json.dumps(value)}" for name, value in OPTIONS.items() if name != "map"]
+    file.write_text("\n".join([*lines, 'map_file = "map.txt"']))
+    given = parse(*flags)
+    assert given == parse("--config", str(file))
+    assert resolve(given).differences(tiny()) == []
+    assert parse("--config", str(file), "--seeds", "3")["seeds"] == 3
+
+
+def test_flags_of_tables_and_numbers() -> None:
+    given = parse(
+        "--set", "field_of_view=90", "--param", "discount=0.9", "--param", "goal-reward=2",
+        "--grid", "clip=0.1,0.2", "--total-steps", "3e6", "--no-anneal", "--heading=-45,45",
+    )  # fmt: skip
+    assert given == {
+        "settings": {"field_of_view": 90},
+        "params": {"discount": 0.9, "goal_reward": 2},
+        "grid": {"clip": [0.1, 0.2]},
+        "total_steps": 3_000_000,
+        "anneal": False,
+        "heading": (-45, 45),
+    }
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--leraning-rate=1"], "unrecognized argument: --leraning-rate=1, did you mean '--lear"),
+        (["--algo=rdn"], "argument --algo: invalid choice: 'rdn'"),
+        (["--num-envs=many"], "argument --num-envs: must be a whole number, not 'many'"),
+        (["--num-envs=nan"], "must be a whole number, not 'nan'"),
+        (["--clip=x"], "argument --clip: must be a number, not 'x'"),
+        (["--convolutions=4x4"], "must be KERNELxSTRIDExFEATURES of each layer"),
+        (["--set=fov"], "--set must be NAME=VALUE, not 'fov'"),
+        (["--num-envs=6"], "num_envs must be a multiple of minibatches"),
+        (["--config=none.toml"], "cannot read none.toml: no such file"),
+        (["--map-file=none.txt"], "cannot read the map none.txt: no such file"),
+        (["--resume"], "there is no run in"),
+        (["--save-every=-1"], "must be a number from 0"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["train", "--out", str(tmp_path / "run"), *arguments]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
+    flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    out = tmp_path / "run"
+    timing = runs.Timing.write
+
+    def interrupt(self: runs.Timing, update: int) -> None:
+        timing(self, update)
+        if update == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(runs.Timing, "write", interrupt)
+        assert main(["train", *flags, "--out", str(out)]) == 130
+    captured = capsys.readouterr()
+    assert f"stopped; 'jaxenstein train --out {out} --resume' goes on" in captured.err
+    assert RunFolder.open(out).checkpoints.updates()[-1] == 2
+    # The signals are again what they were.
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert main(["train", "--out", str(out), "--resume", "--no-tensorboard"]) == 0
+    assert len(read_metrics(out)) == 2 * UPDATES
+
+
+def test_without_the_extra_each_command_names_it(tmp_path: Path) -> None:
+    """In a process that cannot import flax; the other commands do not need it."""
+    code = """
+import sys
+sys.modules["flax"] = None
+from jaxenstein.cli import main
+import jaxenstein
+commands = "train --out x", "plot x --out x.png", "evaluate x", "record --policy . --out x.gif"
+for command in commands:
+    assert main(command.split()) == 2, command
+assert main(["list"]) == 0
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("pip install 'jaxenstein[baselines]'") == 4
+    assert done.stderr.count("\n") == 4
+
+
+def test_help_of_the_whole_imports_nothing_of_the_extra() -> None:
+    code = (
+        "import sys; from jaxenstein.cli import build_parser; build_parser().format_help(); "
+        "assert not {'flax', 'optax', 'orbax', 'matplotlib'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_demos_configuration_is_one() -> None:
+    experiment = resolve(parse("--config", str(ROOT / "examples" / "demo.toml")))
+    assert (experiment.config.updates, len(experiment.runs)) == (100, 4)
+    assert experiment.recipe.settings["heading"] == 0
+
+
+def test_note_is_over_all_episodes() -> None:
+    rows = [
+        {"episodes": 1, "return_sum": 1.0, "successes": 1},
+        {"episodes": 3, "return_sum": 0.5, "successes": 0},
+    ]
+    assert note_of(rows) == "return 0.375  success 25%"
+    assert note_of([{"episodes": 0, "return_sum": 0.0, "successes": 0}]) == ""
+    assert note_of([]) == ""
+
+
+def test_tensorboard_files_hold_the_numbers(
+    flags: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    for module in ("tensorboard.summary", "tensorboardX"):
+        monkeypatch.setitem(sys.modules, module, None)
+    flags = [flag for flag in flags if flag != "--no-tensorboard"]
+    assert main(["train", *flags, "--tensorboard", "--out", str(tmp_path / "no")]) == 2
+    assert "pip install tensorboard" in capsys.readouterr().err
+    monkeypatch.undo()
+    pytest.importorskip("tensorboard")
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    out = tmp_path / "run"
+    assert main(["train", *flags, "--tensorboard", "--out", str(out)]) == 0
+    events = EventAccumulator(str(out / "tensorboard" / "seed-1"))
+    events.Reload()
+    rows = [row for row in read_metrics(out) if row["seed"] == 1]
+    for name in ("entropy", "return"):
+        wanted = [(row["steps"], row[name]) for row in rows if row[name] is not None]
+        found = [
+            (event.step, float(event.tensor_proto.float_val[0])) for event in events.Tensors(name)
+        ]
+        assert found == [(step, pytest.approx(value)) for step, value in wanted]
