@@ -25,14 +25,16 @@ class ManyRuns:
     def __init__(self, learner: Learner) -> None:
         """Take the learner of one run."""
         self._learner = learner
-        self._init = jax.jit(jax.vmap(learner._start))
         self._evaluate = jax.jit(self._play, static_argnames=("episodes", "greedy"))
         self._train = jax.jit(self._chunk, static_argnames="updates")
 
     def init(self, keys: jax.Array, hparams: HParams | None = None) -> TrainState:
         """Begin a run for each of keys[R]; `hparams` as of `train_chunk`."""
         _spread((hparams or HParams()).check(), keys.shape[0])
-        return self._init(key_data(keys))
+        # One after another, in one small program: a vmapped one of four runs never came to its
+        # end on two CPU cores with JAX 0.10.2.
+        states = [self._learner._init(key) for key in key_data(keys)]
+        return jax.tree.map(lambda *leaves: jnp.stack(leaves), *states)
 
     def train_chunk(
         self, state: TrainState, hparams: HParams | None, updates: int
