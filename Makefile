@@ -17,7 +17,7 @@ PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || ec
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test check demo bench compare partners clean
+.PHONY: help setup test slow check demo bench compare partners clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
@@ -25,8 +25,11 @@ help: ## list the targets
 
 setup: $(VENV)/.dev ## make .venv with everything that tests and checks need
 
-test: $(VENV)/.dev ## run the tests
-	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(ARGS)
+test: $(VENV)/.dev ## run the tests, but for the slow ones
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow" $(ARGS)
+
+slow: $(VENV)/.dev ## run the slow tests: what learns, and whole programs that are killed
+	$(BIN)/python -m pytest -n auto --dist load -m slow $(ARGS)
 
 check: $(VENV)/.dev ## lint, formatting and types
 	$(BIN)/ruff check
