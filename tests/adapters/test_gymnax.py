@@ -306,7 +306,7 @@ def test_gym_wrappers_of_gymnax() -> None:
     obs, _ = single.reset()
     assert single.observation_space.contains(np.asarray(obs))
     assert len(single.step(LEFT)) == 5
-    assert single.action_space.n == 5
+    assert single.action_space.n == 5  # type: ignore[attr-defined]
     vector = gym.GymnaxToVectorGymWrapper(env, 3, params)
     obs, _ = vector.reset()
     assert obs.shape == (3, 12, 16, 3)

@@ -16,6 +16,7 @@ from jaxenstein import SettingError, UnknownEnvironmentError
 from jaxenstein.baselines.config import Config, HParams
 from jaxenstein.baselines.experiment import Experiment
 from jaxenstein.baselines.options import all_options, given_by, merge, read_file, resolve
+from jaxenstein.tasks.first_person import FirstPerson
 from tests.baselines.tiny import OPTIONS, tiny
 
 # Small enough for the default environment.
@@ -54,6 +55,7 @@ def test_what_is_given_reaches_the_experiment() -> None:
     assert experiment.config.num_envs == 8
     assert experiment.hparams["learning_rate"] == 1.0
     env, params = experiment.recipe.build()
+    assert isinstance(env, FirstPerson)
     assert (env.height, env.width, env.field_of_view) == (12, 16, 90)
     assert (int(params.max_steps_in_episode), float(params.discount)) == (50, 0.5)
     assert experiment.seeds == (5, 6, 7)

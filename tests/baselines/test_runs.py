@@ -141,7 +141,7 @@ def test_killed_at_random_moments_and_resumed_is_the_same(
         "JAX_COMPILATION_CACHE_DIR": str(cache),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
     }
-    killed = 0
+    killed, process = 0, None
     for _ in range(8):
         process = subprocess.Popen(
             [sys.executable, "-c", TRAIN, str(folder.path)],
@@ -161,6 +161,7 @@ def test_killed_at_random_moments_and_resumed_is_the_same(
         assert process.returncode == -signal.SIGKILL, stderr
         killed += 1
     assert killed >= 1
+    assert process is not None
     assert process.returncode == 0
     assert_same_result(folder, whole)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import signal
@@ -209,7 +210,8 @@ def test_tensorboard_files_hold_the_numbers(
     assert "pip install tensorboard" in capsys.readouterr().err
     monkeypatch.undo()
     pytest.importorskip("tensorboard")
-    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+    accumulator = importlib.import_module("tensorboard.backend.event_processing.event_accumulator")
+    EventAccumulator = accumulator.EventAccumulator
 
     out = tmp_path / "run"
     assert main(["train", *flags, "--tensorboard", "--out", str(out)]) == 0

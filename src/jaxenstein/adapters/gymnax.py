@@ -19,7 +19,7 @@ Needs the extra `gymnax`.
 """
 
 # The partner is an extra, which need not be there to check the types.
-# pyright: reportMissingImports=false
+# pyright: reportMissingImports=false, reportIncompatibleMethodOverride=false
 
 from __future__ import annotations
 

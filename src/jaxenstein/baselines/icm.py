@@ -1,5 +1,8 @@
 """The intrinsic curiosity module (Pathak et al. 2017): the error in predicting what follows."""
 
+# flax' `apply` is typed as if it might return variables as well, which ours never do.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
+
 from __future__ import annotations
 
 import dataclasses

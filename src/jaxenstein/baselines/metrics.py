@@ -191,7 +191,7 @@ class TensorBoard:
             ImportError: neither tensorboard nor tensorboardX is installed.
         """
         try:
-            from tensorboard.summary import Writer
+            from tensorboard.summary import Writer  # pyright: ignore[reportMissingImports]
         except ImportError:
             from tensorboardX import SummaryWriter as Writer  # type: ignore[import-not-found]
 

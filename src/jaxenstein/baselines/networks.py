@@ -4,6 +4,9 @@ Every function takes any leading axes; sequences have time first. Parameters are
 computations are of the config's dtype, results float32.
 """
 
+# flax' `apply` is typed as if it might return variables as well, which ours never do.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
+
 from __future__ import annotations
 
 import dataclasses

@@ -1,5 +1,8 @@
 """Random network distillation (Burda et al. 2018): the error in predicting a random network."""
 
+# flax' `apply` is typed as if it might return variables as well, which ours never do.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
+
 from __future__ import annotations
 
 import dataclasses
