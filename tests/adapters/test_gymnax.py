@@ -317,7 +317,7 @@ def test_gym_wrappers_of_gymnax() -> None:
 
 @pytest.mark.usefixtures("partner_promotion")
 def test_a_recurrent_ppo_in_a_scan_trains() -> None:
-    import recurrent_ppo
+    from tests.adapters import recurrent_ppo
 
     env, params = adapter.from_env(*corridor())
     params = params.replace(max_steps_in_episode=10)

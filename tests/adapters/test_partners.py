@@ -6,8 +6,9 @@ import importlib
 import sys
 from pathlib import Path
 
-import partners
 import pytest
+
+from tests.adapters import partners
 
 PASSED = '<testcase name="a"/>'
 FAILED = '<testcase name="b"><failure message="no"/></testcase>'

@@ -7,13 +7,13 @@ import os
 from pathlib import Path
 
 import pytest
-from reference import labmaps
 
 from jaxenstein.cli import main
 from jaxenstein.cli.arguments import read_map
 from jaxenstein.errors import SettingError
 from jaxenstein.maps import TileMap, parse_ascii
 from jaxenstein.maps.dmlab import build_tilemap, read_maze
+from tests.reference import labmaps
 
 PICTURE = "3333333\n3S...@3\n3.3.333\n3.3G.a3\n3333333\n"
 PLAIN = labmaps.write_map(PICTURE)

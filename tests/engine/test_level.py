@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
-from reference.raycaster import solid_tiles
-from reference.search import SEEDS, several
-from reference.worlds import draw_world
 
 from jaxenstein.engine.level import compile_level, is_solid, level_from_walls, occupancy, pack_bits
+from tests.reference.raycaster import solid_tiles
+from tests.reference.search import SEEDS, several
+from tests.reference.worlds import draw_world
 
 SHAPES = [(1, 1), (3, 3), (5, 31), (4, 32), (7, 33), (33, 64), (70, 65), (2, 130)]
 

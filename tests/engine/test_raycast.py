@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
-from reference.comparison import Tally, compare
-from reference.search import SEEDS, several
-from reference.worlds import World, draw_world
 
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.level import compile_level, level_from_walls
 from jaxenstein.engine.raycast import Hits, cast
+from tests.reference.comparison import Tally, compare
+from tests.reference.search import SEEDS, several
+from tests.reference.worlds import World, draw_world
 
 EXCUSED_AT_MOST = 0.02
 

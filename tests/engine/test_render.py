@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
-from reference import images, raycaster, scenes
-from reference.search import SEEDS, several
-from reference.worlds import World, draw_world
 
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.level import compile_level, level_from_walls
 from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene, Sprites
+from tests.reference import images, raycaster, scenes
+from tests.reference.search import SEEDS, several
+from tests.reference.worlds import World, draw_world
 
 # The name moved: the old one is deprecated where the new one exists.
 if hasattr(jax, "enable_x64"):

@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
-from reference import images, raycaster, scenes
-from reference.search import SEEDS, several
-from reference.worlds import World
 
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene, Sprites
+from tests.reference import images, raycaster, scenes
+from tests.reference.search import SEEDS, several
+from tests.reference.worlds import World
 
 THEME = scenes.plain_theme()
 NO_DOORS = np.zeros((0, 2), np.int32)

@@ -8,13 +8,13 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference import labmaps
 
 from jaxenstein.errors import MapError, MapWarning
 from jaxenstein.maps import parse_ascii
 from jaxenstein.maps.dmlab import build_tilemap, read_maze, wall_label
 from jaxenstein.maps.symbols import SYMBOLS, decal_label
 from jaxenstein.maps.tilemap import FACES, MAX_SIZE, TileMap
+from tests.reference import labmaps
 
 PICTURE = """\
 3333333
