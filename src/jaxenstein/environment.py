@@ -159,7 +159,7 @@ class Environment(abc.ABC, Generic[S, P]):
     @_jit
     def reset(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
         """Begin an episode: observation and state."""
-        params = self._cast(params)
+        params = self.check_params(params)
         state = self.init_state(key, params)
         return self.observe(state, params), state
 
@@ -175,7 +175,7 @@ class Environment(abc.ABC, Generic[S, P]):
             the action led to, so `episode_return` and `episode_length` are those of the whole
             episode where `terminated | truncated`.
         """
-        params = self._cast(params)
+        params = self.check_params(params)
         step_key, reset_key = jax.random.split(key)
         after, reward, terminated, info = self.advance(step_key, state, action, params)
         truncated = after.time >= params.max_steps_in_episode
@@ -208,7 +208,7 @@ class Environment(abc.ABC, Generic[S, P]):
 
         Truncation is `state.time >= params.max_steps_in_episode`; `state.done` covers both ends.
         """
-        params = self._cast(params)
+        params = self.check_params(params)
         state, reward, terminated, info = self.advance(key, state, action, params)
         return self.observe(state, params), state, reward, terminated, info
 
@@ -221,7 +221,7 @@ class Environment(abc.ABC, Generic[S, P]):
         Returns:
             state, float32[] reward, bool[] terminated, info, as `step_env`.
         """
-        params = self._cast(params)
+        params = self.check_params(params)
         action = self._check_action(action)
         after, reward, terminated, events = self.transition(key, state, action, params)
         time = state.time + 1
@@ -231,6 +231,31 @@ class Environment(abc.ABC, Generic[S, P]):
             done=terminated | (time >= params.max_steps_in_episode),
         )
         return after, reward, terminated, events | self.describe(after, params)
+
+    def check_params(self, params: P | None = None) -> P:
+        """The params as arrays of the default's kinds, the default ones for None.
+
+        A compiled call that is given Python's numbers transfers each of them anew; arrays stay
+        where they are.
+
+        Args:
+            params: numbers of any type and shape.
+
+        Returns:
+            Params of float32, int32 and bool arrays.
+
+        Raises:
+            SettingError: they are of another kind of environment.
+        """
+        default = self.default_params
+        if params is None:
+            params = default
+        if type(params) is not type(default):
+            raise SettingError(
+                f"params of {self.name!r} must be a {type(default).__name__}, as `make` returns "
+                f"it, not {type(params).__name__}"
+            )
+        return jax.tree.map(_as_kind, params, default)
 
     def _check_action(self, action: Any) -> jax.Array:
         """int32[]: the action, with anything out of range as -1."""
@@ -243,23 +268,6 @@ class Environment(abc.ABC, Generic[S, P]):
         # Compared in the action's own type, before a cast could wrap it around.
         valid = (action >= 0) & (action < self.num_actions)
         return jnp.where(valid, action, 0).astype(jnp.int32) - (~valid).astype(jnp.int32)
-
-    def _cast(self, params: P | None) -> P:
-        """The params as arrays of the default's kinds: float32, int32 or bool."""
-        default = self.default_params
-        if params is None:
-            params = default
-        if type(params) is not type(default):
-            raise SettingError(
-                f"params must be a {type(default).__name__}, as `make` returns it, "
-                f"not {type(params).__name__}"
-            )
-        return cast_params(params, default)
-
-
-def cast_params(params: P, default: P) -> P:
-    """The params as arrays of the default's kinds: float32, int32 or bool."""
-    return jax.tree.map(_as_kind, params, default)
 
 
 def _as_kind(value: Any, default: Any) -> jax.Array:

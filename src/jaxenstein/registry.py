@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any, Literal, get_args
 
-from .environment import Environment, cast_params
+from .environment import Environment
 from .errors import SettingError, UnknownEnvironmentError, nearest
 from .maps.ascii import load_layout, parse_ascii
 from .tasks.first_person import FirstPerson
@@ -251,7 +251,7 @@ def make(id: EnvironmentId | str, **settings: Any) -> tuple[Environment[Any, Any
         )
     _check_names(settings, (*SETTINGS, *_own_settings(name)), MazeParams)
     env = entry.build(name=name, version=entry.version, **settings)
-    return env, _on_device(env.default_params)
+    return env, env.check_params()
 
 
 def _own_settings(name: str) -> tuple[str, ...]:
@@ -283,12 +283,7 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
     painted = {kind: settings.pop(kind, None) for kind in ("regions", "faces")}
     tilemap = parse_ascii(text, name, **painted, stacklevel=3)
     env = Navigation(tilemap=tilemap, **settings)
-    return env, _on_device(env.default_params)
-
-
-def _on_device(params: Any) -> Any:
-    """The params as arrays: a call that is given Python numbers transfers each of them anew."""
-    return cast_params(params, params)
+    return env, env.check_params()
 
 
 def _check_names(settings: dict[str, Any], known: tuple[str, ...], params: type) -> None:

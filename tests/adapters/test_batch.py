@@ -265,7 +265,7 @@ def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"num_envs": True}, "num_envs"),
         ({"num_envs": 2.0}, "num_envs"),
         ({"autoreset": "never"}, "autoreset"),
-        ({"params": {"discount": 1}}, "params must be a NavigationParams"),
+        ({"params": {"discount": 1}}, "must be a NavigationParams"),
     ],
 )
 def test_wrong_arguments(made: Any, arguments: dict[str, Any], what: str) -> None:

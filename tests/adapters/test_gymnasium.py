@@ -256,7 +256,7 @@ def test_wrong_actions(env: Any, action: Any) -> None:
         ({"damage": 3}, "no setting or param 'damage'"),
         ({"render_mode": "ansi"}, "render_mode must be one of 'human', 'rgb_array', None"),
         ({"height": 0}, "height must be"),
-        ({"params": {}}, "params must be"),
+        ({"params": {}}, "params of 'simple' must be"),
     ],
 )
 def test_wrong_settings(settings: dict[str, Any], what: str) -> None:

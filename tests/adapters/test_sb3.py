@@ -24,17 +24,12 @@ from stable_baselines3.common.vec_env import (  # noqa: E402  # pyright: ignore[
 )
 
 from jaxenstein.adapters.sb3 import SB3VecEnv  # noqa: E402
-
-MAP = "#####\n#S.G#\n#####"
-FORWARD, STAY = 2, 4
-SIZE = {"height": 12, "width": 16}
-N = 3
+from tests.adapters.corridor import FORWARD, MAP, SIZE, STAY, N, make_corridor  # noqa: E402
 
 
 @pytest.fixture(scope="module")
 def made():
-    env, params = jaxenstein.from_ascii(MAP, heading=0.0, **SIZE)
-    return env, params.replace(max_steps_in_episode=7, move_distance=0.6)
+    return make_corridor()
 
 
 @pytest.fixture

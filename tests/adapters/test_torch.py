@@ -2,6 +2,7 @@
 
 import importlib
 import sys
+from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
@@ -14,22 +15,41 @@ torch = pytest.importorskip("torch")
 
 from jaxenstein.adapters.batch import Batch  # noqa: E402
 from jaxenstein.adapters.torch import TorchBatch  # noqa: E402
-
-MAP = "#####\n#S.G#\n#####"
-FORWARD, STAY = 2, 4
-SIZE = {"height": 12, "width": 16}
-N = 3
+from tests.adapters.corridor import FORWARD, MAP, SIZE, STAY, N, make_corridor  # noqa: E402
 
 
 @pytest.fixture(scope="module")
 def made():
-    env, params = jaxenstein.from_ascii(MAP, heading=0.0, **SIZE)
-    return env, params.replace(max_steps_in_episode=7, move_distance=0.6)
+    return make_corridor()
 
 
 @pytest.fixture
 def batch(made):
     return TorchBatch(made[0], made[1], N)
+
+
+def plain(value):
+    """What `jax.tree` knows: tuples and dictionaries."""
+    if isinstance(value, Mapping):
+        return {name: plain(entry) for name, entry in value.items()}
+    return tuple(map(plain, value)) if isinstance(value, tuple) else value
+
+
+def test_info_becomes_tensors_when_it_is_read(batch):
+    """An entry that nobody reads is not handed over; one that is read twice is, once."""
+    handed = []
+    batch._tensor = lambda value, under=batch._tensor: handed.append(value) or under(value)
+    batch.reset(0)
+    stepped = batch.step(torch.tensor([STAY, STAY, STAY]))
+    before = len(handed)
+    assert stepped.info["episode_length"].tolist() == [1, 1, 1]
+    assert stepped.info["episode_length"] is stepped.info["episode_length"]
+    assert len(handed) == before + 1
+    assert len(stepped.info) == len(list(stepped.info)) == len(dict(stepped.info))
+    assert "episode_return" in stepped.info
+    assert "episode_gain" not in stepped.info
+    with pytest.raises(KeyError, match="episode_gain"):
+        stepped.info["episode_gain"]
 
 
 def leaves(stepped):
@@ -49,8 +69,8 @@ def test_observations_lie_where_jax_drew_them(kind):
     batch.batch.step = lambda actions: caught.append(under(actions)) or caught[-1]  # type: ignore[method-assign]
     batch.reset(0)
     stepped = batch.step(torch.zeros(N, dtype=torch.int64))
-    drawn = jax.tree.leaves(caught[0][:5])
-    given = jax.tree.leaves(tuple(stepped[:5]))
+    drawn = jax.tree.leaves(plain(caught[0][:5]))
+    given = jax.tree.leaves(plain(stepped[:5]))
     assert len(drawn) == len(given)
     for array, tensor in zip(drawn, given, strict=True):
         assert array.unsafe_buffer_pointer() == tensor.data_ptr()
@@ -78,10 +98,8 @@ def test_steps_are_those_of_the_batch(made, autoreset):
         pairs.append((ours.step(torch.from_numpy(actions)), theirs.step(actions)))
         endings += pairs[-1][1][-1] is not None
     for mine, other in pairs:
-        assert jax.tree.structure(tuple(mine)) == jax.tree.structure(tuple(other)) or (
-            autoreset == "same-step"
-        )
-        for a, b in zip(jax.tree.leaves(tuple(mine)), jax.tree.leaves(tuple(other)), strict=True):
+        assert jax.tree.structure(plain(mine)) == jax.tree.structure(plain(other))
+        for a, b in zip(jax.tree.leaves(plain(mine)), jax.tree.leaves(plain(other)), strict=True):
             np.testing.assert_array_equal(a.numpy(), np.asarray(b))
     assert bool(endings) == (autoreset == "same-step")
 

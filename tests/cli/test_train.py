@@ -22,7 +22,8 @@ from jaxenstein.baselines.metrics import read_metrics
 from jaxenstein.baselines.options import resolve
 from jaxenstein.baselines.runs import RunFolder
 from jaxenstein.cli import build_parser, main
-from jaxenstein.cli.train import given_options, note_of
+from jaxenstein.cli.train import note_of
+from jaxenstein.cli.training import given_options
 from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, tiny
 
 ROOT = Path(__file__).parents[2]

@@ -200,8 +200,8 @@ def test_environments_that_cannot_be_built_again_are_told(world: World) -> None:
         recipe_of(env, params.replace(discount=np.ones(3, np.float32)))
     with pytest.raises(TrajectoryError, match="'living_reward' is nan"):
         recipe_of(env, params.replace(living_reward=np.nan))
-    with pytest.raises(TrajectoryError, match="must be a NavigationParams"):
-        recipe_of(env, None)
+    with pytest.raises(SettingError, match="must be a NavigationParams"):
+        recipe_of(env, {})
 
 
 # Files that are not as they were.

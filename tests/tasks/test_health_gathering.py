@@ -35,7 +35,7 @@ def rollout():
     env = task()[0]
 
     def one(params, key, actions):
-        params = env._cast(params)
+        params = env.check_params(params)
         start = env.init_state(key, params)
 
         def body(state, inputs):
@@ -173,7 +173,7 @@ def test_no_medkit_is_lost_in_the_longest_episode():
 @functools.cache
 def first_state():
     env, params, _ = task()
-    return env.init_state(jax.random.key(9), env._cast(params))
+    return env.init_state(jax.random.key(9), env.check_params(params))
 
 
 def pile(count, offset=(0.0, 0.0), **fields):
@@ -190,7 +190,7 @@ def pile(count, offset=(0.0, 0.0), **fields):
 
 
 def step(state, action, params=None, seed=0):
-    env_params = task()[0]._cast(task()[1] if params is None else params)
+    env_params = task()[0].check_params(task()[1] if params is None else params)
     action = jnp.int32(action)
     _, state, reward, terminated, _, info = task()[2](
         jax.random.key(seed), state, action, env_params
@@ -274,7 +274,7 @@ def chi_square(counts, expected):
 
 def test_places_are_uniform():
     env, params, _ = task()
-    params = env._cast(params)
+    params = env.check_params(params)
     keys = jax.random.split(jax.random.key(5), 600)
     start = jax.jit(jax.vmap(lambda key: env.init_state(key, params)))(keys)
     first = np.array(start.medkits)[np.array(start.present)]
@@ -296,7 +296,7 @@ def test_places_are_uniform():
 
 def test_truncates_at_the_limit():
     state = first_state()
-    params = task()[0]._cast(task()[1].replace(max_steps_in_episode=5))
+    params = task()[0].check_params(task()[1].replace(max_steps_in_episode=5))
     for t in range(1, 6):
         _, state, reward, terminated, truncated, _ = task()[2](
             jax.random.key(t), state, jnp.int32(RIGHT), params
@@ -314,7 +314,7 @@ def test_strip_shows_the_health():
     size = {"width": 22, "observation": "dict"}
     env, params = jaxenstein.make("health-gathering", height=12, hud=True, **size)
     plain, _ = jaxenstein.make("health-gathering", height=8, **size)
-    params = env._cast(params)
+    params = env.check_params(params)
     observe = jax.jit(lambda state: (env.observe(state, params), plain.observe(state, params)))
     for health in HEALTHS:
         state = first_state().replace(health=jnp.int32(health))

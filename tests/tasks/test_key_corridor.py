@@ -22,7 +22,7 @@ IDS = ("key-corridor-s3r1", "key-corridor-s3r2", "key-corridor", "key-corridor-s
 @functools.cache
 def task(name, **settings):
     env, params = jaxenstein.make(name, height=8, width=8, autoreset=None, **settings)
-    return env, env._cast(params)
+    return env, env.check_params(params)
 
 
 @functools.cache

@@ -55,7 +55,7 @@ def distances(name, goal):
 @functools.cache
 def task(name):
     env, params = jaxenstein.make(name, height=8, width=8, autoreset=None)
-    return env, env._cast(params)
+    return env, env.check_params(params)
 
 
 @functools.cache

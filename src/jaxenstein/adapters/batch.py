@@ -5,38 +5,41 @@ from __future__ import annotations
 import dataclasses
 import functools
 import secrets
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..engine.fusion import where_any
-from ..environment import Autoreset, Environment, cast_params
+from ..environment import Autoreset, Environment
 from ..errors import SettingError
 
 # Environments that are reset and drawn in one call after a step in which some ended.
 _TOGETHER = 8
 
 
-class Ended(NamedTuple):
-    """What a step that ended K episodes says of their ends.
+A = TypeVar("A")
+H = TypeVar("H")
+
+
+class Ended(NamedTuple, Generic[H]):
+    """What a step that ended K episodes says of their ends: numpy arrays, or tensors.
 
     Attributes:
         indices: int64[K], which environments ended, ascending.
-        observation: as of the environment, as numpy arrays with a leading axis K: the last
-            observations.
-        info: numpy arrays [K, ...]: what the step told of the last states.
+        observation: as of the environment, with a leading axis K: the last observations.
+        info: arrays [K, ...]: what the step told of the last states.
     """
 
-    indices: np.ndarray
+    indices: H
     observation: Any
-    info: dict[str, np.ndarray]
+    info: Mapping[str, H]
 
 
-class Stepped(NamedTuple):
-    """What a step gives. Arrays are on the device and have a leading axis N, but for `ended`.
+class Stepped(NamedTuple, Generic[A, H]):
+    """What a step gives: arrays on the device, or tensors, with a leading axis N but for `ended`.
 
     Attributes:
         observation: what to act on next.
@@ -44,16 +47,16 @@ class Stepped(NamedTuple):
         terminated: bool[N], the tasks' own ends.
         truncated: bool[N], ends by the time limit.
         info: of the state in which each environment now is: after a reset in the same step that
-            of the new episode. On the device, or on the host (numpy) where an episode ended.
+            of the new episode. Arrays of a step in which an episode ended are on the host.
         ended: only with `"same-step"`, where an episode ended; else None.
     """
 
     observation: Any
-    reward: jax.Array
-    terminated: jax.Array
-    truncated: jax.Array
-    info: dict[str, Any]
-    ended: Ended | None
+    reward: A
+    terminated: A
+    truncated: A
+    info: Mapping[str, Any]
+    ended: Ended[H] | None
 
 
 class Batch:
@@ -89,13 +92,7 @@ class Batch:
         self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
         self.autoreset = autoreset
         self.num_envs = num_envs
-        default = self.env.default_params
-        if params is not None and type(params) is not type(default):
-            raise SettingError(
-                f"params must be a {type(default).__name__}, as `make` returns it, "
-                f"not {type(params).__name__}"
-            )
-        self.params = cast_params(default if params is None else params, default)
+        self.params = self.env.check_params(params)
         self.states: Any = None
         self._keys: jax.Array | None = None
 
@@ -131,7 +128,7 @@ class Batch:
         self._keys, self.states, observation, info = out
         return observation, info
 
-    def step(self, actions: Any) -> Stepped:
+    def step(self, actions: Any) -> Stepped[jax.Array, np.ndarray]:
         """Step every environment.
 
         Args:
@@ -158,7 +155,9 @@ class Batch:
                 return self._restart(Stepped(*stepped, ended=None), indices)
         return Stepped(*stepped, ended=None)
 
-    def _restart(self, stepped: Stepped, indices: np.ndarray) -> Stepped:
+    def _restart(
+        self, stepped: Stepped[jax.Array, np.ndarray], indices: np.ndarray
+    ) -> Stepped[jax.Array, np.ndarray]:
         """Reset the environments `indices` after a step that ended their episodes."""
         observation = stepped.observation
         info = {name: np.array(value) for name, value in stepped.info.items()}

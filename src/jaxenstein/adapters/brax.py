@@ -36,7 +36,7 @@ import jax.numpy as jnp
 from .. import registry
 from ..environment import Environment
 from ..errors import SettingError
-from .functional import check_resets, checked_params, event_names
+from .functional import check_resets, event_names
 
 try:
     from brax.envs import base
@@ -82,7 +82,7 @@ class BraxEnvironment(base.Env):
             )
         check_resets(env, (None,), "Brax")
         self.env = env
-        self.params = checked_params(env, params)
+        self.params = env.check_params(params)
 
     @property
     def observation_size(self) -> Mapping[str, tuple[int, ...]]:

@@ -7,25 +7,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..environment import Environment, Info, cast_params
+from ..environment import Environment, Info
 from ..errors import SettingError
-
-
-def checked_params(env: Environment[Any, Any], params: Any) -> Any:
-    """The params on the device, the default ones for None.
-
-    Raises:
-        SettingError: they are of another kind of environment.
-    """
-    default = env.default_params
-    if params is None:
-        params = default
-    if type(params) is not type(default):
-        raise SettingError(
-            f"params of {env.name!r} must be a {type(default).__name__}, as jaxenstein.make "
-            f"returns it, not {type(params).__name__}"
-        )
-    return cast_params(params, default)
 
 
 def check_resets(env: Environment[Any, Any], allowed: tuple[str | None, ...], partner: str) -> None:

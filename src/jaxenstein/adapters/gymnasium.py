@@ -162,7 +162,7 @@ def resolve(
                 f"settings ({', '.join(settings)}) go with an id; give an environment its own "
                 "where it is made, and numbers by params.replace(...)"
             )
-        return env, env.default_params if params is None else params
+        return env, env.check_params(params)
     for name in ("autoreset", "final_observation"):
         if name in settings:
             raise SettingError(
@@ -171,18 +171,11 @@ def resolve(
             )
     static = {*SETTINGS, *(name for own in OWN_SETTINGS.values() for name in own)}
     made, default = make(env, **{key: settings[key] for key in settings if key in static})
-    if params is None:
-        params = default
-    if type(params) is not type(default):
-        raise SettingError(
-            f"params must be a {type(default).__name__}, as `make` returns it, "
-            f"not {type(params).__name__}"
-        )
     numbers = {key: value for key, value in settings.items() if key not in static}
     _check_numbers(
         numbers, made.name, [field.name for field in dataclasses.fields(default)], static
     )
-    return made, params.replace(**numbers)
+    return made, made.check_params(params).replace(**numbers)
 
 
 def _check_numbers(

@@ -222,7 +222,7 @@ def _pair(name: str, value: Any, mask: np.ndarray) -> tuple[tuple[str, Any], tup
     return (name, value), (f"_{name}", mask.copy())
 
 
-def _final(ended: Ended, mask: np.ndarray) -> dict[str, Any]:
+def _final(ended: Ended[np.ndarray], mask: np.ndarray) -> dict[str, Any]:
     """What infos say of the last states of the episodes that a step ended."""
     count = mask.size
     last = np.full(count, None, object)

@@ -33,7 +33,7 @@ from .. import registry
 from .. import spaces as own
 from ..environment import Environment, Info
 from ..errors import SettingError
-from .functional import check_resets, checked_params
+from .functional import check_resets
 
 try:
     from gymnax.environments import environment as base
@@ -149,11 +149,11 @@ class GymnaxEnvironment(base.Environment):
     def get_obs(self, state: Any, params: Any = None, key: jax.Array | None = None) -> Any:
         """The observation of a state; the key does not matter."""
         del key
-        return self.env.observe(state, checked_params(self.env, params))
+        return self.env.observe(state, self.env.check_params(params))
 
     def is_truncated(self, state: Any, params: Any = None) -> jax.Array:
         """bool[]: whether the state has reached the time limit."""
-        return state.time >= checked_params(self.env, params).max_steps_in_episode
+        return state.time >= self.env.check_params(params).max_steps_in_episode
 
     def is_terminated(self, state: Any, params: Any = None) -> jax.Array:
         """bool[]: whether the task ended in this state, before the time limit.
@@ -208,7 +208,7 @@ def from_env(env: Environment[Any, Any], params: Any = None) -> tuple[GymnaxEnvi
         SettingError: the environment resets otherwise, or the params are of another kind.
     """
     adapter = GymnaxEnvironment(env)
-    return adapter, checked_params(env, params)
+    return adapter, env.check_params(params)
 
 
 def _with_ends(info: Info, terminated: jax.Array, truncated: jax.Array) -> Info:

@@ -16,7 +16,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..environment import Environment, cast_params
+from ..environment import Environment
 from ..errors import SettingError, nearest
 from .batch import Batch, Ended
 
@@ -155,8 +155,8 @@ class SB3VecEnv(VecEnv):
             )
         if set(self._chosen(indices)) != set(range(self.num_envs)):
             raise SettingError(f"{attr_name} is one number for all environments: set it for all")
-        default = self.batch.env.default_params
-        self.batch.params = cast_params(params.replace(**{attr_name: value}), default)
+        changed = params.replace(**{attr_name: value})
+        self.batch.params = self.batch.env.check_params(changed)
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
@@ -190,7 +190,7 @@ class SB3VecEnv(VecEnv):
         env = dataclasses.replace(self.batch.env, observation="rgb")
         return list(np.array(_observe(env, self.batch.states, self.batch.params)))
 
-    def _endings(self, ended: Ended) -> Iterable[tuple[int, dict[str, Any]]]:
+    def _endings(self, ended: Ended[np.ndarray]) -> Iterable[tuple[int, dict[str, Any]]]:
         """The index of each environment that ended, and its info."""
         seconds = round(time.time() - self._began, 6)
         count = ended.indices.size

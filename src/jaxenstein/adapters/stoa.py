@@ -26,7 +26,7 @@ from .. import registry
 from .. import spaces as own
 from ..environment import Environment
 from ..errors import SettingError
-from .functional import check_resets, checked_params, first_info
+from .functional import check_resets, first_info
 
 try:
     import stoa
@@ -71,7 +71,7 @@ class StoaEnvironment(stoa.Environment):
         check_resets(env, (None, "same-step"), "Stoa")
         super().__init__()
         self.env = env
-        self.params = checked_params(env, params)
+        self.params = env.check_params(params)
 
     def __repr__(self) -> str:
         """The id, and whether it resets."""
@@ -150,7 +150,7 @@ class StoaEnvironment(stoa.Environment):
         raise NotImplementedError("states of jaxenstein have no space; observations have one")
 
     def _params(self, params: Any) -> Any:
-        return self.params if params is None else checked_params(self.env, params)
+        return self.params if params is None else self.env.check_params(params)
 
 
 def make(id: str, **settings: Any) -> StoaEnvironment:

@@ -6,7 +6,8 @@ it lies, and torch waits for it as the protocol says.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +15,7 @@ import numpy as np
 
 from ..environment import Autoreset, Environment
 from ..errors import SettingError
-from .batch import Batch, Ended
+from .batch import Batch, Ended, Stepped
 
 try:
     import torch  # pyright: ignore[reportMissingImports]
@@ -26,39 +27,35 @@ except ImportError as error:
 _INTEGERS = (torch.int64, torch.int32, torch.int16, torch.int8, torch.uint8)
 
 
-class TorchEnded(NamedTuple):
-    """What a step that ended K episodes says of their ends, on the device of the batch.
+class TensorInfo(Mapping[str, torch.Tensor]):
+    """What a step tells, by name: an array becomes a tensor when it is first read.
 
-    Attributes:
-        indices: int64[K], which environments ended, ascending.
-        observation: as of the environment, with a leading axis K: the last observations.
-        info: tensors [K, ...]: what the step told of the last states.
+    Most loops read few entries, and handing over an array costs as much as a small step.
     """
 
-    indices: torch.Tensor
-    observation: Any
-    info: dict[str, torch.Tensor]
+    def __init__(self, arrays: Mapping[str, jax.Array | np.ndarray], convert: Any) -> None:
+        """Hold the arrays and the function that makes a tensor of one."""
+        self._arrays = arrays
+        self._convert = convert
+        self._tensors: dict[str, torch.Tensor] = {}
 
+    def __getitem__(self, name: str) -> torch.Tensor:
+        """The tensor of that name, each time the same."""
+        if name not in self._tensors:
+            self._tensors[name] = self._convert(self._arrays[name])
+        return self._tensors[name]
 
-class TorchStepped(NamedTuple):
-    """What a step gives: tensors on the device of the batch, with a leading axis N.
+    def __iter__(self) -> Iterator[str]:
+        """The names."""
+        return iter(self._arrays)
 
-    Attributes:
-        observation: what to act on next.
-        reward: float32[N].
-        terminated: bool[N], the tasks' own ends.
-        truncated: bool[N], ends by the time limit.
-        info: of the state in which each environment now is: after a reset in the same step that
-            of the new episode.
-        ended: only with `"same-step"`, where an episode ended; else None.
-    """
+    def __len__(self) -> int:
+        """How many entries there are."""
+        return len(self._arrays)
 
-    observation: Any
-    reward: torch.Tensor
-    terminated: torch.Tensor
-    truncated: torch.Tensor
-    info: dict[str, torch.Tensor]
-    ended: TorchEnded | None
+    def __repr__(self) -> str:
+        """As a dictionary."""
+        return repr(dict(self))
 
 
 class TorchBatch:
@@ -100,7 +97,7 @@ class TorchBatch:
 
     def reset(
         self, seed: int | list[int | None] | None = None, mask: torch.Tensor | None = None
-    ) -> tuple[Any, dict[str, torch.Tensor]]:
+    ) -> tuple[Any, TensorInfo]:
         """Begin new episodes: observations and info.
 
         Args:
@@ -115,9 +112,10 @@ class TorchBatch:
             SettingError: for a wrong seed or mask.
         """
         host = mask.numpy(force=True) if mask is not None and torch.is_tensor(mask) else mask
-        return self._tensors(self.batch.reset(seed, host))
+        observation, info = self.batch.reset(seed, host)
+        return self._tensors(observation), TensorInfo(info, self._tensor)
 
-    def step(self, actions: torch.Tensor) -> TorchStepped:
+    def step(self, actions: torch.Tensor) -> Stepped[torch.Tensor, torch.Tensor]:
         """Step every environment.
 
         Args:
@@ -127,10 +125,10 @@ class TorchBatch:
         Raises:
             SettingError: the actions have another shape or type, or `reset` was not called.
         """
-        *values, ended = self.batch.step(self._to_jax(actions))
-        observation, reward, terminated, truncated, info = self._tensors(values)
-        ends = terminated, truncated
-        return TorchStepped(observation, reward, *ends, info, self._ended(ended))
+        *values, info, ended = self.batch.step(self._to_jax(actions))
+        observation, reward, terminated, truncated = self._tensors(values)
+        told = TensorInfo(info, self._tensor)
+        return Stepped(observation, reward, terminated, truncated, told, self._ended(ended))
 
     def _to_jax(self, actions: torch.Tensor) -> jax.Array:
         if not isinstance(actions, torch.Tensor) or actions.dtype not in _INTEGERS:
@@ -143,11 +141,11 @@ class TorchBatch:
         known = actions.to(self.device, torch.int64).clamp(-1, self.num_actions)
         return jnp.from_dlpack(known.to(torch.int32))
 
-    def _ended(self, ended: Ended | None) -> TorchEnded | None:
+    def _ended(self, ended: Ended[np.ndarray] | None) -> Ended[torch.Tensor] | None:
         if ended is None:
             return None
-        indices, observation, info = self._tensors(tuple(ended))
-        return TorchEnded(indices, observation, info)
+        indices, observation = self._tensors(ended[:2])
+        return Ended(indices, observation, TensorInfo(ended.info, self._tensor))
 
     def _tensors(self, values: Any) -> Any:
         return jax.tree.map(self._tensor, values)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..engine.fusion import where_any
-from ..environment import Environment, cast_params
+from ..environment import Environment
 from ..errors import SettingError
 from ..pytree import Record, record
 
@@ -113,7 +113,7 @@ class OwnSimulator:
         return jax.vmap(self._step)(keys, state, action)
 
     def _step(self, key: jax.Array, state: Any, action: jax.Array) -> Outcome:
-        env, params = self._env, env_cast(self._env, self._params)
+        env, params = self._env, self._env.check_params(self._params)
         step_key, reset_key = jax.random.split(key)
         after, reward, terminated, info = env.advance(step_key, state, action, params)
         ended = after.done
@@ -136,7 +136,7 @@ class OwnSimulator:
 
     def final_observation(self, final: Any) -> Any:
         """Draw the observations of states."""
-        params = env_cast(self._env, self._params)
+        params = self._env.check_params(self._params)
         return jax.vmap(lambda state: self._env.observe(state, params))(final)
 
 
@@ -195,11 +195,6 @@ class GymnaxSimulator:
     def final_observation(self, final: Any) -> Any:
         """The observations themselves."""
         return final
-
-
-def env_cast(env: Environment[Any, Any], params: Any) -> Any:
-    """The params as arrays of the default's kinds."""
-    return cast_params(params, env.default_params)
 
 
 def _reached(info: Any, terminated: jax.Array, reward: jax.Array) -> jax.Array:

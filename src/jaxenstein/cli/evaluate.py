@@ -14,7 +14,7 @@ from ..view.progress import Progress
 from ..view.recording import check_animation, save_animation
 from .arguments import add_seed, real, whole
 from .listing import format_table
-from .train import baselines
+from .training import baselines
 
 if TYPE_CHECKING:
     from ..baselines.agents import Result

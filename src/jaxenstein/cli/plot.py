@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from .arguments import whole
-from .train import baselines
+from .training import baselines
 
 DESCRIPTION = """\
 Draw the learning curves of run directories: the mean over seeds, and the band in which it lies

@@ -166,7 +166,7 @@ def actor(text: str) -> str | Path:
 
 def load_agent(path: Path) -> TrainedPolicy:
     """The trained agent of a run directory: that of its first run."""
-    from .train import baselines
+    from .training import baselines
 
     return baselines("agents").load_policy(path)
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from .arguments import Parser, UsageError, whole
 from .listing import format_table
-from .train import add_options, add_training, baselines, carry_out, given_options
+from .train import add_training, carry_out
+from .training import add_options, baselines, given_options
 
 if TYPE_CHECKING:
     from ..baselines.runs import RunFolder

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import registry
-from ..environment import Environment, cast_params
+from ..environment import Environment
 from ..errors import JAXensteinError, MapWarning, TrajectoryError
 from ..tasks.navigation import Navigation
 
@@ -57,8 +57,7 @@ class Recipe:
                 raise TrajectoryError(f"unknown param {name!r}; known: {', '.join(names)}")
             if not _fits(value, getattr(params, name).dtype):
                 raise TrajectoryError(f"param {name!r} cannot be {value!r}")
-        changed = params.replace(**self.params)
-        return env, cast_params(changed, params)
+        return env, env.check_params(params.replace(**self.params))
 
 
 def recipe_of(env: Environment[Any, Any], params: Any) -> Recipe:
@@ -119,14 +118,9 @@ def _fits(value: Any, dtype: np.dtype) -> bool:
 
 
 def _changed(env: Environment[Any, Any], params: Any) -> dict[str, bool | int | float]:
-    default = env.default_params
-    if type(params) is not type(default):
-        raise TrajectoryError(
-            f"params must be a {type(default).__name__}, not {type(params).__name__}"
-        )
-    given, usual = cast_params(params, default), cast_params(default, default)
+    given, usual = env.check_params(params), env.check_params()
     changes = {}
-    for field in dataclasses.fields(default):
+    for field in dataclasses.fields(usual):
         value, other = (np.asarray(getattr(numbers, field.name)) for numbers in (given, usual))
         if value.shape != ():
             raise TrajectoryError(

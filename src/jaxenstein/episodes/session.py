@@ -9,7 +9,7 @@ from typing import Any, SupportsIndex
 import jax
 import numpy as np
 
-from ..environment import Environment, cast_params
+from ..environment import Environment
 from ..errors import SettingError
 
 # The action that does nothing, in place of all that are outside an action space.
@@ -39,9 +39,7 @@ class Session:
         """Reset `env` with `seed`; its `autoreset` and `final_observation` do not matter."""
         self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
         # As arrays: Python's numbers would be transferred, and compiled for, by themselves.
-        default = env.default_params
-        params = default if params is None else params
-        self.params = cast_params(params, default) if type(params) is type(default) else params
+        self.params = env.check_params(params)
         self.reset(seed)
 
     @property

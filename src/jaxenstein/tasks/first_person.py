@@ -86,7 +86,7 @@ class FirstPerson(Environment[S, P]):
 
     def _first_level(self, key: jax.Array) -> Level:
         params = self.default_params
-        return self.scene(self.init_state(key, self._cast(params)), params).level
+        return self.scene(self.init_state(key, self.check_params(params)), params).level
 
     def variables(self, state: S) -> dict[str, jax.Array]:
         """The task's variables for the `dict` observation."""

@@ -247,7 +247,7 @@ class Terminal:
         beside: np.ndarray | None = None,
         overlay: Sequence[str] = (),
     ) -> None:
-        """Draw what has changed; see `Display`."""
+        """Draw what has changed; see `Display.show`."""
         area, side = self._area(len(lines)), self.beside_area(len(lines))
         self.view, self.beside = arrange(area, side, frame, beside, 1)
         columns, rows = self._size

@@ -144,14 +144,7 @@ class Window:
         beside: np.ndarray | None = None,
         overlay: Sequence[str] = (),
     ) -> None:
-        """Draw everything anew.
-
-        Args:
-            frame: uint8[H, W, 3], enlarged by a whole factor; None for none.
-            lines: text below.
-            beside: uint8[h, w, 3], a picture to the right of the frame.
-            overlay: text in a box on top of everything.
-        """
+        """Draw everything anew; see `Display.show`."""
         surface = self._pygame.display.get_surface()
         surface.fill(BACKGROUND)
         area, side = self._area(len(lines)), self.beside_area(len(lines))
