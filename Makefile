@@ -53,7 +53,7 @@ partners: $(VENV)/.created ## run the adapters' tests beside their partners, eac
 
 clean: ## remove .venv and everything generated
 	rm -rf $(VENV) .venv-partners $(DEMO) build dist .pytest_cache .ruff_cache .hypothesis
-	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests benchmarks experiments fidelity -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted one is done again.
 # An environment that is there already and has a working pip is kept.

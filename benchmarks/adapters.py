@@ -15,12 +15,11 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.interleave import Worker, median_ratio, run_rounds, tell
+from benchmarks.interleave import Worker, add_options, median_ratio, run_rounds, tell
 from jaxenstein.benchmark import describe_machine, summarise
 from jaxenstein.view.files import atomic, check_writable
 
@@ -165,24 +164,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--envs", type=_sizes, default=[64, 1024], metavar="N,...", help="(default 64,1024)"
     )
-    parser.add_argument("--core", type=int, default=0, help="the core to use (default 0)")
-    parser.add_argument("--rounds", type=int, default=7, help="rounds counted (default 7)")
-    parser.add_argument(
-        "--seconds", type=float, default=1.0, help="length of a chunk in seconds (default 1)"
-    )
+    add_options(parser)
     kinds = [kind.removeprefix("adapter-") for kind, a in ADAPTERS.items() if a.module]
     parser.add_argument(
         "--only", nargs="+", default=[], choices=kinds, metavar="ADAPTER", help=", ".join(kinds)
-    )
-    parser.add_argument(
-        "--also-python",
-        action="append",
-        default=[],
-        metavar="PATH",
-        help="measure what this interpreter has too; it needs the core dependencies",
-    )
-    parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="write every repeat and the versions here"
     )
     return parser
 

@@ -12,12 +12,11 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.interleave import Worker, median_ratio, run_rounds, tell
+from benchmarks.interleave import Worker, add_options, median_ratio, run_rounds, tell
 from jaxenstein.benchmark import describe_machine, summarise
 from jaxenstein.view.files import atomic, check_writable
 
@@ -100,11 +99,7 @@ def print_table(rates: dict[str, list[float]]) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description="Compare My Way Home with ViZDoom on one core.")
-    parser.add_argument("--core", type=int, default=0, help="the core to use (default 0)")
-    parser.add_argument("--rounds", type=int, default=7, help="rounds counted (default 7)")
-    parser.add_argument(
-        "--seconds", type=float, default=1.0, help="length of a chunk in seconds (default 1)"
-    )
+    add_options(parser)
     parser.add_argument(
         "--only",
         nargs="+",
@@ -112,16 +107,6 @@ def _parser() -> argparse.ArgumentParser:
         choices=[name for name in TITLES if name not in (RESIZED, RAW)],
         metavar="SUBJECT",
         help="of the project's subjects, only these: loop, loop-async, scan-64 ... scan-1024",
-    )
-    parser.add_argument(
-        "--also-python",
-        action="append",
-        default=[],
-        metavar="PATH",
-        help="measure the project under this interpreter too; it needs the core dependencies",
-    )
-    parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="write every repeat and the versions here"
     )
     return parser
 

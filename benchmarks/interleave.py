@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import statistics
@@ -18,6 +19,25 @@ SOURCE = Path(__file__).resolve().parent.parent / "src"
 # A chunk during which others used more of the core than this is measured again, a few times.
 DISTURBED = 0.05
 ATTEMPTS = 5
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of every comparison on one core."""
+    parser.add_argument("--core", type=int, default=0, help="the core to use (default 0)")
+    parser.add_argument("--rounds", type=int, default=7, help="rounds counted (default 7)")
+    parser.add_argument(
+        "--seconds", type=float, default=1.0, help="length of a chunk in seconds (default 1)"
+    )
+    parser.add_argument(
+        "--also-python",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="also measure under this interpreter; it needs the core dependencies",
+    )
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="write every repeat and the versions here"
+    )
 
 
 class Worker:

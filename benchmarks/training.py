@@ -1,9 +1,11 @@
 """Training steps per second of the baselines, and where the time goes.
 
-    python benchmarks/training.py --algo ppo rnd icm --envs 64
+    python -m benchmarks.training --algo ppo rnd icm --envs 16 64 256 --parts
 
-Clocks: wall time, and processor time of this process, which other programs disturb less. On a
-GPU only the first means anything.
+Steps per second are of one whole update: rollout, bonus, advantages, epochs. Beside them stand
+the floating-point operations of its matrix products and the rate at which this machine does one
+large product, which bounds the training from above. JSON has processor times of the process too,
+which other programs disturb less; on a GPU they mean nothing.
 """
 
 from __future__ import annotations
@@ -11,13 +13,17 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from pathlib import Path
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
+from benchmarks.flops import matrix_flops, matrix_rate
 from jaxenstein.baselines import Config, Experience, HParams, Learner, make_learner, ppo
 from jaxenstein.baselines.rollout import final_values, rollout
+from jaxenstein.benchmark import describe_machine
+from jaxenstein.view.files import atomic, check_writable
 
 
 def measure(function: Any, *args: Any, repeats: int) -> tuple[Any, dict[str, float]]:
@@ -90,48 +96,92 @@ def parts(learner: Learner, repeats: int) -> dict[str, dict[str, float]]:
     return times
 
 
+def measure_training(config: Config, repeats: int, with_parts: bool) -> dict[str, Any]:
+    """One update of a configuration: its speed, its matrix products, and where the time goes."""
+    learner = make_learner(*config.make_env(), config)
+    state = learner.init(jax.random.key(0))
+    numbers = HParams().check()
+
+    def update(state: Any) -> Any:
+        return learner.train_chunk(state, numbers, 1)
+
+    _, whole = measure(update, state, repeats=repeats)
+    flops = matrix_flops(update, state)
+    return {
+        "algo": config.algo,
+        "num_envs": config.num_envs,
+        "dtype": config.dtype,
+        "steps_per_second": config.steps_per_update / whole["wall"],
+        "steps_per_processor_second": config.steps_per_update / whole["processor"],
+        "first_call_seconds": whole["first_call"],
+        "matrix_flops_per_step": flops / config.steps_per_update,
+        "flops_per_second": flops / whole["wall"],
+        "parts": parts(learner, repeats) if with_parts else {},
+    }
+
+
+def print_row(row: dict[str, Any], rate: float) -> None:
+    """Print what was measured of one configuration, as a row of a Markdown table."""
+    cells = [
+        row["algo"],
+        f"{row['num_envs']}",
+        row["dtype"],
+        f"{row['steps_per_second']:,.0f}",
+        f"{row['matrix_flops_per_step'] / 1e6:,.0f}",
+        f"{row['flops_per_second'] / 1e9:,.1f}",
+        f"{row['flops_per_second'] / rate:.0%}",
+        f"{row['first_call_seconds']:.0f}",
+    ]
+    print(f"| {' | '.join(cells)} |", flush=True)
+    for name, each in row["parts"].items():
+        print(f"    {name:<24}{each['wall']:.3f} s", flush=True)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description="Measure training steps per second.")
+    parser.add_argument("--algo", nargs="+", default=["ppo", "rnd", "icm"])
+    parser.add_argument("--envs", nargs="+", type=int, default=[64], metavar="N")
+    parser.add_argument("--env", default="simple", help="id (default simple)")
+    parser.add_argument("--size", type=int, default=64, help="pixels a side (default 64)")
+    parser.add_argument("--dtype", nargs="+", default=["float32"])
+    parser.add_argument("--convolution", default="matmul", choices=["matmul", "lax"])
+    parser.add_argument("--repeats", type=int, default=1, help="the fastest counts (default 1)")
+    parser.add_argument("--parts", action="store_true", help="also where the time goes")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write everything here")
+    return parser
+
+
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--algo", nargs="+", default=["ppo", "rnd", "icm"])
-    parser.add_argument("--envs", nargs="+", type=int, default=[64])
-    parser.add_argument("--env", default="simple")
-    parser.add_argument("--size", type=int, default=64)
-    parser.add_argument("--dtype", default="float32")
-    parser.add_argument("--convolution", default="matmul")
-    parser.add_argument("--repeats", type=int, default=1)
-    parser.add_argument("--parts", action="store_true", help="also where the time goes")
-    args = parser.parse_args()
-    device = jax.devices()[0]
-    print(json.dumps({"device": device.device_kind, "jax": jax.__version__}))
-    for algo in args.algo:
-        for number in args.envs:
-            config = Config(
-                env=args.env,
-                env_settings=(("height", args.size), ("width", args.size)),
-                algo=algo,
-                num_envs=number,
-                dtype=args.dtype,
-                convolution=args.convolution,
-            )
-            learner = make_learner(*config.make_env(), config)
-            state = learner.init(jax.random.key(0))
-            numbers = HParams().check()
-            _, whole = measure(
-                lambda s, learner=learner, numbers=numbers: learner.train_chunk(s, numbers, 1),
-                state,
-                repeats=args.repeats,
-            )
-            speed = {
-                f"steps_per_second_{kind}": round(config.steps_per_update / whole[kind], 1)
-                for kind in ("wall", "processor")
-            }
-            names = {"algo": algo, "num_envs": number, "dtype": args.dtype, "size": args.size}
-            print(json.dumps(names | speed | {"first_call": whole["first_call"]}), flush=True)
-            if args.parts:
-                for name, each in parts(learner, args.repeats).items():
-                    rounded = {k: round(v, 3) for k, v in each.items()}
-                    print(f"    {name:<24}{rounded}", flush=True)
+    args = _parser().parse_args()
+    if args.json is not None:
+        check_writable(args.json)
+    rate = matrix_rate()
+    machine, device = describe_machine(), jax.devices()[0]
+    cores = f"{machine['hardware']['cores_allowed']} cores of {machine['hardware']['cpu']}"
+    place = cores if device.platform == "cpu" else device.device_kind
+    print(f"{place}, JAX {jax.__version__}: {rate / 1e9:,.1f} GFLOP/s in one large product\n")
+    print("| algorithm | envs | dtype | steps/s | MFLOP/step | GFLOP/s | of matmul | first call |")
+    print("|---|---:|---|---:|---:|---:|---:|---:|", flush=True)
+    rows = []
+    for dtype in args.dtype:
+        for algo in args.algo:
+            for number in args.envs:
+                config = Config(
+                    env=args.env,
+                    env_settings=(("height", args.size), ("width", args.size)),
+                    algo=algo,
+                    num_envs=number,
+                    total_steps=max(10_000_000, number * 128),
+                    dtype=dtype,
+                    convolution=args.convolution,
+                )
+                rows.append(measure_training(config, args.repeats, args.parts))
+                print_row(rows[-1], rate)
+    if args.json is not None:
+        result = {"machine": machine, "matrix_rate": rate, "rows": rows}
+        with atomic(args.json) as path:
+            path.write_text(json.dumps(result, indent=2))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""Learning experiments: configurations, and the script that runs one with every algorithm."""
