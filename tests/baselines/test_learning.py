@@ -15,8 +15,6 @@ import jaxenstein
 from jaxenstein.baselines import Config, HParams, make_learner
 from tests.baselines.worlds import Memory, bandit
 
-pytestmark = pytest.mark.slow
-
 SMALL: dict[str, Any] = {"num_envs": 16, "rollout": 64, "features": 64, "hidden": 64, "head": 64}
 CORRIDOR = "####\n#SG#\n####"
 ROOM = "####\n#S.#\n#G.#\n####"

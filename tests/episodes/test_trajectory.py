@@ -1,20 +1,15 @@
-"""Trajectory files: what is written is read back, and replayed bit for bit or found to differ."""
+"""Trajectories: recorded, replayed bit for bit or found to differ."""
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import json
-import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import jaxenstein
 from jaxenstein import SettingError
@@ -26,49 +21,9 @@ from jaxenstein.episodes.trajectory import Trajectory, digest, runs, trajectory_
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import TrajectoryError
 from jaxenstein.tasks.navigation import Navigation
-from jaxenstein.view.files import OutputError
-
-MAP = "########\n#S.rR.G#\n#..a...#\n########\n"
-FACES = "west\n########\n#      #\n#      #\n11111111\n"
-World = tuple[Any, Any]
+from tests.episodes.world import MAP, World
 
 
-@pytest.fixture(scope="module")
-def world() -> World:
-    env, params = jaxenstein.from_ascii(
-        MAP, faces=FACES, height=12, width=16, heading=(-20, 20), name="Ünder"
-    )
-    return env, params.replace(living_reward=-0.1, max_steps_in_episode=70)
-
-
-@pytest.fixture(scope="module")
-def walk(world: World) -> Trajectory:
-    """Past the key and through the door."""
-    episode = record(*world, "shortest_path", seed=4)
-    assert episode.ending == "terminated"
-    assert episode.trajectory is not None
-    return episode.trajectory
-
-
-@pytest.fixture
-def table(walk: Trajectory, tmp_path: Path) -> dict[str, Any]:
-    """The content of the walk's file."""
-    walk.save(tmp_path / "walk.json")
-    return json.loads((tmp_path / "walk.json").read_text())
-
-
-def put(path: Path, table: Any) -> Path:
-    path.write_text(json.dumps(table))
-    return path
-
-
-@settings(
-    max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(
-    actions=st.lists(st.sampled_from([2, 2, 2, 0, 1, 3, 4, -1]), max_size=20),
-    seed=st.integers(0, 2**32 - 1),
-)
 def test_what_is_saved_is_loaded_and_replayed(
     world: World, tmp_path: Path, actions: list[int], seed: int
 ) -> None:
@@ -204,177 +159,6 @@ def test_environments_that_cannot_be_built_again_are_told(world: World) -> None:
         recipe_of(env, {})
 
 
-# Files that are not as they were.
-
-
-def test_prefixes_of_a_file_are_told(walk: Trajectory, tmp_path: Path) -> None:
-    path = tmp_path / "walk.json"
-    walk.save(path)
-    data = path.read_bytes()
-    assert load_trajectory(path) == walk
-    for length in (0, 1, 10, len(data) // 3, len(data) // 2, len(data) - 3):
-        path.write_bytes(data[:length])
-        with pytest.raises(TrajectoryError, match=r"walk.json: no trajectory, or only a part"):
-            load_trajectory(path)
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"\xff\xfe\x00", "no trajectory"),
-        (b"[1]", "'format' is not"),
-        (b"{}", "'format' is not"),
-        (b'{"format": "other"}', "'format' is not"),
-        (b"[" * 100_000, "no trajectory"),
-        (b'{"format": ' + b"9" * 5000 + b"}", "no trajectory"),
-    ],
-)
-def test_other_files_are_told(content: bytes, words: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.json"
-    path.write_bytes(content)
-    with pytest.raises(TrajectoryError, match=words):
-        load_trajectory(path)
-
-
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(TrajectoryError, match="cannot be read: no such file"):
-        load_trajectory(tmp_path / "none.json")
-    with pytest.raises(TrajectoryError, match="cannot be read"):
-        load_trajectory(tmp_path)
-
-
-def test_a_newer_format_names_who_made_it(table: dict[str, Any], tmp_path: Path) -> None:
-    table["format_version"] = 2
-    table["made_by"]["jaxenstein"] = "7.1"
-    table["more"] = "entries"
-    with pytest.raises(TrajectoryError, match=r"version 2, made by jaxenstein 7\.1; .* up to 1"):
-        load_trajectory(put(tmp_path / "a.json", table))
-
-
-WRONG: list[tuple[str, Any, str]] = [
-    ("format_version", 0, "'format_version' must be a whole number of at least 1, not 0"),
-    ("format_version", "1", "'format_version' must be a whole number"),
-    ("made_by", 3, "'made_by' must be an object"),
-    ("made_by.jax", 3, "'made_by.jax' must be a text, not 3"),
-    ("environment", [], "'environment' must be an object"),
-    ("environment.id", 5, "'environment.id' must be a text"),
-    ("environment.id", "key-dor", "unknown environment 'key-dor', did you mean 'key-door'"),
-    ("environment.version", -1, "'environment.version' must be"),
-    ("environment.settings", None, "'environment.settings' must be an object"),
-    ("environment.settings.height", 0, "height must be a whole number"),
-    ("environment.settings.height", "12", "height must be a whole number"),
-    ("environment.settings.hieght", 12, "unknown setting 'hieght', did you mean 'height'"),
-    ("environment.settings.observation", "smell", "observation must be one of"),
-    ("environment.settings.autoreset", None, "'environment.settings.autoreset' does not belong"),
-    ("environment.settings.heading", {}, "a setting cannot be an object"),
-    ("environment.settings.heading", "north", "'environment'"),
-    ("environment.settings.floor", 3, "'environment'"),
-    ("environment.settings.text", "#", "'environment.settings.text' must be a list of lines"),
-    ("environment.settings.text", ["#####", "#S~G#"], "line 2, column 3"),
-    ("environment.settings.faces", [1], "'environment.settings.faces' must be a list of lines"),
-    ("environment.settings.name", 3, "'environment.settings.name' must be a text"),
-    ("environment.params", [1], "'environment.params' must be an object"),
-    ("environment.params.gravity", 1, "unknown param 'gravity'"),
-    ("environment.params.discount", "high", "'environment.params.discount' must be a finite"),
-    ("environment.params.discount", True, "param 'discount' cannot be True"),
-    ("environment.params.discount", 1e300, "param 'discount' cannot be"),
-    ("environment.params.max_steps_in_episode", 2.5, "cannot be 2.5"),
-    ("environment.params.max_steps_in_episode", 2**31, "cannot be 2147483648"),
-    ("seed", -1, "'seed' must be a whole number from 0 to 4294967295, not -1"),
-    ("seed", 2**32, "'seed' must be"),
-    ("seed", True, "'seed' must be"),
-    ("seed", 1.0, "'seed' must be"),
-    ("actions", 2, "'actions' must be a list"),
-    ("actions", [2], r"'actions\[0\]' must be \[value, how often\]"),
-    ("actions", [[2, 3], [5, 1]], "action 3 .* is 5, and 'Ünder' has the actions 0 to 4"),
-    ("actions", [[2, 3], [-2, 1]], "action 3 .* is -2"),
-    ("actions", [[2.5, 3]], r"'actions\[0\]' must be a whole number, not 2.5"),
-    ("actions", [[2, 0]], r"'actions\[0\]' must be a whole number from 1"),
-    ("actions", [[2, 10**12]], r"'actions\[0\]' must be a whole number from 1 to 10000000"),
-    ("actions", [[2, 1]], "'checks.rewards' has"),
-    ("checks", "good", "'checks' must be an object"),
-    ("checks.rewards", [[0, 1]], "'checks.rewards' has 1 values"),
-    ("checks.rewards", [["a", 1]], r"'checks.rewards\[0\]' must be a finite number"),
-    ("checks.terminated", 1, "'checks.terminated' must be true or false, not 1"),
-    ("checks.truncated", None, "'checks.truncated' must be true or false"),
-    ("checks.every", 0, "'checks.every' must be"),
-    ("checks.every", 1000, "'checks.states' has"),
-    ("checks.states", ["0" * 16], "'checks.states' has 1 values"),
-    ("checks.states", ["xyz"], "'checks.states' must be a list of digests"),
-    ("checks.observations", "abc", "'checks.observations' must be a list of digests"),
-    ("checks.moon", 1, "unknown entry 'checks.moon'"),
-    ("environment.moon", 1, "unknown entry 'environment.moon'"),
-    ("moon", 1, "unknown entry 'moon'"),
-]  # fmt: skip
-
-
-def change(table: dict[str, Any], entry: str, edit: Callable[[dict[str, Any], str], None]) -> Any:
-    """A copy of the table with an entry edited."""
-    table = copy.deepcopy(table)
-    *folders, name = entry.split(".")
-    inner = table
-    for folder in folders:
-        inner = inner[folder]
-    edit(inner, name)
-    return table
-
-
-def test_wrong_entries_are_named(table: dict[str, Any], tmp_path: Path) -> None:
-    for entry, value, words in WRONG:
-        wrong = change(table, entry, lambda inner, name, v=value: inner.__setitem__(name, v))
-        with pytest.raises(TrajectoryError, match=words) as caught:
-            load_trajectory(put(tmp_path / "a.json", wrong))
-        assert str(caught.value).startswith(f"{tmp_path / 'a.json'}: "), entry
-
-
-def test_missing_entries_are_named(table: dict[str, Any], tmp_path: Path) -> None:
-    inner = [f"{outer}.{name}" for outer in ("environment", "checks") for name in table[outer]]
-    for entry in [*table, *inner]:
-        missing = change(table, entry, lambda inner, name: inner.__delitem__(name))
-        words = "'format'" if entry == "format" else f"the entry '{entry}' is missing"
-        with pytest.raises(TrajectoryError, match=words):
-            load_trajectory(put(tmp_path / "a.json", missing))
-    texts = change(table, "environment.settings.text", lambda inner, name: inner.__delitem__(name))
-    with pytest.raises(TrajectoryError, match=r"needs the map 'settings\.text'"):
-        load_trajectory(put(tmp_path / "a.json", texts))
-
-
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
-    ),
-    max_leaves=5,
-)
-
-
-@settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(data=st.data())
-def test_any_damage_is_told_or_harmless(
-    table: dict[str, Any], tmp_path: Path, data: st.DataObject
-) -> None:
-    """Whatever stands in a place of the file, nothing but a TrajectoryError comes of it."""
-    damaged = copy.deepcopy(table)
-    place: Any = damaged
-    while True:
-        keys = list(place) if isinstance(place, dict) else list(range(len(place)))
-        key = data.draw(st.sampled_from(keys))
-        inner = place[key]
-        if not isinstance(inner, dict | list) or not inner or data.draw(st.booleans()):
-            break
-        place = inner
-    place[key] = data.draw(VALUES)
-    try:
-        loaded = load_trajectory(put(tmp_path / "a.json", damaged))
-    except TrajectoryError:
-        pass
-    else:
-        loaded.save(tmp_path / "b.json")
-        assert load_trajectory(tmp_path / "b.json") == loaded
-
-
 # Replays that differ.
 
 
@@ -427,61 +211,3 @@ def test_another_behaviour_is_found_and_versions_are_told(walk: Trajectory) -> N
     # What was played now can be replayed in its turn.
     assert played.episode.trajectory is not None
     assert replay(played.episode.trajectory).identical
-
-
-# Writing.
-
-
-def test_failed_writing_leaves_what_was_there(
-    walk: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def no_space(*_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    path = tmp_path / "a.json"
-    path.write_text("old")
-    for target in (f"{Path.__module__}.Path.write_text", "os.replace"):
-        with monkeypatch.context() as patch:
-            patch.setattr(target if target == "os.replace" else "pathlib.Path.write_text", no_space)
-            with pytest.raises(OutputError, match="no space left"):
-                walk.save(path)
-        assert path.read_text() == "old"
-        assert os.listdir(tmp_path) == ["a.json"]
-    with pytest.raises(OutputError, match="there is no folder"):
-        walk.save(tmp_path / "none" / "a.json")
-    with pytest.raises(SettingError, match=r"should end in \.json"):
-        walk.save(tmp_path / "a.txt")
-
-
-# The recorder's own arguments.
-
-
-def test_wrong_arguments_of_record(world: World) -> None:
-    arguments: dict[str, Any]
-    for arguments, words in (
-        ({"policy": "exprt"}, "unknown policy 'exprt', did you mean 'expert'"),
-        ({"policy": "greedy_medkits"}, "plays health-gathering"),
-        ({"policy": [2, 5]}, r"action 1 \(from 0\) is 5"),
-        ({"policy": [2, 0.5]}, "one whole number"),
-        ({"policy": lambda session: 0.5}, "one whole number"),
-        ({"seed": -1}, "a seed must be"),
-        ({"steps": 0}, "steps must be"),
-        ({"steps": 2.5}, "one whole number"),
-    ):
-        with pytest.raises(SettingError, match=words):
-            record(*world, **arguments)
-
-
-def test_a_function_may_act_and_remember(world: World) -> None:
-    lengths = []
-
-    def policy(session: Session) -> jax.Array:
-        lengths.append(len(session.actions))
-        assert session.observation.shape == (12, 16, 3)
-        return jax.random.randint(session.policy_key(), (), 0, 5)
-
-    episode = record(*world, policy, steps=12, seed=3)
-    assert episode.steps == 12
-    assert lengths == list(range(12))
-    again = record(*world, policy, steps=12, seed=3)
-    assert again.trajectory == episode.trajectory

@@ -6,8 +6,17 @@
     state = learner.init(jax.random.key(0))
     state, metrics = learner.train_chunk(state, HParams(), updates=10)
 
+or, in a run directory with metrics and checkpoints, from which an agent can be loaded:
+
+    folder = RunFolder.create("runs/simple", resolve({"env": "simple", "algo": "rnd", "seeds": 5}))
+    train(folder)
+    policy = load_policy("runs/simple", run=2)
+
 Needs the extra `baselines`.
 """
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 try:
     import flax.linen as _flax  # noqa: F401
@@ -26,6 +35,21 @@ from .many import ManyRuns
 from .rnd import RND
 from .state import TrainState
 
+if TYPE_CHECKING:
+    from .agents import load_policy
+    from .experiment import Experiment
+    from .options import resolve
+    from .runs import RunFolder, train
+
+# What reads and writes run directories needs orbax too, which takes its time to import.
+_LAZY = {
+    "Experiment": ".experiment",
+    "RunFolder": ".runs",
+    "load_policy": ".agents",
+    "resolve": ".options",
+    "train": ".runs",
+}
+
 __all__ = [
     "ICM",
     "RND",
@@ -33,11 +57,23 @@ __all__ = [
     "Config",
     "Evaluation",
     "Experience",
+    "Experiment",
     "HParams",
     "Learner",
     "ManyRuns",
     "NoBonus",
     "PolicyCarry",
+    "RunFolder",
     "TrainState",
+    "load_policy",
     "make_learner",
+    "resolve",
+    "train",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(importlib.import_module(_LAZY[name], __name__), name)
+    return value
