@@ -10,6 +10,8 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import jaxenstein
 from jaxenstein import SettingError
@@ -24,6 +26,13 @@ from jaxenstein.tasks.navigation import Navigation
 from tests.episodes.world import MAP, World
 
 
+@settings(
+    max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    actions=st.lists(st.sampled_from([2, 2, 2, 0, 1, 3, 4, -1]), max_size=20),
+    seed=st.integers(0, 2**32 - 1),
+)
 def test_what_is_saved_is_loaded_and_replayed(
     world: World, tmp_path: Path, actions: list[int], seed: int
 ) -> None:

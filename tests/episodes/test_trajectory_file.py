@@ -25,13 +25,6 @@ def put(path: Path, table: Any) -> Path:
     return path
 
 
-@settings(
-    max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(
-    actions=st.lists(st.sampled_from([2, 2, 2, 0, 1, 3, 4, -1]), max_size=20),
-    seed=st.integers(0, 2**32 - 1),
-)
 def test_prefixes_of_a_file_are_told(walk: Trajectory, tmp_path: Path) -> None:
     path = tmp_path / "walk.json"
     walk.save(path)
