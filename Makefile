@@ -17,7 +17,7 @@ PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || ec
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test slow check demo bench compare partners clean
+.PHONY: help setup test slow check docs demo bench compare partners clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
@@ -36,6 +36,9 @@ check: $(VENV)/.dev ## lint, formatting and types
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 
+docs: $(VENV)/.docs ## build the documentation site: docs/_build/html/index.html
+	$(BIN)/python -m sphinx -W --keep-going -q -d docs/_build/cache docs docs/_build/html $(ARGS)
+
 demo: $(VENV)/.baselines ## train an agent on a small map in about 3 minutes: its curve and a GIF in demo/
 	@rm -rf $(DEMO)/run && mkdir -p $(DEMO)
 	$(BIN)/jaxenstein train --config examples/demo.toml --out $(DEMO)/run
@@ -52,8 +55,8 @@ partners: $(VENV)/.created ## run the adapters' tests beside their partners, eac
 	$(BIN)/python tests/adapters/partners.py $(ARGS)
 
 clean: ## remove .venv and everything generated
-	rm -rf $(VENV) .venv-partners $(DEMO) build dist .pytest_cache .ruff_cache .hypothesis
-	find src tests benchmarks experiments fidelity -name __pycache__ -type d -prune -exec rm -rf {} +
+	rm -rf $(VENV) .venv-partners $(DEMO) docs/_build docs/environments build dist .pytest_cache .ruff_cache .hypothesis
+	find src tests benchmarks docs experiments fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted one is done again.
 # An environment that is there already and has a working pip is kept.
@@ -74,6 +77,11 @@ $(VENV)/.core: pyproject.toml src/jaxenstein/version.py $(VENV)/.created
 $(VENV)/.dev: $(VENV)/.core
 	@echo "Installing the tools for tests and checks ..."
 	@$(PIP) --editable '.[dev]'
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.core
+	@echo "Installing Sphinx, furo and MyST for the documentation ..."
+	@$(PIP) --editable '.[docs]'
 	@touch $@
 
 $(VENV)/.baselines: $(VENV)/.core

@@ -1,7 +1,7 @@
 """A contact sheet of all environments: what an agent sees in each, and the map from above.
 
-    python -m docs.gallery                          # writes docs/images/environments.png
-    python -m docs.gallery --out all.png key-door   # some of them, elsewhere
+    python -m docs.gallery                          # all, into docs/images
+    python -m docs.gallery --out all.png key-door   # a sheet of some of them, elsewhere
 
 The views come from episodes of a simple player. Of all that it sees, those are taken that show
 most of what there is to see. The same versions of JAX and of this code give the same file.
@@ -33,12 +33,12 @@ from jaxenstein.maps.symbols import (
 )
 from jaxenstein.registry import ENTRIES, EnvironmentId
 from jaxenstein.tasks.first_person import FirstPerson
-from jaxenstein.view.files import atomic, check_writable
+from jaxenstein.view.files import check_writable, make_folder
 from jaxenstein.view.progress import Progress
-from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT
+from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT, save_png
 from jaxenstein.view.topdown import draw_map
 
-OUT = Path(__file__).parent / "images" / "environments.png"
+IMAGES = Path(__file__).parent / "images"
 # Episodes played of each environment, their steps, and how many steps lie between two candidates.
 EPISODES, STEPS, EVERY = 24, 400, 8
 # Views of each environment: columns, rows, and pixels of each; drawn at this size, not enlarged.
@@ -211,9 +211,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m docs.gallery", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all)")
-    parser.add_argument("--out", type=Path, default=OUT, metavar="FILE.png", help="what to write")
+    parser.add_argument("--out", type=Path, metavar="FILE.png", help="the sheet alone, elsewhere")
     options = parser.parse_args(argv)
-    check_writable(options.out)
+    out = options.out or IMAGES / "environments.png"
+    check_writable(out)
+    single = make_folder(IMAGES / "environments") if options.out is None else None
     names = options.ids or jaxenstein.environment_ids()
     blocks = []
     with Progress(len(names), "drawing", unit="environments") as progress:
@@ -221,10 +223,12 @@ def main(argv: Sequence[str] | None = None) -> None:
             progress.label = name
             progress.show()
             blocks.append(block(name))
+            if single is not None:
+                save_png(np.asarray(blocks[-1])[TITLE:], single / f"{name}.png")
             progress.update(i)
-    with atomic(options.out) as temporary:
-        arrange(blocks).save(temporary, format="PNG", optimize=True)
-    print(f"wrote {options.out}, {options.out.stat().st_size / 1000:.0f} kB")
+    if options.out is not None or not options.ids:
+        save_png(np.asarray(arrange(blocks)), out)
+        print(f"wrote {out}, {out.stat().st_size / 1000:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,62 @@
+"""Settings of the documentation site; `make docs` builds it into docs/_build/html."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+# Reading the registry needs no accelerator, and should not reserve the memory of one.
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+sys.path[:0] = [str(HERE.parent), str(HERE.parent / "src")]
+
+from docs.environment_pages import write_pages  # noqa: E402
+from docs.page_parts import turned  # noqa: E402
+from jaxenstein.version import __version__  # noqa: E402
+
+project = "JAXenstein"
+author = "The JAXenstein developers"
+version = release = __version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+exclude_patterns = ["_build"]
+source_suffix = {".md": "markdown"}
+default_role = "code"
+# Blocks without a language are commands.
+highlight_language = "text"
+
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 3
+# These come from experiments and scripts that a working copy may not have run yet.
+MEASURED = ("benchmarks.md", "fidelity.md", "results.md")
+if not all((HERE / name).exists() for name in MEASURED):
+    suppress_warnings = ["myst.xref_missing", "toc.not_readable"]
+
+autodoc_member_order = "bysource"
+# The docstrings say types, shapes and units.
+autodoc_typehints = "none"
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+
+html_theme = "furo"
+html_title = f"JAXenstein {__version__}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_show_copyright = False
+html_theme_options = {"navigation_with_keys": True}
+
+
+def turn_links(app: Any, page: str, source: list[str]) -> None:
+    """Keep links of the pages inside of the site."""
+    del app
+    if "/" not in page:
+        source[0] = turned(source[0])
+
+
+def setup(app: Any) -> None:
+    """Write the pages of the environments before the sources are read."""
+    app.connect("builder-inited", lambda app: write_pages(HERE / "environments"))
+    app.connect("source-read", turn_links)

@@ -1,0 +1,225 @@
+"""The pictures of docs/engine.md, drawn from what the engine really computes.
+
+    python -m docs.engine_pictures     # writes docs/images/engine/*.png
+
+Each is drawn twice, for light and for dark pages.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from docs.engine_world import COLUMNS, EYE, HEADING, ROWS, SPRITE, TILES, View, bits
+from jaxenstein.engine.art import load_art
+from jaxenstein.view.files import atomic, make_folder
+
+OUT = Path(__file__).parent / "images" / "engine"
+DOTS = 130
+
+
+@dataclasses.dataclass(frozen=True)
+class Ink:
+    """The colours of one kind of page."""
+
+    page: str
+    text: str
+    faint: str
+    wall: str
+    floor: str
+    vertical: str = "#2f7ed8"
+    crosswise: str = "#d9652b"
+    mark: str = "#c2185b"
+
+
+INKS = {
+    "light": Ink("#ffffff", "#222222", "#b9bec7", "#8b929e", "#f0eee9"),
+    "dark": Ink(
+        "#131416", "#e2e4e8", "#4d535e", "#6a7280", "#24272d", "#63a9f5", "#f08a52", "#f06292"
+    ),
+}
+
+
+def rays(ink: Ink) -> Figure:
+    """One ray a column, and the image that comes of it."""
+    view = View(width=32, height=24)
+    figure, (above, seen) = _figure(ink, 2, (9.4, 3.6), ratios=(1.35, 1))
+    _ground(above, ink)
+    ends = view.ends()
+    colours = np.where(view.hits.horizontal, ink.crosswise, ink.vertical)
+    for end, colour in zip(ends, colours, strict=True):
+        above.plot((EYE[0], end[0]), (EYE[1], end[1]), color=colour, lw=0.7)
+    above.scatter(*ends.T, c=colours, s=9, zorder=3)
+    _eye(above, ink)
+    above.set_title("32 rays, one for each column", color=ink.text)
+    seen.imshow(view.image(), interpolation="nearest", extent=(0, 32, 24, 0))
+    half = 0.5 * view.camera.focal / view.hits.depth
+    centres = np.arange(32) + 0.5
+    for sign in (-1, 1):
+        seen.step(centres, 12 + sign * half, where="mid", color=ink.mark, lw=1.0)
+    seen.set(xlim=(0, 32), ylim=(24, 0))
+    seen.set_title("walls as high as 1 / depth", color=ink.text)
+    return figure
+
+
+def lines(ink: Ink) -> Figure:
+    """The two kinds of grid lines that one ray crosses."""
+    view = View(width=32, height=24)
+    column = 27
+    figure, panels = _figure(ink, 2, (9.4, 3.3))
+    crossed = view.crossings(column)
+    titles = "vertical lines: one word a column", "horizontal lines: one word a row"
+    nearest = min(next(place for place, solid in line if solid)[2] for line in crossed)
+    for panel, line, title, kind in zip(panels, crossed, titles, (0, 1), strict=True):
+        colour = (ink.vertical, ink.crosswise)[kind]
+        _ground(panel, ink)
+        for at in range((COLUMNS if kind == 0 else ROWS) + 1):
+            ends = ((at, at), (0, ROWS)) if kind == 0 else ((0, COLUMNS), (at, at))
+            panel.plot(*ends, color=colour, lw=0.6, alpha=0.6)
+        places = np.array([place for place, _ in line])
+        panel.plot((EYE[0], places[-1, 0]), (EYE[1], places[-1, 1]), color=ink.text, lw=0.9)
+        solid = np.array([is_solid for _, is_solid in line])
+        panel.scatter(*places[~solid, :2].T, s=34, c=ink.page, edgecolors=colour, zorder=3)
+        panel.scatter(*places[solid, :2].T, s=34, c=colour, zorder=3)
+        first = places[solid][0]
+        says = "the nearer: the wall" if first[2] == nearest else "farther away: not seen"
+        panel.annotate(
+            says, first[:2], (6.3, 5.6), color=ink.text,
+            arrowprops={"arrowstyle": "->", "color": ink.text},
+        )  # fmt: skip
+        _eye(panel, ink)
+        panel.set_title(title, color=ink.text)
+    return figure
+
+
+def words(ink: Ink) -> Figure:
+    """The occupancy word of a column, with its door closed and open."""
+    figure, (above, below) = _figure(ink, 2, (9.4, 3.7), ratios=(1.35, 1))
+    door = 5
+    _ground(above, ink)
+    above.add_patch(Rectangle((door, 0), 1, ROWS, fill=False, ec=ink.mark, lw=2.2, zorder=3))
+    above.set_title("the map, and its column 5", color=ink.text)
+    below.set(xlim=(-0.2, ROWS + 0.2), ylim=(4.1, -0.5))
+    for line, closed in enumerate((False, True)):
+        word, top = bits(closed=closed)[door], 0.35 + 2.0 * line
+        for row in range(ROWS):
+            is_set = bool(word >> row & 1)
+            fill = ink.wall if is_set else ink.floor
+            edge = ink.mark if row == 3 else ink.text
+            box = Rectangle((row, top), 0.94, 0.9, fc=fill, ec=edge, lw=2.2 if row == 3 else 0.8)
+            below.add_patch(box)
+            place = row + 0.47, top + 0.45
+            below.text(*place, str(int(is_set)), color=ink.text, ha="center", va="center")
+        state = "closed" if closed else "open"
+        below.text(0, top - 0.12, f"door {state}: 0x{word & (2**ROWS - 1):02x}", color=ink.text)
+    below.text(ROWS / 2, 3.75, "row 0 is bit 0, on the left", color=ink.text, ha="center")
+    below.set_title("its word, row by row", color=ink.text)
+    return figure
+
+
+def sprites(ink: Ink) -> Figure:
+    """The bit planes of a sprite, and the column of words that an image column fetches."""
+    view = View(width=96, height=72, near=True)
+    figure, (shape, detail, seen) = _figure(ink, 3, (9.4, 3.3), ratios=(1, 1, 1.33))
+    slope = 52
+    texel = view.texel(slope)
+    planes = load_art("key")
+    for panel, words_of, title in zip((shape, detail), planes, ("shape", "detail"), strict=True):
+        plane = (words_of[None, :] >> np.arange(31, -1, -1, dtype=np.uint32)[:, None]) & 1
+        panel.imshow(
+            plane, cmap=ListedColormap([ink.floor, ink.vertical]), extent=(0, 32, 32, 0),
+            interpolation="nearest",
+        )  # fmt: skip
+        panel.add_patch(Rectangle((texel, 0), 1, 32, fill=False, ec=ink.mark, lw=1.6))
+        word = int(words_of[texel])
+        panel.set_title(f"{title}: 32 words", color=ink.text)
+        panel.text(16, 35, f"column {texel}: 0x{word:08x}", color=ink.text, ha="center")
+    seen.imshow(view.image(), interpolation="nearest", extent=(0, 96, 72, 0))
+    seen.add_patch(Rectangle((slope, 0), 1, 72, fill=False, ec=ink.mark, lw=1.6))
+    seen.set_title(f"image column {slope} fetches both", color=ink.text)
+    return figure
+
+
+def layers(ink: Ink) -> Figure:
+    """What the stages of painting add, from real images."""
+    view = View(width=96, height=72)
+    figure, panels = _figure(ink, 4, (9.4, 2.1))
+    bare, full = view.image(things=False), view.image()
+    labels = view.image(kind="labels", things=False)
+    ground = np.dstack([bare, np.where(labels <= 1, 255, 0).astype(np.uint8)])
+    depth = 1 / view.image(kind="depth")
+    titles = "floor and ceiling", "and walls", "and things", "depth, of the same rays"
+    for panel, image, title in zip(panels, (ground, bare, full, depth), titles, strict=True):
+        panel.imshow(image, interpolation="nearest", cmap="magma", extent=(0, 96, 72, 0))
+        panel.set_title(title, color=ink.text, fontsize=9)
+    return figure
+
+
+PICTURES: dict[str, Callable[[Ink], Figure]] = {
+    "rays": rays,
+    "lines": lines,
+    "words": words,
+    "sprites": sprites,
+    "layers": layers,
+}
+
+
+def _figure(
+    ink: Ink, panels: int, size: tuple[float, float], ratios: tuple[float, ...] | None = None
+) -> tuple[Figure, Any]:
+    """A figure with panels side by side that have no axes."""
+    figure = Figure(figsize=size, dpi=DOTS, facecolor=ink.page, layout="constrained")
+    axes = figure.subplots(1, panels, width_ratios=ratios)
+    for panel in axes:
+        panel.set_axis_off()
+        panel.set_aspect("equal")
+    return figure, axes
+
+
+def _ground(panel: Any, ink: Ink) -> None:
+    """The map from above: solid tiles, an open door, and a grid."""
+    walls = np.array([[tile != 0 for tile in row] for row in TILES])
+    panel.imshow(
+        walls, cmap=ListedColormap([ink.floor, ink.wall]), extent=(0, COLUMNS, ROWS, 0),
+        interpolation="nearest",
+    )  # fmt: skip
+    panel.add_patch(Rectangle((5, 3), 1, 1, fc=ink.floor, ec=ink.mark, lw=1.0, ls=":"))
+    for x in range(COLUMNS + 1):
+        panel.plot((x, x), (0, ROWS), color=ink.faint, lw=0.4)
+    for y in range(ROWS + 1):
+        panel.plot((0, COLUMNS), (y, y), color=ink.faint, lw=0.4)
+    panel.plot(*SPRITE, marker="*", color="#e6a700", ms=11)
+    panel.set(xlim=(0, COLUMNS), ylim=(ROWS, 0))
+
+
+def _eye(panel: Any, ink: Ink) -> None:
+    ahead = 0.6 * np.cos(HEADING), 0.6 * np.sin(HEADING)
+    panel.annotate(
+        "", (EYE[0] + ahead[0], EYE[1] + ahead[1]), EYE,
+        arrowprops={"arrowstyle": "-|>", "color": ink.mark, "lw": 1.6},
+    )  # fmt: skip
+    panel.plot(*EYE, marker="o", color=ink.mark, ms=6, zorder=4)
+
+
+def main() -> None:
+    """Draw all of them."""
+    make_folder(OUT)
+    mpl.rcParams.update({"font.size": 9.5, "axes.titlesize": 10})
+    for name, draw in PICTURES.items():
+        for page, ink in INKS.items():
+            path = OUT / f"{name}-{page}.png"
+            with atomic(path) as temporary:
+                draw(ink).savefig(temporary, format="png", metadata={"Software": None})
+            print(f"wrote {path}, {path.stat().st_size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

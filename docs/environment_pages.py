@@ -1,0 +1,233 @@
+"""The pages of the environments, written from the registry each time the site is built.
+
+    python -m docs.environment_pages     # writes docs/environments/*.md
+
+Numbers come from the environments themselves, differences to the originals from
+docs/fidelity.md, returns from docs/returns.json (`python -m docs.returns`), changes from
+CHANGELOG.md, pictures from docs/images/environments (`python -m docs.gallery`), and animations from
+docs/_static/episodes (`python -m docs.episodes`).
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+import jaxenstein
+from docs.families import FAMILIES, Family
+from docs.page_parts import HERE, attributes, fidelity, history, info_table, returns, table
+from jaxenstein.cli.listing import GENERATED, extent
+from jaxenstein.registry import ALIASES, ENTRIES, OWN_SETTINGS
+
+OUT = HERE / "environments"
+EPISODES = HERE / "_static" / "episodes"
+
+# What the numbers of a task pay, in words.
+REWARDS = {
+    "goal_reward": "{:+g} at the goal",
+    "apple_reward": "{:+g} an apple",
+    "living_reward": "{:+g} a step",
+    "death_penalty": "{:+g} at death",
+}
+
+
+def write_pages(folder: Path = OUT) -> list[Path]:
+    """Write the overview and a page for each family; files that stay the same are left alone."""
+    folder.mkdir(exist_ok=True)
+    pages = {"index": overview(), **{family.name: page(family) for family in FAMILIES}}
+    for old in folder.glob("*.md"):
+        if old.stem not in pages:
+            old.unlink()
+    paths = [folder / f"{name}.md" for name in pages]
+    for path, text in zip(paths, pages.values(), strict=True):
+        if not path.exists() or path.read_text("utf-8") != text:
+            path.write_text(text, "utf-8")
+    return paths
+
+
+def overview() -> str:
+    """All environments at a glance, as cards that move, and as a table."""
+    cards = "\n".join(_card(name) for name in ENTRIES)
+    head = ("id", "map", "reward", "horizon", "discount")
+    rows = table(head, [_overview_row(name) for name in ENTRIES], right=(3, 4))
+    aliases = ", ".join(f"`{alias}` is `{name}`" for alias, name in ALIASES.items())
+    pages = "\n".join(family.name for family in FAMILIES)
+    return f"""# Environments
+
+Each card leads to the rules. The episodes, or the beginnings of long ones, are those of the
+scripted player that knows the way; an agent sees the picture on the left only.
+
+<div class="gallery">
+{cards}
+</div>
+
+{rows}
+
+Maps are columns x rows in tiles; {GENERATED} marks those that are generated at every reset. Other
+names: {aliases}.
+
+```{{toctree}}
+:hidden:
+
+{pages}
+```
+"""
+
+
+def page(family: Family) -> str:
+    """The page of a family: what all have in common, then a section for each id."""
+    env, params = built(family.ids[0])
+    named = ", ".join(f"{i} {name}" for i, name in enumerate(env.action_names))
+    sections = "\n".join(section(name) for name in family.ids)
+    return f"""# {family.title}
+
+{family.text.strip()}
+
+Actions: {named}. Any other number does nothing and takes its time.
+
+{sections}
+## What a step tells
+
+{info_table(env, params)}
+
+## Params
+
+`params.replace(...)` changes these numbers, and `jax.vmap` takes arrays of them.
+
+{params_table(family)}
+
+{own_settings(family.ids[0])}
+{fidelity(family)}
+{history(family)}"""
+
+
+def section(name: str) -> str:
+    """The section of one environment."""
+    picture = f"../images/environments/{name}"
+    summary = ENTRIES[name].summary
+    return f"""## `{name}`
+
+{summary[:1].upper()}{summary[1:]}.
+
+{moving(name)}
+
+{table(("", ""), facts(name))}
+
+Six views with the map at the time of the first, and the map at the start of an episode:
+
+```{{image}} {picture}.png
+:alt: The map of {name} and six views of it
+:class: recorded
+```
+
+```{{image}} {picture}-map.png
+:alt: The map of {name} from above at the start of an episode
+:class: recorded
+```
+
+{returns(name)}
+"""
+
+
+def facts(name: str) -> list[tuple[str, str]]:
+    """What there is to know of an environment, in pairs."""
+    env, params = built(name)
+    seen = env.observation_space(params)
+    aliases = [f"`{alias}`" for alias, target in ALIASES.items() if target == name]
+    return [
+        ("map", extent(env).replace(GENERATED, ", generated at every reset")),
+        ("observation", f"{seen.dtype}[{', '.join(map(str, seen.shape))}] by default"),
+        ("actions", str(env.num_actions)),
+        ("reward", rewards(name)),
+        ("ends", ending(name)),
+        ("horizon", f"{int(params.max_steps_in_episode)} steps"),
+        ("discount", f"{float(params.discount):g}"),
+        ("version", str(ENTRIES[name].version)),
+        *([("other name", ", ".join(aliases))] if aliases else []),
+    ]
+
+
+def rewards(name: str) -> str:
+    """What the numbers of an environment pay."""
+    env, params = built(name)
+    paid = {field: float(getattr(params, field, 0)) for field in REWARDS}
+    paid["death_penalty"] *= -1
+    if not getattr(env, "apple_cells", ()):
+        paid["apple_reward"] = 0.0
+    return ", ".join(REWARDS[field].format(value) for field, value in paid.items() if value)
+
+
+def ending(name: str) -> str:
+    """When an episode terminates and when it is truncated."""
+    env, _ = built(name)
+    if getattr(env, "respawn", False):
+        return "by time alone: the goal moves the agent to a new start"
+    what = "where the health is gone" if hasattr(env, "hud") else "at the goal"
+    return f"terminated {what}, truncated where time is up"
+
+
+def params_table(family: Family) -> str:
+    """The params of a family: their meanings, and their values."""
+    values = [built(name)[1] for name in family.ids]
+    rows = []
+    for field, meaning in attributes(type(values[0])).items():
+        shown = {f"{np.asarray(getattr(params, field)).item():.6g}": None for params in values}
+        rows.append((f"`{field}`", ", ".join(shown), meaning))
+    return table(("param", "default", "meaning"), rows)
+
+
+def own_settings(name: str) -> str:
+    """The settings that only these environments take."""
+    own = next((names for start, names in OWN_SETTINGS.items() if name.startswith(start)), ())
+    if not own:
+        return ""
+    env, _ = built(name)
+    meanings = attributes(type(env))
+    rows = [(f"`{key}`", f"`{getattr(env, key)!r}`", meanings[key]) for key in own]
+    listed = table(("setting", "default", "meaning"), rows)
+    return (
+        f"## Settings\n\nBeside [those of all](../concepts.md#settings-and-params):\n\n{listed}\n"
+    )
+
+
+def moving(name: str) -> str:
+    """The animated episode, which stands still for readers who prefer less motion."""
+    place = f"../_static/episodes/{name}"
+    with Image.open(EPISODES / f"{name}.webp") as picture:
+        width, height = picture.size
+    return (
+        f'<picture><source srcset="{place}-still.webp" media="(prefers-reduced-motion: reduce)">'
+        f'<img class="recorded" src="{place}.webp" width="{width}" height="{height}" '
+        f'loading="lazy" alt="An episode of {name}: the agent\'s view beside the map"></picture>'
+    )
+
+
+def _card(name: str) -> str:
+    family = next(family.name for family in FAMILIES if name in family.ids)
+    return (
+        f'<a class="card" href="{family}.html#{name}">{moving(name)}'
+        f'<span class="name">{name}</span><span>{ENTRIES[name].summary}</span></a>'
+    )
+
+
+def _overview_row(name: str) -> tuple[str, ...]:
+    env, params = built(name)
+    family = next(family.name for family in FAMILIES if name in family.ids)
+    horizon, discount = int(params.max_steps_in_episode), float(params.discount)
+    link = f"[`{name}`]({family}.md#{name})"
+    return link, extent(env), rewards(name), str(horizon), f"{discount:g}"
+
+
+@functools.cache
+def built(name: str) -> tuple[Any, Any]:
+    """The environment and its default params."""
+    return jaxenstein.make(name)
+
+
+if __name__ == "__main__":
+    for written in write_pages():
+        print(written)

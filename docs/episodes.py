@@ -1,0 +1,113 @@
+"""An animated episode of each environment, and its map, for the site.
+
+    python -m docs.episodes [ID ...]
+
+writes docs/_static/episodes/ID.webp, a still of it for readers who prefer less motion, and
+docs/images/environments/ID-map.png. The project's own recorder plays and draws them, with the
+player that knows the way. The same versions of JAX, Pillow and this code give the same files.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+import jaxenstein
+from examples.custom_task import TMaze
+from jaxenstein.registry import EnvironmentId
+from jaxenstein.view.episode import Episode, compose, overview
+from jaxenstein.view.files import atomic, make_folder
+from jaxenstein.view.progress import Progress
+from jaxenstein.view.recording import save_png
+from jaxenstein.view.topdown import draw_map
+
+HERE = Path(__file__).parent
+EPISODES = HERE / "_static" / "episodes"
+MAPS = HERE / "images" / "environments"
+# The view in pixels, height first, and the longer side of the map beside it.
+VIEW, BESIDE = (168, 224), 180
+# The map by itself.
+MAP_SIZE = 560
+# Long episodes are shown up to this step, in this many pictures at most.
+MOST_STEPS, PICTURES, FRAMES_A_SECOND = 480, 60, 10
+# WebP's 0 to 100; edges of walls and pixels of sprites stay clean from about here on.
+QUALITY = 60
+
+
+def play(name: EnvironmentId, seed: int = 1) -> Episode:
+    """The episode of an environment that is shown."""
+    height, width = VIEW
+    env, params = jaxenstein.make(name, height=height, width=width)
+    return jaxenstein.record(env, params, "expert", seed=seed, steps=MOST_STEPS)
+
+
+def save_webp(pictures: Sequence[np.ndarray], path: Path) -> None:
+    """Write an animation that repeats for ever, whole or not at all; its last picture stays."""
+    first, *others = map(Image.fromarray, pictures)
+    pause = 1000 // FRAMES_A_SECOND
+    with atomic(path) as temporary:
+        first.save(
+            temporary,
+            format="WEBP",
+            save_all=True,
+            append_images=others,
+            duration=[pause] * len(others) + [10 * pause],
+            loop=0,
+            quality=QUALITY,
+            method=6,
+        )
+
+
+def animate(episode: Episode, name: str) -> int:
+    """Write the animation of an episode and its still; returns the bytes of the animation."""
+    every = -(-episode.steps // (PICTURES - 1))
+    pictures = list(compose(episode, scale=1, map_size=BESIDE, every=every))
+    path = EPISODES / f"{name}.webp"
+    save_webp(pictures, path)
+    save_webp(pictures[len(pictures) // 2 :][:1], EPISODES / f"{name}-still.webp")
+    return path.stat().st_size
+
+
+def draw(name: EnvironmentId) -> int:
+    """Write the three files of an environment; returns the bytes of the animation."""
+    episode = play(name)
+    size = animate(episode, name)
+    assert episode.tilemap is not None
+    ground = draw_map(episode.tilemap, size=MAP_SIZE)
+    save_png(np.asarray(overview(ground, episode, 0).image()), MAPS / f"{name}-map.png")
+    return size
+
+
+def draw_example() -> None:
+    """Write the animation of the T-maze of examples/custom_task.py, for docs/tasks.md."""
+    height, width = VIEW
+    way = [2] * 19 + [0] * 6 + [2] * 19
+    animate(jaxenstein.record(TMaze(height=height, width=width), None, way, seed=0), "t-maze")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Draw those that are asked for, or all."""
+    parser = argparse.ArgumentParser(prog="python -m docs.episodes", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all)")
+    names = parser.parse_args(argv).ids or jaxenstein.environment_ids()
+    make_folder(EPISODES)
+    make_folder(MAPS)
+    if names == jaxenstein.environment_ids():
+        draw_example()
+    total = 0
+    with Progress(len(names), "recording", unit="environments") as progress:
+        for i, name in enumerate(names, 1):
+            progress.label = name
+            progress.show()
+            total += draw(name)
+            progress.update(i)
+    print(f"wrote {len(names)} animations to {EPISODES}, {total / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

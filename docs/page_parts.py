@@ -1,0 +1,155 @@
+"""Pieces of the pages of the environments: tables, and what other files say of them."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import json
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from docs.families import PLAYERS, Family
+from jaxenstein.registry import ENTRIES
+
+HERE = Path(__file__).parent
+
+MEANINGS = {
+    "position": "(x, y) in tiles: x along a row of the map, y down the rows",
+    "heading": "radians, 0 along +x, growing clockwise on the map",
+    "cell": "(column, row) of the tile",
+    "episode_return": "undiscounted sum of the rewards since the reset",
+    "episode_length": "steps since the reset",
+    "distance_to_goal": "tiles, in a straight line",
+    "reached_goal": "this step reached the goal",
+    "picked_key": "this step picked up a key",
+    "opened_door": "this step opened a door",
+    "ate_apple": "apples eaten in this step",
+    "respawned": "this step ended at a new start",
+    "took_medkit": "medkits taken in this step",
+    "died": "this step was the last one alive",
+    "health": "0 to 100",
+}
+"""What the entries of `info` say."""
+
+SHOWN = {
+    "../CHANGELOG.md": "changelog.md",
+    "../CONTRIBUTING.md": "contributing.md",
+    "../benchmarks/README.md": "measuring.md",
+}
+"""Files outside of docs that pages of it show."""
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[int] = ()) -> str:
+    """A Markdown table.
+
+    Args:
+        head: the headings.
+        rows: the cells of each row.
+        right: columns that are aligned to the right.
+    """
+    rule = ["---:" if i in right else "---" for i in range(len(head))]
+    lines = [head, rule, *([cell.replace("|", r"\|") for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def turned(text: str) -> str:
+    """A page whose links to Markdown outside of docs lead to the page that shows it, or nowhere."""
+
+    def turn(match: re.Match[str]) -> str:
+        words, target, anchor = match.groups(default="")
+        return f"[{words}]({SHOWN[target]}{anchor})" if target in SHOWN else words
+
+    return re.sub(r"\[([^\]]+)\]\((\.\./[^)#]+\.md)(#[^)]*)?\)", turn, text)
+
+
+def attributes(cls: type) -> dict[str, str]:
+    """The documented attributes of a class with their meanings, those of its bases first."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        text = inspect.cleandoc(base.__dict__.get("__doc__") or "")
+        # Up to the next part of the docstring.
+        listed = re.split(r"^\S", text.partition("Attributes:\n")[2], flags=re.MULTILINE)[0]
+        entries = re.findall(r"^ {4}(\w+): (.*?)(?=^ {4}\w|\Z)", listed, re.MULTILINE | re.DOTALL)
+        found |= {name: " ".join(meaning.split()) for name, meaning in entries}
+    return found
+
+
+def info_table(env: Any, params: Any) -> str:
+    """The entries of `info` with their types, from a trace of a step."""
+    _, state = jax.eval_shape(env.reset, jax.random.key(0), params)
+    info = jax.eval_shape(env.step, jax.random.key(0), state, 0, params)[5]
+    rows = [
+        (f"`{name}`", f"{leaf.dtype}{list(leaf.shape)}", MEANINGS.get(name, ""))
+        for name, leaf in info.items()
+    ]
+    return table(("`info`", "type", "what it says"), rows)
+
+
+@functools.cache
+def stored_returns() -> dict[str, Any]:
+    """What `docs.returns` has measured."""
+    return json.loads((HERE / "returns.json").read_text("utf-8"))
+
+
+def returns(name: str) -> str:
+    """The returns of the scripted players as a table."""
+    stored = [row for row in stored_returns()["players"] if row["id"] == name]
+    rows = [
+        (
+            PLAYERS[row["player"]],
+            f"{row['mean']:.4g} +- {row['error']:.2g}",
+            f"{row['least']:.4g} to {row['most']:.4g}",
+            f"{row['length']:.0f}",
+            f"{100 * row['success']:.1f} %",
+        )
+        for row in stored
+    ]
+    head = ("player", "mean return", "from, to", "steps", "success")
+    measured = f"{stored[0]['episodes']} episodes of version {stored[0]['version']}"
+    listed = table(head, rows, right=(1, 2, 3, 4))
+    return f"Returns of {measured}, with the standard error of the mean:\n\n{listed}"
+
+
+def fidelity(family: Family) -> str:
+    """The family's part of docs/fidelity.md; nothing if that has none."""
+    file = HERE / "fidelity.md"
+    text = file.read_text("utf-8") if file.exists() else ""
+    found = [body for title, body in _parts(text) if family.original in re.split(r"[\s,`]+", title)]
+    if not found:
+        return ""
+    # The links of that file are relative to its own folder, and its headings one level up.
+    body = re.sub(r"\]\((?![a-z]+:|#)", "](../", "\n\n".join(found))
+    body = re.sub(r"^(#+) ", r"#\1 ", body, flags=re.MULTILINE)
+    return f"## How it differs from its original\n\n{body}\n\nFrom [Fidelity](../fidelity.md).\n"
+
+
+def history(family: Family) -> str:
+    """The versions now, and the changes whose text names one of the ids."""
+    versions = sorted({ENTRIES[name].version for name in family.ids})
+    rows = [
+        (release, " ".join(entry.split()))
+        for release, body in _parts((HERE.parent / "CHANGELOG.md").read_text("utf-8"))
+        for entry in re.split(r"^- ", body, flags=re.MULTILINE)[1:]
+        if any(_names(entry, name) for name in family.ids)
+    ]
+    return (
+        "## Versions\n\nResults are comparable only between equal versions of an environment; "
+        f"{'this is' if len(versions) == 1 else 'these are'} now version "
+        f"{', '.join(map(str, versions))}.\n\n{table(('release', 'change'), rows)}\n"
+    )
+
+
+def _parts(text: str) -> list[tuple[str, str]]:
+    """The parts of a Markdown file below its headings of the second level: title, body."""
+    parts = re.split(r"^## +(.+)$", text, flags=re.MULTILINE)
+    return [(title, body.strip()) for title, body in zip(parts[1::2], parts[2::2], strict=True)]
+
+
+def _names(text: str, name: str) -> bool:
+    """Whether a text has an id in backticks, perhaps with a star for several."""
+    words = re.findall(r"`([a-z0-9*-]+)`", text)
+    return any(re.fullmatch(re.escape(word).replace(r"\*", ".*"), name) for word in words)

@@ -1,0 +1,69 @@
+"""What can be checked of a Markdown page: its Python, its commands, its links."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+# What every sample may import: all else is a partner that may not be installed.
+AT_HAND = {*sys.stdlib_module_names, "PIL", "examples", "jax", "jaxenstein", "numpy"}
+
+
+class Sample(NamedTuple):
+    """A Python block of a page.
+
+    Attributes:
+        page: the file.
+        line: of its first line, from 1.
+        code: the block.
+    """
+
+    page: Path
+    line: int
+    code: str
+
+    @property
+    def partners(self) -> list[str]:
+        """The packages it imports that may not be installed."""
+        found = re.findall(r"^(?:import|from) (\w+)", self.code, re.MULTILINE)
+        return sorted({name for name in found if name not in AT_HAND})
+
+    def run(self, names: dict[str, Any]) -> None:
+        """Execute it; errors name the page's line."""
+        code = compile("\n" * (self.line - 1) + self.code, str(self.page), "exec")
+        # Users run with JAX's own promotion rules, not with the strict ones of these tests.
+        with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+            exec(code, names)
+
+
+def samples(page: Path) -> list[Sample]:
+    """The Python blocks of a page."""
+    text = page.read_text("utf-8")
+    return [
+        Sample(page, text.count("\n", 0, match.start(1)) + 1, match[1])
+        for match in re.finditer(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    ]
+
+
+def commands(page: Path) -> list[list[str]]:
+    """The lines of the blocks without a language, as words; comments are left out."""
+    text = page.read_text("utf-8")
+    blocks = re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    lines = [line for language, block in blocks if not language for line in block.splitlines()]
+    known = re.compile(r"(\.venv/bin/)?(jaxenstein|make|python|pip) ")
+    return [shlex.split(line, comments=True) for line in lines if known.match(line)]
+
+
+def links(page: Path) -> list[str]:
+    """The files of this repository that a page links or shows, without anchors."""
+    text = re.sub(r"^```python\n.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
+    targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text)
+    targets += re.findall(r"^```\{(?:image|include|literalinclude)\} (\S+)$", text, re.MULTILINE)
+    return [target for target in targets if not re.match(r"[a-z]+:", target)]

@@ -1,0 +1,156 @@
+"""The generated pages have a section for each environment, and say of it what is true."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+import jaxenstein
+from docs import environment_pages, page_parts, returns
+from docs.families import FAMILIES
+from jaxenstein.registry import ENTRIES
+
+DOCS = Path(__file__).parents[2] / "docs"
+IDS = jaxenstein.environment_ids()
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory) -> dict[str, str]:
+    folder = tmp_path_factory.mktemp("site") / "environments"
+    return {path.stem: path.read_text("utf-8") for path in environment_pages.write_pages(folder)}
+
+
+def test_each_id_has_one_section_and_one_card(pages) -> None:
+    sections = [name for text in pages.values() for name in re.findall(r"^## `(.+)`$", text, re.M)]
+    assert sorted(sections) == sorted(IDS)
+    cards = re.findall(r'<span class="name">(.+?)</span>', pages["index"])
+    assert cards == list(IDS)
+    for family in FAMILIES:
+        for name in family.ids:
+            assert f'href="{family.name}.html#{name}"' in pages["index"]
+
+
+def test_pictures_and_animations_exist(pages) -> None:
+    for stem, text in pages.items():
+        shown = re.findall(r"^```\{image\} \.\./(\S+)$", text, re.MULTILINE)
+        moving = re.findall(r'(?:src|srcset)="\.\./(\S+?)"', text)
+        assert len(moving) == 2 * (len(IDS) if stem == "index" else text.count("\n## `"))
+        for path in [*shown, *moving]:
+            assert (DOCS / path).is_file(), path
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_animations_move(name) -> None:
+    with Image.open(DOCS / "_static" / "episodes" / f"{name}.webp") as animation:
+        assert getattr(animation, "n_frames", 1) > 10
+
+
+def test_numbers_are_those_of_the_tasks() -> None:
+    facts = {name: dict(environment_pages.facts(name)) for name in IDS}
+    assert facts["simple"]["reward"] == "+1 at the goal"
+    assert facts["simple"]["map"] == "9x5"
+    assert facts["my-way-home"]["reward"] == "+1 at the goal, -0.0001 a step"
+    assert facts["health-gathering"]["reward"] == "+1 a step, -100 at death"
+    assert facts["dmlab-static-01"]["reward"] == "+10 at the goal"
+    assert facts["dmlab-random-goal-02-respawn"]["reward"] == "+10 at the goal, +1 an apple"
+    assert facts["key-corridor"]["other name"] == "`key-corridor-s4r3`"
+    assert "by time alone" in facts["dmlab-static-03-respawn"]["ends"]
+    for name in IDS:
+        _, params = jaxenstein.make(name)
+        assert facts[name]["horizon"] == f"{int(params.max_steps_in_episode)} steps"
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
+def test_every_param_and_every_entry_of_info_is_explained(family, pages) -> None:
+    _, params = jaxenstein.make(family.ids[0])
+    fields = [field.name for field in dataclasses.fields(params)]
+    assert set(fields) == set(page_parts.attributes(type(params)))
+    info = pages[family.name].partition("## What a step tells")[2].partition("## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| (\S+) \| (.+) \|$", info, re.MULTILINE)
+    assert len(rows) >= 5
+    assert len(rows) == info.count("\n| `")
+
+
+def test_attributes_of_a_class_come_with_those_of_its_bases() -> None:
+    class Base:
+        """A base.
+
+        Attributes:
+            one: the first, over
+                two lines.
+            two: another.
+        """
+
+    class Derived(Base):
+        """More.
+
+        Attributes:
+            two: another one.
+
+        Raises:
+            ValueError: never.
+        """
+
+    assert page_parts.attributes(Derived) == {
+        "one": "the first, over two lines.",
+        "two": "another one.",
+    }
+
+
+def test_stored_returns_are_of_these_versions() -> None:
+    rows = page_parts.stored_returns()["players"]
+    measured = [(row["id"], row["player"]) for row in rows]
+    assert measured == [(name, player) for name in IDS for player in returns.players_of(name)]
+    assert [row["version"] for row in rows] == [ENTRIES[row["id"]].version for row in rows]
+    assert {row["episodes"] for row in rows} == {returns.EPISODES}
+    for row in rows:
+        assert row["least"] <= row["mean"] <= row["most"]
+
+
+def test_a_stored_return_can_be_had_again() -> None:
+    stored = page_parts.stored_returns()["players"]
+    row = next(row for row in stored if (row["id"], row["player"]) == ("simple", "shortest_path"))
+    again = returns.rows_of("simple", 8)[1]
+    assert (again["mean"], again["success"]) == (row["mean"], row["success"]) == (1, 1)
+    assert again["length"] == row["length"] == 64
+
+
+def test_pages_take_their_part_of_the_fidelity_tables(pages) -> None:
+    assert "| motion |" in pages["my-way-home"]
+    assert "MiniGrid" in pages["key-corridor"].partition("## How it differs")[2]
+    assert "medkits" not in pages["dmlab-static"]
+
+
+def test_versions_come_with_the_changes_that_name_the_id(pages) -> None:
+    text = pages["dmlab-static"].partition("## Versions")[2]
+    assert "`dmlab-static-*`" in text
+    assert page_parts._names("see `key-corridor-*`", "key-corridor-s3r1")
+    assert not page_parts._names("see `key-corridor`", "key-corridor-s3r1")
+
+
+def test_pages_that_stay_the_same_are_left_alone_and_old_ones_go(tmp_path) -> None:
+    paths = environment_pages.write_pages(tmp_path)
+    (tmp_path / "gone.md").write_text("old")
+    before = {path: path.stat().st_mtime_ns for path in paths}
+    environment_pages.write_pages(tmp_path)
+    assert {path: path.stat().st_mtime_ns for path in paths} == before
+    assert not (tmp_path / "gone.md").exists()
+
+
+def test_cells_with_bars_stay_cells() -> None:
+    assert page_parts.table(("a", "b"), [("x|y", "z")], right=(1,)).splitlines() == [
+        "| a | b |",
+        "| --- | ---: |",
+        "| x\\|y | z |",
+    ]
+
+
+def test_links_to_pages_outside_of_the_site_lead_to_those_that_show_them() -> None:
+    text = "[how](../benchmarks/README.md#x), [programs](../examples/README.md), [me](concepts.md)"
+    assert page_parts.turned(text) == "[how](measuring.md#x), programs, [me](concepts.md)"
+    for target, page in page_parts.SHOWN.items():
+        assert f"{{include}} {target}" in (DOCS / page).read_text("utf-8")

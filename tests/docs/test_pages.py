@@ -1,0 +1,84 @@
+"""The README and the pages of the site: their Python and their commands are true as they stand."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from jaxenstein.cli import build_parser
+from tests.docs.samples import PAGES, ROOT, Sample, commands, links, samples
+
+SAMPLES = [sample for page in PAGES for sample in samples(page)]
+WITH_PARTNERS = [sample for sample in SAMPLES if sample.partners]
+# Its learning takes minutes, and its package excludes current versions of JAX.
+NOT_RUN = ("brax",)
+# Written when the site is built.
+GENERATED = ("environments/",)
+# Commands whose options come from the extra baselines.
+BASELINES = ("train", "sweep")
+
+
+def by_name(value: Path | Sample) -> str:
+    return value.name if isinstance(value, Path) else "-".join(value.partners)
+
+
+def test_there_are_samples() -> None:
+    assert {"README.md", "start.md", "concepts.md", "tasks.md"} <= {s.page.name for s in SAMPLES}
+    assert {"adapters.md"} == {sample.page.name for sample in WITH_PARTNERS}
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES[1:] if samples(p)], ids=by_name)
+def test_the_samples_of_a_page_run_in_order(page: Path, tmp_path, monkeypatch) -> None:
+    """Those of the README, the first page, are run by tests/test_readme.py."""
+    monkeypatch.chdir(tmp_path)
+    names: dict = {"__name__": "sample"}
+    for sample in samples(page):
+        if not sample.partners:
+            sample.run(names)
+
+
+@pytest.mark.parametrize("sample", WITH_PARTNERS, ids=by_name)
+@pytest.mark.filterwarnings("default")  # partners and what they import warn of their own
+def test_a_sample_with_a_partner_runs_by_itself(sample: Sample, tmp_path, monkeypatch) -> None:
+    for name in sample.partners:
+        if name in NOT_RUN:
+            pytest.skip(f"{name} is run by tests/adapters/partners.py")
+        pytest.importorskip(name)
+    monkeypatch.chdir(tmp_path)
+    sample.run({"__name__": "sample"})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=by_name)
+def test_linked_files_exist(page: Path) -> None:
+    found = [link for link in links(page) if not link.startswith(GENERATED)]
+    assert [link for link in found if not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=by_name)
+def test_paths_named_in_code_exist(page: Path) -> None:
+    folders = "benchmarks|docs|examples|experiments|fidelity|src|tests"
+    text = page.read_text("utf-8")
+    named = re.findall(rf"`((?:{folders})/[\w./-]+)`", text)
+    assert [path for path in named if not (ROOT / path).exists() and "_build" not in path] == []
+    modules = re.findall(rf"python -m\s+((?:{folders})\.\w+)", text)
+    assert [m for m in modules if not (ROOT / (m.replace(".", "/") + ".py")).exists()] == []
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=by_name)
+def test_commands_are_understood(page: Path) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+    for program, *arguments in commands(page):
+        name = program.rpartition("/")[2]
+        if name == "jaxenstein" and (arguments[0] not in BASELINES or find_spec("optax")):
+            build_parser().parse_args(arguments)
+        elif name == "make":
+            assert arguments[0] in targets
+        elif name == "python" and arguments[0] != "-m":
+            assert (ROOT / arguments[0]).is_file()
+        for extras in re.findall(r"^\.\[(.+)\]$", " ".join(arguments[1:])) if name == "pip" else ():
+            assert set(extras.split(",")) <= set(project["optional-dependencies"])
