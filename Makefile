@@ -3,6 +3,10 @@
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := demo
+# The peers of the benchmarks, the name of this machine in its results, and where those go.
+BENCH := .venv-bench
+NAME ?= here
+RESULTS = $(if $(QUICK),build/benchmarks,benchmarks/results/$(NAME))
 
 # The first interpreter that runs (a name on the path may be a shim that does not), is new enough
 # and can make virtual environments. Looked for only when $(VENV) has to be made.
@@ -45,8 +49,12 @@ demo: $(VENV)/.baselines ## train an agent on a small map in about 3 minutes: it
 	$(BIN)/jaxenstein plot $(DEMO)/run --metric success --out $(DEMO)/learning_curve.png
 	$(BIN)/jaxenstein evaluate $(DEMO)/run --gif $(DEMO)/agent.gif
 
-bench: $(VENV)/.core ## measure steps per second
-	$(BIN)/jaxenstein bench my-way-home $(ARGS)
+bench: ## measure all beside its peers, write docs/benchmarks.md (an hour; QUICK=1: some minutes)
+	@$(MAKE) --no-print-directory VENV=$(BENCH)/main $(BENCH)/main/.bench
+	$(BENCH)/main/bin/python -m benchmarks.peers $(if $(QUICK),--quick)
+	$(BENCH)/main/bin/python -m benchmarks --json $(RESULTS) $(if $(QUICK),--quick) $(ARGS)
+	$(BENCH)/main/bin/python -m benchmarks.report $(RESULTS) \
+		$(if $(QUICK),--out $(RESULTS)/benchmarks.md)
 
 compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
 	$(BIN)/python -m benchmarks.compare_vizdoom $(ARGS)
@@ -55,7 +63,7 @@ partners: $(VENV)/.created ## run the adapters' tests beside their partners, eac
 	$(BIN)/python tests/adapters/partners.py $(ARGS)
 
 clean: ## remove .venv and everything generated
-	rm -rf $(VENV) .venv-partners $(DEMO) docs/_build docs/environments build dist .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-partners $(BENCH) $(DEMO) docs/_build docs/environments build dist .pytest_cache .ruff_cache .hypothesis
 	find src tests benchmarks docs experiments fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted one is done again.
@@ -90,6 +98,6 @@ $(VENV)/.baselines: $(VENV)/.core
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.core
-	@echo "Installing ViZDoom, Gymnasium and OpenCV ..."
+	@echo "Installing ViZDoom, Gymnasium, OpenCV and matplotlib ..."
 	@$(PIP) --editable '.[bench]'
 	@touch $@

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.interleave import Worker, add_options, median_ratio, run_rounds, tell
+from benchmarks.interleave import SubjectError, Worker, add_options, median_ratio, run_rounds, tell
 from jaxenstein.benchmark import describe_machine, summarise
 from jaxenstein.view.files import atomic, check_writable
 
@@ -173,4 +173,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except SubjectError as error:
+        raise SystemExit(str(error)) from error

@@ -3,22 +3,44 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
+import queue
+import signal
 import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Mapping, MutableMapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from benchmarks.quiet import CoreWatch
 from jaxenstein.benchmark import ONE_THREAD
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
+SCRIPT = Path(__file__).resolve().with_name("subjects.py")
 # A chunk during which others used more of the core than this is measured again, a few times.
 DISTURBED = 0.05
 ATTEMPTS = 5
+# Seconds after which a subject that has not started, or a chunk that is not over, counts as hung.
+START_LIMIT = 600.0
+CHUNK_LIMIT = 120.0
+
+
+class SubjectError(RuntimeError):
+    """A subject could not be started, or ended, or hung; the message names it and says why.
+
+    Attributes:
+        reason: why, without the name.
+    """
+
+    def __init__(self, name: str, reason: str) -> None:
+        """Say which subject failed, and why."""
+        super().__init__(f"{name}: {reason}")
+        self.reason = reason
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -41,39 +63,76 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 class Worker:
-    """A subject in a process of its own, which steps only when asked to."""
+    """A subject in a process of its own, which steps only when asked to.
 
-    def __init__(self, name: str, python: str, core: int | None, jax: bool) -> None:
-        """Start `subjects.py` for the subject `name` under the interpreter `python`."""
-        script = Path(__file__).resolve().with_name("subjects.py")
-        command = [str(Path(python).absolute()), str(script), name]
+    Attributes:
+        name: of the subject.
+        description: what the subject said of itself: `versions`, `notes`, `ready_seconds`.
+        disturbed: of each chunk that stayed disturbed, the share of the core that others used.
+    """
+
+    def __init__(
+        self, name: str, python: str, core: int | None, jax: bool, flags: str = ONE_THREAD
+    ) -> None:
+        """Start `subjects.py` for a subject.
+
+        Args:
+            name: of the subject.
+            python: the interpreter; "" for this one.
+            core: the core to stay on, or None for all.
+            jax: whether it needs this project.
+            flags: XLA's, if it does; one thread by default, because the comparison is by the core.
+
+        Raises:
+            SubjectError: it cannot be started.
+        """
+        command = [str(Path(python or sys.executable).absolute()), str(SCRIPT), name]
         if core is not None:
             command += ["--core", str(core)]
         environment = dict(os.environ)
         if jax:
-            # One thread, because the comparison is by the core.
-            environment |= {"JAX_PLATFORMS": "cpu", "XLA_FLAGS": ONE_THREAD}
+            environment |= {"JAX_PLATFORMS": "cpu", "XLA_FLAGS": flags}
             environment["PYTHONPATH"] = str(SOURCE)
         self.name = name
         self.disturbed: list[float] = []
         self._core = core
         # ViZDoom leaves files in its working directory.
-        self._folder = tempfile.TemporaryDirectory()
-        self._process = subprocess.Popen(
-            command,
-            cwd=self._folder.name,
-            env=environment,
-            text=True,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        )
-        self.description = self._reply()
+        self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        self._errors = Path(self._folder.name) / "stderr.txt"
+        self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        try:
+            with self._errors.open("w") as errors:
+                self._process = subprocess.Popen(
+                    command,
+                    cwd=self._folder.name,
+                    env=environment,
+                    text=True,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=errors,
+                    start_new_session=True,
+                )
+        except OSError as error:
+            self._folder.cleanup()
+            reason = f"{Path(command[0]).name} does not run: {error.strerror}"
+            raise SubjectError(name, reason) from error
+        # A thread of its own reads, so that a subject that hangs can be given up.
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        try:
+            self.description = self._reply(START_LIMIT)
+        except BaseException:
+            self.close()
+            raise
 
     def measure(self, seconds: float) -> float:
         """Let the subject step for about `seconds`; return its steps a second.
 
         A disturbed chunk is measured again; of several disturbed ones the least disturbed counts,
         and the share of the core that it lost to others goes to `disturbed`.
+
+        Raises:
+            SubjectError: the subject ended, or did not answer.
         """
         chunks: list[tuple[float, float]] = []
         while len(chunks) < ATTEMPTS and (not chunks or chunks[-1][0] > DISTURBED):
@@ -86,40 +145,89 @@ class Worker:
         return rate
 
     def close(self) -> None:
-        """End the process."""
+        """End the process and those that it started."""
         assert self._process.stdin is not None
-        self._process.stdin.close()
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
         try:
             self._process.wait(timeout=10)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            self._kill()
+        # What it started may still hold its output open.
+        self._reader.join(timeout=1)
+        if not self._reader.is_alive() and self._process.stdout is not None:
+            self._process.stdout.close()
         self._folder.cleanup()
 
     def _chunk(self, seconds: float) -> float:
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps({"seconds": seconds}) + "\n")
-        self._process.stdin.flush()
-        reply = self._reply()
+        # Where the process has ended, reading says so better than writing.
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(json.dumps({"seconds": seconds}) + "\n")
+            self._process.stdin.flush()
+        reply = self._reply(CHUNK_LIMIT + 10 * seconds)
         return reply["steps"] / reply["seconds"]
 
-    def _reply(self) -> dict:
+    def _read(self) -> None:
         assert self._process.stdout is not None
-        line = self._process.stdout.readline()
+        for line in self._process.stdout:
+            self._lines.put(line)
+        self._lines.put("")
+
+    def _reply(self, limit: float) -> dict[str, Any]:
+        try:
+            line = self._lines.get(timeout=limit)
+        except queue.Empty:
+            self._kill()
+            raise SubjectError(self.name, f"no answer within {limit:g} s") from None
         if not line:
-            raise RuntimeError(f"the process of {self.name} ended with {self._process.wait()}")
+            reason = f"{self._last_words()} (exit status {self._process.wait()})"
+            raise SubjectError(self.name, reason)
         return json.loads(line)
+
+    def _last_words(self) -> str:
+        """The last line of the error output, without folders of this machine."""
+        lines = self._errors.read_text(errors="replace").split("\n")
+        said = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+        return said.replace(self._folder.name, "").replace(str(SOURCE.parent), "")
+
+    def _kill(self) -> None:
+        # The process leads a group of its own, which its children belong to.
+        if hasattr(os, "killpg"):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+        else:
+            self._process.kill()
+        self._process.wait()
 
 
 def run_rounds(
-    workers: Mapping[str, Worker], rounds: int, seconds: float
+    workers: Mapping[str, Worker],
+    rounds: int,
+    seconds: float,
+    failed: MutableMapping[str, str] | None = None,
 ) -> dict[str, list[float]]:
-    """Give every worker one chunk a round, after a round that is not counted."""
+    """Give every worker one chunk a round, after a round that is not counted.
+
+    Args:
+        workers: by their labels.
+        rounds: how many count.
+        seconds: length of a chunk.
+        failed: where to note a worker that fails, which then is left out; without it the error
+            of the first one is raised.
+    """
     rates: dict[str, list[float]] = {label: [] for label in workers}
     for number in range(rounds + 1):
-        for label, worker in workers.items():
+        for label in list(rates):
             tell(f"round {number}/{rounds}: {label}")
-            rate = worker.measure(seconds)
+            try:
+                rate = workers[label].measure(seconds)
+            except SubjectError as error:
+                if failed is None:
+                    raise
+                failed[label] = error.reason
+                del rates[label]
+                continue
             if number:
                 rates[label].append(rate)
     tell("")

@@ -10,7 +10,10 @@ TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 
 
 class CoreWatch:
-    """Share of a core's time that went to other processes than a given one and its children."""
+    """Share of a core's time that went to other processes than a given one and its children.
+
+    Without a core it is the share of the time of all cores together.
+    """
 
     def __init__(self, core: int | None, pid: int) -> None:
         """Start watching `core` on behalf of the process `pid`."""
@@ -20,7 +23,8 @@ class CoreWatch:
     def foreign_share(self) -> float:
         """Share (0 to 1) since the start; 0 where it cannot be known."""
         ticks = self._ticks_of_others() - self._others
-        elapsed = time.perf_counter() - self._began
+        cores = 1 if self._core is not None else os.cpu_count() or 1
+        elapsed = cores * (time.perf_counter() - self._began)
         return max(0.0, ticks / TICKS_PER_SECOND / elapsed)
 
     def _ticks_of_others(self) -> int:
@@ -33,7 +37,8 @@ class CoreWatch:
 def _busy_ticks(core: int | None) -> int:
     """Ticks of `core` not spent idle, with those that the host of a virtual machine took."""
     lines = Path("/proc/stat").read_text().splitlines()
-    fields = next(line.split() for line in lines if line.split()[0] == f"cpu{core}")
+    name = "cpu" if core is None else f"cpu{core}"
+    fields = next(line.split() for line in lines if line.split()[0] == name)
     user, nice, system, _idle, _waiting, *interrupts_and_stolen = map(int, fields[1:9])
     return user + nice + system + sum(interrupts_and_stolen)
 

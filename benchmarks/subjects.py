@@ -4,8 +4,17 @@ A plain script, so that any interpreter can run it. It prepares the subject, pri
 that describes it, and then answers each line `{"seconds": S}` on standard input with
 `{"steps": N, "seconds": T}`, after stepping for about `S` seconds. End of input ends it.
 
-Names: `scan-B`, `loop` and `loop-async` (this project), `vizdoom-gymnasium`, `vizdoom-raw`, and
-`adapter-KIND-B`, the subjects of `adapter_subjects.py`.
+A name is a kind, a number of environments where the kind has one, and options, such as
+`scan-64 id=key-door size=84x84`:
+
+- `scan-B` (this project; options `id`, or `map` or `sprites`, see `own_maps.py`; `size`,
+  `observation`), `loop`, `loop-async`;
+- `frames-B`, `keep-B`, `fill-B`: frames alone, frames kept, and only writing as many bytes;
+- `spread-B devices=N`: `spread.py`;
+- `adapter-KIND-B`: `adapter_subjects.py`;
+- `vizdoom-gymnasium`, `vizdoom-raw`, `envpool-B`, `miniworld`: `peer_subjects.py`.
+
+Options that a subject does not know only make its name another one.
 """
 
 from __future__ import annotations
@@ -17,9 +26,11 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
+
+import peer_subjects
 
 Chunk = Callable[[], int]
 """Makes some steps and returns how many."""
@@ -27,27 +38,109 @@ Chunk = Callable[[], int]
 ENVIRONMENT_ID = "my-way-home"
 SIZE = 64
 STEPS_A_CALL = 2**15
-ACTIONS_DRAWN = 2**14
+FRAMES_KEPT = 2**13
 
 
-def scan(batch: int) -> Chunk:
+def scan(batch: int, options: Mapping[str, str]) -> Chunk:
     """The project under a random policy, a batch of environments in one compiled scan."""
     import jax
 
-    import jaxenstein
     from jaxenstein.random_rollout import make_random_rollout
 
-    env, params = jaxenstein.make(ENVIRONMENT_ID, height=SIZE, width=SIZE)
-    steps = max(1, STEPS_A_CALL // batch)
+    env, params = own_environment(options)
+    # Larger images take longer: calls of about one length.
+    frames = STEPS_A_CALL * SIZE**2 // max(SIZE**2, env.height * env.width)
+    steps = max(1, frames // batch)
     rollout, start = make_random_rollout(env, params, batch, steps)
-    carry = start(jax.random.key(0))
+    return repeat(rollout, start(jax.random.key(0)), batch * steps)
+
+
+def frames(batch: int, options: Mapping[str, str]) -> Chunk:
+    """Frames alone, drawn of states that a pixel of the frame before moves a little."""
+    import jax
+    import jax.numpy as jnp
+    from frames import make_frames
+
+    env, params = own_environment(options)
+    steps = max(1, STEPS_A_CALL // batch)
+    program = make_frames(env, params, steps)
+    reset = jax.jit(jax.vmap(lambda key: env.reset(key, params)))
+    obs, state = reset(jax.random.split(jax.random.key(0), batch))
+    return repeat(program, (state, obs, jnp.copy(state.position)), batch * steps)
+
+
+def keep(batch: int, options: Mapping[str, str]) -> Chunk:
+    """As `scan`, and the frames are kept: 8192 of them."""
+    import jax
+    from frames import make_keeping_rollout
+
+    steps = max(1, FRAMES_KEPT // batch)
+    rollout, start = make_keeping_rollout(*own_environment(options), batch, steps)
+    return repeat(rollout, start(jax.random.key(0)), batch * steps)
+
+
+def fill(batch: int, options: Mapping[str, str]) -> Chunk:
+    """Nothing but writing the bytes of a batch of frames, by NumPy."""
+    import numpy as np
+
+    width, height = peer_subjects.numbers(options.get("size", f"{SIZE}x{SIZE}"))
+    room, value = np.zeros((batch, height, width, 3), np.uint8), 0
+    calls = max(1, STEPS_A_CALL // batch)
+
+    def chunk() -> int:
+        nonlocal value
+        for _ in range(calls):
+            value = (value + 1) % 256
+            room.fill(value)
+        return calls * batch
+
+    return chunk
+
+
+def repeat(program: Callable[[Any], Any], carry: Any, count: int) -> Chunk:
+    """Calls of a program that takes a carry and gives the next, `count` steps each."""
+    import jax
 
     def chunk() -> int:
         nonlocal carry
-        carry = jax.block_until_ready(rollout(carry))
-        return batch * steps
+        carry = jax.block_until_ready(program(carry))
+        return count
 
     return chunk
+
+
+def own_environment(options: Mapping[str, str]) -> tuple[Any, Any]:
+    """The environment that options name: an id, or a map made to measure."""
+    import own_maps
+
+    import jaxenstein
+
+    width, height = peer_subjects.numbers(options.get("size", f"{SIZE}x{SIZE}"))
+    settings: dict[str, Any] = {"height": height, "width": width}
+    settings["observation"] = options.get("observation", "rgb")
+    if "map" in options:
+        return jaxenstein.from_ascii(own_maps.rooms(int(options["map"])), **settings)
+    if "sprites" in options:
+        env, params = jaxenstein.from_ascii(own_maps.hall(int(options["sprites"])), **settings)
+        # Nothing is near enough to be taken or reached: all of it stays in sight.
+        return env, params.replace(pickup_radius=-1.0, goal_radius=-1.0)
+    return jaxenstein.make(options.get("id", ENVIRONMENT_ID), **settings)
+
+
+def spread(batch: int, options: Mapping[str, str]) -> Chunk:
+    """The same over several simulated devices, a thread each."""
+    import jax
+    import numpy as np
+
+    devices = int(options["devices"])
+    jax.config.update("jax_num_cpu_devices", devices)
+
+    from spread import make_mesh, make_spread_rollout
+
+    steps = max(1, devices * STEPS_A_CALL // batch)
+    mesh = make_mesh(jax.devices())
+    rollout, start = make_spread_rollout(*own_environment(options), batch, steps, mesh)
+    return repeat(rollout, start(np.uint32(0)), batch * steps)
 
 
 def loop(asynchronous: bool) -> Chunk:
@@ -73,7 +166,7 @@ def loop(asynchronous: bool) -> Chunk:
 
     key, reset_key = jax.random.split(jax.random.key(0))
     obs, state = jax.jit(lambda key: env.reset(key, params))(reset_key)
-    drawn = random_actions(env.num_actions)
+    drawn = peer_subjects.random_actions(env.num_actions)
     middle = SIZE // 2
 
     def chunk() -> int:
@@ -86,96 +179,43 @@ def loop(asynchronous: bool) -> Chunk:
     return chunk
 
 
-def vizdoom_gymnasium() -> Chunk:
-    """`VizdoomMyWayHome-v1`, 320x240, each frame resized to 64x64 by area."""
-    import cv2  # pyright: ignore[reportMissingImports]
-    import gymnasium  # pyright: ignore[reportMissingImports]
-    import vizdoom.gymnasium_wrapper  # noqa: F401  # pyright: ignore[reportMissingImports]
-
-    cv2.setNumThreads(1)
-    env = gymnasium.make("VizdoomMyWayHome-v1")
-    env.reset(seed=0)
-    count = int(env.action_space.n)  # pyright: ignore[reportAttributeAccessIssue]
-    drawn = random_actions(count)
-    pixel = 0
-
-    def chunk() -> int:
-        nonlocal pixel
-        for _ in range(64):
-            obs, _, terminated, truncated, _ = env.step((next(drawn) + pixel) % count)
-            if terminated or truncated:
-                obs, _ = env.reset()
-            frame = cv2.resize(obs["screen"], (SIZE, SIZE), interpolation=cv2.INTER_AREA)
-            pixel = int(frame[SIZE // 2, SIZE // 2, 0])
-        return 64
-
-    return chunk
-
-
-def vizdoom_raw() -> Chunk:
-    """The same scenario without Gymnasium, 160x120 RGB, frames not resized."""
-    import vizdoom  # pyright: ignore[reportMissingImports]
-
-    game = vizdoom.DoomGame()
-    game.load_config(os.path.join(vizdoom.scenarios_path, "my_way_home.cfg"))
-    game.set_screen_resolution(vizdoom.ScreenResolution.RES_160X120)
-    game.set_screen_format(vizdoom.ScreenFormat.RGB24)
-    game.set_window_visible(False)
-    game.set_sound_enabled(False)
-    game.set_seed(0)
-    game.init()
-    count = game.get_available_buttons_size() + 1
-    # As in the Gymnasium environment: one button at a time, or none.
-    buttons = [
-        [float(button == action - 1) for button in range(count - 1)] for action in range(count)
-    ]
-    drawn = random_actions(count)
-    pixel = 0
-
-    def chunk() -> int:
-        nonlocal pixel
-        for _ in range(64):
-            game.make_action(buttons[(next(drawn) + pixel) % count])
-            if game.is_episode_finished():
-                game.new_episode()
-            pixel = int(game.get_state().screen_buffer[60, 80, 0])
-        return 64
-
-    return chunk
-
-
-def random_actions(count: int) -> Iterator[int]:
-    """Uniform actions below `count`, drawn beforehand, round and round for ever."""
-    import numpy as np
-
-    drawn = np.random.default_rng(0).integers(count, size=ACTIONS_DRAWN).tolist()
-    while True:
-        yield from drawn
-
-
 def prepare(name: str) -> Chunk:
     """Build the subject called `name`."""
-    if name.startswith("scan-"):
-        return scan(int(name.removeprefix("scan-")))
-    if name.startswith("adapter-"):
+    head, *words = name.split()
+    options = dict(word.split("=", 1) for word in words)
+    if head.startswith("adapter-"):
         import adapter_subjects
 
-        return adapter_subjects.prepare(name.removeprefix("adapter-"))
-    named = {"loop": partial(loop, False), "loop-async": partial(loop, True)}
-    named |= {"vizdoom-gymnasium": vizdoom_gymnasium, "vizdoom-raw": vizdoom_raw}
-    return named[name]()
+        return adapter_subjects.prepare(head.removeprefix("adapter-"))
+    plain: dict[str, Callable[[], Chunk]] = {
+        "loop": partial(loop, False),
+        "loop-async": partial(loop, True),
+        "vizdoom-gymnasium": partial(peer_subjects.vizdoom_gymnasium, options),
+        "vizdoom-raw": partial(peer_subjects.vizdoom_raw, options),
+        "miniworld": partial(peer_subjects.miniworld, options),
+    }
+    if head in plain:
+        return plain[head]()
+    kind, _, batch = head.rpartition("-")
+    if kind == "envpool":
+        return peer_subjects.envpool(options, int(batch))
+    own = {"scan": scan, "spread": spread, "frames": frames, "keep": keep, "fill": fill}
+    return own[kind](int(batch), options)
 
 
 def versions() -> dict[str, str]:
     """Versions of the interpreter and of the packages that were loaded."""
     found = {"python": platform.python_version()}
     names = {"jax": "jax", "jaxlib": "jaxlib", "numpy": "numpy", "gymnasium": "gymnasium"}
-    names |= {"vizdoom": "vizdoom", "cv2": "opencv-python-headless"}
+    names |= {"vizdoom": "vizdoom", "cv2": "opencv-python-headless", "envpool": "envpool"}
+    names |= {"miniworld": "miniworld", "pyglet": "pyglet"}
     names |= {"gymnax": "gymnax", "stoa": "stoa-env", "brax": "brax", "torch": "torch"}
     names |= {"stable_baselines3": "stable-baselines3"}
     for module, package in names.items():
         if module in sys.modules:
             found[package] = importlib.metadata.version(package)
+    if "jaxenstein" in sys.modules:
+        found["jaxenstein"] = sys.modules["jaxenstein"].__version__
     return found
 
 
@@ -201,7 +241,11 @@ def main() -> None:
     began = time.perf_counter()
     chunk = prepare(arguments.name)
     chunk()
-    description = {"versions": versions(), "ready_seconds": time.perf_counter() - began}
+    description = {
+        "versions": versions(),
+        "notes": peer_subjects.notes,
+        "ready_seconds": time.perf_counter() - began,
+    }
     print(json.dumps(description), file=replies)
     for line in sys.stdin:
         print(json.dumps(answer(chunk, json.loads(line)["seconds"])), file=replies)

@@ -1,0 +1,205 @@
+"""A random policy over several devices, or several machines: steps a second of each number of them.
+
+    python -m benchmarks.spread                                  # 1, 2, 4, ... of the devices here
+    python -m benchmarks.spread --cpu-devices 4                  # the same, simulated on a CPU
+    python -m benchmarks.spread --coordinator HOST:PORT --processes 2 --process 0   # on each host
+
+Environments are spread along their axis with `jax.shard_map`, so a device draws, steps and resets
+its own and none waits for another. Each environment has random keys of its own: what happens in
+it does not depend on how many devices there are.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
+
+import jaxenstein
+from jaxenstein.benchmark import describe_machine, summarise
+from jaxenstein.cli.arguments import size, whole
+from jaxenstein.errors import JAXensteinError, SettingError
+from jaxenstein.random_rollout import RolloutCarry
+from jaxenstein.view.files import atomic, check_writable
+
+AXIS = "env"
+
+
+def make_mesh(devices: Sequence[Any]) -> Mesh:
+    """A mesh of these devices with the one axis `"env"`."""
+    return jax.make_mesh((len(devices),), (AXIS,), axis_types=(AxisType.Auto,), devices=devices)
+
+
+def make_spread_rollout(
+    env: Any, params: Any, batch: int, steps: int, mesh: Mesh
+) -> tuple[jax.stages.Wrapped, jax.stages.Wrapped]:
+    """A rollout of a uniform random policy whose environments lie on the devices of a mesh.
+
+    Args:
+        env: an environment whose `autoreset` is not `None`.
+        params: its parameters, the same everywhere.
+        batch: environments of all devices together, a multiple of the number of devices.
+        steps: steps of each environment in one call.
+        mesh: with the axis `"env"`; it may have the devices of several processes.
+
+    Returns:
+        `(rollout, start)`. `start(seed)`, of a whole number, gives a `RolloutCarry` all of whose
+        leaves, the key too, have a leading axis of environments that lies on the devices;
+        `rollout(carry)` plays on, and uses the carry's buffers up.
+
+    Raises:
+        SettingError: the environments do not divide evenly, or `env` does not reset itself.
+    """
+    if batch < 1 or steps < 1 or batch % mesh.size:
+        raise SettingError(
+            f"batch must be a multiple of the {mesh.size} devices and steps at least 1, not "
+            f"{batch} and {steps}"
+        )
+    if env.autoreset is None:
+        raise SettingError("a rollout needs an environment with autoreset, not autoreset=None")
+
+    def first(key: jax.Array) -> RolloutCarry:
+        reset_key, clock_key, key = jax.random.split(key, 3)
+        obs, state = env.reset(reset_key, params)
+        limit = jnp.maximum(jnp.asarray(params.max_steps_in_episode, jnp.int32), 1)
+        state = state.replace(time=jax.random.randint(clock_key, (), 0, limit, jnp.int32))
+        return RolloutCarry(key, obs, state, jnp.float32(0), jnp.int32(0))
+
+    def advance(carry: RolloutCarry) -> RolloutCarry:
+        key, policy_key, step_key = jax.random.split(carry.key, 3)
+        drawn = jax.random.randint(policy_key, (), 0, env.num_actions, jnp.int32)
+        action = (drawn + _pixel(carry.obs)) % env.num_actions
+        obs, state, reward, terminated, truncated, _ = env.step(
+            step_key, carry.state, action, params
+        )
+        episodes = carry.episodes + (terminated | truncated).astype(jnp.int32)
+        return RolloutCarry(key, obs, state, carry.reward + reward, episodes)
+
+    def play(carry: RolloutCarry) -> RolloutCarry:
+        return jax.lax.scan(lambda c, _: (jax.vmap(advance)(c), None), carry, length=steps)[0]
+
+    apart = PartitionSpec(AXIS)
+
+    def spread(function: Any) -> Any:
+        # Nothing is exchanged, so there is nothing to check about what varies along the axis.
+        return jax.shard_map(function, mesh=mesh, in_specs=apart, out_specs=apart, check_vma=False)
+
+    def start(seed: Any) -> RolloutCarry:
+        keys = jax.random.split(jax.random.key(seed), batch)
+        keys = jax.lax.with_sharding_constraint(keys, NamedSharding(mesh, apart))
+        return spread(jax.vmap(first))(keys)
+
+    return jax.jit(spread(play), donate_argnums=0), jax.jit(start)
+
+
+def _pixel(obs: Any) -> jax.Array:
+    """int32[]: an element of every leaf of one environment's observation, summed."""
+    total = jnp.int32(0)
+    for leaf in jax.tree.leaves(obs):
+        total += leaf[tuple(size // 2 for size in leaf.shape)].astype(jnp.int32)
+    return total
+
+
+def measure_spread(devices: Sequence[Any], options: argparse.Namespace) -> dict[str, Any]:
+    """Steps a second of `options.batch` environments on each of these devices."""
+    height, width = options.size
+    env, params = jaxenstein.make(options.id, height=height, width=width)
+    batch = options.batch * len(devices)
+    rollout, start = make_spread_rollout(env, params, batch, options.steps, make_mesh(devices))
+    carry = jax.block_until_ready(rollout(start(np.uint32(0))))
+    rates = []
+    for _ in range(options.repeats):
+        began = time.perf_counter()
+        # A fixed number: all processes must make the same calls.
+        for _ in range(options.calls):
+            carry = jax.block_until_ready(rollout(carry))
+        rates.append(options.calls * options.steps * batch / (time.perf_counter() - began))
+    return {
+        "devices": len(devices),
+        "batch": batch,
+        "steps_per_second": summarise(np.array(rates)),
+    }
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Measure and print a table."""
+    parser = _parser()
+    options = parser.parse_args(argv)
+    together = (options.coordinator, options.processes, options.process)
+    if any(given is not None for given in together) and None in together:
+        parser.error("--coordinator, --processes and --process belong together")
+    if options.json is not None:
+        check_writable(options.json)
+    if options.cpu_devices is not None:
+        jax.config.update("jax_platforms", "cpu")
+        jax.config.update("jax_num_cpu_devices", options.cpu_devices)
+    if options.coordinator is not None:
+        jax.distributed.initialize(options.coordinator, options.processes, options.process)
+    devices = jax.devices()
+    counts = sorted({1 << power for power in range(len(devices).bit_length())} | {len(devices)})
+    if jax.process_count() > 1:
+        counts = [len(devices)]
+    rows = []
+    for count in (count for count in counts if count <= len(devices)):
+        rows.append(measure_spread(devices[:count], options))
+    if jax.process_index():
+        return
+    print_table(rows, devices[0].device_kind)
+    if options.json is not None:
+        settings = {name: str(value) for name, value in vars(options).items() if name != "json"}
+        report = {
+            **describe_machine(),
+            "device": devices[0].device_kind,
+            "processes": jax.process_count(),
+            "settings": settings,
+            "rows": rows,
+        }
+        with atomic(options.json) as path:
+            path.write_text(json.dumps(report, indent=1))
+
+
+def print_table(rows: Sequence[dict[str, Any]], kind: str) -> None:
+    """Print a Markdown table: medians, and of how many of the first row's devices they are."""
+    print(f"{kind}\n\n| devices | environments | steps/s | times the first row |")
+    print("|---:|---:|---:|---:|")
+    first = rows[0]["steps_per_second"]["median"]
+    for row in rows:
+        rate = row["steps_per_second"]["median"]
+        print(f"| {row['devices']} | {row['batch']} | {rate:,.0f} | {rate / first:.2f} |")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        description="Steps a second over 1, 2, 4, ... devices, each with the same work."
+    )
+    parser.add_argument("--id", default="my-way-home", help="(default my-way-home)")
+    parser.add_argument(
+        "--batch", type=whole(), default=256, help="environments on each device (default 256)"
+    )
+    parser.add_argument("--size", type=size, default=(64, 64), metavar="WxH")
+    parser.add_argument("--steps", type=whole(), default=128, help="in one call (default 128)")
+    parser.add_argument("--calls", type=whole(), default=8, help="in a repeat (default 8)")
+    parser.add_argument("--repeats", type=whole(), default=7, help="(default 7)")
+    parser.add_argument(
+        "--cpu-devices", type=whole(), metavar="N", help="simulate N devices on the processor"
+    )
+    parser.add_argument("--coordinator", metavar="HOST:PORT", help="of several processes, number 0")
+    parser.add_argument("--processes", type=whole(), metavar="N", help="how many there are")
+    parser.add_argument("--process", type=whole(0), metavar="I", help="which one this is, from 0")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write every repeat here")
+    return parser
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except JAXensteinError as error:
+        raise SystemExit(f"benchmarks.spread: {error}") from error

@@ -1,0 +1,123 @@
+"""The measurements of an accelerator, with tiny sizes on the CPU."""
+
+import json
+import sys
+import types
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from benchmarks import device
+from benchmarks.frames import make_frames, make_keeping_rollout
+from benchmarks.kernels import count_kernels, total
+from jaxenstein.random_rollout import make_random_rollout
+from jaxenstein.view.files import OutputError
+
+TINY = ["--ids", "simple", "--batches", "2", "--seconds", "0.01", "--repeats", "2", "--steps", "2",
+        "--copy-bytes", "4096"]  # fmt: skip
+
+
+def test_frames_are_drawn_and_those_of_the_states():
+    env, params = jaxenstein.make("simple", height=6, width=8)
+    obs, state = jax.vmap(env.reset, (0, None))(jax.random.split(jax.random.key(0), 3), params)
+    first = np.asarray(obs)
+    place = np.asarray(state.position)
+    state, obs, _ = make_frames(env, params, 5)((state, obs, jnp.copy(state.position)))
+    assert (np.asarray(obs) != first).any()
+    assert np.abs(np.asarray(state.position) - place).max() <= 1.0001e-4
+    drawn = jax.jit(jax.vmap(lambda s: env.observe(s, params)))(state)
+    np.testing.assert_array_equal(drawn, obs)
+
+
+def test_kept_frames_are_those_of_the_rollout():
+    env, params = jaxenstein.make("simple", height=6, width=8)
+    rollout, start = make_keeping_rollout(env, params, 3, 4)
+    carry, kept = rollout(start(jax.random.key(1)))
+    once, first = make_random_rollout(env, params, 3, 1)
+    other = first(jax.random.key(1))
+    for frame in kept:
+        other = once(other)
+        np.testing.assert_array_equal(frame, other.obs)
+    np.testing.assert_array_equal(carry.obs, other.obs)
+    np.testing.assert_array_equal(carry.state.time, other.state.time)
+
+
+def test_results_and_going_on(tmp_path, capsys, monkeypatch):
+    file = tmp_path / "device.json"
+    device.main([*TINY, "--sizes", "8x6", "--json", str(file), "--profile"])
+    report = json.loads(file.read_text())
+    (row,) = report["rows"]
+    assert (row["id"], row["batch"], row["height"], row["width"]) == ("simple", 2, 6, 8)
+    assert row["frame_bytes"] == 6 * 8 * 3
+    assert len(row["steps_per_second"]["repeats"]) == 2
+    assert row["steps_per_second"]["median"] > 0
+    assert row["frames_per_second"]["median"] > 0
+    assert row["program_bytes"] >= 2 * 6 * 8 * 3
+    assert report["copy_bytes_per_second"] > 0
+    measured = []
+
+    def measure(name, batch, size, options):
+        measured.append((name, batch, size))
+        return row | {"height": size[0], "width": size[1]}
+
+    monkeypatch.setattr(device, "measure_case", measure)
+    device.main([*TINY, "--sizes", "8x6,6x5", "--json", str(file)])
+    assert measured == [("simple", 2, (5, 6))]
+    assert json.loads(file.read_text())["rows"][0] == row
+    device.main([*TINY, "--sizes", "4x4", "--json", str(file), "--minutes", "1e-9"])
+    assert "the same command goes on" in capsys.readouterr().out
+    assert len(json.loads(file.read_text())["rows"]) == 2
+
+
+def test_reports_of_other_devices_are_kept(tmp_path):
+    file = tmp_path / "device.json"
+    assert device.read_report(file, "gpu: X") == {"rows": []}
+    file.write_text('{"rows": [1], "device": "gpu: X"}')
+    assert device.read_report(file, "gpu: X")["rows"] == [1]
+    with pytest.raises(OutputError, match="another device, gpu: X"):
+        device.read_report(file, "gpu: Y")
+    file.write_text("[]")
+    with pytest.raises(OutputError, match="no report"):
+        device.read_report(file, "gpu: X")
+
+
+def test_what_does_not_fit_is_told(monkeypatch):
+    def fail(*_):
+        raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory\nmore")
+
+    monkeypatch.setattr(device, "make_random_rollout", fail)
+    options = types.SimpleNamespace(steps=1, repeats=1, seconds=0.01, profile=False)
+    row = device.measure_case("simple", 2, (4, 4), options)
+    assert row["failed"] == "RESOURCE_EXHAUSTED: Out of memory"
+    assert device.table_row(row, 1e9).count("|") == 10
+
+
+def test_kernels_are_those_of_the_streams_alone(monkeypatch):
+    assert total([]) is None
+    assert total([1000.0, 3000.0]) == {"count": 2.0, "seconds": 4e-6}
+
+    def named(name, **inside):
+        return types.SimpleNamespace(name=name, **inside)
+
+    events = [named("kernel", duration_ns=5.0), named("copy", duration_ns=7.0)]
+    planes = [
+        named("/host:CPU", lines=[named("Stream #1", events=events)]),
+        named("/device:GPU:0", lines=[
+            named("Stream #7(Compute)", events=events), named("XLA Ops", events=events),
+        ]),
+    ]  # fmt: skip
+
+    class Data:
+        @staticmethod
+        def from_file(path):
+            assert path.endswith(".xplane.pb")
+            return named("profile", planes=planes)
+
+    monkeypatch.setattr(jax.profiler, "ProfileData", Data, raising=False)
+    found = count_kernels(lambda: jax.block_until_ready(jnp.ones(3, jnp.float32) * 2))
+    assert found == {"count": 2.0, "seconds": pytest.approx(12e-9)}
+    monkeypatch.delattr(jax.profiler, "ProfileData")
+    assert count_kernels(lambda: sys.exit("must not run")) is None

@@ -1,0 +1,116 @@
+"""The parts of the suite, and the command that runs them."""
+
+import json
+import sys
+from dataclasses import replace
+
+import pytest
+
+import benchmarks.__main__ as suite
+from benchmarks import measure
+from benchmarks.measure import Subject
+from benchmarks.parts import PARTS, Plan, quick_plan
+from benchmarks.peers import Found
+from jaxenstein import environment_ids
+from jaxenstein.view.files import OutputError
+
+FULL = Plan(cores=2, find=lambda name: Found(sys.executable))
+QUICK = replace(quick_plan(), cores=2, find=lambda name: Found(problem=f"no {name}"))
+
+
+@pytest.mark.parametrize("plan", [FULL, QUICK], ids=["full", "quick"])
+@pytest.mark.parametrize("name", PARTS)
+def test_groups_are_complete(name, plan):
+    groups = PARTS[name](plan)
+    assert groups
+    for group in groups:
+        names = [subject.name for subject in group]
+        assert len(set(names)) == len(names)
+        for subject in group:
+            assert set(subject.references.values()) <= set(names)
+
+
+def test_every_environment_size_and_kind_is_measured():
+    names = {s.name for part in PARTS.values() for group in part(FULL) for s in group}
+    assert {f"scan-256 id={name}" for name in environment_ids()} <= names
+    for batch in (1, 8, 64, 256, 1024, 4096):
+        assert f"scan-{batch} id=my-way-home" in names
+    for size in ("64x64", "84x84", "160x120", "320x240"):
+        assert any(f"size={size}" in name and name.startswith("scan") for name in names)
+    for kind in ("rgb", "gray", "depth", "labels", "dict"):
+        assert f"scan-256 id=my-way-home observation={kind}" in names
+
+
+def test_a_missing_peer_is_in_its_row():
+    rows = {s.name: s for s in PARTS["peers"](QUICK)[0]}
+    assert rows["vizdoom-raw"].problem == "no vizdoom"
+    assert rows["miniworld"].problem == "no miniworld"
+    assert not rows["scan-16"].problem
+
+
+@pytest.fixture
+def small(fake_subjects, monkeypatch):
+    """A suite of two parts, whose subjects are stand-ins."""
+    parts = {
+        "first": lambda plan: [[Subject("steady-5", "five")]],
+        "second": lambda plan: [[Subject("broken", "none"), Subject("steady-7", "seven")]],
+    }
+    monkeypatch.setattr(suite, "PARTS", parts)
+
+
+def run(folder, *words):
+    suite.main([*words, "--json", str(folder), "--rounds", "1", "--seconds", "0.01"])
+
+
+def test_a_file_a_part_and_going_on(small, tmp_path, capsys):
+    folder = tmp_path / "deep" / "results"
+    run(folder, "first")
+    report = json.loads((folder / "first.json").read_text())
+    assert report["part"] == "first"
+    assert report["settings"]["seconds"] == 0.01
+    assert {"python", "jax", "jaxenstein"} <= set(report["versions"])
+    assert report["hardware"]["cpu"]
+    before = (folder / "first.json").stat().st_mtime_ns
+    run(folder)
+    assert (folder / "first.json").stat().st_mtime_ns == before
+    assert "first.json is there already" in (told := capsys.readouterr().out)
+    assert "none: ImportError: No module named 'nothing'" in told
+    rows = json.loads((folder / "second.json").read_text())["groups"][0]
+    assert rows[1]["steps_per_second"]["median"] == pytest.approx(7)
+    run(folder, "first", "--again")
+    assert (folder / "first.json").stat().st_mtime_ns != before
+
+
+def test_other_settings_are_not_mixed_in(small, tmp_path):
+    run(tmp_path, "first")
+    with pytest.raises(OutputError, match=r"seconds 0\.01, not 0\.5.*--again"):
+        suite.main(["--json", str(tmp_path), "--rounds", "1", "--seconds", "0.5"])
+    assert not (tmp_path / "second.json").exists()
+    (tmp_path / "first.json").write_text("{}")
+    with pytest.raises(OutputError, match="no result of this suite"):
+        run(tmp_path)
+
+
+def test_nothing_is_measured_that_cannot_be_written(small, tmp_path, monkeypatch):
+    monkeypatch.setattr(measure, "measure_group", lambda *_: pytest.fail("measured"))
+    (tmp_path / "second.json").mkdir()
+    with pytest.raises(OutputError):
+        run(tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError):
+        run(tmp_path / "file")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["thirst"], "unknown part: thirst; known: first, second"),
+        (["first", "--rounds", "0"], "above 0"),
+        (["first", "--seconds", "x"], "above 0"),
+        (["first", "--core", "9999"], "no core 9999"),
+    ],
+)
+def test_wrong_words(small, tmp_path, capsys, words, told):
+    with pytest.raises(SystemExit):
+        suite.main([*words, "--json", str(tmp_path)])
+    assert told in capsys.readouterr().err
