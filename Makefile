@@ -21,7 +21,7 @@ PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || ec
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test slow check docs demo bench compare partners clean
+.PHONY: help setup test slow check docs demo bench compare partners lanes fuzz endurance clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
@@ -62,8 +62,17 @@ compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one
 partners: $(VENV)/.created ## run the adapters' tests beside their partners, each in a .venv-partners/NAME
 	$(BIN)/python tests/adapters/partners.py $(ARGS)
 
+lanes: $(VENV)/.dev ## run the tests with each Python, the oldest and newest JAX, and the wheel
+	$(BIN)/python -m reliability.lanes $(ARGS)
+
+fuzz: $(VENV)/.dev ## try spoilt maps, files and arguments; ARGS="--minutes 60 --target ascii"
+	$(BIN)/python -m reliability.fuzz $(ARGS)
+
+endurance: $(VENV)/.dev ## play millions of steps and look at every state; ARGS="--steps 10_000_000"
+	$(BIN)/python -m reliability.endurance $(ARGS)
+
 clean: ## remove .venv and everything generated
-	rm -rf $(VENV) .venv-partners $(BENCH) $(DEMO) docs/_build docs/environments build dist .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-partners .venv-lanes $(BENCH) $(DEMO) fuzz docs/_build docs/environments build dist .pytest_cache .ruff_cache .hypothesis
 	find src tests benchmarks docs experiments fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted one is done again.

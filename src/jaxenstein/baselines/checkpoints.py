@@ -80,7 +80,7 @@ class Checkpoints:
         self._sweep()
         target, part = self.folder / str(update), self.folder / f"{update}{_PART}"
         arrays, described = _pack(state)
-        note = {
+        note: dict[str, Any] = {
             "format": FORMAT,
             "update": update,
             "digest": _digest(arrays),
@@ -90,6 +90,7 @@ class Checkpoints:
         try:
             part.mkdir()
             _write_arrays(part / "state", arrays)
+            note["files"] = _file_digests(part / "state")
             (part / "checkpoint.json").write_text(json.dumps(note), encoding="utf-8")
             _sync(part)
             if target.exists():
@@ -183,6 +184,10 @@ def _read(folder: Path, like: Any) -> tuple[Any, dict[str, Any]]:
     leaves, structure = jax.tree_util.tree_flatten_with_path(like)
     described = [note["leaves"][name] for name in sorted(note["leaves"])]
     _check_same(folder, described, leaves)
+    # Orbax fails noisily on damaged files, with tracebacks of its threads.
+    files = _file_digests(folder / "state")
+    if note.get("files", files) != files:
+        raise ValueError("its files are not those that were written")
     arrays = _read_arrays(folder / "state", note["leaves"])
     if _digest(arrays) != note["digest"]:
         raise ValueError("its arrays are not those that were written")
@@ -269,6 +274,16 @@ def _digest(arrays: Mapping[str, np.ndarray]) -> str:
         total.update(name.encode())
         total.update(np.ascontiguousarray(arrays[name]).view(np.uint8).data)
     return total.hexdigest()
+
+
+def _file_digests(folder: Path) -> dict[str, str]:
+    """A digest of every file below a folder, by its path there."""
+    found = {}
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        with path.open("rb") as file:
+            name = path.relative_to(folder).as_posix()
+            found[name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found
 
 
 def _sync(folder: Path) -> None:

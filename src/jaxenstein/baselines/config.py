@@ -122,6 +122,10 @@ class Config:
     def _check_convolutions(self) -> None:
         if self.convolutions is None:
             return
+        if not all(isinstance(layer, list | tuple) for layer in self.convolutions):
+            raise SettingError(
+                f"convolutions must hold (kernel, stride, features), not {self.convolutions!r}"
+            )
         layers = tuple(tuple(layer) for layer in self.convolutions)
         for layer in layers:
             if len(layer) != 3 or any(not _whole(number) or number < 1 for number in layer):

@@ -19,6 +19,8 @@ from .config import Config, HParams
 from .learner import Learner, make_learner
 
 FORMAT = 1
+# Seeds of one experiment, which are trained side by side; a mistyped number would fill the memory.
+MOST_SEEDS = 100_000
 # Fields of `Config` that the recipe of the environment replaces.
 OF_RECIPE = ("env", "env_settings")
 
@@ -111,7 +113,7 @@ class Experiment:
             recipe = Recipe(
                 place["id"], place["version"], _tuples(place["settings"]), place["params"]
             )
-            config = config_of(recipe, {name: _tuple(v) for name, v in plain["config"].items()})
+            config = config_of(recipe, {name: as_tuples(v) for name, v in plain["config"].items()})
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
             return cls(recipe, config, plain["hparams"], tuple(plain["seeds"]), grid)
         except (KeyError, TypeError, AttributeError) as error:
@@ -158,6 +160,8 @@ def check_seeds(first: int, count: int) -> tuple[int, ...]:
     """
     if count < 1:
         raise SettingError(f"seeds must be a whole number from 1, not {count!r}")
+    if count > MOST_SEEDS:
+        raise SettingError(f"seeds must be at most {MOST_SEEDS}, not {count!r}")
     if first < 0 or first + count > 2**32:
         raise SettingError(
             f"seed must be a whole number from 0 to {2**32 - count}, the first of {count}, not "
@@ -166,12 +170,12 @@ def check_seeds(first: int, count: int) -> tuple[int, ...]:
     return tuple(range(first, first + count))
 
 
-def _tuple(value: Any) -> Any:
-    return tuple(map(_tuple, value)) if isinstance(value, list | tuple) else value
+def as_tuples(value: Any) -> Any:
+    return tuple(map(as_tuples, value)) if isinstance(value, list | tuple) else value
 
 
 def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: _tuple(value) for name, value in values.items()}
+    return {name: as_tuples(value) for name, value in values.items()}
 
 
 def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import math
 import re
 import tomllib
 import typing
@@ -19,7 +20,7 @@ from typing import Any, Literal
 from ..episodes.recipe import Recipe
 from ..errors import SettingError, nearest
 from .config import Config, HParams
-from .experiment import OF_RECIPE, Experiment, check_seeds, config_of
+from .experiment import OF_RECIPE, Experiment, as_tuples, check_seeds, config_of
 
 Kind = Literal["count", "number", "flag", "choice", "layers", "angle", "text", "table"]
 
@@ -129,7 +130,9 @@ def read_file(path: Path) -> dict[str, Any]:
         raise SettingError(f"cannot read {path}: {reason.lower()}") from error
     try:
         given = _yaml(path, text) if path.suffix in (".yaml", ".yml") else tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except SettingError:
+        raise
+    except (ValueError, RecursionError) as error:
         raise SettingError(f"{path} is not TOML: {error}") from error
     if not isinstance(given, dict):
         raise SettingError(f"{path} must hold names with values")
@@ -147,8 +150,11 @@ def _yaml(path: Path, text: str) -> Any:
             f"{path}: YAML needs PyYAML ({error}): pip install pyyaml, or write TOML"
         ) from error
     try:
+        # A few lines of names for names would stand for more values than there is memory.
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
+            raise yaml.YAMLError("'*name' is not known here; write the value again")
         return yaml.safe_load(text) or {}
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
 
 
@@ -178,13 +184,12 @@ def coerce(option: Option, value: Any) -> Any:
     """
     name, kind = option.name, option.kind
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    if kind == "count" and number and value == int(value):
+    if kind == "count" and number and math.isfinite(value) and value == int(value):
         return int(value)
     if kind == "number" and number:
         return float(value)
-    if (kind == "flag" and isinstance(value, bool)) or (
-        kind == "table" and isinstance(value, dict)
-    ):
+    table = isinstance(value, dict) and all(isinstance(key, str) for key in value)
+    if (kind == "flag" and isinstance(value, bool)) or (kind == "table" and table):
         return value
     if kind in ("text", "choice") and isinstance(value, str):
         if kind == "choice" and value not in option.choices:
@@ -192,10 +197,11 @@ def coerce(option: Option, value: Any) -> Any:
             known = ", ".join(map(repr, option.choices))
             raise SettingError(f"{name} must be one of {known}, not {value!r}{close}")
         return value
-    if kind == "layers" and isinstance(value, list | tuple):
-        return _tuple(value)
-    if kind == "angle" and (number or (isinstance(value, list | tuple) and len(value) == 2)):
-        return _tuple(value)
+    listed = isinstance(value, list | tuple)
+    if kind == "layers" and listed and all(isinstance(layer, list | tuple) for layer in value):
+        return as_tuples(value)
+    if kind == "angle" and (number or (listed and len(value) == 2)):
+        return as_tuples(value)
     raise SettingError(f"{name} must be {_KINDS[kind]}, not {value!r}")
 
 
@@ -247,7 +253,7 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
         config,
         hparams,
         check_seeds(given.get("seed", 0), given.get("seeds", 1)),
-        _grid(given.get("grid") or {}),
+        check_grid(given.get("grid") or {}),
     )
     # A network that does not fit the image is told now.
     experiment.learner  # noqa: B018
@@ -297,7 +303,7 @@ def recipe_from(given: Mapping[str, Any]) -> Recipe:
         **({"observation": given["observation"]} if "observation" in given else {}),
         **(given.get("settings") or {}),
     }
-    settings = {name: _tuple(value) for name, value in settings.items()}
+    settings = {name: as_tuples(value) for name, value in settings.items()}
     params = dict(given.get("params") or {})
     if "horizon" in given:
         if given["horizon"] < 1:
@@ -325,7 +331,8 @@ def recipe_from(given: Mapping[str, Any]) -> Recipe:
     return dataclasses.replace(recipe, id=name, version=env.version)
 
 
-def _grid(table: Mapping[str, Any]) -> tuple[tuple[str, tuple[float, ...]], ...]:
+def check_grid(table: Mapping[str, Any]) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """The numbers of a grid with their values; a `SettingError` for one that there is not."""
     names = [field.name for field in dataclasses.fields(HParams)]
     grid = []
     for name, values in table.items():
@@ -341,7 +348,3 @@ def _grid(table: Mapping[str, Any]) -> tuple[tuple[str, tuple[float, ...]], ...]
             HParams(**{name: value}).check()
         grid.append((name, tuple(map(float, listed))))
     return tuple(grid)
-
-
-def _tuple(value: Any) -> Any:
-    return tuple(map(_tuple, value)) if isinstance(value, list | tuple) else value

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import json
+import os
 import platform
 import time
 import warnings
@@ -20,12 +21,14 @@ from typing import Any
 
 import jax
 
-from ..errors import SettingError
+from ..errors import JAXensteinError, SettingError
 from ..version import __version__
 from ..view.files import OutputError, atomic, check_writable, make_folder
 from .checkpoints import Checkpoints, Restored, check_space
-from .experiment import Experiment
+from .config import HParams
+from .experiment import Experiment, check_seeds
 from .metrics import MetricsFiles, Row, Sink, rows_of
+from .options import check_grid
 from .placement import place
 from .state import TrainState
 
@@ -89,11 +92,11 @@ class RunFolder:
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise SettingError(f"cannot read {file}: {reason}") from error
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise SettingError(f"{file} is not JSON: {error}") from error
         try:
-            return cls(path, Experiment.from_json(plain))
-        except SettingError as error:
+            return cls(path, _checked(Experiment.from_json(plain)))
+        except JAXensteinError as error:
             raise SettingError(f"{file}: {error}") from error
 
     def check_same(self, experiment: Experiment) -> None:
@@ -126,9 +129,11 @@ class RunFolder:
         """Keep other processes from training in this folder.
 
         Raises:
-            SettingError: one does so already.
+            SettingError: one does so already, or a link leads out of the folder, where nothing
+                may be written.
             OutputError: the lock cannot be written.
         """
+        _check_links(self.path)
         try:
             file = (self.path / LOCK).open("w")
         except OSError as error:
@@ -143,6 +148,37 @@ class RunFolder:
                 except OSError as error:
                     raise SettingError(f"another process is training in {self.path}") from error
             yield
+
+
+def _checked(experiment: Experiment) -> Experiment:
+    """The experiment of a file, which anybody may have edited; its names become those of files.
+
+    Raises:
+        JAXensteinError: it has an entry that `resolve` would not make.
+    """
+    try:
+        HParams(**experiment.hparams).check()
+    except TypeError as error:
+        raise SettingError(f"'hparams': {error}") from error
+    whole = all(isinstance(s, int) and not isinstance(s, bool) for s in experiment.seeds)
+    if not whole or not experiment.seeds:
+        raise SettingError(f"'seeds' must be whole numbers, not {list(experiment.seeds)!r}")
+    check_seeds(min(experiment.seeds), 1)
+    check_seeds(max(experiment.seeds), 1)
+    check_grid(dict(experiment.grid))
+    experiment.recipe.try_out()
+    return experiment
+
+
+def _check_links(path: Path) -> None:
+    """Raise if something below a folder leads out of it: what is written there would go astray."""
+    root = path.resolve()
+    for folder, names, files in os.walk(path):
+        for entry in (Path(folder) / name for name in (*names, *files)):
+            if entry.is_symlink() and not entry.resolve().is_relative_to(root):
+                raise SettingError(
+                    f"{entry} is a link out of the run directory: put what it leads to in its place"
+                )
 
 
 def run_names(experiment: Experiment) -> list[str]:

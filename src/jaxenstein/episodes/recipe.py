@@ -7,11 +7,12 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
+import jax
 import numpy as np
 
 from .. import registry
 from ..environment import Environment
-from ..errors import JAXensteinError, MapWarning, TrajectoryError
+from ..errors import JAXensteinError, MapWarning, SettingError, TrajectoryError
 from ..tasks.navigation import Navigation
 
 # What does not matter to one episode that is stepped by hand.
@@ -58,6 +59,23 @@ class Recipe:
             if not _fits(value, getattr(params, name).dtype):
                 raise TrajectoryError(f"param {name!r} cannot be {value!r}")
         return env, env.check_params(params.replace(**self.params))
+
+    def try_out(self) -> tuple[Environment[Any, Any], Any]:
+        """As `build`, for a recipe of somebody else's file: looks at the values of all settings.
+
+        A reset is traced; nothing is compiled.
+
+        Raises:
+            JAXensteinError: an id, setting or param does not exist or has a wrong value.
+        """
+        try:
+            env, params = self.build()
+            jax.eval_shape(env.reset, jax.random.key(0), params)
+        except JAXensteinError:
+            raise
+        except (TypeError, ValueError, IndexError, OverflowError, AttributeError) as error:
+            raise SettingError(f"a setting is unusable: {' '.join(str(error).split())}") from error
+        return env, params
 
 
 def recipe_of(env: Environment[Any, Any], params: Any) -> Recipe:

@@ -10,8 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jax
-
 from ..environment import Environment
 from ..errors import JAXensteinError, TrajectoryError
 from .recipe import TEXTS, Recipe
@@ -65,13 +63,9 @@ def _read(table: Any) -> Trajectory:
     _only(table, "", ("format", "format_version", *_names(Trajectory)))
     recipe = _recipe(_take(table, "environment", _object))
     try:
-        env, params = recipe.build()
-        # Traced only: nothing is compiled, and every setting is looked at.
-        jax.eval_shape(env.reset, jax.random.key(0), params)
+        env, _ = recipe.try_out()
     except JAXensteinError as error:
         raise TrajectoryError(f"'environment': {error}") from error
-    except (TypeError, ValueError, IndexError, OverflowError) as error:
-        raise TrajectoryError(f"'environment' has an unusable setting: {error}") from error
     actions = _actions(table, env)
     return Trajectory(
         environment=recipe,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..engine.art import load_art
 from ..engine.scene import Theme
+from ..errors import SettingError
 from ..maps.symbols import (
     APPLE_LABEL,
     COLOUR_NAMES,
@@ -92,6 +94,27 @@ def build_theme(
         sprite_drop=np.array([look.drop for look in looks], np.float32),
         sprite_labels=np.array(sprites, np.uint8),
     )
+
+
+def check_rgb(field: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Raise unless a setting is one RGB colour, or several, as tuples.
+
+    Args:
+        field: the name of the setting.
+        value: what it was given.
+        shape: (3,), or (colours, 3).
+
+    Raises:
+        SettingError: it is something else, or not from 0 to 255.
+    """
+    try:
+        colours = np.asarray(value, np.float64)
+        hash(value)
+    except (TypeError, ValueError, OverflowError):
+        colours = np.zeros(0)
+    if colours.shape != shape or not ((colours >= 0) & (colours <= 255)).all():
+        what = "(red, green, blue)" if shape == (3,) else "two tuples (red, green, blue)"
+        raise SettingError(f"{field} must be {what}, numbers from 0 to 255, not {value!r}")
 
 
 def _sprite_colours(label: int, look: Look) -> np.ndarray:

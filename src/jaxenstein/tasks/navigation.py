@@ -18,7 +18,7 @@ from ..maps.symbols import COLOUR_NAMES, GOAL_LABEL, key_label
 from ..maps.tilemap import TileMap
 from ..pytree import record
 from ..spaces import Box
-from .appearance import CEILING, FLOOR, RGB, build_theme
+from .appearance import CEILING, FLOOR, RGB, build_theme, check_rgb
 from .draws import draw_index
 from .first_person import FirstPerson
 from .steering import (
@@ -99,6 +99,8 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
         """Check the settings."""
         super().__post_init__()
         heading_range(self.heading)
+        check_rgb("floor", self.floor, (2, 3))
+        check_rgb("ceiling", self.ceiling, (3,))
 
     @property
     def default_params(self) -> NavigationParams:

@@ -1,0 +1,1 @@
+"""Programs that look for what the tests cannot: fuzzing, endurance, lanes, golden episodes."""

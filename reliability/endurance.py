@@ -1,0 +1,342 @@
+"""Millions of steps of every environment, with all that must hold looked at in every one of them.
+
+    python -m reliability.endurance --steps 10_000_000         over all ids together
+    python -m reliability.endurance --steps 100_000 simple key-corridor
+    python -m reliability.endurance --steps 200_000 --checked   with indices and NaN checked
+
+Players are the task's expert, chance, and some who are up to no good: who run into walls, spin and
+use everything, or choose numbers that are no actions. `--checked` looks at every operation for an
+index out of range, a division by zero and a NaN (`jax.experimental.checkify`), also while drawing;
+it is slower. Programs may not be compiled anew after the first call, and memory may not grow.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import importlib
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.experimental import checkify
+
+import jaxenstein
+from jaxenstein.players import PLAYERS, expert
+from jaxenstein.registry import ENTRIES
+
+from . import invariants
+
+SIZE = {"height": 8, "width": 16}
+# Environments side by side, a multiple of the number of players, and steps in one call.
+BATCH, CALL = 40, 250
+# What the memory of the process may grow by after the first calls, in bytes.
+GROWTH = 64 << 20
+COMPILED = "/jax/core/compile/backend_compile_duration"
+# Modules, and what keeps stages apart in them, which checks cannot see through.
+STAGES = (
+    *((f"engine.{module}", "staged") for module in ("render", "raycast", "sprites", "pixels")),
+    ("engine.sprites", "repeat"),
+    ("environment", "where_any"),
+)
+EXTREMES = np.array([-(2**31), -1, 2**31 - 1, 127, 255, 5, 6], np.int32)
+
+
+@dataclasses.dataclass
+class Report:
+    """What came of the steps of one environment.
+
+    Attributes:
+        steps: over all environments of the batch.
+        episodes: that ended.
+        events: how often each event of `info` happened.
+        broken: how often each thing did not hold that must.
+        compiled: programs compiled after the first call.
+        grown: bytes by which the memory of the process grew after the first calls.
+        seconds: without compiling.
+    """
+
+    steps: int = 0
+    episodes: int = 0
+    events: dict[str, int] = dataclasses.field(default_factory=dict)
+    broken: dict[str, int] = dataclasses.field(default_factory=dict)
+    compiled: int = 0
+    grown: int = 0
+    seconds: float = 0.0
+
+    @property
+    def problems(self) -> list[str]:
+        """What is wrong, in words."""
+        found = [f"NOT SO in {count} steps: {name}" for name, count in self.broken.items() if count]
+        found += [f"{self.compiled} programs compiled anew"] * (self.compiled > 0)
+        grown = f"memory grew by {self.grown / 2**20:.0f} MiB"
+        return found + [grown] * (self.grown > GROWTH)
+
+
+def players(env: Any, params: Any) -> list[Callable[[jax.Array, Any], jax.Array]]:
+    """Functions of key and state, each of which chooses an action."""
+    count = env.num_actions
+    names = env.action_names
+    forward, right = names.index("forward"), names.index("turn right")
+    last = count - 1
+
+    def extreme(key: jax.Array, state: Any) -> jax.Array:
+        del state
+        return jax.random.choice(key, jnp.asarray(EXTREMES))
+
+    def ram(key: jax.Array, state: Any) -> jax.Array:
+        """Forward, also where it is blocked; now and then a turn."""
+        del state
+        return jnp.where(jax.random.bernoulli(key, 0.05), right, forward).astype(jnp.int32)
+
+    def fidget(key: jax.Array, state: Any) -> jax.Array:
+        """Turn, use and walk by turns."""
+        walks = jax.random.bernoulli(key, 0.3)
+        used = jnp.where(state.time % 3 == 0, right, last)
+        return jnp.where(walks, forward, used).astype(jnp.int32)
+
+    able = PLAYERS[expert(env)](env, params)
+    return [able, PLAYERS["uniform"](env, params), extreme, ram, fidget]
+
+
+def make_program(env: Any, params: Any, batch: int, steps: int) -> tuple[Any, Any]:
+    """`start(key)` gives a carry; `play(carry)` the next one and the counts of some steps."""
+    chosen = players(env, params)
+    kinds = jnp.arange(batch, dtype=jnp.int32) % len(chosen)
+
+    def one(key: jax.Array, kind: jax.Array, state: Any) -> Any:
+        choose_key, step_key = jax.random.split(key)
+        action = jax.lax.switch(kind, chosen, choose_key, state)
+        obs, after, *outcome = env.step(step_key, state, action, params)
+        checks = invariants.of_state(env, after, params)
+        checks |= invariants.of_step(env, state, after, outcome, params)
+        checks |= invariants.of_observation(obs)
+        _, terminated, truncated, info = outcome
+        whole = {name: v for name, v in info.items() if v.dtype in (jnp.bool_, jnp.int32)}
+        events = {name: v.astype(jnp.int32) for name, v in whole.items() if name in EVENTS}
+        # Read, lest the frame be left out of the program.
+        events["pixels above 0"] = jnp.any(obs != 0).astype(jnp.int32)
+        broken = {name: (~held).astype(jnp.int32) for name, held in checks.items()}
+        return after, ((terminated | truncated).astype(jnp.int32), events, broken)
+
+    def step(carry: Any, _: None) -> Any:
+        key, state = carry
+        key, now = jax.random.split(key)
+        state, counts = jax.vmap(one)(jax.random.split(now, batch), kinds, state)
+        return (key, state), jax.tree.map(lambda x: jnp.sum(x, dtype=jnp.int32), counts)
+
+    def start(key: jax.Array) -> Any:
+        key, now = jax.random.split(key)
+        _, state = jax.vmap(env.reset, (0, None))(jax.random.split(now, batch), params)
+        limit = jnp.asarray(params.max_steps_in_episode, jnp.int32)
+        # Clocks apart, so that episodes do not all end in the same step.
+        clocks = jnp.arange(batch, dtype=jnp.int32) * limit // batch
+        return key, state.replace(time=clocks)
+
+    def play(carry: Any) -> Any:
+        carry, counts = jax.lax.scan(step, carry, length=steps)
+        return carry, jax.tree.map(lambda x: jnp.sum(x, axis=0, dtype=jnp.int32), counts)
+
+    return jax.jit(start), play
+
+
+EVENTS = (
+    *("reached_goal", "picked_key", "opened_door", "ate_apple", "respawned"),
+    *("took_medkit", "died"),
+)
+
+
+def endure(
+    name: str, steps: int, *, seed: int = 0, checked: bool = False, batch: int = BATCH
+) -> Report:
+    """Play an environment.
+
+    Args:
+        name: its id.
+        steps: of all environments of the batch together, rounded up.
+        seed: of all draws.
+        checked: whether every operation is checked, and colours are drawn instead of depths.
+        batch: environments side by side.
+    """
+    kind = "rgb" if checked else "depth"
+    env, params = jaxenstein.make(name, observation=kind, **SIZE)
+    calls = -(-steps // (batch * CALL)) if steps >= batch * CALL else 1
+    length = min(CALL, -(-steps // batch))
+    with plain_stages() if checked else contextlib.nullcontext():
+        start, play = make_program(env, params, batch, length)
+        run = _checked(play) if checked else jax.jit(play)
+        carry = start(jax.random.key(seed))
+        report, compiled = Report(), CompileCounter()
+        with compiled, _told(report):
+            jax.block_until_ready(run(carry))
+            compiled.count, begin, memory = 0, time.perf_counter(), resident()
+            for call in range(calls):
+                carry, counts = jax.block_until_ready(run(carry))
+                _count(report, counts)
+                report.steps += batch * length
+                if call == calls // 4:
+                    memory = resident()
+            report.seconds = time.perf_counter() - begin
+            report.compiled, report.grown = compiled.count, resident() - memory
+    return report
+
+
+@contextlib.contextmanager
+def _told(report: Report) -> Iterator[None]:
+    """Note an operation that went wrong as something that must not happen."""
+    try:
+        yield
+    except checkify.JaxRuntimeError as error:
+        report.broken[" ".join(str(error).split())] = 1
+
+
+def _checked(play: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    errors = checkify.index_checks | checkify.nan_checks | checkify.div_checks
+    run = jax.jit(checkify.checkify(play, errors=errors))
+
+    def thrown(carry: Any) -> Any:
+        error, out = run(carry)
+        error.throw()
+        return out
+
+    return thrown
+
+
+def _count(report: Report, counts: Any) -> None:
+    ended, events, broken = jax.device_get(counts)
+    report.episodes += int(ended)
+    for table, found in ((report.events, events), (report.broken, broken)):
+        for name, count in found.items():
+            table[name] = table.get(name, 0) + int(count)
+
+
+@contextlib.contextmanager
+def plain_stages() -> Iterator[None]:
+    """Let stages run into each other: checks do not see through the conditionals between them."""
+    with contextlib.ExitStack() as stack:
+        for module, name in STAGES:
+            where = importlib.import_module(f"jaxenstein.{module}")
+            stack.enter_context(mock.patch.object(where, name, PLAIN[name]))
+        jax.clear_caches()
+        yield
+    jax.clear_caches()
+
+
+def _repeat(body: Callable[..., Any]) -> Callable[..., Any]:
+    def run(rounds: jax.Array, carry: Any, constants: Any) -> Any:
+        return jax.lax.fori_loop(0, rounds, lambda i, c: body(i, c, constants), carry)
+
+    return run
+
+
+def _where_any(function: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda needed, *args: function(*args)
+
+
+PLAIN: dict[str, Callable[..., Any]] = {
+    "staged": lambda stage: stage,
+    "repeat": _repeat,
+    "where_any": _where_any,
+}
+
+
+class CompileCounter:
+    """Counts the programs that are compiled while it is open."""
+
+    def __init__(self) -> None:
+        """Begin at 0."""
+        self.count = 0
+
+    def __enter__(self) -> CompileCounter:
+        """Listen."""
+        _listen()
+        _OPEN.append(self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Listen no more."""
+        _OPEN.remove(self)
+
+
+_OPEN: list[CompileCounter] = []
+_LISTENING: list[bool] = []
+
+
+def _listen() -> None:
+    """Tell the open counters of every compilation; JAX forgets no listener, hence one for all."""
+    if _LISTENING:
+        return
+    _LISTENING.append(True)
+
+    def heard(event: str, duration_secs: float, **_: Any) -> None:
+        del duration_secs
+        if event == COMPILED:
+            for counter in _OPEN:
+                counter.count += 1
+
+    jax.monitoring.register_event_duration_secs_listener(heard)
+
+
+def resident() -> int:
+    """Bytes of memory that the process has; 0 where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def table(reports: dict[str, Report]) -> str:
+    """The reports as a table of Markdown."""
+    lines = [
+        "| id | steps | episodes | events | grown MiB | s | |",
+        "|---|---:|---:|---|---:|---:|---|",
+    ]
+    for name, report in reports.items():
+        happened = ", ".join(
+            f"{event} {count}" for event, count in report.events.items() if event in EVENTS
+        )
+        numbers = f"{report.grown / 2**20:.1f} | {report.seconds:.0f}"
+        verdict = "; ".join(report.problems) or "ok"
+        lines.append(
+            f"| {name} | {report.steps} | {report.episodes} | {happened} | {numbers} | {verdict} |"
+        )
+    total = sum(report.steps for report in reports.values())
+    return "\n".join([*lines, f"{total} steps in all"])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Play what the command line names; 1 if something did not hold."""
+    summary = (__doc__ or "").split("\n\n")
+    parser = argparse.ArgumentParser(
+        prog="python -m reliability.endurance", description=summary[0], epilog=summary[2]
+    )
+    parser.add_argument("ids", nargs="*", metavar="ID", help="which ones (default: all)")
+    parser.add_argument("--steps", type=int, default=1_000_000, help="of all together (1_000_000)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--checked", action="store_true", help="check every operation")
+    options = parser.parse_args(arguments)
+    unknown = [name for name in options.ids if name not in ENTRIES]
+    if unknown:
+        parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(ENTRIES)}")
+    names = options.ids or list(ENTRIES)
+    reports: dict[str, Report] = {}
+    for name in names:
+        steps = -(-options.steps // len(names))
+        reports[name] = endure(name, steps, seed=options.seed, checked=options.checked)
+        print(f"{name}: {'; '.join(reports[name].problems) or 'ok'}", flush=True)
+        jax.clear_caches()
+    print(table(reports))
+    return int(any(report.problems for report in reports.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,345 @@
+"""Golden episodes: what every environment did when its version was last raised.
+
+    python -m reliability.golden            write the episodes of new ids and raised versions
+    python -m reliability.golden --check    only tell what differs
+
+An episode is a seed and a list of actions; the file holds digests of what came of them. What is
+whole (tiles, doors, events, times) and the rewards must be the same bit for bit on any machine.
+JAX 0.7, 0.10 and 0.12 agree in all pixels and, but for 1e-6, in all numbers. A processor without
+fused multiplication and addition differs by up to 2e-6, and by a pixel of a frame where things
+end. So numbers are rounded to hundredths first, with seeds for which none lies where rounding
+could go either way; some frames are kept whole, a few of whose pixels may differ.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import dataclasses
+import functools
+import hashlib
+import itertools
+import json
+import sys
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxenstein
+from jaxenstein.players import PLAYERS, expert
+from jaxenstein.registry import ENTRIES
+from jaxenstein.view.files import atomic
+
+ROOT = Path(__file__).resolve().parents[1]
+FILE = ROOT / "tests" / "contract" / "golden.json"
+COMMAND = "python -m reliability.golden"
+SIZE = {"height": 12, "width": 16}
+# Steps of an episode; its time limit, so that a reset is part of it; steps that a digest covers.
+STEPS, LIMIT, BLOCK = 72, 60, 8
+# Every so many frames one is kept, of whose pixels a share may differ.
+KEPT, FEW = 6, 0.02
+# Numbers are rounded to this; in units of it, how far they keep from where rounding goes over,
+# and by how much the kept ones may differ on other kinds of processor.
+GRID, MARGIN, NEAR = 1e-2, 2e-3, 1.5
+# How often the generator leaves what the expert does, for one step and to walk into something;
+# how many episodes it looks at for one in which somebody was stopped by something.
+WANDERING, STRAYING, LOOKS = 0.12, 0.04, 8
+
+Table = dict[str, Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class Trace:
+    """What came of the actions; rows are the reset and then the steps.
+
+    Attributes:
+        layout: names, types and shapes of all that the rows hold.
+        whole: int64 of each row: whole numbers, truth values, and rewards by their bits.
+        real: float64 of each row: all other numbers.
+        poses: float64[rows, 3], x, y and heading.
+        frames: uint8[rows, height, width, 3].
+    """
+
+    layout: str
+    whole: tuple[np.ndarray, ...]
+    real: tuple[np.ndarray, ...]
+    poses: np.ndarray
+    frames: np.ndarray
+
+
+def trace(name: str, seed: int, actions: Sequence[int]) -> Trace:
+    """Play the actions from the reset of a seed on."""
+    env, params = jaxenstein.make(name, **SIZE)
+    params = params.replace(max_steps_in_episode=LIMIT)
+    keys = episode_keys(seed, len(actions))
+    first, steps = jax.device_get(_play(env, keys, jnp.asarray(actions, jnp.int32), params))
+    head = [jax.tree.map(lambda leaf: leaf[None], first[1])]
+    tail = [steps[1:]]
+    parts = [_rows(tree) for tree in (*head, *tail)]
+    poses = [np.concatenate([s.position, s.heading[:, None]], -1) for s in (*head, steps[1])]
+    return Trace(
+        layout="; ".join(part[0] for part in parts),
+        whole=tuple(row for part in parts for row in part[1]),
+        real=tuple(row for part in parts for row in part[2]),
+        poses=np.concatenate(poses).astype(np.float64),
+        frames=np.concatenate([first[0][None], steps[0]]),
+    )
+
+
+def episode_keys(seed: int, steps: int) -> jax.Array:
+    """The keys of the reset and of each step."""
+    return jax.random.split(jax.random.key(seed, impl="threefry2x32"), steps + 1)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _play(env: Any, keys: jax.Array, actions: jax.Array, params: Any) -> Any:
+    def step(state: Any, given: Any) -> Any:
+        out = env.step(given[0], state, given[1], params)
+        return out[1], out
+
+    first = env.reset(keys[0], params)
+    return first, jax.lax.scan(step, first[1], (keys[1:], actions))[1]
+
+
+def _rows(tree: Any) -> tuple[str, list[np.ndarray], list[np.ndarray]]:
+    """Layout, whole numbers and other numbers of a pytree whose leaves are stacked over time."""
+    names: list[str] = []
+    whole: list[np.ndarray] = []
+    real: list[np.ndarray] = []
+    for path, leaf in jax.tree_util.tree_flatten_with_path(tree)[0]:
+        leaf, name = np.asarray(leaf), jax.tree_util.keystr(path)
+        names.append(f"{name} {leaf.dtype}{list(leaf.shape[1:])}")
+        flat = leaf.reshape(len(leaf), -1)
+        # Sums of rewards are the same everywhere, and smaller than the grid.
+        if name == "[1]" or name.endswith(("episode_return", "['episode_return']")):
+            flat = flat.view(np.int32)
+        (real if flat.dtype.kind == "f" else whole).append(flat)
+    count = len(jax.tree.leaves(tree)[0])
+    joined = [
+        np.concatenate(parts, -1).astype(dtype) if parts else np.zeros((count, 0), dtype)
+        for parts, dtype in ((whole, np.int64), (real, np.float64))
+    ]
+    return ", ".join(names), list(joined[0]), list(joined[1])
+
+
+def describe(name: str, seed: int, actions: Sequence[int]) -> Table:
+    """What the file holds of an environment."""
+    env, params = jaxenstein.make(name, **SIZE)
+    found = trace(name, seed, actions)
+    kept = found.frames[::KEPT]
+    return {
+        "version": env.version,
+        "params": numbers_of(params),
+        "seed": seed,
+        "actions": [[value, len(list(group))] for value, group in itertools.groupby(actions)],
+        "layout": digest([found.layout.encode()]),
+        "whole": blocks(found.whole),
+        "rounded": blocks([np.rint(row / GRID).astype(np.int64) for row in found.real]),
+        "frames": blocks(found.frames),
+        "poses": np.rint(found.poses[::KEPT] / GRID).astype(int).tolist(),
+        "pictures": base64.b64encode(zlib.compress(kept.tobytes(), 9)).decode(),
+    }
+
+
+def numbers_of(params: Any) -> dict[str, float]:
+    """The default params by name, as short as float32 needs."""
+    return {
+        field.name: float(str(np.asarray(getattr(params, field.name))))
+        for field in dataclasses.fields(params)
+    }
+
+
+def digest(parts: Iterable[bytes]) -> str:
+    """Twelve hexadecimal digits for some bytes."""
+    sha = hashlib.sha256()
+    for part in parts:
+        sha.update(part)
+    return sha.hexdigest()[:12]
+
+
+def blocks(rows: Sequence[np.ndarray] | np.ndarray) -> list[str]:
+    """A digest for every so many rows; the same bytes on machines of either byte order."""
+    little = [row.astype(row.dtype.newbyteorder("<"), copy=False).tobytes() for row in rows]
+    return [digest(little[start : start + BLOCK]) for start in range(0, len(little), BLOCK)]
+
+
+def problem(name: str, wanted: Mapping[str, Any]) -> str:
+    """How an environment differs from its golden episode; "" if it does not."""
+    env, params = jaxenstein.make(name, **SIZE)
+    if env.version != wanted["version"]:
+        return f"its version is {env.version}, that of the file {wanted['version']}"
+    numbers = numbers_of(params)
+    if numbers != wanted["params"]:
+        changed = {k: v for k, v in numbers.items() if wanted["params"].get(k) != v}
+        return f"default params are now {changed or numbers}"
+    actions = [value for value, count in wanted["actions"] for _ in range(count)]
+    found = trace(name, wanted["seed"], actions)
+    if digest([found.layout.encode()]) != wanted["layout"]:
+        return f"states or info have other parts: {found.layout}"
+    at = _differing(blocks(found.whole), wanted["whole"])
+    if at:
+        return f"rewards, events or other whole parts of states differ from {at} on"
+    at = _differing(
+        blocks([np.rint(row / GRID).astype(np.int64) for row in found.real]), wanted["rounded"]
+    )
+    if at and not _near(found.poses, wanted["poses"]):
+        return f"positions or other numbers of states differ from {at} on"
+    return _frames_problem(found.frames, wanted)
+
+
+def _differing(found: Sequence[str], wanted: Sequence[str]) -> str:
+    """The first steps whose digests differ, in words."""
+    for index, (one, other) in enumerate(itertools.zip_longest(found, wanted)):
+        if one != other:
+            return f"some step of {index * BLOCK} to {index * BLOCK + BLOCK - 1}"
+    return ""
+
+
+def _near(poses: np.ndarray, wanted: Any) -> bool:
+    """Whether this is no CPU as that of the file, and positions are the same up to rounding."""
+    if jax.default_backend() == "cpu" and _x86():
+        return False
+    return bool(np.all(np.abs(poses[::KEPT] / GRID - np.array(wanted)) <= NEAR))
+
+
+def _x86() -> bool:
+    import platform
+
+    return platform.machine().lower() in ("x86_64", "amd64", "i686")
+
+
+def _frames_problem(frames: np.ndarray, wanted: Mapping[str, Any]) -> str:
+    at = _differing(blocks(frames), wanted["frames"])
+    if not at:
+        return ""
+    kept = frames[::KEPT]
+    data = zlib.decompress(base64.b64decode(wanted["pictures"]))
+    pictures = np.frombuffer(data, np.uint8).reshape(-1, *kept.shape[1:])
+    if pictures.shape != kept.shape:
+        return "there are other frames"
+    shares = (kept != pictures).any(axis=-1).mean(axis=(1, 2))
+    worst = int(shares.argmax())
+    if shares[worst] > FEW:
+        return f"{shares[worst]:.1%} of the frame after step {worst * KEPT} differs"
+    return ""
+
+
+def message(name: str, what: str) -> str:
+    """What to do about a difference."""
+    if what.startswith("its version"):
+        return f"{name}: {what}: regenerate with {COMMAND}"
+    return (
+        f"behaviour of {name} changed: {what}. If that is meant, raise its version in the registry "
+        f"and add a line to CHANGELOG.md, then regenerate with {COMMAND}"
+    )
+
+
+def load() -> dict[str, Table]:
+    """The golden episodes by id."""
+    return json.loads(FILE.read_text(encoding="utf-8"))
+
+
+def choose(name: str, seeds: Iterable[int] = range(400)) -> Table:
+    """An episode for an environment, all of whose numbers can be rounded safely.
+
+    It is the first one with moves that were blocked, if there is one among the first few.
+    """
+    found: list[tuple[int, list[int]]] = []
+    for seed in seeds:
+        actions = wander(name, seed)
+        seen = trace(name, seed, actions)
+        real = np.concatenate(seen.real) / GRID
+        if not np.isfinite(real).all():
+            raise ValueError(f"{name}: a number of a state is not finite")
+        if (np.abs(real - np.floor(real) - 0.5) > MARGIN).all():
+            found.append((seed, actions))
+            if _blocked(seen.poses, actions):
+                return describe(name, seed, actions)
+            if len(found) == LOOKS:
+                break
+    if not found:
+        raise ValueError(f"{name}: no seed has numbers that can all be rounded safely")
+    return describe(name, *found[0])
+
+
+def _blocked(poses: np.ndarray, actions: Sequence[int]) -> bool:
+    """Whether moves forward were blocked, at a heading across the map's grid."""
+    still = (poses[1:, :2] == poses[:-1, :2]).all(axis=1)
+    quarter = np.pi / 2
+    oblique = np.abs((poses[1:, 2] + quarter / 2) % quarter - quarter / 2) > 0.1
+    return bool((still & oblique & (np.array(actions) == 2)).sum() >= 2)
+
+
+def wander(name: str, seed: int) -> list[int]:
+    """Actions of the task's expert, with other ones in between, some of which are no actions."""
+    env, params = jaxenstein.make(name, **SIZE)
+    params = params.replace(max_steps_in_episode=LIMIT)
+    rng = np.random.default_rng(seed)
+    others = rng.integers(-1, env.num_actions + 1, STEPS).astype(np.int32)
+    away = rng.random(STEPS) < WANDERING
+    for start in np.flatnonzero(rng.random(STEPS) < STRAYING):
+        stray = [int(rng.integers(2))] * int(rng.integers(1, 5)) + [2] * 7
+        others[start : start + len(stray)] = stray[: STEPS - start]
+        away[start : start + len(stray)] = True
+    return np.asarray(_choose(env, episode_keys(seed, STEPS), others, away, params)).tolist()
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _choose(env: Any, keys: jax.Array, others: jax.Array, away: jax.Array, params: Any) -> Any:
+    choose = PLAYERS[expert(env)](env, params)
+
+    def step(state: Any, given: Any) -> Any:
+        key, other, wandering = given
+        action = jnp.where(wandering, other, choose(key, state))
+        after = env.advance(key, state, action, params)[0]
+        return after, action
+
+    state = env.init_state(keys[0], params)
+    return jax.lax.scan(step, state, (keys[1:], others, away))[1]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write or check the file."""
+    parser = argparse.ArgumentParser(description="Write or check the golden episodes.")
+    parser.add_argument("ids", nargs="*", metavar="ID", help="some of them (default: all)")
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    options = parser.parse_args(arguments)
+    unknown = [name for name in options.ids if name not in ENTRIES]
+    if unknown:
+        parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(ENTRIES)}")
+    before = load() if FILE.exists() else {}
+    table, wrong = {}, 0
+    for name, entry in ENTRIES.items():
+        old = before.get(name)
+        if options.ids and name not in options.ids:
+            table |= {} if old is None else {name: old}
+        elif old is not None and (options.check or old["version"] >= entry.version):
+            table[name] = old
+            what = problem(name, old)
+            wrong += bool(what)
+            print(message(name, what) if what else f"{name}: as it was", flush=True)
+        else:
+            table[name] = choose(name)
+            print(f"{name}: version {entry.version}, seed {table[name]['seed']}", flush=True)
+    if not options.check and table != before:
+        with atomic(FILE) as temporary:
+            temporary.write_text(to_text(table), encoding="utf-8", newline="\n")
+    return int(wrong > 0)
+
+
+def to_text(table: Mapping[str, Table]) -> str:
+    """JSON with an entry a line, so that a change shows which ones it is of."""
+    parts = []
+    for name, entry in table.items():
+        lines = (f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in entry.items())
+        parts.append(f"{json.dumps(name)}: {{\n" + ",\n".join(lines) + "\n}")
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,110 @@
+"""What must hold of every state and step of every environment, whatever the actions are."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from jaxenstein.tasks.health_gathering import FULL_HEALTH, HealthGathering
+from jaxenstein.tasks.maze import Maze
+from jaxenstein.tasks.navigation import Navigation
+
+# Rounding of float32 sums of thousands of rewards, relative and absolute.
+_CLOSE = 1e-4
+
+Checks = dict[str, jax.Array]
+
+
+def of_state(env: Any, state: Any, params: Any) -> Checks:
+    """bool[] by name: whether a state is a possible one."""
+    scene = env.scene(state, params)
+    checks = {
+        "every number is finite": _finite(state),
+        "the position is inside the map, on an open tile": _on_open_tile(scene, state.position),
+        "the heading is from 0 to 2 pi": (state.heading >= 0) & (state.heading < 2 * math.pi),
+        "time is from 0 to the limit": (state.time >= 0)
+        & (state.time < params.max_steps_in_episode),
+        "the episode is not over": ~state.done,
+        "sprites have a look that there is": _in_range(
+            scene.sprites.look, len(scene.theme.sprite_art)
+        ),
+    }
+    if isinstance(env, HealthGathering):
+        checks["health is from 1 to full"] = (state.health > 0) & (state.health <= FULL_HEALTH)
+        checks["no more medkits lie there than were placed"] = (
+            jnp.sum(state.present, dtype=jnp.int32) <= state.placed
+        )
+    if isinstance(env, Navigation):
+        checks["the goal is one of the map's"] = _in_range(state.goal, len(env.tilemap.goals))
+    if isinstance(env, Maze) and env.apple_cells:
+        apples = jnp.sort(state.apples)
+        checks["apples lie in different cells that there are"] = _in_range(
+            apples, len(env.apple_cells)
+        ) & jnp.all(apples[1:] != apples[:-1])
+    return checks
+
+
+def of_step(env: Any, before: Any, after: Any, outcome: Any, params: Any) -> Checks:
+    """bool[] by name: whether a step may lead from one state to another.
+
+    Args:
+        env: the environment, with resets in the same step.
+        before: a state.
+        after: the state that followed, perhaps of a new episode.
+        outcome: reward, terminated, truncated and info of the step.
+        params: its params.
+    """
+    reward, terminated, truncated, info = outcome
+    ended = terminated | truncated
+    elsewhere = ended | info.get("respawned", jnp.bool_(False))
+    walked = jnp.linalg.norm(info["position"] - before.position)
+    total = before.episode_return + reward
+    checks = {
+        "reward and info are finite": _finite((reward, info)),
+        "returns add up": jnp.abs(info["episode_return"] - total)
+        <= _CLOSE * jnp.maximum(1, jnp.abs(total)),
+        "the clock goes on by one": info["episode_length"] == before.time + 1,
+        "a new episode begins at 0, an old one goes on": after.time
+        == jnp.where(ended, 0, before.time + 1),
+        "the time limit truncates": truncated
+        == (info["episode_length"] >= params.max_steps_in_episode),
+        "a step is no longer than the distance": (walked <= params.move_distance + 1e-4)
+        | elsewhere,
+    }
+    for name in ("opened", "taken", "eaten"):
+        if hasattr(before, name):
+            lost = jnp.any(getattr(before, name) & ~getattr(after, name))
+            checks[f"what is {name} stays {name}"] = ~lost | elsewhere
+    return checks
+
+
+def of_observation(obs: Any) -> Checks:
+    """bool[] by name: whether an image of depths is a possible one."""
+    if obs.dtype != jnp.float32:
+        return {}
+    return {"depths are finite and above 0": jnp.all(jnp.isfinite(obs) & (obs > 0))}
+
+
+def _finite(tree: Any) -> jax.Array:
+    floats = [x for x in jax.tree.leaves(tree) if jnp.issubdtype(x.dtype, jnp.floating)]
+    return jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in floats]).all()
+
+
+def _in_range(values: jax.Array, count: int) -> jax.Array:
+    return jnp.all((values >= 0) & (values < count))
+
+
+def _on_open_tile(scene: Any, position: jax.Array) -> jax.Array:
+    """By the labels of the tiles and the list of doors, not by the words that rays test."""
+    level = scene.level
+    tiles = jnp.asarray(level.walls)[0]
+    doors = jnp.asarray(level.doors)
+    column, row = jnp.floor(position).astype(jnp.int32) + level.margin
+    inside = (column >= 0) & (column < tiles.shape[1]) & (row >= 0) & (row < tiles.shape[0])
+    there = tiles[jnp.clip(row, 0, tiles.shape[0] - 1), jnp.clip(column, 0, tiles.shape[1] - 1)]
+    here = (doors[:, 0] == column) & (doors[:, 1] == row)
+    shut = jnp.any(here & scene.closed)
+    return inside & ~shut & ((there == 0) | jnp.any(here))

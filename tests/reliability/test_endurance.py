@@ -1,0 +1,95 @@
+"""A small run of the long one, and that it would see what it looks for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+from jaxenstein.tasks import navigation
+from jaxenstein.tasks.navigation import Navigation
+from reliability import endurance
+
+
+@pytest.fixture(autouse=True)
+def _forget() -> Any:
+    yield
+    jax.clear_caches()
+
+
+@pytest.mark.parametrize("name", ["key-door", "health-gathering", "key-corridor-s3r1"])
+def test_a_little_endurance(name: str) -> None:
+    report = endurance.endure(name, 4000, batch=20)
+    assert report.steps >= 4000
+    assert report.problems == []
+    assert sum(report.events.get(event, 0) for event in endurance.EVENTS) > 0
+    assert report.events["pixels above 0"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["key-door", "dmlab-static-01-respawn", "key-corridor-s3r1"])
+def test_a_little_endurance_with_every_operation_checked(name: str) -> None:
+    assert endurance.endure(name, 1000, batch=10, checked=True).problems == []
+
+
+@pytest.mark.slow
+def test_an_index_out_of_range_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(navigation, "draw_index", lambda bits, count: jnp.int32(count))
+    jax.clear_caches()
+    (problem,) = endurance.endure("simple", 100, batch=10, checked=True).problems
+    assert "out-of-bounds" in problem
+
+
+def test_a_step_into_a_wall_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With collisions switched off."""
+
+    def walk(level: Any, closed: Any, position: Any, heading: Any, action: Any, params: Any) -> Any:
+        del level, closed
+        ahead = jnp.stack([jnp.cos(heading), jnp.sin(heading)])
+        forward = (action == 2).astype(jnp.float32)
+        return position + forward * params.move_distance * ahead, heading
+
+    monkeypatch.setattr(navigation, "steer", walk)
+    jax.clear_caches()
+    problems = endurance.endure("simple", 2000, batch=10).problems
+    assert any("on an open tile" in problem for problem in problems)
+
+
+def test_a_nan_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nowhere(self: Any, state: Any) -> Any:
+        del self
+        return jnp.float32(jnp.nan) * state.heading
+
+    monkeypatch.setattr(Navigation, "_distance", nowhere)
+    jax.clear_caches()
+    problems = endurance.endure("simple", 1000, batch=10).problems
+    assert any("reward and info are finite" in problem for problem in problems)
+
+
+def test_compilations_are_counted() -> None:
+    with endurance.CompileCounter() as counter:
+        function = jax.jit(lambda x: x * 3 + 1)
+        function(jnp.zeros(7))
+        once = counter.count
+        function(jnp.zeros(7))
+        assert counter.count == once > 0
+        function(jnp.zeros(8))
+        assert counter.count > once
+
+
+def test_problems_are_told() -> None:
+    report = endurance.Report(steps=5, broken={"a": 0, "b": 2}, compiled=1, grown=2**30)
+    assert report.problems == [
+        "NOT SO in 2 steps: b",
+        "1 programs compiled anew",
+        "memory grew by 1024 MiB",
+    ]
+    assert "NOT SO in 2 steps: b" in endurance.table({"x": report})
+
+
+def test_unknown_ids_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        endurance.main(["nowhere"])
+    assert "unknown: nowhere" in capsys.readouterr().err

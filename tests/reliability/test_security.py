@@ -1,0 +1,239 @@
+"""Files of others are data: they run no code, and nothing is written outside of their folder."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein import SettingError
+from jaxenstein.episodes.recorder import record
+from jaxenstein.episodes.trajectory_file import load_trajectory
+from jaxenstein.errors import JAXensteinError
+
+SOURCE = Path(jaxenstein.__file__).parent
+# What makes objects or runs code of what it reads.
+MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "marshal", "shelve", "code"}
+FUNCTIONS = {"eval", "exec", "compile", "__import__"}
+METHODS = {("yaml", "load"), ("yaml", "unsafe_load"), ("yaml", "full_load"), ("os", "system")}
+KEYWORDS = {"allow_pickle", "shell"}
+MAP = "#####\n#S.G#\n#####"
+
+
+def dangers(tree: ast.AST) -> Iterator[str]:
+    """What of it a source uses."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names if name.name.split(".")[0] in MODULES)
+        elif isinstance(node, ast.ImportFrom):
+            yield from [str(node.module)] * ((node.module or "").split(".")[0] in MODULES)
+        elif isinstance(node, ast.Call):
+            function = node.func
+            if isinstance(function, ast.Name) and function.id in FUNCTIONS:
+                yield function.id
+            if isinstance(function, ast.Attribute) and isinstance(function.value, ast.Name):
+                pair = function.value.id, function.attr
+                yield from [".".join(pair)] * (pair in METHODS)
+            yield from (str(word.arg) for word in node.keywords if word.arg in KEYWORDS)
+
+
+def test_no_source_unpickles_or_evaluates() -> None:
+    found = {
+        str(path.relative_to(SOURCE)): list(dangers(ast.parse(path.read_text(encoding="utf-8"))))
+        for path in SOURCE.rglob("*.py")
+    }
+    assert len(found) > 80
+    assert {path: names for path, names in found.items() if names} == {}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import pickle",
+        "from dill import loads",
+        "eval(x)",
+        "yaml.load(f)",
+        "np.load(f, allow_pickle=1)",
+    ],
+)
+def test_the_search_finds_what_it_looks_for(text: str) -> None:
+    assert list(dangers(ast.parse(text)))
+
+
+class Watch:
+    """Notes what the process is asked to do while it is on; such hooks cannot be taken off."""
+
+    def __init__(self) -> None:
+        self.on = False
+        self.seen: list[str] = []
+        sys.addaudithook(self.hear)
+
+    def hear(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if not self.on:
+            return
+        if event in ("pickle.find_class", "os.system", "subprocess.Popen", "socket.connect"):
+            self.seen.append(event)
+        if event == "open" and isinstance(arguments[0], str | bytes | os.PathLike):
+            path, mode, flags = arguments
+            if (mode and set(mode) & set("wax+")) or (flags or 0) & (os.O_WRONLY | os.O_RDWR):
+                self.seen.append(f"wrote {os.fsdecode(path)}")
+
+
+@pytest.fixture(scope="module")
+def hook() -> Watch:
+    return Watch()
+
+
+@pytest.fixture
+def watch(hook: Watch) -> Iterator[Watch]:
+    hook.seen, hook.on = [], False
+    yield hook
+    hook.on = False
+
+
+def test_the_watch_sees(watch: Watch, tmp_path: Path) -> None:
+    watch.on = True
+    (tmp_path / "x").write_text("")
+    # Protocol 0: the class is looked up by its name.
+    __import__("pickle").loads(b"cbuiltins\nlen\n.")
+    assert watch.seen == [f"wrote {tmp_path / 'x'}", "pickle.find_class"]
+
+
+def test_a_trajectory_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> None:
+    env, params = jaxenstein.from_ascii(MAP, height=8, width=8, name="../../evil")
+    trajectory = record(env, params, [2, 0], seed=1).trajectory
+    assert trajectory is not None
+    trajectory.save(tmp_path / "walk.json")
+    watch.on = True
+    assert load_trajectory(tmp_path / "walk.json").environment.settings["name"] == "../../evil"
+    assert watch.seen == []
+
+
+def test_a_checkpoint_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> None:
+    pytest.importorskip("orbax.checkpoint")
+    from jaxenstein.baselines.checkpoints import Checkpoints
+
+    state = {"a": np.arange(3), "b": np.ones((2, 2), np.float32)}
+    Checkpoints(tmp_path / "there").save(1, state)
+    watch.on = True
+    restored = Checkpoints(tmp_path / "there").restore(state)
+    watch.on = False
+    assert restored is not None
+    np.testing.assert_array_equal(restored.state["b"], state["b"])
+    assert watch.seen == []
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run directory that has not been trained."""
+    pytest.importorskip("orbax.checkpoint")
+    pytest.importorskip("flax")
+    from jaxenstein.baselines.runs import RunFolder
+    from tests.baselines.tiny import tiny
+
+    folder = RunFolder.create(tmp_path / "run", tiny())
+    (folder.path / "checkpoints").mkdir()
+    return folder.path
+
+
+@pytest.mark.parametrize(
+    "name",
+    [".lock", "metrics.csv", "timing.csv", "checkpoints", "checkpoints/7.part", "tensorboard"],
+)
+def test_links_out_of_a_run_are_not_followed(run: Path, tmp_path: Path, name: str) -> None:
+    from jaxenstein.baselines.runs import RunFolder, train
+
+    treasure = tmp_path / "treasure"
+    treasure.mkdir()
+    (treasure / "0").mkdir()
+    (treasure / "file").write_text("gold")
+    link = run / name
+    if link.is_dir():
+        link.rmdir()
+    link.symlink_to(treasure if "." not in link.name else treasure / "file")
+    with pytest.raises(SettingError, match="is a link out of the run directory"):
+        train(RunFolder.open(run))
+    assert (treasure / "file").read_text() == "gold"
+    assert sorted(path.name for path in treasure.iterdir()) == ["0", "file"]
+
+
+def test_links_within_a_run_are_followed(run: Path) -> None:
+    from jaxenstein.baselines.runs import RunFolder
+
+    (run / "newest").symlink_to(run / "checkpoints")
+    with RunFolder.open(run).locked():
+        pass
+
+
+def change(path: str, value: Any) -> Callable[[dict[str, Any]], None]:
+    """Put a value at a dotted path of a configuration."""
+
+    def run(table: dict[str, Any]) -> None:
+        *parents, last = path.split(".")
+        for name in parents:
+            table = table[name]
+        table[last] = value
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("grid", {"../../evil": [1.0]}),
+        ("grid", {"gamma": ["../../evil"]}),
+        ("grid", {"gamma": [0.9, 7]}),
+        ("seeds", ["../../evil"]),
+        ("seeds", []),
+        ("seeds", [0, 2**32]),
+        ("hparams", {"../../evil": 1}),
+        ("hparams", {"gamma": "../../evil"}),
+        ("environment.id", "../../evil"),
+        ("environment.settings", {"text": MAP, "floor": 3}),
+        ("environment.settings", {"text": 3}),
+        ("environment.params", {"../../evil": 3}),
+        ("config.env", "../../evil"),
+    ],
+)
+def test_the_configuration_of_a_run_is_looked_at(run: Path, path: str, value: Any) -> None:
+    """Names of runs become names of folders, so they cannot be anything."""
+    from jaxenstein.baselines.runs import RunFolder
+
+    file = run / "config.json"
+    plain = json.loads(file.read_text())
+    change(path, value)(plain)
+    file.write_text(json.dumps(plain))
+    with pytest.raises(JAXensteinError, match=r"config\.json: "):
+        RunFolder.open(run)
+
+
+def test_yaml_of_names_for_names_is_refused(tmp_path: Path) -> None:
+    """Ten lines could stand for a billion values."""
+    pytest.importorskip("yaml")
+    pytest.importorskip("flax")
+    from jaxenstein.baselines.options import read_file
+
+    lines = ["settings:", "  a0: &a0 [1, 1]"]
+    lines += [f"  a{i + 1}: &a{i + 1} [*a{i}, *a{i}, *a{i}, *a{i}, *a{i}]" for i in range(12)]
+    (tmp_path / "c.yaml").write_text("\n".join(lines))
+    with pytest.raises(SettingError, match="write the value again"):
+        read_file(tmp_path / "c.yaml")
+
+
+def test_yaml_makes_no_objects(tmp_path: Path) -> None:
+    pytest.importorskip("yaml")
+    pytest.importorskip("flax")
+    from jaxenstein.baselines.options import read_file
+
+    (tmp_path / "c.yaml").write_text("env: !!python/object/apply:os.system ['touch evil']\n")
+    with pytest.raises(SettingError, match="is not YAML"):
+        read_file(tmp_path / "c.yaml")
+    assert not Path("evil").exists()
