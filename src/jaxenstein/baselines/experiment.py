@@ -171,6 +171,7 @@ def check_seeds(first: int, count: int) -> tuple[int, ...]:
 
 
 def as_tuples(value: Any) -> Any:
+    """The value with tuples for lists, at every depth."""
     return tuple(map(as_tuples, value)) if isinstance(value, list | tuple) else value
 
 
