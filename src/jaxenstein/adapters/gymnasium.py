@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -271,7 +272,7 @@ def _first(tree: Any) -> Any:
     return jax.tree.map(lambda leaf: np.array(np.asarray(leaf)[0]), tree)
 
 
-def _first_info(info: dict[str, Any]) -> dict[str, Any]:
+def _first_info(info: Mapping[str, Any]) -> dict[str, Any]:
     """The info of the one environment of a batch."""
     values = {name: np.asarray(value)[0] for name, value in info.items()}
     # Vector environments take together arrays, numbers of numpy, and bools of Python.
