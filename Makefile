@@ -30,7 +30,7 @@ help: ## list the targets
 setup: $(VENV)/.dev ## make .venv with everything that tests and checks need
 
 test: $(VENV)/.dev ## run the tests, but for the slow ones
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow" $(ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow" $(ARGS)
 
 slow: $(VENV)/.dev ## run the slow tests: whole programs, partners' trainings, runs that are killed
 	$(BIN)/python -m pytest -n auto --dist load -m slow $(ARGS)

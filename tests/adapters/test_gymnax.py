@@ -315,6 +315,7 @@ def test_gym_wrappers_of_gymnax() -> None:
     assert env.reset(jax.random.key(0), params)[0].shape == (12, 16, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("partner_promotion")
 def test_a_recurrent_ppo_in_a_scan_trains() -> None:
     from tests.adapters import recurrent_ppo

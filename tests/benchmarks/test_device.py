@@ -45,6 +45,7 @@ def test_kept_frames_are_those_of_the_rollout():
     np.testing.assert_array_equal(carry.state.time, other.state.time)
 
 
+@pytest.mark.slow
 def test_results_and_going_on(tmp_path, capsys, monkeypatch):
     file = tmp_path / "device.json"
     device.main([*TINY, "--sizes", "8x6", "--json", str(file), "--profile"])

@@ -39,6 +39,7 @@ def finish(process):
     return out
 
 
+@pytest.mark.slow
 def test_eight_devices_are_one():
     assert finish(start("tests.benchmarks.spread_run", 8)).endswith("equal\n")
 

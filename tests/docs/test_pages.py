@@ -60,7 +60,7 @@ def test_linked_files_exist(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=by_name)
 def test_paths_named_in_code_exist(page: Path) -> None:
-    folders = "benchmarks|docs|examples|experiments|fidelity|src|tests"
+    folders = "benchmarks|docs|examples|experiments|fidelity|reliability|src|tests"
     text = page.read_text("utf-8")
     named = re.findall(rf"`((?:{folders})/[\w./-]+)`", text)
     assert [path for path in named if not (ROOT / path).exists() and "_build" not in path] == []

@@ -19,7 +19,12 @@ def _forget() -> Any:
     jax.clear_caches()
 
 
-@pytest.mark.parametrize("name", ["key-door", "health-gathering", "key-corridor-s3r1"])
+SLOW = [
+    pytest.param(name, marks=pytest.mark.slow) for name in ("health-gathering", "key-corridor-s3r1")
+]
+
+
+@pytest.mark.parametrize("name", ["key-door", *SLOW])
 def test_a_little_endurance(name: str) -> None:
     report = endurance.endure(name, 4000, batch=20)
     assert report.steps >= 4000
