@@ -13,9 +13,9 @@ import jaxenstein
 from jaxenstein.environment import Environment
 from jaxenstein.tasks.health_gathering import HealthGathering
 from jaxenstein.tasks.key_corridor import KeyCorridor
+from tests.contract.ids import IDS
 
 SIZE = {"height": 12, "width": 16}
-IDS = jaxenstein.environment_ids()
 # What every task tells; events and variables of its own come besides.
 INFO = {
     "position": ((2,), np.float32),

@@ -12,23 +12,18 @@ import pytest
 import jaxenstein
 from jaxenstein.registry import ENTRIES
 from reliability import golden
+from tests.contract.ids import IDS
 
 EPISODES = golden.load()
 # A small one, for what does not need all.
 ONE = "key-door"
-# Those that differ from another one by map, size or look alone; each takes seconds to compile.
-ALIKE = re.compile(r".*-colorless|key-corridor-s(3r[23]|5r3|6r3)|dmlab-.*-0[23](-respawn)?")
-PLAYED = [
-    pytest.param(name, marks=pytest.mark.slow) if ALIKE.fullmatch(name) else name
-    for name in jaxenstein.environment_ids()
-]
 
 
 def test_every_id_has_a_golden_episode() -> None:
     assert list(EPISODES) == list(jaxenstein.environment_ids()), golden.COMMAND
 
 
-@pytest.mark.parametrize("name", PLAYED)
+@pytest.mark.parametrize("name", IDS)
 def test_behaviour_is_that_of_the_version(name: str) -> None:
     problem = golden.problem(name, EPISODES[name])
     assert not problem, golden.message(name, problem)
