@@ -108,9 +108,6 @@ def project(
         kind: the kind of image.
     """
     depth = spots.depth(theme)
-    across = spots.stretch * jnp.asarray(camera.column_slopes())[None] + spots.start
-    seen = (across >= 0) & (across < WORD) & (depth < wall_depth[None])
-    texel = jnp.clip(across.astype(jnp.int32), 0, WORD - 1)
     drop, radius = (
         _of_look(table, spots.look) for table in (theme.sprite_drop, theme.sprite_radius)
     )
@@ -121,15 +118,28 @@ def project(
     for plane in (0, 1):
         colour = [_of_look(palette[:, plane, channel], spots.look) for channel in range(3)]
         paint.append(tone(kind, pack_rgb(colour, light), labels, depth))
-    art = jnp.asarray(theme.sprite_art)
-    index = spots.look * WORD + texel
-    planes = [art[:, i].reshape(-1).at[index].get(mode="promise_in_bounds") for i in (0, 1)]
+    # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
+    words = staged(partial(_words, theme=theme, camera=camera))(spots, wall_depth)
+    art = np.asarray(theme.sprite_art)
+    tables = [np.append(art[:, i].reshape(-1), np.uint32(0)) for i in (0, 1)]
     return Layers(
-        planes=jnp.stack([jnp.where(seen, plane, jnp.uint32(0)) for plane in planes]),
+        planes=jnp.stack([jnp.asarray(t).at[words].get(mode="promise_in_bounds") for t in tables]),
         scale=spots.stretch / camera.focal,
         offset=(WORD // 2) * (1 - drop / radius) - 0.5,
         paint=jnp.stack(paint),
     )
+
+
+def _words(spots: Spots, wall_depth: jax.Array, *, theme: Theme, camera: Camera) -> jax.Array:
+    """int32[K, W]: which word of all looks' art each column sees; the one past them for none."""
+    depth = spots.depth(theme)
+    across = spots.stretch * jnp.asarray(camera.column_slopes())[None] + spots.start
+    seen = (across >= 0) & (across < WORD) & (depth < wall_depth[None])
+    texel = jnp.clip(across.astype(jnp.int32), 0, WORD - 1)
+    looks = theme.sprite_art.shape[0]
+    # Of a single look, nobody need fetch which one it is.
+    row = spots.look if looks > 1 else jnp.zeros_like(spots.look)
+    return jnp.where(seen, row * WORD + texel, np.int32(looks * WORD))
 
 
 def _spot(position: jax.Array, heading: jax.Array, sprites: Sprites, *, theme: Theme) -> Spots:

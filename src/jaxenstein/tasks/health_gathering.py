@@ -255,13 +255,12 @@ def _take(
 def _rank(chosen: jax.Array) -> jax.Array:
     """int32[N]: how many of bool[N] come before each."""
     words = pack_bits(chosen[None])[0]
-    index = np.arange(chosen.shape[0])
-    below = jnp.asarray(((1 << index % WORD) - 1).astype(np.uint32))
     counts = jax.lax.population_count(words)
     before = jnp.cumsum(counts) - counts
-    return (before[index // WORD] + jax.lax.population_count(words[index // WORD] & below)).astype(
-        jnp.int32
-    )
+    # Without a gather, which would compute all of this anew for every member.
+    below = jnp.asarray(((1 << np.arange(WORD)) - 1).astype(np.uint32))
+    within = jax.lax.population_count(words[:, None] & below[None])
+    return (before[:, None] + within).reshape(-1)[: chosen.shape[0]].astype(jnp.int32)
 
 
 def _appear(state: HealthGatheringState, key: jax.Array, due: jax.Array) -> HealthGatheringState:
