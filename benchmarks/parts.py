@@ -11,11 +11,14 @@ from benchmarks.adapters import ADAPTERS
 from benchmarks.adapters import subjects as adapter_subjects
 from benchmarks.measure import Subject
 from benchmarks.peers import PEERS, Found, find
+from benchmarks.stages import STAGES
 from benchmarks.tables import plural
 from jaxenstein import environment_ids
 
 # Processes alive at once, each of which takes some 400 MB.
 GROUP = 8
+# Frames that `keep-B` keeps.
+FRAMES_KEPT = 8192
 OWN = "JAXenstein"
 RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
 Groups = list[list[Subject]]
@@ -141,8 +144,22 @@ def limits(plan: Plan) -> Groups:
         Subject(f"{base} id=health-gathering", "health-gathering, whole steps"),
         Subject(f"frames-{batch} id=health-gathering", "health-gathering, frames alone"),
         Subject(f"fill-{batch}", "writing as many bytes, by NumPy"),
+        Subject(f"fill-{FRAMES_KEPT}", f"the same into room for {FRAMES_KEPT} frames"),
     ]
     return [[_with(row, references={"of my-way-home": base}) for row in rows]]
+
+
+def stages(plan: Plan) -> Groups:
+    """The stages of a step, one by one."""
+    groups = []
+    for name in plan.tasks:
+        base = f"scan-{plan.batch} id={name}"
+        rows = [Subject(base, f"{name}, whole step", axes={"id": name, "stage": "the whole step"})]
+        for stage, told in STAGES.items():
+            words = f"stage-{plan.batch} stage={stage} id={name}"
+            rows.append(Subject(words, f"{name}, {told}", axes={"id": name, "stage": told}))
+        groups.append([_with(row, references={"of the step": base}) for row in rows])
+    return groups
 
 
 def environments(plan: Plan) -> Groups:
@@ -251,6 +268,7 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "cores": cores,
     "batches": batches,
     "limits": limits,
+    "stages": stages,
     "environments": environments,
     "resolutions": resolutions,
     "observations": observations,

@@ -10,6 +10,7 @@ A name is a kind, a number of environments where the kind has one, and options, 
 - `scan-B` (this project; options `id`, or `map` or `sprites`, see `own_maps.py`; `size`,
   `observation`), `loop`, `loop-async`;
 - `frames-B`, `keep-B`, `fill-B`: frames alone, frames kept, and only writing as many bytes;
+- `stage-B stage=NAME`: one stage of a step, see `stages.py`;
 - `spread-B devices=N`: `spread.py`;
 - `adapter-KIND-B`: `adapter_subjects.py`;
 - `vizdoom-gymnasium`, `vizdoom-raw`, `envpool-B`, `miniworld`: `peer_subjects.py`.
@@ -92,6 +93,22 @@ def fill(batch: int, options: Mapping[str, str]) -> Chunk:
         for _ in range(calls):
             value = (value + 1) % 256
             room.fill(value)
+        return calls * batch
+
+    return chunk
+
+
+def stage(batch: int, options: Mapping[str, str]) -> Chunk:
+    """One stage of a step, of the same states over and over."""
+    import jax
+    from stages import make_stage
+
+    program, given = make_stage(*own_environment(options), batch, options["stage"])
+    calls = max(1, STEPS_A_CALL // batch)
+
+    def chunk() -> int:
+        for _ in range(calls):
+            jax.block_until_ready(program(*given))
         return calls * batch
 
     return chunk
@@ -200,6 +217,7 @@ def prepare(name: str) -> Chunk:
     if kind == "envpool":
         return peer_subjects.envpool(options, int(batch))
     own = {"scan": scan, "spread": spread, "frames": frames, "keep": keep, "fill": fill}
+    own["stage"] = stage
     return own[kind](int(batch), options)
 
 

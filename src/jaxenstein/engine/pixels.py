@@ -26,7 +26,7 @@ _ROUNDER_BITS = int(np.float32(_ROUNDER).view(np.uint32))
 
 def paint(columns: Columns, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
     """Paint an image; see `render.render` for its shape and type."""
-    stage = partial(_paint, theme=scene.theme, camera=camera, kind=kind)
+    stage = partial(paint_words, theme=scene.theme, camera=camera, kind=kind)
     # Without extra columns, one pass paints and cuts pixels to bytes.
     image = (staged(stage) if camera.extra else stage)(scene.position, columns)
     image = image[:, : camera.width]
@@ -36,7 +36,7 @@ def paint(columns: Columns, scene: Scene, camera: Camera, kind: ImageKind) -> ja
     return image if kind == "depth" else image.astype(jnp.uint8)
 
 
-def _paint(
+def paint_words(
     position: jax.Array, columns: Columns, *, theme: Theme, camera: Camera, kind: ImageKind
 ) -> jax.Array:
     """paint[height, width + extra]."""

@@ -59,7 +59,7 @@ class Hits(Record):
 
 
 @record
-class _Aim(Record):
+class Aim(Record):
     """Each ray on its way to the grid lines of one kind; named for the vertical ones.
 
     Attributes:
@@ -104,13 +104,13 @@ def cast(
         level: the level.
         camera: width and field of view of the image.
     """
-    aims = staged(partial(_aim, camera=camera))(position, heading, closed, level)
-    return _look_up(aims, staged(_march_both)(aims), level)
+    aims = staged(partial(aim, camera=camera))(position, heading, closed, level)
+    return look_up(aims, staged(march)(aims), level)
 
 
-def _aim(
+def aim(
     position: jax.Array, heading: jax.Array, closed: jax.Array, level: Level, camera: Camera
-) -> tuple[_Aim, _Aim]:
+) -> tuple[Aim, Aim]:
     """Aim the rays at the vertical and at the horizontal lines."""
     columns, rows = occupancy(level, closed)
     # The tile and the place in it apart, so that the margin rounds nothing.
@@ -123,7 +123,7 @@ def _aim(
 
 def _aim_at_lines(
     words: jax.Array, home: jax.Array, inside: jax.Array, ray: jax.Array, across: jax.Array
-) -> _Aim:
+) -> Aim:
     """Aim at the lines of one kind; described here for the vertical ones.
 
     Args:
@@ -143,7 +143,7 @@ def _aim_at_lines(
     column = jnp.clip(home[0], 0, lines - 1)
     order = jnp.arange(lines - 1, dtype=jnp.int32)
     ahead, behind = jnp.minimum(column + 1 + order, lines - 1), jnp.maximum(column - 1 - order, 0)
-    return _Aim(
+    return Aim(
         first=first,
         spacing=spacing,
         place=jnp.floor(place * one).astype(jnp.int32) + (home[1] << fraction_bits),
@@ -156,11 +156,12 @@ def _aim_at_lines(
     )
 
 
-def _march_both(aims: tuple[_Aim, _Aim]) -> tuple[jax.Array, jax.Array]:
+def march(aims: tuple[Aim, Aim]) -> tuple[jax.Array, jax.Array]:
+    """int32[W] twice: how many lines of each kind a ray crosses before the one it hits."""
     return _march(aims[0]), _march(aims[1])
 
 
-def _march(aim: _Aim) -> jax.Array:
+def _march(aim: Aim) -> jax.Array:
     """int32[W]: how many lines each ray crosses before the one at which it hits."""
     steps, words = aim.ahead.shape
     most = BLOCK if words <= 2 else SMALL_BLOCK
@@ -182,7 +183,7 @@ def _march(aim: _Aim) -> jax.Array:
 
 
 def _march_block(
-    aim: _Aim, ahead: jax.Array, behind: jax.Array, base: jax.Array, hit: jax.Array
+    aim: Aim, ahead: jax.Array, behind: jax.Array, base: jax.Array, hit: jax.Array
 ) -> jax.Array:
     """`hit` after the lines from `base` on, the farthest first, one for each pair of words."""
     steps = ahead.shape[0]
@@ -196,7 +197,7 @@ def _march_block(
     return hit
 
 
-def _word(aim: _Aim, ahead: jax.Array, behind: jax.Array, tile: jax.Array) -> jax.Array:
+def _word(aim: Aim, ahead: jax.Array, behind: jax.Array, tile: jax.Array) -> jax.Array:
     """uint32[W]: of the words of one line, uint32[words] each way, the one with the tile's bit."""
     word = jnp.where(aim.forwards, ahead[0], behind[0])
     for i in range(1, ahead.shape[0]):
@@ -204,7 +205,7 @@ def _word(aim: _Aim, ahead: jax.Array, behind: jax.Array, tile: jax.Array) -> ja
     return word
 
 
-def _look_up(aims: tuple[_Aim, _Aim], hits: tuple[jax.Array, jax.Array], level: Level) -> Hits:
+def look_up(aims: tuple[Aim, Aim], hits: tuple[jax.Array, jax.Array], level: Level) -> Hits:
     """What the rays hit at the nearer of the two lines that the marches found."""
     vertical, crosswise = aims
     depths = [
@@ -237,7 +238,7 @@ def _look_up(aims: tuple[_Aim, _Aim], hits: tuple[jax.Array, jax.Array], level: 
 
 
 def _face(
-    aims: tuple[_Aim, _Aim],
+    aims: tuple[Aim, Aim],
     level: Level,
     column: jax.Array,
     row: jax.Array,
