@@ -12,11 +12,11 @@ from jaxenstein.baselines.sharding import make_mesh, shard
 MOVES = re.compile(r"= .* (all-gather|all-to-all|collective-permute|all-reduce)(-start)?\(")
 
 
-def compare(env, params, algo):
+def compare(env, params, algo, **settings):
     config = Config(
         algo=algo, num_envs=8, rollout=8, minibatches=2, epochs=2, features=8, hidden=8, head=8,
         rnd_hidden=8, rnd_output=8, icm_latent=8, icm_hidden=8, shards=4, total_steps=1000,
-        normalise_bonus=True,
+        normalise_bonus=True, **settings,
     )  # fmt: skip
     learner = make_learner(env, params, config)
     state = learner.init(jax.random.key(0))
@@ -39,7 +39,9 @@ def compare(env, params, algo):
 def main():
     assert jax.device_count() == 4
     env, params = jaxenstein.from_ascii("####\n#SG#\n####", height=8, width=8)
-    compare(env, params.replace(max_steps_in_episode=5), "rnd")
+    params = params.replace(max_steps_in_episode=5)
+    compare(env, params, "rnd")
+    compare(env, params, "rnd", rnd_optimizer="joint")
     print("equal")
 
 

@@ -28,6 +28,9 @@ def learner_of(env, **settings):
 
 @functools.cache
 def learner(algo="ppo"):
+    """One for all tests; "joint" is RND with its predictor in PPO's optimiser."""
+    if algo == "joint":
+        return learner_of(Countdown(), algo="rnd", rnd_optimizer="joint")
     return learner_of(Countdown(), algo=algo)
 
 
@@ -41,7 +44,7 @@ def one_of(tree, index):
     return jax.tree.map(lambda leaf: leaf[index] if np.ndim(leaf) else leaf, tree)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "rnd", "icm"])
+@pytest.mark.parametrize("algo", ["ppo", "rnd", "joint", "icm"])
 def test_two_chunks_of_one_update_are_one_of_two(algo):
     run = learner(algo)
     start = run.init(KEY)
@@ -57,8 +60,9 @@ def test_two_chunks_of_one_update_are_one_of_two(algo):
         equal(first.params, state.params)
 
 
-def test_a_state_is_plain_arrays_of_fixed_types():
-    run = learner("rnd")
+@pytest.mark.parametrize("algo", ["rnd", "joint"])
+def test_a_state_is_plain_arrays_of_fixed_types(algo):
+    run = learner(algo)
     start = run.init(KEY)
     state, _ = run.train_chunk(start, HParams(gamma=0.9), 1)
     kinds = lambda tree: [(a.shape, a.dtype) for a in jax.tree.leaves(tree)]  # noqa: E731
@@ -75,7 +79,7 @@ def test_seeds():
         equal(run.init(KEY).params, run.init(jax.random.key(1)).params)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "rnd", "icm"])
+@pytest.mark.parametrize("algo", ["ppo", "rnd", "joint", "icm"])
 def test_many_runs_are_the_runs_alone(algo):
     run = learner(algo)
     keys = jax.random.split(KEY, 2)

@@ -26,7 +26,7 @@ except ImportError as error:
         f"jaxenstein.baselines needs flax and optax ({error}): pip install 'jaxenstein[baselines]'"
     ) from error
 
-from .bonus import Bonus, Experience, NoBonus
+from .bonus import Auxiliary, Bonus, Experience, NoBonus
 from .config import Config, HParams
 from .evaluation import Evaluation
 from .icm import ICM
@@ -53,6 +53,7 @@ _LAZY = {
 __all__ = [
     "ICM",
     "RND",
+    "Auxiliary",
     "Bonus",
     "Config",
     "Evaluation",

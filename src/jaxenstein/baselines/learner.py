@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from ..errors import SettingError
 from ..pytree import Record, record
 from . import optimiser
-from .bonus import Bonus, NoBonus
+from .bonus import Bonus, NoBonus, trained
 from .config import Config, HParams
 from .evaluation import Evaluation, evaluate
 from .icm import ICM
@@ -196,14 +196,14 @@ class Learner:
 
     def _start(self, data: jax.Array) -> TrainState:
         params_key, bonus_key, env_key, key = jax.random.split(wrap_key(data), 4)
-        params = self.network.init(params_key)
+        params, bonus = self.network.init(params_key), self.bonus.init(bonus_key)
         horizon = self.env_params.max_steps_in_episode if self.config.random_clocks else None
         return TrainState(
             key=jax.random.key_data(key),
             update=jnp.int32(0),
             params=params,
-            optimiser=optimiser.init(params),
-            bonus=self.bonus.init(bonus_key),
+            optimiser=optimiser.init(trained(params, self.bonus.auxiliary(bonus))),
+            bonus=bonus,
             actors=start(self.simulator, self.network, env_key, self.config.num_envs, horizon),
         )
 

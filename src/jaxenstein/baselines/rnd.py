@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from ..pytree import Record, record
 from . import optimiser, running_stats
-from .bonus import BonusScale, Experience, Metrics, initial_scale, scaled
+from .bonus import Auxiliary, BonusScale, Experience, Metrics, initial_scale, scaled
 from .config import Config, HParams
 from .minibatches import passes, take
 from .networks import Eye, dense
@@ -33,7 +33,7 @@ class RNDState(Record):
     Attributes:
         target: parameters of the random network; never trained.
         predictor: parameters of the one that learns to predict it.
-        optimiser: state of the predictor's Adam.
+        optimiser: state of the predictor's Adam; empty where the policy's trains it.
         scale: of the bonus; only used with `normalise_bonus`.
         pixels: statistics of each entry of `ObservationSpec.prepare`, as (images, vector); only
             used with `normalise_observations`.
@@ -87,7 +87,7 @@ class RND:
         return RNDState(
             target=self._init_network(target_key),
             predictor=predictor,
-            optimiser=optimiser.init(predictor),
+            optimiser=() if self._joint else optimiser.init(predictor),
             scale=initial_scale(self.config.num_envs),
             pixels=(images, vector),
         )
@@ -124,19 +124,22 @@ class RND:
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[RNDState, Metrics]:
-        """Train the predictor on what the steps led to, ends left out."""
+        """Train the predictor on what the steps led to, ends left out.
+
+        Nothing is left to do where it has been trained with the policy.
+        """
+        if self._joint:
+            return state, {}
         pass_key, chance_key = jax.random.split(key)
-        kept = jax.random.uniform(chance_key, experience.ended.shape) < hparams.rnd_fraction
-        data = (_led_to(experience), kept & ~experience.ended)
+        wanted = _wanted(chance_key, hparams, experience)
+        data = (_led_to(experience), wanted)
 
         def body(carry: Any, environments: jax.Array) -> tuple[Any, Metrics]:
             predictor, adam = carry
             obs, wanted = take(data, environments, 1)
 
             def loss(predictor: Any) -> jax.Array:
-                error = self.error(state.replace(predictor=predictor), obs)
-                number = jnp.maximum(jnp.sum(wanted), 1).astype(jnp.float32)
-                return hparams.rnd_loss * jnp.sum(jnp.where(wanted, error, 0)) / number
+                return self._loss(state.replace(predictor=predictor), hparams, obs, wanted)
 
             value, gradients = jax.value_and_grad(loss)(predictor)
             predictor, adam, size = optimiser.step(
@@ -150,6 +153,25 @@ class RND:
         )
         return state.replace(predictor=predictor, optimiser=adam), metrics
 
+    def auxiliary(self, state: RNDState) -> Auxiliary | None:
+        """The predictor, with `rnd_optimizer="joint"`; then each minibatch draws its own frames."""
+        if not self._joint:
+            return None
+
+        def loss(
+            predictor: Any, key: jax.Array, hparams: HParams, experience: Experience
+        ) -> tuple[jax.Array, Metrics]:
+            wanted = _wanted(key, hparams, experience)
+            using = state.replace(predictor=predictor)
+            value = self._loss(using, hparams, _led_to(experience), wanted)
+            return value, {"rnd_loss": value}
+
+        return Auxiliary(
+            params=state.predictor,
+            loss=loss,
+            store=lambda predictor: state.replace(predictor=predictor),
+        )
+
     def error(self, state: RNDState, obs: Any) -> jax.Array:
         """float32[T, N], e of observations with leading axes [T, N]."""
         prepare = functools.partial(self._whiten, state.pixels)
@@ -157,6 +179,16 @@ class RND:
             prepare = None
         target = jax.lax.stop_gradient(self._embed(state.target, obs, prepare))
         return jnp.mean((self._embed(state.predictor, obs, prepare) - target) ** 2, axis=-1)
+
+    def _loss(self, state: RNDState, hparams: HParams, obs: Any, wanted: jax.Array) -> jax.Array:
+        """The mean error of the observations wanted, bool[T, N], times its coefficient."""
+        error = self.error(state, obs)
+        number = jnp.maximum(jnp.sum(wanted), 1).astype(jnp.float32)
+        return hparams.rnd_loss * jnp.sum(jnp.where(wanted, error, 0)) / number
+
+    @property
+    def _joint(self) -> bool:
+        return self.config.rnd_optimizer == "joint"
 
     def _embed(self, params: Any, obs: Any, prepare: Any) -> jax.Array:
         features = self._eye.encode_sequence(params["encoder"], obs, prepare)
@@ -202,6 +234,12 @@ class RND:
         return Embedding(
             config.rnd_hidden, config.rnd_layers, config.rnd_output, config.compute_dtype
         )
+
+
+def _wanted(key: jax.Array, hparams: HParams, experience: Experience) -> jax.Array:
+    """bool[T, N]: a random share of the steps, those that ended an episode left out."""
+    kept = jax.random.uniform(key, experience.ended.shape) < hparams.rnd_fraction
+    return kept & ~experience.ended
 
 
 def _led_to(experience: Experience) -> Any:

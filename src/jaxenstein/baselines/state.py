@@ -21,7 +21,7 @@ class TrainState(Record):
         key: uint32[2], data of the random key of what is to come.
         update: int32[], updates so far.
         params: of the policy and value network.
-        optimiser: its Adam's state.
+        optimiser: its Adam's state; with an auxiliary, of (the policy's, the auxiliary's).
         bonus: the exploration bonus' state.
         actors: the environments, and the policy's memory of them.
     """
