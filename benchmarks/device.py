@@ -27,6 +27,8 @@ import numpy as np
 import jaxenstein
 from benchmarks.frames import make_frames
 from benchmarks.kernels import count_kernels
+from benchmarks.report_others import DEVICE_HEAD, device_row
+from benchmarks.tables import markdown
 from jaxenstein.benchmark import describe_machine, summarise
 from jaxenstein.cli.arguments import size as image_size
 from jaxenstein.cli.arguments import whole
@@ -144,8 +146,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     done = {(row["id"], row["batch"], (row["height"], row["width"])) for row in rows}
     bandwidth = copy_bandwidth(options.copy_bytes)
     print(f"{device}, JAX {jax.__version__}: copies at {bandwidth / 1e9:,.0f} GB/s\n", flush=True)
-    print("| id | size | batch | steps/s | frames/s | of the limit | compile | memory | kernels |")
-    print("|---|---|---:|---:|---:|---:|---:|---:|---:|", flush=True)
+    print(markdown(DEVICE_HEAD, []), flush=True)
     end = time.monotonic() + 60 * options.minutes if options.minutes else None
     for case in itertools.product(options.ids, options.sizes, options.batches):
         name, size, batch = case
@@ -155,7 +156,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             print("\nnot finished: the same command goes on")
             break
         rows.append(measure_case(name, batch, size, options))
-        print(table_row(rows[-1], bandwidth), flush=True)
+        print(f"| {' | '.join(device_row(rows[-1], bandwidth))} |", flush=True)
         if options.json is not None:
             _write(options, device, bandwidth, rows)
 
@@ -171,24 +172,6 @@ def _write(options: Any, device: str, bandwidth: float, rows: list[dict[str, Any
     }
     with atomic(options.json) as path:
         path.write_text(json.dumps(report, indent=1))
-
-
-def table_row(row: dict[str, Any], bandwidth: float) -> str:
-    """A case as a row of a Markdown table."""
-    cells = [row["id"], f"{row['width']}x{row['height']}", f"{row['batch']:,}"]
-    if "failed" in row:
-        return f"| {' | '.join([*cells, row['failed']])} | | | | | |"
-    frames, kernels = row["frames_per_second"]["median"], row["kernels_a_step"]
-    memory = row["program_bytes"]
-    cells += [
-        f"{row['steps_per_second']['median']:,.0f}",
-        f"{frames:,.0f}",
-        f"{frames * row['frame_bytes'] / bandwidth:.1%}",
-        f"{row['compile_seconds']:.1f} s",
-        "-" if memory is None else f"{memory / 2**20:,.0f} MiB",
-        "-" if kernels is None else f"{kernels['count']:.0f}",
-    ]
-    return f"| {' | '.join(cells)} |"
 
 
 def _list(convert: Callable[[str], Any]) -> Callable[[str], list[Any]]:

@@ -36,11 +36,13 @@ class Peer:
         requirements: for pip.
         modules: what must be importable.
         quick: whether a quick run installs it too.
+        named: whether it is installed only where it is named.
     """
 
     requirements: tuple[str, ...]
     modules: tuple[str, ...]
     quick: bool = True
+    named: bool = False
 
 
 # What this project needs, to be measured beside a partner of its adapters.
@@ -60,6 +62,18 @@ PEERS: dict[str, Peer] = {
     "miniworld": Peer(("miniworld>=2.1", _OPENCV), ("miniworld", "cv2")),
     "gymnasium": Peer((*_CORE, "gymnasium>=1.1"), ("jax", "gymnasium")),
     **{name: _partner(name) for name in ("gymnax", "stoa", "brax", "sb3")},
+    "training": Peer(
+        (
+            "torch>=2.6",
+            "stable-baselines3>=2.4",
+            "sb3-contrib>=2.4",
+            "vizdoom>=1.3",
+            "gymnasium>=1.1",
+            _OPENCV,
+        ),
+        ("torch", "stable_baselines3", "sb3_contrib", "vizdoom", "gymnasium", "cv2"),
+        named=True,
+    ),
 }
 
 
@@ -163,18 +177,25 @@ def _reason(text: str, home: str) -> str:
     return (errors or lines or ["it gave no reason"])[-1].replace(home, "")
 
 
+def _usual(quick: bool) -> Iterator[str]:
+    """What is installed where nothing is named."""
+    for name, peer in PEERS.items():
+        if not peer.named and (peer.quick or not quick):
+            yield name
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Install what the command line names, and print what came of each."""
     parser = argparse.ArgumentParser(description="Install the peers, each apart.")
     parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"{', '.join(PEERS)} (default: all)"
+        "names", nargs="*", metavar="NAME", help=f"{', '.join(PEERS)} (default: all but training)"
     )
     parser.add_argument("--quick", action="store_true", help="leave out the adapters' partners")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="(default .venv-bench)")
     options = parser.parse_args(argv)
     if unknown := [name for name in options.names if name not in PEERS]:
         parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(PEERS)}")
-    names = options.names or [name for name in PEERS if PEERS[name].quick or not options.quick]
+    names = options.names or [*_usual(options.quick)]
     for name in names:
         print(f"{name:10}", end=" ", flush=True)
         print(install(name, options.folder.resolve()).problem or "ok", flush=True)

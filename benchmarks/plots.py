@@ -1,4 +1,4 @@
-"""The plots of the report: steps a second against peers, batch, image, map and sprites."""
+"""The plots of the report: steps a second against peers, batch, image, map, sprites, training."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks import report_training
 from benchmarks.results import Part, Row
 from jaxenstein.errors import SettingError
 from jaxenstein.view.files import atomic
 
 OURS, PEERS = "#1f6fb4", "#9a9a9a"
 STEPS = "steps a second"
+TRAINING = "training.png"
 
 
 def save_plots(parts: Mapping[str, Part], folder: Path) -> dict[str, list[str]]:
@@ -41,6 +43,61 @@ def save_plots(parts: Mapping[str, Part], folder: Path) -> dict[str, list[str]]:
             figure.savefig(path, format="png", dpi=150, metadata={"Software": None})
         drawn.setdefault(name, []).append(file)
     return drawn
+
+
+def save_training_plot(rows: Sequence[Mapping[str, Any]], folder: Path) -> list[str]:
+    """Draw the comparison of `train_compare.py`; the name of its file, none if all failed.
+
+    Raises:
+        SettingError: matplotlib is missing.
+        OutputError: the file cannot be written.
+    """
+    figure = draw_training(rows)
+    if figure is None:
+        return []
+    with atomic(folder / TRAINING) as path:
+        figure.savefig(path, format="png", dpi=150, metadata={"Software": None})
+    return [TRAINING]
+
+
+def draw_training(rows: Sequence[Mapping[str, Any]]) -> Any:
+    """Steps a second of both sides over the environments, failures as crosses; None if all are."""
+    sides = {report_training.OURS: (OURS, "o"), report_training.THEIRS: (PEERS, "s")}
+    reached = [
+        side["steps_per_second"][q] for row in rows for side in row["sides"].values()
+        if "steps_per_second" in side for q in ("lower_quartile", "upper_quartile")
+    ]  # fmt: skip
+    if not reached:
+        return None
+    figure, axes = _figure(3.8)
+    floor = min(reached) / 2
+    for level, (side, (colour, marker)) in enumerate(sides.items()):
+        points = [(row["envs"], row["sides"][side]) for row in rows]
+        good = [(n, each["steps_per_second"]) for n, each in points if "failed" not in each]
+        numbers = [n for n, _ in good]
+        low, middle, high = (
+            [rates[q] for _, rates in good] for q in ("lower_quartile", "median", "upper_quartile")
+        )
+        title = report_training.TITLES[side]
+        axes.plot(numbers, middle, marker=marker, color=colour, label=title)
+        axes.fill_between(numbers, low, high, color=colour, alpha=0.2, lw=0)
+        bad = [n for n, each in points if "failed" in each]
+        if bad:
+            # Below all rates, one line of crosses above the other.
+            places = [floor / 1.4 ** (1 - level)] * len(bad)
+            axes.plot(bad, places, "x", color=colour, ms=8, mew=2, label=f"{title}: no figure")
+    axes.set_xscale("log", base=2)
+    axes.set_yscale("log")
+    axes.set_ylim(floor / 2, max(reached) * 2)
+    _plain(axes.yaxis, logarithmic=True)
+    ticks = [row["envs"] for row in rows]
+    axes.set_xticks(ticks, [str(n) for n in ticks], minor=False)
+    axes.set_xticks([], minor=True)
+    axes.set_xlabel("environments (logarithmic)")
+    axes.set_ylabel("training steps a second (logarithmic)")
+    axes.grid(alpha=0.3)
+    axes.legend(frameon=False)
+    return figure
 
 
 def draw_bars(rows: Sequence[Row], logarithmic: bool = True) -> Any:

@@ -1,8 +1,8 @@
 """Writes `docs/benchmarks.md` and its plots from results: `python -m benchmarks.report DIR`.
 
 No figure is typed by hand: every number of the page comes from the files of DIR, which
-`python -m benchmarks` writes. `device.json`, `spread.json` and `training.json` of the other
-commands are taken in where DIR has them.
+`python -m benchmarks` writes. `device.json`, `spread.json`, `training.json` and
+`training-compare.json` of the other commands are taken in where DIR has them.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks import report_training
 from benchmarks.parts import PARTS
-from benchmarks.plots import save_plots
+from benchmarks.plots import save_plots, save_training_plot
 from benchmarks.report_others import other_sections
 from benchmarks.report_texts import INTRODUCTION, METHOD, QUICK, TEXTS
 from benchmarks.results import Part, Row, read_others, read_parts
@@ -29,12 +30,14 @@ DISTURBED_SHARE = 0.05
 # What a table shows of a subject besides its speed; without any, its title.
 COLUMNS: Mapping[str, tuple[str, ...]] = {
     "batches": ("id", "batch"),
+    "stages": ("id", "stage"),
     "environments": ("id",),
     "resolutions": ("id", "size", "batch"),
     "observations": ("id", "observation"),
     "maps-and-sprites": ("map", "sprites"),
     "adapters": ("title", "partner", "batch"),
 }
+LEFT = ("title", "id", "stage", "observation", "partner")
 HEADINGS = {"batch": "environments", "map": "tiles a side", "title": "", "partner": "beside"}
 
 
@@ -53,7 +56,8 @@ def page(
         sections += [f"![{title}]({(IMAGES / file).as_posix()})" for file in plots.get(name, ())]
         sections += [part_table(part), *_failures(part), *_notes(part)]
         sections.append(f"`{command(part, folder)}`")
-    sections += other_sections(others, place(folder))
+    training = [(IMAGES / file).as_posix() for file in plots.get(report_training.PART, ())]
+    sections += other_sections(others, place(folder), training)
     sections += ["## How it was measured", METHOD, circumstances(parts)]
     missing = [name for name in PARTS if name not in parts]
     if missing:
@@ -114,7 +118,7 @@ def part_table(part: Part) -> str:
     for row in rows:
         cells = [row.title if c == "title" else str(row.axes.get(c, "")) for c in columns]
         body.append([*cells, *_figures(row), *(_ratio(row, heading) for heading in ratios)])
-    left = sum(column in ("title", "id", "observation", "partner") for column in columns)
+    left = sum(column in LEFT for column in columns)
     return markdown(head, body, left=max(left, 1))
 
 
@@ -184,6 +188,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Write the page and its plots."""
     options = _parser().parse_args(argv)
     parts, others = read_parts(options.folder), read_others(options.folder)
+    others |= report_training.read_comparison(options.folder)
     quick = [name for name, part in parts.items() if part.report["settings"]["quick"]]
     if quick and options.out.resolve() == OUT:
         raise SettingError(
@@ -193,6 +198,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     check_writable(options.out)
     images = make_folder(options.out.parent / IMAGES)
     plots = save_plots(parts, images)
+    if report_training.PART in others:
+        rows = others[report_training.PART]["rows"]
+        plots |= {report_training.PART: save_training_plot(rows, images)}
     with atomic(options.out) as path:
         path.write_text(page(options.folder, parts, others, plots), encoding="utf-8")
     print(f"wrote {options.out} and {sum(map(len, plots.values()))} plots")

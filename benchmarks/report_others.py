@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from benchmarks import report_training
 from benchmarks.tables import markdown, number
 
+DEVICE_HEAD = (
+    *("id", "image", "batch", "steps/s", "frames/s", "of the limit", "compile s", "MiB"),
+    "kernels",
+)
 
-def other_sections(others: Mapping[str, Any], folder: str) -> Iterator[str]:
-    """Paragraphs for `device`, `spread` and `training`, of those that are there."""
+
+def other_sections(
+    others: Mapping[str, Any], folder: str, pictures: Sequence[str] = ()
+) -> Iterator[str]:
+    """Paragraphs for `device`, `spread` and both of training, of those that are there.
+
+    Args:
+        others: the files by name.
+        folder: where they lie, for the commands.
+        pictures: paths of the plots of training.
+    """
     if "spread" in others:
         yield from _spread(others["spread"], folder)
     if "device" in others:
         yield from _device(others["device"], folder)
     if "training" in others:
         yield from _training(others["training"], folder)
+    if report_training.PART in others:
+        report = others[report_training.PART]
+        yield from report_training.comparison_sections(report, folder, pictures)
 
 
 def _spread(report: Mapping[str, Any], folder: str) -> Iterator[str]:
@@ -47,13 +64,13 @@ def _device(report: Mapping[str, Any], folder: str) -> Iterator[str]:
         "is that divided by the bytes of a frame; of steps, kernels are those that one step of "
         "the whole batch starts."
     )
-    body = [_device_row(row, bandwidth) for row in report["rows"]]
-    head = ["id", "image", "batch", "steps/s", "frames/s", "of the limit", "compile s"]
-    yield markdown([*head, "MiB", "kernels"], body, left=1)
+    body = [device_row(row, bandwidth) for row in report["rows"]]
+    yield markdown(DEVICE_HEAD, body, left=1)
     yield f"`python -m benchmarks.device --json {folder}/device.json`"
 
 
-def _device_row(row: Mapping[str, Any], bandwidth: float) -> list[str]:
+def device_row(row: Mapping[str, Any], bandwidth: float) -> list[str]:
+    """The cells of a case measured on an accelerator, beneath `DEVICE_HEAD`."""
     cells = [row["id"], f"{row['width']}x{row['height']}", f"{row['batch']:,}"]
     if "failed" in row:
         return [*cells, row["failed"], "", "", "", "", ""]

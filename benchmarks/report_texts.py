@@ -25,6 +25,38 @@ during which other processes used more than 5 % of the core is measured again, u
 of the last minute before a part began: on a quiet machine it is near 0 for the first part and up
 to 1 for those that follow at once."""
 
+TRAINING_INTRODUCTION = """\
+Whole training steps a second of recurrent PPO on My Way Home: this project's baseline on
+`my-way-home`, and sb3-contrib's `RecurrentPPO` on ViZDoom's `VizdoomMyWayHome-v1`, on all cores
+that the command might use and, where both find one, on the GPU. Rates are medians over iterations
+after one that is not counted; compiling, and starting the engines, stand apart. Memory is that of
+all processes of a side at their peaks, shared pages counted once; a GPU's is not in it. Without a
+GPU the arithmetic of the networks bounds both sides, so the ratio says more of JAX and PyTorch than
+of the environments, which the tables without training compare."""
+
+TRAINING_MATCHES = """\
+The same on both sides: 64x64 RGB, ViZDoom's resized by area; one tic a step and episodes of 2100
+steps; the Nature CNN with 256 features, a recurrent layer of 256, a hidden layer of 256 with ReLU
+for actor and critic each; rollouts of the same length; 4 epochs of 4 minibatches, or of one for
+each environment if they are fewer than 4; Adam with epsilon 1e-5, learning rate 2.5e-4 falling
+linearly; discount 0.999, GAE 0.95, clipping 0.2 of ratio and value, entropy 0.01, value loss 0.5
+without a half, gradient norm 0.5, advantages normalised by minibatch; float32."""
+
+TRAINING_DIFFERS = """\
+What cannot be the same, or is not:
+
+- An LSTM there, a GRU here: four gates against three, about 3 % more arithmetic in all.
+- The critic's gradients do not reach the shared LSTM there; here they reach the GRU.
+- This project's network is fed the previous action too.
+- Six actions there (turn, forward, strafe, none), five here.
+- Minibatches there are cuts through the rollout, padded to sequences; here whole sequences of some
+  environments.
+- Once a sequence begins an episode in its midst, sb3-contrib steps through time in Python, and it
+  stores the LSTM's state at every step. Both favour this project.
+- Each ViZDoom is a process of its own with segments of shared memory, and draws 320x240 before
+  resizing. Workers of `SubprocVecEnv` have one thread each, and are forked from a process that
+  has PyTorch loaded already."""
+
 TEXTS: Mapping[str, tuple[str, str]] = {
     "peers": (
         "Beside others, on one core",
@@ -52,7 +84,15 @@ TEXTS: Mapping[str, tuple[str, str]] = {
         "On one core, 64x64, 256 environments in a full run. Whole steps choose actions, apply the "
         "rules, reset and draw. Kept frames are written into a buffer that the program reuses, as "
         "training does. Frames alone are drawn of states that hardly change. No frame can be made "
-        "faster than its 12,288 bytes are written, which NumPy does in the last row.",
+        "faster than its 12,288 bytes are written, which NumPy does in the last two rows, into "
+        "room that fits the caches and into room that does not. The ratios are of speeds.",
+    ),
+    "stages": (
+        "The stages of a step",
+        "On one core, 64x64: each stage compiled alone, on inputs made before. They need not add "
+        "up to the whole step: the compiler fuses some, and inputs lie in memory here. The last "
+        "row is the two above it at once, as a step does them. Ratios are of speeds: a stage at "
+        "4 times the speed of the step is a quarter of its time.",
     ),
     "environments": (
         "Every environment",
