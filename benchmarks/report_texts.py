@@ -23,7 +23,9 @@ same processor core unless the table says otherwise, and JAX with one thread. On
 during which other processes used more than 5 % of the core is measured again, up to five times;
 "disturbed" counts those for which that did not help. "load before" is the system's load average
 of the last minute before a part began: on a quiet machine it is near 0 for the first part and up
-to 1 for those that follow at once."""
+to 1 for those that follow at once. What the host of a virtual machine does meanwhile cannot be seen
+from inside: the same scan may differ by a quarter from part to part. Compare within a part, by the
+ratios."""
 
 TRAINING_INTRODUCTION = """\
 Whole training steps a second of recurrent PPO on My Way Home: this project's baseline on
