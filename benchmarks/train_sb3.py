@@ -39,10 +39,11 @@ MINIBATCHES = 4
 def make_env() -> Any:
     """ViZDoom's My Way Home with 64x64 RGB frames, resized by area."""
     import gymnasium
+    import numpy as np
     import vizdoom.gymnasium_wrapper  # noqa: F401
 
     resize = resizer("area")
-    space = gymnasium.spaces.Box(0, 255, (64, 64, 3), "uint8")
+    space = gymnasium.spaces.Box(0, 255, (64, 64, 3), np.uint8)
     env = gymnasium.make(SCENARIOS["my-way-home"][0])
     return gymnasium.wrappers.TransformObservation(env, lambda obs: resize(obs["screen"]), space)
 

@@ -28,11 +28,6 @@ highlight_language = "text"
 
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
-# These come from experiments and scripts that a working copy may not have run yet.
-MEASURED = ("benchmarks.md", "fidelity.md", "results.md")
-if not all((HERE / name).exists() for name in MEASURED):
-    suppress_warnings = ["myst.xref_missing", "toc.not_readable"]
-
 autodoc_member_order = "bysource"
 # The docstrings say types, shapes and units.
 autodoc_typehints = "none"

@@ -37,5 +37,6 @@ def test_rules_walk(world):
 
 
 def test_an_unknown_stage_is_refused(world):
+    env, params = world
     with pytest.raises(ValueError, match="known: keys, rules"):
-        make_stage(*world, BATCH, "lunch")
+        make_stage(env, params, BATCH, "lunch")
