@@ -43,6 +43,7 @@ def test_eight_devices_are_one():
     assert finish(start("tests.benchmarks.spread_run", 8)).endswith("equal\n")
 
 
+@pytest.mark.slow
 def test_two_processes_are_one():
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
