@@ -10,6 +10,9 @@ import numpy as np
 
 from jaxenstein.random_rollout import make_random_rollout
 
+# How many frames the suite keeps: 100 MB of 64x64 ones, more than fit into caches.
+FRAMES_KEPT = 2**13
+
 
 def make_frames(env: Any, params: Any, steps: int) -> jax.stages.Wrapped:
     """A program that draws `steps` frames of each state of a batch, and does nothing else.

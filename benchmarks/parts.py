@@ -9,6 +9,7 @@ from typing import Any
 
 from benchmarks.adapters import ADAPTERS
 from benchmarks.adapters import subjects as adapter_subjects
+from benchmarks.frames import FRAMES_KEPT
 from benchmarks.measure import Subject
 from benchmarks.peers import PEERS, Found, find
 from benchmarks.stages import STAGES
@@ -17,8 +18,6 @@ from jaxenstein import environment_ids
 
 # Processes alive at once, each of which takes some 400 MB.
 GROUP = 8
-# Frames that `keep-B` keeps.
-FRAMES_KEPT = 8192
 OWN = "JAXenstein"
 RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
 Groups = list[list[Subject]]

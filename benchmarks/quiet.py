@@ -6,6 +6,8 @@ import os
 import time
 from pathlib import Path
 
+from benchmarks.train_processes import family
+
 TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 
 
@@ -29,7 +31,7 @@ class CoreWatch:
 
     def _ticks_of_others(self) -> int:
         try:
-            return _busy_ticks(self._core) - sum(_ticks(pid) for pid in _family(self._pid))
+            return _busy_ticks(self._core) - sum(_ticks(pid) for pid in family(self._pid))
         except (OSError, StopIteration):
             return 0
 
@@ -51,12 +53,3 @@ def _ticks(pid: int) -> int:
     except OSError:
         return 0
     return int(fields[11]) + int(fields[12])
-
-
-def _family(pid: int) -> list[int]:
-    """A process and its descendants, whichever of its threads started them."""
-    found = [pid]
-    for parent in found:
-        for task in Path(f"/proc/{parent}/task").glob("*/children"):
-            found += [int(child) for child in task.read_text().split()]
-    return found

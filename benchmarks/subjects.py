@@ -39,7 +39,6 @@ Chunk = Callable[[], int]
 ENVIRONMENT_ID = "my-way-home"
 SIZE = 64
 STEPS_A_CALL = 2**15
-FRAMES_KEPT = 2**13
 
 
 def scan(batch: int, options: Mapping[str, str]) -> Chunk:
@@ -73,7 +72,7 @@ def frames(batch: int, options: Mapping[str, str]) -> Chunk:
 def keep(batch: int, options: Mapping[str, str]) -> Chunk:
     """As `scan`, and the frames are kept: 8192 of them."""
     import jax
-    from frames import make_keeping_rollout
+    from frames import FRAMES_KEPT, make_keeping_rollout
 
     steps = max(1, FRAMES_KEPT // batch)
     rollout, start = make_keeping_rollout(*own_environment(options), batch, steps)

@@ -1,6 +1,6 @@
-"""Processes that training starts: their memory, and their end (Linux; elsewhere little is known).
+"""Processes and those that they start: their memory, and their end (Linux; elsewhere unknown).
 
-For both sides of `train_compare.py`, so it needs the standard library alone.
+Both sides of `train_compare.py` use it, so it needs the standard library alone.
 """
 
 from __future__ import annotations

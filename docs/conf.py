@@ -28,6 +28,7 @@ highlight_language = "text"
 
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
+
 autodoc_member_order = "bysource"
 # The docstrings say types, shapes and units.
 autodoc_typehints = "none"
