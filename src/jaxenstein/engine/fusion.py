@@ -10,6 +10,7 @@ and is one scalar for the whole batch (a batched predicate turns into a select).
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
@@ -27,6 +28,7 @@ def staged(stage: Callable[..., Any]) -> Callable[..., Any]:
     The stage may take and return any pytrees of arrays; its first array leaf must be
     float32: the predicate is taken from it. Works under any nesting of `jax.vmap`.
     """
+    stage = _traced_once(stage)
 
     @custom_vmap
     def call(*args: Any) -> Any:
@@ -90,6 +92,7 @@ def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
         A function of (needed bool[], *args), whose result is that of `function(*args)` where
         `needed` is true, and anything elsewhere.
     """
+    function = _traced_once(function)
 
     @custom_vmap
     def call(needed: jax.Array, *args: Any) -> Any:
@@ -113,6 +116,11 @@ def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
         return out, jax.tree.map(lambda _: True, out)
 
     return call
+
+
+# The functions here are used several times over: for each platform, for their shapes, and within
+# each other. Python's part of it is done once, and no call is left in the program.
+_traced_once = partial(jax.jit, inline=True)
 
 
 def _behind_barrier(stage: Callable[..., Any]) -> Callable[..., Any]:

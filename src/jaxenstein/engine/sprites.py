@@ -200,7 +200,8 @@ def _nearest(spots: Spots, *, theme: Theme, camera: Camera, layers: int) -> jax.
     ]
     slopes = jnp.asarray(camera.column_slopes())
 
-    def visit(i: jax.Array, best: Any, filled: Any) -> Any:
+    def visit(i: jax.Array, best: Any, constants: Any) -> Any:
+        filled, slopes = constants
         stretch, start, key = (values[i] for values in filled)
         near = list(best)
         for j in range(BLOCK):
@@ -212,7 +213,7 @@ def _nearest(spots: Spots, *, theme: Theme, camera: Camera, layers: int) -> jax.
 
     last = jnp.max(jnp.where(spots.stretch > 0, index.astype(np.int32) + 1, 0))
     none = jnp.full(slopes.shape, _NONE, jnp.uint32)
-    return jnp.stack(repeat(visit)(-(-last // BLOCK), (none,) * layers, filled))
+    return jnp.stack(repeat(visit)(-(-last // BLOCK), (none,) * layers, (filled, slopes)))
 
 
 def _index_mask(count: int) -> np.uint32:

@@ -113,6 +113,11 @@ class FirstPerson(Environment[S, P]):
 
     def observe(self, state: S, params: P) -> Any:
         """Draw the observation of a state; see the class for its kinds."""
+        return self._observe(state, params)
+
+    # Traced once for all programs that draw the same environment, and inlined into them.
+    @functools.partial(jax.jit, static_argnums=0, inline=True)
+    def _observe(self, state: S, params: P) -> Any:
         kind = "rgb" if self.observation == "dict" else cast(ImageKind, self.observation)
         image = self.draw(state, params, kind)
         if self.observation == "dict":
