@@ -21,7 +21,8 @@ PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || ec
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test slow check docs demo bench compare partners lanes fuzz endurance clean
+.PHONY: help setup test slow coverage check docs demo bench compare partners lanes fuzz \
+	endurance mutants clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
@@ -34,6 +35,10 @@ test: $(VENV)/.dev ## run the tests, but for the slow ones
 
 slow: $(VENV)/.dev ## run the slow tests: whole programs, partners' trainings, runs that are killed
 	$(BIN)/python -m pytest -n auto --dist load -m slow $(ARGS)
+
+coverage: $(VENV)/.dev ## run the same tests as `make test`; lines and branches of src they do not reach
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow" \
+		--cov --cov-report=term-missing $(ARGS)
 
 check: $(VENV)/.dev ## lint, formatting and types
 	$(BIN)/ruff check
@@ -71,8 +76,11 @@ fuzz: $(VENV)/.dev ## try spoilt maps, files and arguments; ARGS="--minutes 60 -
 endurance: $(VENV)/.dev ## play millions of steps and look at every state; ARGS="--steps 10_000_000"
 	$(BIN)/python -m reliability.endurance $(ARGS)
 
+mutants: $(VENV)/.mutation ## change the engine and the rules a little, and see whether tests fail
+	$(BIN)/python -m reliability.mutants $(ARGS)
+
 clean: ## remove .venv and everything generated
-	rm -rf $(VENV) .venv-partners .venv-lanes $(BENCH) $(DEMO) fuzz docs/_build docs/environments build dist .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-partners .venv-lanes $(BENCH) $(DEMO) fuzz docs/_build docs/environments build dist .coverage .pytest_cache .ruff_cache .hypothesis
 	find src tests benchmarks docs experiments fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted one is done again.
@@ -104,6 +112,11 @@ $(VENV)/.docs: $(VENV)/.core
 $(VENV)/.baselines: $(VENV)/.core
 	@echo "Installing flax, optax, orbax and matplotlib for the baselines ..."
 	@$(PIP) --editable '.[baselines]'
+	@touch $@
+
+$(VENV)/.mutation: $(VENV)/.dev
+	@echo "Installing Cosmic Ray for mutation testing ..."
+	@$(PIP) --editable '.[mutation]'
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.core

@@ -1,0 +1,236 @@
+"""Mutation testing: does a test fail where the engine or a task's rule is changed by a little?
+
+    python -m reliability.mutants                          60 mutants of each group
+    python -m reliability.mutants rays sprites --sample 200
+    python -m reliability.mutants --list                   the groups
+
+Cosmic Ray makes the mutants and runs each group's tests on every one of a random sample, in a copy
+of the sources. What was tried is kept below `build/mutants`; the same command goes on with it.
+Mutants of annotations, of decorators and of messages change no behaviour and are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import dataclasses
+import importlib
+import os
+import random
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "build" / "mutants"
+COPIED = ("src", "tests", "reliability", "fidelity", "benchmarks", "examples", "pyproject.toml")
+# Operators whose mutants are equivalent, or no mutants of behaviour.
+IDLE = ("core/RemoveDecorator", "core/ExceptionReplacer")
+
+
+@dataclasses.dataclass(frozen=True)
+class Group:
+    """Modules, and the tests that must notice a change of them.
+
+    Attributes:
+        modules: files below `src/jaxenstein`.
+        tests: files or folders below `tests`.
+    """
+
+    modules: tuple[str, ...]
+    tests: tuple[str, ...]
+
+
+_NAVIGATION = ("tasks/test_navigation.py", "contract/test_contract.py")
+GROUPS = {
+    "rays": Group(("engine/raycast.py", "engine/camera.py"), ("engine/test_raycast.py",)),
+    "level": Group(("engine/level.py",), ("engine/test_level.py", "engine/test_raycast.py")),
+    "sprites": Group(("engine/sprites.py",), ("engine/test_sprites.py", "engine/test_render.py")),
+    "pixels": Group(
+        ("engine/pixels.py", "engine/columns.py", "engine/shade.py", "engine/render.py"),
+        ("engine/test_render.py", "engine/test_sprites.py"),
+    ),
+    "stages": Group(("engine/fusion.py",), ("engine/test_fusion.py",)),
+    "navigation": Group(("tasks/navigation.py", "engine/motion.py", "tasks/draws.py"), _NAVIGATION),
+    "maze": Group(("tasks/maze.py", "tasks/steering.py"), ("tasks/test_maze.py",)),
+    "health": Group(
+        ("tasks/health_gathering.py", "tasks/hud.py"), ("tasks/test_health_gathering.py",)
+    ),
+    "corridor": Group(
+        ("tasks/key_corridor.py",), ("tasks/test_key_corridor.py", "tasks/test_generated_level.py")
+    ),
+    "contract": Group(
+        ("environment.py",), ("contract/test_contract.py", "contract/test_autoreset.py")
+    ),
+}
+
+
+def work(name: str, options: argparse.Namespace) -> Path:
+    """Try a sample of a group's mutants; the session that holds what came of them."""
+    group, session = GROUPS[name], options.folder.resolve() / f"{name}.sqlite"
+    session.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
+        copy = Path(scratch)
+        for item in COPIED:
+            _copy(ROOT / item, copy / item)
+        tests = [f"tests/{test}" for test in group.tests]
+        config = copy / "mutants.toml"
+        command = shlex.join([sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow",
+                              "-p", "no:cacheprovider", "-p", "no:xdist", *tests])  # fmt: skip
+        config.write_text(_config(group, command, options.limit), encoding="utf-8")
+        # Programs that a mutant leaves as they are need not be compiled again for it.
+        environment = dict(os.environ) | {
+            "PYTHONPATH": str(copy / "src"),
+            "JAX_COMPILATION_CACHE_DIR": str(options.folder.resolve() / "compiled"),
+            "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        }
+
+        def cosmic(*arguments: str) -> None:
+            program = [sys.executable, "-m", "cosmic_ray.cli", *arguments]
+            subprocess.run(program, cwd=copy, env=environment, check=True)
+
+        print(f"== {name}: the tests as they are", flush=True)
+        cosmic("baseline", str(config))
+        if not session.exists():
+            cosmic("init", str(config), str(session))
+        chosen = sample(session, options.sample, options.seed)
+        print(f"== {name}: {chosen} mutants to try", flush=True)
+        cosmic("exec", str(config), str(session))
+    return session
+
+
+def sample(session: Path, wanted: int, seed: int) -> int:
+    """Mark all mutants as left out but for a random sample; how many of it are still to be tried.
+
+    Args:
+        session: of Cosmic Ray, new or begun.
+        wanted: mutants, with those tried before.
+        seed: for the choice.
+    """
+    with _opened(session) as db:
+        work_item = importlib.import_module("cosmic_ray.work_item")
+        skipped = work_item.WorkerOutcome.SKIPPED
+        tried = {item.job_id for item, result in db.completed_work_items
+                 if result.worker_outcome != skipped}  # fmt: skip
+        items = sorted(db.work_items, key=lambda item: _place(item.mutations[0]))
+        able = [item for item in items if _behaves(item.mutations[0])]
+        random.Random(seed).shuffle(able)
+        chosen = {item.job_id for item in able[:wanted]}
+        rest = [item.job_id for item in items if item.job_id not in chosen | tried]
+        db.set_multiple_results(rest, work_item.WorkResult(worker_outcome=skipped))
+        return len(chosen - tried)
+
+
+def report(sessions: dict[str, Path]) -> str:
+    """Markdown: how many mutants of each group were killed; then the differences of the others."""
+    lines = ["| group | mutants | tried | killed | survived |", "|---|---:|---:|---:|---:|"]
+    survivors: list[str] = []
+    total = [0, 0, 0]
+    for name, session in sessions.items():
+        with _opened(session) as db:
+            results = [(item, result) for item, result in db.completed_work_items
+                       if result.test_outcome is not None]  # fmt: skip
+            killed = sum(result.is_killed for _, result in results)
+            able = sum(_behaves(item.mutations[0]) for item in db.work_items)
+            survivors += [f"\n{name}: {item.mutations[0].operator_name}\n{result.diff}"
+                          for item, result in results if not result.is_killed]  # fmt: skip
+        total = [a + b for a, b in zip(total, (able, len(results), killed), strict=True)]
+        lines.append(f"| {name} | {able} | {len(results)} | {killed} | {len(results) - killed} |")
+    able, tried, killed = total
+    lines.append(f"| all | {able} | {tried} | {killed} | {tried - killed} |")
+    return "\n".join([*lines, *survivors])
+
+
+def _opened(session: Path) -> Any:
+    work_db = importlib.import_module("cosmic_ray.work_db")
+    return work_db.use_db(str(session), work_db.WorkDB.Mode.open)
+
+
+def _copy(source: Path, target: Path) -> None:
+    ignored = shutil.ignore_patterns("__pycache__", ".hypothesis")
+    if source.is_dir():
+        shutil.copytree(source, target, ignore=ignored)
+    else:
+        shutil.copy(source, target)
+
+
+def _config(group: Group, command: str, limit: float) -> str:
+    modules = ", ".join(f'"src/jaxenstein/{module}"' for module in group.modules)
+    return f"""[cosmic-ray]
+module-path = [{modules}]
+timeout = {limit}
+excluded-modules = []
+test-command = '''{command}'''
+
+[cosmic-ray.distributor]
+name = "local"
+"""
+
+
+def _place(mutation: Any) -> tuple[Any, ...]:
+    return str(mutation.module_path), mutation.operator_name, mutation.occurrence
+
+
+def _behaves(mutation: Any) -> bool:
+    """Whether a mutant may behave otherwise."""
+    if mutation.operator_name in IDLE:
+        return False
+    # The session names files as they were below the copy.
+    path = str(mutation.module_path)
+    source = (ROOT / path[path.index("src/jaxenstein") :]).read_text(encoding="utf-8")
+    start, end = tuple(mutation.start_pos), tuple(mutation.end_pos)
+    return not any(low <= start and end <= high for low, high in _idle_spans(source))
+
+
+def _idle_spans(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """From and to (line, column) of annotations, decorators and what is raised."""
+    for node in ast.walk(ast.parse(source)):
+        parts: list[ast.AST | None] = []
+        if isinstance(node, ast.FunctionDef):
+            parts = [node.returns, *node.decorator_list]
+        elif isinstance(node, ast.ClassDef):
+            parts = [*node.decorator_list]
+        elif isinstance(node, ast.arg | ast.AnnAssign):
+            parts = [node.annotation]
+        elif isinstance(node, ast.Raise):
+            parts = [node.exc]
+        for part in parts:
+            if isinstance(part, ast.expr) and part.end_lineno is not None:
+                yield (part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset or 0)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Try the groups that are named."""
+    parser = argparse.ArgumentParser(description="Mutation testing of the engine and the rules.")
+    parser.add_argument("groups", nargs="*", metavar="GROUP", help="(default: all)")
+    parser.add_argument("--list", action="store_true", help="the groups and their files")
+    parser.add_argument("--sample", type=int, default=60, metavar="N", help="of each (default 60)")
+    parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
+    limit = "seconds after which a mutant's tests count as failed (default 240)"
+    parser.add_argument("--limit", type=float, default=240.0, metavar="S", help=limit)
+    parser.add_argument("--folder", type=Path, default=FOLDER, help="for what was tried")
+    options = parser.parse_args(argv)
+    unknown = [name for name in options.groups if name not in GROUPS]
+    if unknown:
+        parser.error(f"no group {unknown[0]!r}; there are {', '.join(GROUPS)}")
+    if options.sample < 1:
+        parser.error(f"--sample: at least 1 is needed, not {options.sample}")
+    if options.list:
+        for name, group in GROUPS.items():
+            print(f"{name:12} {' '.join(group.modules)}: {' '.join(group.tests)}")
+        return
+    try:
+        sessions = {name: work(name, options) for name in options.groups or GROUPS}
+    except subprocess.CalledProcessError as error:
+        raise SystemExit(f"reliability.mutants: {shlex.join(map(str, error.cmd[2:4]))} failed: "
+                         "do the tests pass as they are?") from error  # fmt: skip
+    print(report(sessions))
+
+
+if __name__ == "__main__":
+    main()
