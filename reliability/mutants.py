@@ -14,7 +14,8 @@ from __future__ import annotations
 import argparse
 import ast
 import dataclasses
-import importlib
+import hashlib
+import importlib.util
 import os
 import random
 import shlex
@@ -22,7 +23,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ class Group:
 
     Attributes:
         modules: files below `src/jaxenstein`.
-        tests: files or folders below `tests`.
+        tests: files below `tests`.
     """
 
     modules: tuple[str, ...]
@@ -72,21 +73,22 @@ GROUPS = {
 
 def work(name: str, options: argparse.Namespace) -> Path:
     """Try a sample of a group's mutants; the session that holds what came of them."""
-    group, session = GROUPS[name], options.folder.resolve() / f"{name}.sqlite"
-    session.parent.mkdir(parents=True, exist_ok=True)
+    group, folder = GROUPS[name], options.folder.resolve()
+    session = folder / f"{name}-{_digest(group)}.sqlite"
+    folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
         copy = Path(scratch)
         for item in COPIED:
             _copy(ROOT / item, copy / item)
         tests = [f"tests/{test}" for test in group.tests]
         config = copy / "mutants.toml"
-        command = shlex.join([sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow",
-                              "-p", "no:cacheprovider", "-p", "no:xdist", *tests])  # fmt: skip
-        config.write_text(_config(group, command, options.limit), encoding="utf-8")
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow"]
+        command += ["-p", "no:cacheprovider", *tests]
+        config.write_text(_config(group, shlex.join(command), options.limit), encoding="utf-8")
         # Programs that a mutant leaves as they are need not be compiled again for it.
         environment = dict(os.environ) | {
             "PYTHONPATH": str(copy / "src"),
-            "JAX_COMPILATION_CACHE_DIR": str(options.folder.resolve() / "compiled"),
+            "JAX_COMPILATION_CACHE_DIR": str(folder / "compiled"),
             "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         }
 
@@ -96,34 +98,49 @@ def work(name: str, options: argparse.Namespace) -> Path:
 
         print(f"== {name}: the tests as they are", flush=True)
         cosmic("baseline", str(config))
-        if not session.exists():
-            cosmic("init", str(config), str(session))
-        chosen = sample(session, options.sample, options.seed)
-        print(f"== {name}: {chosen} mutants to try", flush=True)
+        fresh = session.with_suffix(".new")
+        cosmic("init", str(config), str(fresh))
+        left = sample(fresh, options.sample, options.seed, tried(session))
+        fresh.replace(session)
+        print(f"== {name}: {left} mutants to try", flush=True)
         cosmic("exec", str(config), str(session))
     return session
 
 
-def sample(session: Path, wanted: int, seed: int) -> int:
-    """Mark all mutants as left out but for a random sample; how many of it are still to be tried.
+def tried(session: Path) -> dict[tuple[Any, ...], Any]:
+    """What came of the mutants that a session has tried, by place; nothing if it is not there."""
+    if not session.exists():
+        return {}
+    with _opened(session) as db:
+        found = [(item.mutations[0], result) for item, result in db.completed_work_items]
+        return {_place(one): result for one, result in found if result.test_outcome is not None}
+
+
+def sample(session: Path, wanted: int, seed: int, known: Mapping[tuple[Any, ...], Any]) -> int:
+    """Mark the mutants of a new session as left out but for a random sample.
 
     Args:
-        session: of Cosmic Ray, new or begun.
-        wanted: mutants, with those tried before.
-        seed: for the choice.
+        session: of Cosmic Ray, new.
+        wanted: mutants in the sample.
+        seed: for the choice; a larger sample holds the smaller one.
+        known: what came of mutants that were tried before, by place.
+
+    Returns:
+        How many of the sample are still to be tried.
     """
+    work_item = importlib.import_module("cosmic_ray.work_item")
+    skipped = work_item.WorkResult(worker_outcome=work_item.WorkerOutcome.SKIPPED)
     with _opened(session) as db:
-        work_item = importlib.import_module("cosmic_ray.work_item")
-        skipped = work_item.WorkerOutcome.SKIPPED
-        tried = {item.job_id for item, result in db.completed_work_items
-                 if result.worker_outcome != skipped}  # fmt: skip
         items = sorted(db.work_items, key=lambda item: _place(item.mutations[0]))
         able = [item for item in items if _behaves(item.mutations[0])]
         random.Random(seed).shuffle(able)
-        chosen = {item.job_id for item in able[:wanted]}
-        rest = [item.job_id for item in items if item.job_id not in chosen | tried]
-        db.set_multiple_results(rest, work_item.WorkResult(worker_outcome=skipped))
-        return len(chosen - tried)
+        chosen = {item.job_id: _place(item.mutations[0]) for item in able[:wanted]}
+        rest = [item.job_id for item in items if item.job_id not in chosen]
+        db.set_multiple_results(rest, skipped)
+        done = [job for job, place in chosen.items() if place in known]
+        for job in done:
+            db.set_result(job, known[chosen[job]])
+        return len(chosen) - len(done)
 
 
 def report(sessions: dict[str, Path]) -> str:
@@ -172,6 +189,13 @@ name = "local"
 """
 
 
+def _digest(group: Group) -> str:
+    """Of the texts of modules and tests: where one has changed, what was tried says nothing."""
+    folders = [ROOT / "src" / "jaxenstein" / module for module in group.modules]
+    folders += [ROOT / "tests" / test for test in group.tests]
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in folders)).hexdigest()[:12]
+
+
 def _place(mutation: Any) -> tuple[Any, ...]:
     return str(mutation.module_path), mutation.operator_name, mutation.occurrence
 
@@ -180,9 +204,7 @@ def _behaves(mutation: Any) -> bool:
     """Whether a mutant may behave otherwise."""
     if mutation.operator_name in IDLE:
         return False
-    # The session names files as they were below the copy.
-    path = str(mutation.module_path)
-    source = (ROOT / path[path.index("src/jaxenstein") :]).read_text(encoding="utf-8")
+    source = (ROOT / mutation.module_path).read_text(encoding="utf-8")
     start, end = tuple(mutation.start_pos), tuple(mutation.end_pos)
     return not any(low <= start and end <= high for low, high in _idle_spans(source))
 
@@ -224,6 +246,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         for name, group in GROUPS.items():
             print(f"{name:12} {' '.join(group.modules)}: {' '.join(group.tests)}")
         return
+    if importlib.util.find_spec("cosmic_ray") is None:
+        parser.error("Cosmic Ray is not installed: `make mutants`, or pip install '.[mutation]'")
     try:
         sessions = {name: work(name, options) for name in options.groups or GROUPS}
     except subprocess.CalledProcessError as error:
