@@ -54,7 +54,7 @@ GROUPS = {
     "sprites": Group(("engine/sprites.py",), ("engine/test_sprites.py", "engine/test_render.py")),
     "pixels": Group(
         ("engine/pixels.py", "engine/columns.py", "engine/shade.py", "engine/render.py"),
-        ("engine/test_render.py", "engine/test_sprites.py"),
+        ("engine/test_shade.py", "engine/test_render.py", "engine/test_sprites.py"),
     ),
     "stages": Group(("engine/fusion.py",), ("engine/test_fusion.py",)),
     "navigation": Group(("tasks/navigation.py", "engine/motion.py", "tasks/draws.py"), _NAVIGATION),
@@ -210,14 +210,22 @@ def _behaves(mutation: Any) -> bool:
 
 
 def _idle_spans(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    """From and to (line, column) of annotations, decorators and what is raised."""
+    """From and to (line, column) of annotations, decorators and what is raised.
+
+    Of a signature all but its defaults: its `*` is no operator, though it is mutated like one.
+    """
     for node in ast.walk(ast.parse(source)):
         parts: list[ast.AST | None] = []
         if isinstance(node, ast.FunctionDef):
-            parts = [node.returns, *node.decorator_list]
+            parts = [*node.decorator_list]
+            start, first = (node.lineno, node.col_offset), node.body[0]
+            for default in filter(None, (*node.args.defaults, *node.args.kw_defaults)):
+                yield start, (default.lineno, default.col_offset)
+                start = default.end_lineno or 0, default.end_col_offset or 0
+            yield start, (first.lineno, first.col_offset)
         elif isinstance(node, ast.ClassDef):
             parts = [*node.decorator_list]
-        elif isinstance(node, ast.arg | ast.AnnAssign):
+        elif isinstance(node, ast.AnnAssign):
             parts = [node.annotation]
         elif isinstance(node, ast.Raise):
             parts = [node.exc]

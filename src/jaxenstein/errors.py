@@ -65,6 +65,10 @@ def nearest(word: str, candidates: Iterable[str]) -> str:
     Args:
         word: what was given.
         candidates: the names that exist; letter case is ignored in comparing.
+
+    Examples:
+        >>> nearest("simpel", ["simple", "key-door"])
+        ", did you mean 'simple'?"
     """
     by_fold = {name.casefold(): name for name in candidates}
     near = difflib.get_close_matches(str(word).casefold(), by_fold, n=2, cutoff=0.6)

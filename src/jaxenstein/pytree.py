@@ -28,5 +28,11 @@ class Record:
     """Base of all records: adds `replace`."""
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with the named fields changed; an unknown name is a `TypeError`."""
+        """Return a copy with the named fields changed; an unknown name is a `TypeError`.
+
+        Examples:
+            >>> from jaxenstein import Params
+            >>> Params().replace(discount=0.9)
+            Params(max_steps_in_episode=1000, discount=0.9)
+        """
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]

@@ -59,6 +59,14 @@ def make_random_rollout(
 
     Raises:
         SettingError: if `batch` or `steps` is below 1, or `env` does not reset itself.
+
+    Examples:
+        >>> import jaxenstein
+        >>> env, params = jaxenstein.make("simple", height=8, width=8)
+        >>> rollout, start = make_random_rollout(env, params, batch=4, steps=10)
+        >>> carry = rollout(start(jax.random.key(0)))
+        >>> carry.state.position.shape
+        (4, 2)
     """
     if batch < 1 or steps < 1:
         raise SettingError(f"batch and steps must be at least 1, not {batch} and {steps}")

@@ -221,7 +221,12 @@ ALIASES: dict[str, str] = {
 
 
 def environment_ids() -> tuple[EnvironmentId, ...]:
-    """All ids that `make` knows."""
+    """All ids that `make` knows.
+
+    Examples:
+        >>> environment_ids()[:3]
+        ('simple', 'key-door', 'my-way-home')
+    """
     return get_args(EnvironmentId)
 
 
@@ -241,6 +246,16 @@ def make(id: EnvironmentId | str, **settings: Any) -> tuple[Environment[Any, Any
     Raises:
         UnknownEnvironmentError: there is no such id.
         SettingError: there is no such setting, or its value is out of range.
+
+    Examples:
+        >>> env, params = make("my-way-home", width=84, height=84)
+        >>> env.observation_space().shape, env.action_names
+        ((84, 84, 3), ('turn left', 'turn right', 'forward', 'backward', 'interact'))
+        >>> int(params.replace(max_steps_in_episode=500).max_steps_in_episode)
+        500
+        >>> make("my-way-hom")
+        Traceback (most recent call last):
+        jaxenstein.errors.UnknownEnvironmentError: unknown environment 'my-way-hom', did you...
     """
     name = ALIASES.get(id, id) if isinstance(id, str) else id
     entry = ENTRIES.get(name) if isinstance(name, str) else None
@@ -260,7 +275,7 @@ def _own_settings(name: str) -> tuple[str, ...]:
 
 
 def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams]:
-    """Build a navigation environment from a map in ASCII characters.
+    r"""Build a navigation environment from a map in ASCII characters.
 
     Args:
         text: the map, one line a row of tiles; `jaxenstein list --symbols` prints the symbols.
@@ -276,6 +291,16 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
     Raises:
         MapError: with the line and column of what is wrong with the map.
         SettingError: there is no such setting, or its value is out of range.
+
+    Examples:
+        >>> import jax
+        >>> env, params = from_ascii("#####\n#S G#\n#####", heading=0)
+        >>> obs, state = env.reset(jax.random.key(0), params)
+        >>> state.position.tolist(), obs.shape
+        ([1.5, 1.5], (64, 64, 3))
+        >>> from_ascii("#####\n#S ?#\n#####")
+        Traceback (most recent call last):
+        jaxenstein.errors.MapError: ...
     """
     known = (*SETTINGS, "name", "heading", "regions", "faces", "floor", "ceiling")
     _check_names(settings, known, NavigationParams)

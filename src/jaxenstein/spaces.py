@@ -13,7 +13,12 @@ import numpy as np
 
 @dataclasses.dataclass(frozen=True)
 class Discrete:
-    """The integers 0 to `n - 1`, as int32[]."""
+    """The integers 0 to `n - 1`, as int32[].
+
+    Examples:
+        >>> Discrete(3).contains(2), Discrete(3).contains(3)
+        (True, False)
+    """
 
     n: int
 
@@ -39,7 +44,15 @@ class Discrete:
 
 @dataclasses.dataclass(frozen=True)
 class Box:
-    """Arrays of one shape and dtype between two bounds, both included."""
+    """Arrays of one shape and dtype between two bounds, both included.
+
+    Examples:
+        >>> box = Box(0, 255, (2, 2), np.dtype(np.uint8))
+        >>> box.contains(box.sample(jax.random.key(0)))
+        True
+        >>> box.contains(np.zeros((2, 2), np.float32))
+        False
+    """
 
     low: float
     high: float

@@ -26,7 +26,7 @@ def test_the_whole_engine_is_in_a_group() -> None:
 
 SOURCE = """
 @cached(size=1)
-def half(x: int | None, y=2) -> int | str:
+def half(x: int | None, *, y=2) -> int | str:
     if x is None:
         raise ValueError("at most %d" % (3 - 1))
     return x // 4
@@ -40,7 +40,8 @@ def half(x: int | None, y=2) -> int | str:
         ("int | None", False),
         ("int | str", False),
         ("3 - 1", False),
-        ("y=2", True),
+        ("*, ", False),
+        ("2)", True),
         ("is None", True),
         ("x // 4", True),
     ],

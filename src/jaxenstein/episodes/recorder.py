@@ -46,7 +46,7 @@ def record(
     seed: int = 0,
     steps: int | None = None,
 ) -> Episode:
-    """Play one episode and keep it: a notebook shows it, `save` writes it.
+    r"""Play one episode and keep it: a notebook shows it, `save` writes it.
 
     Args:
         env: an environment that is seen in first person; its `autoreset` does not matter.
@@ -60,6 +60,14 @@ def record(
     Raises:
         SettingError: the environment is not seen in first person, there is no such policy, it
             does not know this task, or an action, `seed` or `steps` is no whole number in range.
+
+    Examples:
+        >>> import jaxenstein
+        >>> corridor = "#####\n#S G#\n#####"
+        >>> env, params = jaxenstein.from_ascii(corridor, heading=0, height=8, width=8)
+        >>> episode = record(env, params, "expert", seed=1)
+        >>> episode.ending, float(episode.returns[-1])
+        ('terminated', 1.0)
     """
     if not isinstance(env, FirstPerson):
         raise SettingError(f"only environments seen in first person are recorded, not {env!r}")

@@ -17,7 +17,7 @@ NOTHING = -1
 
 
 class Session:
-    """An environment in play, without automatic resets.
+    r"""An environment in play, without automatic resets.
 
     A seed and the actions since the reset decide everything: the same ones give the same episode
     again, bit for bit, with the same version of this package and of JAX on the same hardware.
@@ -33,6 +33,15 @@ class Session:
         terminated: whether the last step ended the task.
         truncated: whether the time limit is reached.
         info: of the last step; that of the state after a reset.
+
+    Examples:
+        >>> import jaxenstein
+        >>> env, params = jaxenstein.from_ascii("####\n#SG#\n####", heading=0, height=8, width=8)
+        >>> session = Session(env, params, seed=3)
+        >>> while not session.over:
+        ...     observation = session.step(env.action_names.index("forward"))
+        >>> session.terminated, session.episode_return
+        (True, 1.0)
     """
 
     def __init__(self, env: Environment[Any, Any], params: Any, seed: int = 0) -> None:

@@ -26,7 +26,7 @@ def parse_ascii(
     faces: str | None = None,
     stacklevel: int = 2,
 ) -> TileMap:
-    """Read a map from text.
+    r"""Read a map from text.
 
     Empty lines before and after the map are dropped, as are a byte order mark, the returns of
     Windows line ends, and blanks after the last line end, where closing quotes are indented.
@@ -55,6 +55,11 @@ def parse_ascii(
     Warns:
         MapWarning: for each goal that no spawn reaches and each spawn that reaches no goal,
             either with all doors open or for want of a key.
+
+    Examples:
+        >>> tilemap = parse_ascii("#####\n#S G#\n#####")
+        >>> tilemap.spawns, tilemap.goals
+        (((1, 1),), ((3, 1),))
     """
     page = make_page(split_lines(text), 1)
     tilemap = _build(name, [[SYMBOLS[character] for character in line] for line in page.lines])

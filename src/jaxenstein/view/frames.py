@@ -91,6 +91,13 @@ def show(observation: Any, kind: str | None = None, *, scale: int | None = None)
 
     Raises:
         SettingError: it is no observation of that kind.
+
+    Examples:
+        >>> import jax, jaxenstein
+        >>> env, params = jaxenstein.make("simple", height=8, width=8)
+        >>> observation, state = env.reset(jax.random.key(0), params)
+        >>> show(observation)
+        <Frame of 8x8 pixels>
     """
     image = np.asarray(image_of(observation))
     kind = _kind_of(image) if kind in (None, "dict") else kind

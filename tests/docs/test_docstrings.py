@@ -1,0 +1,29 @@
+"""The examples in docstrings print what they say."""
+
+import doctest
+import importlib
+from pathlib import Path
+
+import pytest
+
+import jaxenstein
+
+PACKAGE = Path(jaxenstein.__file__).parent
+WITH_EXAMPLES = sorted(
+    path.relative_to(PACKAGE.parent).with_suffix("")
+    for path in PACKAGE.rglob("*.py")
+    if ">>> " in path.read_text(encoding="utf-8")
+)
+
+
+@pytest.mark.parametrize("path", WITH_EXAMPLES, ids=str)
+def test_examples(path: Path) -> None:
+    module = importlib.import_module(".".join(path.parts))
+    result = doctest.testmod(module, optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    assert result.attempted > 0
+    assert result.failed == 0
+
+
+def test_what_most_users_call_has_an_example() -> None:
+    for name in ("make", "from_ascii", "environment_ids", "record", "show", "Session"):
+        assert ">>> " in (getattr(jaxenstein, name).__doc__ or ""), name
