@@ -107,8 +107,19 @@ def players(env: Any, params: Any) -> list[Callable[[jax.Array, Any], jax.Array]
     return [able, PLAYERS["uniform"](env, params), extreme, ram, fidget]
 
 
-def make_program(env: Any, params: Any, batch: int, steps: int) -> tuple[Any, Any]:
-    """`start(key)` gives a carry; `play(carry)` the next one and the counts of some steps."""
+def make_program(
+    env: Any, params: Any, batch: int, steps: int, *, in_turn: bool = False
+) -> tuple[Any, Any]:
+    """`start(key)` gives a carry; `play(carry)` the next one and the counts of some steps.
+
+    Args:
+        env: an environment.
+        params: its params.
+        batch: environments side by side.
+        steps: of each environment in one call.
+        in_turn: whether they step one after the other: `checkify` knows no scatter and no loop
+            that `jax.vmap` has batched.
+    """
     chosen = players(env, params)
     kinds = jnp.arange(batch, dtype=jnp.int32) % len(chosen)
 
@@ -130,7 +141,8 @@ def make_program(env: Any, params: Any, batch: int, steps: int) -> tuple[Any, An
     def step(carry: Any, _: None) -> Any:
         key, state = carry
         key, now = jax.random.split(key)
-        state, counts = jax.vmap(one)(jax.random.split(now, batch), kinds, state)
+        given = jax.random.split(now, batch), kinds, state
+        state, counts = jax.lax.map(lambda g: one(*g), given) if in_turn else jax.vmap(one)(*given)
         return (key, state), jax.tree.map(lambda x: jnp.sum(x, dtype=jnp.int32), counts)
 
     def start(key: jax.Array) -> Any:
@@ -171,7 +183,7 @@ def endure(
     calls = -(-steps // (batch * CALL)) if steps >= batch * CALL else 1
     length = min(CALL, -(-steps // batch))
     with plain_stages() if checked else contextlib.nullcontext():
-        start, play = make_program(env, params, batch, length)
+        start, play = make_program(env, params, batch, length, in_turn=checked)
         run = _checked(play) if checked else jax.jit(play)
         carry = start(jax.random.key(seed))
         report, compiled = Report(), CompileCounter()

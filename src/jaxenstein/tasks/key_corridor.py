@@ -283,7 +283,7 @@ class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
         last = (middle + 1) * step - (1 if middle == self.room_rows - 1 else 0)
         width, height = step - 1, last - first + 1
         count = 4 * width * height
-        door = jnp.sum(jnp.where(locked[:, None], doors, 0), axis=0)
+        door = jnp.sum(jnp.where(locked[:, None], doors, 0), axis=0, dtype=jnp.int32)
         # Choices run over headings, then columns, then rows; the bad one faces east.
         bad = ((door[1] - first) * width + (width - 1)) * 4
         exists = (door[1] >= first) & (door[1] <= last)
