@@ -326,13 +326,21 @@ def test_strip_shows_the_health():
         strip = seen["image"][8:]
         assert (strip[[0, -1]] == RIM).all()
         assert (strip[:, [0, -1]] == RIM).all()
-        colour = next(paint for bound, paint in LEVELS if health <= 100 * bound)
+        # Red to 30, yellow to 60, green above.
+        colour = LEVELS[0 if health <= 30 else 1 if health <= 60 else 2][1]
         filled = (strip[1:-1, 1:-1] == colour).all(axis=-1)
         # A column of the 20 is filled if its middle is below the health.
         count = sum((column + 0.5) * 5 < health for column in range(20))
         assert filled.sum(axis=1).tolist() == [count] * 2
         assert filled[:, :count].all()
         assert (strip[1:-1, 1 + count : -1] == EMPTY).all()
+
+
+def test_the_strip_warns_by_red():
+    (red, yellow, green) = (paint for _, paint in LEVELS)
+    assert red[0] > 2 * max(red[1:])
+    assert min(yellow[:2]) > 2 * yellow[2]
+    assert green[1] > 2 * max(green[0], green[2])
 
 
 def test_strip_of_grays():

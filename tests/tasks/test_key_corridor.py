@@ -14,6 +14,7 @@ import jaxenstein
 from fidelity.corridors import broken_rules, from_tilemap
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.reach import flood, open_tiles
+from jaxenstein.maps.symbols import KEY_LABELS, key_label
 from jaxenstein.tasks.steering import INTERACT
 
 IDS = ("key-corridor-s3r1", "key-corridor-s3r2", "key-corridor", "key-corridor-s6r3")
@@ -189,3 +190,18 @@ def test_the_key_is_picked_up_once_and_the_goal_ends():
     there = state.replace(position=jnp.asarray(state.goal))
     after, reward, terminated, info = step(there, jnp.int32(-1))
     assert (float(reward), bool(terminated), bool(info["reached_goal"])) == (1, True, True)
+
+
+def test_the_key_is_seen_in_its_colour_until_it_is_taken():
+    env, params = task("key-corridor", observation="labels")
+    states = first_states("key-corridor", 40)
+    # Within the key's tile, looking east at it.
+    beside = states.key - np.array([0.4, 0], np.float32)
+    states = states.replace(position=beside, heading=np.zeros(40, np.float32))
+    observe = jax.jit(jax.vmap(lambda state: env.observe(state, params)))
+    before = np.asarray(observe(states))
+    after = np.asarray(observe(states.replace(taken=np.ones(40, bool))))
+    assert set(states.key_colour.tolist()) == set(range(6))
+    for colour, with_key, without in zip(states.key_colour, before, after, strict=True):
+        assert set(np.unique(with_key)) & set(KEY_LABELS) == {key_label(int(colour))}
+        assert not set(np.unique(without)) & set(KEY_LABELS)

@@ -75,7 +75,7 @@ class Oracle:
             self.position = self.position + pace * ahead
         opened = False
         if action == INTERACT:
-            stop = self.first_stop(self.params.interact_distance * ahead)
+            stop = self.first_stop(float(self.params.interact_distance) * ahead)
             for column, row, char in self.doors:
                 carried = {key[2] for key in self.taken}
                 if (column, row) == stop and (not char.isalpha() or char.lower() in carried):
