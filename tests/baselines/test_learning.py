@@ -47,6 +47,7 @@ def test_all_seeds_learn_to_walk_to_the_goal_ahead():
     assert np.all((result["success"][8:] > 0.05) & (result["success"][8:] < 0.35)), result
 
 
+@pytest.mark.slow
 def test_all_seeds_learn_to_turn_to_a_goal_beside_them():
     """A random walk finds it in 4 % of episodes."""
     result = train(*small_map(ROOM), updates=60, total=100)
