@@ -112,13 +112,7 @@ def make_program(
 ) -> tuple[Any, Any]:
     """`start(key)` gives a carry; `play(carry)` the next one and the counts of some steps.
 
-    Args:
-        env: an environment.
-        params: its params.
-        batch: environments side by side.
-        steps: of each environment in one call.
-        in_turn: whether they step one after the other: `checkify` knows no scatter and no loop
-            that `jax.vmap` has batched.
+    In turn, environments step one after the other: `checkify` knows no batched loop or scatter.
     """
     chosen = players(env, params)
     kinds = jnp.arange(batch, dtype=jnp.int32) % len(chosen)

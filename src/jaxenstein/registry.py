@@ -300,7 +300,7 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
         ([1.5, 1.5], (64, 64, 3))
         >>> from_ascii("#####\n#S ?#\n#####")
         Traceback (most recent call last):
-        jaxenstein.errors.MapError: ...
+        jaxenstein.errors.MapError: line 2, column 4: unknown symbol '?'; the symbols are ...
     """
     known = (*SETTINGS, "name", "heading", "regions", "faces", "floor", "ceiling")
     _check_names(settings, known, NavigationParams)

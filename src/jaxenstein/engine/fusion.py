@@ -53,7 +53,8 @@ def repeat(body: Callable[..., Any]) -> Callable[..., Any]:
     select a round. Here further rounds are given to those that need none, and must not harm.
 
     Args:
-        body: called as `body(i, carry, constants)` for i = 0, 1, ...; returns the next carry.
+        body: called as `body(i, carry, constants)` for i = 0, 1, ...; returns the next carry. It
+            may hold no values of the trace around it: those are among the constants.
 
     Returns:
         A function of (rounds int32[], carry, constants) that returns the last carry.
