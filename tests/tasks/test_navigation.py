@@ -251,7 +251,10 @@ def test_one_of_several_goals_is_drawn():
     np.testing.assert_allclose(distance, 1.0)
 
 
-@pytest.mark.parametrize("heading", ["east", (3.0,), (10.0, 5.0), math.nan, (0.0, math.inf)])
+BAD_HEADINGS = ["east", (3.0,), (10.0, 5.0), math.nan, (0.0, math.inf), (-1e76, 10), 10**400, 3601]
+
+
+@pytest.mark.parametrize("heading", BAD_HEADINGS, ids=range(len(BAD_HEADINGS)))
 def test_bad_headings(heading):
     with pytest.raises(jaxenstein.SettingError, match="heading must be"):
         jaxenstein.from_ascii("####\n#SG#\n####", heading=heading)

@@ -17,6 +17,8 @@ from ..pytree import record
 from .draws import draw_unit
 
 TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
+# Degrees of a heading setting either way; far beyond, float32 holds no degrees any more.
+WIDEST = 3600
 ACTION_NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 
 
@@ -78,7 +80,7 @@ def heading_range(heading: Any) -> tuple[float, float]:
     """A heading setting in radians, as (lowest, highest).
 
     Args:
-        heading: degrees: None for any, a number, or (lowest, highest).
+        heading: degrees from -3600 to 3600: None for any, a number, or (lowest, highest).
 
     Raises:
         SettingError: it is none of these.
@@ -88,10 +90,11 @@ def heading_range(heading: Any) -> tuple[float, float]:
     try:
         low, high = (heading, heading) if np.ndim(heading) == 0 else heading
         low, high = float(low), float(high)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         low, high = math.nan, math.nan
-    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+    if not -WIDEST <= low <= high <= WIDEST:
         raise SettingError(
-            f"heading must be None, degrees, or (lowest, highest) degrees, not {heading!r}"
+            "heading must be None, degrees, or (lowest, highest) degrees, from "
+            f"{-WIDEST} to {WIDEST}, not {heading!r}"
         )
     return math.radians(low), math.radians(high)
