@@ -81,7 +81,7 @@ def fuzz(
     tally, kept = Tally(), target.seeds()
     begin = time.monotonic()
     for seed in kept:
-        outcome = _attempt(target, seed)
+        outcome = try_case(target, seed)
         if outcome.kind != ACCEPTED:
             raise ValueError(f"{target.name}: a seed is not valid: {outcome.details}")
         tally.add(seed, outcome)
@@ -89,7 +89,7 @@ def fuzz(
         case = rng.choice(kept)
         for _ in range(rng.choice(CHANGES)):
             case = target.spoil(case, rng)
-        outcome = _attempt(target, case)
+        outcome = try_case(target, case)
         # Defects are found again all the time if they are spoilt further.
         new = tally.add(case, outcome) and outcome.kind == REFUSED
         if new or (outcome.kind == ACCEPTED and rng.random() < GO_ON):
@@ -102,7 +102,8 @@ def fuzz(
     return tally
 
 
-def _attempt(target: Target, case: Case) -> Outcome:
+def try_case(target: Target, case: Case) -> Outcome:
+    """Run a case in an empty folder of its own."""
     with scratch() as folder:
         return attempt(target, case, folder, PATIENCE)
 
@@ -148,7 +149,7 @@ def again(place: Path) -> Outcome:
     }
     args = tuple(os.fsdecode(arg) for arg in data.split(b"\0")) if data else ()
     target = open_target((place / "outcome.txt").read_text(encoding="utf-8").split("\n")[0])
-    return _attempt(target, Case(files, args))
+    return try_case(target, Case(files, args))
 
 
 def table(tallies: dict[str, Tally]) -> str:

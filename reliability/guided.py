@@ -22,10 +22,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-# libFuzzer's longest input, and the seconds between two lines of its own.
+# Bytes of the longest input.
 LONGEST = 4096
-
-
 # What a file alone does not make.
 FOLDERS = ("run", "arguments")
 
@@ -49,7 +47,7 @@ def watched(
 
     def run(data: bytes) -> None:
         case = Case({name: bytes(data)})
-        outcome = fuzz._attempt(target, case)
+        outcome = fuzz.try_case(target, case)
         new = tally.add(case, outcome)
         if new and outcome.kind == DEFECT:
             place = fuzz.keep(out, target.name, case, outcome)
