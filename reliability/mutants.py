@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import ast
 import dataclasses
+import functools
 import hashlib
 import importlib.util
 import os
@@ -163,8 +164,8 @@ def report(sessions: dict[str, Path]) -> str:
                           for item, result in results if not result.is_killed]  # fmt: skip
         total = [a + b for a, b in zip(total, (able, len(results), killed), strict=True)]
         lines.append(f"| {name} | {able} | {len(results)} | {killed} | {len(results) - killed} |")
-    able, tried, killed = total
-    lines.append(f"| all | {able} | {tried} | {killed} | {tried - killed} |")
+    able, count, killed = total
+    lines.append(f"| all | {able} | {count} | {killed} | {count - killed} |")
     return "\n".join([*lines, *survivors])
 
 
@@ -209,9 +210,14 @@ def _behaves(mutation: Any) -> bool:
     """Whether a mutant may behave otherwise."""
     if mutation.operator_name in IDLE:
         return False
-    source = (ROOT / mutation.module_path).read_text(encoding="utf-8")
     start, end = tuple(mutation.start_pos), tuple(mutation.end_pos)
-    return not any(low <= start and end <= high for low, high in _idle_spans(source))
+    spans = _spans_of(ROOT / mutation.module_path)
+    return not any(low <= start and end <= high for low, high in spans)
+
+
+@functools.cache
+def _spans_of(module: Path) -> tuple[tuple[tuple[int, int], tuple[int, int]], ...]:
+    return tuple(_idle_spans(module.read_text(encoding="utf-8")))
 
 
 def _idle_spans(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
