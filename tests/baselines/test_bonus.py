@@ -7,6 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+pytest.importorskip("flax")
+
 from jaxenstein.baselines import ICM, RND, Config, Experience, HParams
 from jaxenstein.baselines.observations import ObservationSpec, Part
 

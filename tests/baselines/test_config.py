@@ -4,6 +4,8 @@ import jax
 import jax.numpy as jnp
 import pytest
 
+pytest.importorskip("flax")
+
 from jaxenstein.baselines import Config, HParams
 from jaxenstein.errors import SettingError
 

@@ -4,6 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+pytest.importorskip("flax")
+
 from jaxenstein.baselines import gae
 from tests.baselines.worlds import enable_x64
 

@@ -10,8 +10,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 import pytest
+
+pytest.importorskip("flax")
+
+import optax
 
 from jaxenstein.baselines import RND, Config, Experience, HParams, optimiser, ppo
 from jaxenstein.baselines.bonus import trained

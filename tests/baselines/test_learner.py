@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+pytest.importorskip("flax")
+
 import jaxenstein
 from jaxenstein.baselines import Config, HParams, make_learner
 from jaxenstein.baselines.rollout import rollout

@@ -11,6 +11,8 @@ import jax
 import numpy as np
 import pytest
 
+pytest.importorskip("flax")
+
 import jaxenstein
 from jaxenstein.baselines import Config, HParams, make_learner
 from tests.baselines.worlds import Memory, bandit

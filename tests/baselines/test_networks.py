@@ -1,10 +1,13 @@
 """The networks against plain loops, `jax.lax` and flax' own cell."""
 
-import flax.linen as nn
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+
+pytest.importorskip("flax")
+
+import flax.linen as nn
 
 import jaxenstein
 from jaxenstein.baselines import Config

@@ -5,8 +5,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 import pytest
+
+pytest.importorskip("flax")
+
+import optax
 
 from jaxenstein.baselines import Config, HParams, optimiser, ppo
 from jaxenstein.baselines.minibatches import draw_minibatches, passes, take

@@ -5,6 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+pytest.importorskip("flax")
+
 from jaxenstein.baselines import Config
 from jaxenstein.baselines.networks import ActorCritic
 from jaxenstein.baselines.observations import observation_spec

@@ -2,6 +2,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+pytest.importorskip("flax")
+
 from jaxenstein.baselines import bonus, running_stats
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import jax
 import pytest
 
+pytest.importorskip("flax")
+
 from jaxenstein.baselines import Config
 from jaxenstein.baselines.sharding import make_mesh, shard
 from jaxenstein.errors import SettingError
