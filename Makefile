@@ -65,7 +65,7 @@ compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one
 	$(BIN)/python -m benchmarks.compare_vizdoom $(ARGS)
 
 partners: $(VENV)/.created ## run the adapters' tests beside their partners, each in a .venv-partners/NAME
-	$(BIN)/python tests/adapters/partners.py $(ARGS)
+	$(BIN)/python -m reliability.partners $(ARGS)
 
 lanes: $(VENV)/.dev ## run the tests with each Python, the oldest and newest JAX, and the wheel
 	$(BIN)/python -m reliability.lanes $(ARGS)

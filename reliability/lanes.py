@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import os
 import re
 import shutil
 import subprocess
@@ -27,15 +26,14 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from tests.adapters import partners
-from tests.adapters.partners import Outcome, Partner
+from reliability import environments
+from reliability.environments import ROOT, TOOLS, Outcome, find_python
 
-ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / ".venv-lanes"
 PYTHONS = ("3.11", "3.12", "3.13")
-TOOLS = ("pytest >= 8.3", "hypothesis >= 6.130", "pytest-xdist >= 3.6")
 # Extras that install beside each other with any Python; torch is with the partners.
 EXTRAS = ("baselines", "gymnasium", "minigrid", "play", "video", "dev")
+MODULES = ("flax", "gymnasium", "matplotlib", "orbax", "minigrid")
 # What is worth running where 64-bit numbers are on, and where there is little time.
 RULES = ("tests/contract", "tests/engine", "tests/tasks")
 QUICK = ("tests/maps", "tests/contract/test_golden.py", "tests/test_packaging.py")
@@ -96,57 +94,27 @@ def lower_bounds() -> dict[str, str]:
     return bounds
 
 
-def find_python(version: str) -> str | None:
-    """An interpreter of a version that runs and can make virtual environments; None if none does.
-
-    Args:
-        version: such as "3.11".
-    """
-    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
-    known = sorted(map(str, pyenv.glob(f"{version}*/bin/python")), reverse=True)
-    wanted = f"import ensurepip, sys, venv; sys.exit('%d.%d' % sys.version_info[:2] != {version!r})"
-    for candidate in (sys.executable, shutil.which(f"python{version}"), *known):
-        if (
-            candidate
-            and subprocess.run([candidate, "-c", wanted], capture_output=True).returncode == 0
-        ):
-            return candidate
-    return None
-
-
 def attempt(name: str, lane: Lane, options: argparse.Namespace) -> Outcome:
     """Make the environment of a lane if need be, and run its tests."""
     print(f"== {name}", flush=True)
     base = find_python(lane.python)
     if base is None:
-        return Outcome(problem=f"no python{lane.python} here: not tried")
-    folder = options.folder.resolve() / name
+        return Outcome(problem=f"no python{lane.python} here: not tried", tried=False)
+    folder, fresh = options.folder.resolve() / name, options.fresh
+    extras = f".[{','.join(lane.extras)}]" if lane.extras else "."
     try:
         with tempfile.TemporaryDirectory(prefix="lane-") as scratch:
-            where, package = ROOT, f".[{','.join(lane.extras)}]" if lane.extras else "."
+            where, package = ROOT, ("--editable", extras)
             if lane.wheel:
-                where, package = built(base, folder, Path(scratch))
-            python = environment(base, folder, lane, package, fresh=options.fresh)
+                where, wheel = built(base, folder, Path(scratch))
+                package = (wheel,)
+            needed = lane.requirements()
+            python, new = environments.make(base, folder, package, needed, fresh=fresh)
+            if lane.wheel and not new:
+                environments.pip_install(python, "--no-deps", "--force-reinstall", *package)
             return _run(lane, python, where, folder / "report.xml", options)
     except (subprocess.CalledProcessError, OSError, LookupError) as error:
         return Outcome(problem=f"cannot be installed: {error}")
-
-
-def environment(base: str, folder: Path, lane: Lane, package: str, *, fresh: bool) -> str:
-    """The interpreter of an environment with all that a lane needs."""
-    stamp, python = folder / "requirements.txt", str(folder / "bin" / "python")
-    wanted = "\n".join((package.partition("==")[0], *lane.requirements())) + "\n"
-    if fresh or not stamp.is_file() or stamp.read_text(encoding="utf-8") != wanted:
-        shutil.rmtree(folder / "bin", ignore_errors=True)
-        _call([base, "-m", "venv", "--clear", str(folder)])
-        pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-        edit = [] if lane.wheel else ["--editable"]
-        _call([*pip, *edit, package, *lane.requirements()])
-        stamp.write_text(wanted, encoding="utf-8")
-    elif lane.wheel:
-        pip = [python, "-m", "pip", "install", "--quiet", "--no-deps", "--force-reinstall"]
-        _call([*pip, package])
-    return python
 
 
 def built(base: str, folder: Path, scratch: Path) -> tuple[Path, str]:
@@ -154,9 +122,10 @@ def built(base: str, folder: Path, scratch: Path) -> tuple[Path, str]:
     tools = folder.with_name(f"{folder.name}-build")
     python = str(tools / "bin" / "python")
     if not Path(python).exists():
-        _call([base, "-m", "venv", str(tools)])
-        _call([python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "build"])
-    _call([python, "-m", "build", "--outdir", str(scratch / "dist"), str(ROOT)], quiet=True)
+        environments.call([base, "-m", "venv", str(tools)])
+        environments.pip_install(python, "build")
+    target = str(scratch / "dist")
+    environments.call([python, "-m", "build", "--outdir", target, str(ROOT)], quiet=True)
     (archive,) = (scratch / "dist").glob("*.tar.gz")
     (wheel,) = (scratch / "dist").glob("*.whl")
     with tarfile.open(archive) as file:
@@ -169,25 +138,19 @@ def built(base: str, folder: Path, scratch: Path) -> tuple[Path, str]:
 def _run(
     lane: Lane, python: str, where: Path, report: Path, options: argparse.Namespace
 ) -> Outcome:
-    report.unlink(missing_ok=True)
     tests = [test for test in QUICK if (where / test).exists()] if options.quick else lane.tests
-    command = [python, "-m", "pytest", "-q", "-rs", "-m", "not slow", f"--junit-xml={report}"]
-    command += ["-p", "no:cacheprovider", *tests]
-    command += ["-n", str(options.workers), "--dist", "loadfile"] if options.workers else []
-    command += ["-k", options.k] if options.k else []
-    variables = {**partners._clean_environment(), **dict(lane.variables)}
-    variables["PYTHONDONTWRITEBYTECODE"] = "1"
-    status = subprocess.run(command, cwd=where, env=variables).returncode
-    shown = ("numpy", *(("flax",) if "baselines" in lane.extras else ()))
-    # What is missing without extras may be skipped; with them all modules must be there.
-    modules = ("flax", "gymnasium", "matplotlib", "orbax", "minigrid") if lane.extras else ()
-    partner = Partner((), (), modules, shown)
-    return partners._judge(partner, partners._versions(python, partner), report, status)
-
-
-def _call(command: Sequence[str], *, quiet: bool = False) -> None:
-    subprocess.run(
-        command, cwd=ROOT, check=True, env=partners._clean_environment(), capture_output=quiet
+    arguments = ["-m", "not slow", "-p", "no:cacheprovider", *tests]
+    arguments += ["-n", str(options.workers), "--dist", "loadfile"] if options.workers else []
+    arguments += ["-k", options.k] if options.k else []
+    return environments.run_tests(
+        python,
+        arguments,
+        report,
+        where=where,
+        # What is missing without extras may be skipped; with them all modules must be there.
+        modules=MODULES if lane.extras else (),
+        shown=("numpy", *(("flax",) if "baselines" in lane.extras else ())),
+        more={**dict(lane.variables), "PYTHONDONTWRITEBYTECODE": "1"},
     )
 
 
@@ -215,8 +178,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{name:14} {_described(lane)}")
         return 0
     outcomes = {name: attempt(name, lane, options) for name, lane in chosen.items()}
-    print(partners._table(outcomes).replace("| partner |", "| lane |"))
-    return int(any(o.problem and "not tried" not in o.problem for o in outcomes.values()))
+    print(environments.table("lane", outcomes))
+    return int(any(outcome.problem and outcome.tried for outcome in outcomes.values()))
 
 
 def _described(lane: Lane) -> str:

@@ -1,0 +1,26 @@
+"""What needs no partner: the error for a missing one."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("name", "partner", "needed"),
+    [
+        ("gymnax", "gymnax.environments", "gymnax"),
+        ("stoa", "stoa", "stoa-env"),
+        ("brax", "brax.envs", "brax"),
+    ],
+)
+def test_a_missing_partner_is_named_with_its_extra(
+    monkeypatch: pytest.MonkeyPatch, name: str, partner: str, needed: str
+) -> None:
+    monkeypatch.setitem(sys.modules, partner, None)
+    monkeypatch.setitem(sys.modules, partner.split(".")[0], None)
+    monkeypatch.delitem(sys.modules, f"jaxenstein.adapters.{name}", raising=False)
+    with pytest.raises(ImportError, match=rf"needs {needed} .*pip install 'jaxenstein\[{name}\]'"):
+        importlib.import_module(f"jaxenstein.adapters.{name}")
