@@ -59,7 +59,7 @@ def test_size_is_a_whole_number_of_pixels_a_tile(tilemap: TileMap) -> None:
 
 def test_floor_walls_and_rock(tilemap: TileMap) -> None:
     picture = draw_map(tilemap, scale=SCALE)
-    assert pixel(picture, 2.5, 1.5) == topdown.FLOOR
+    assert pixel(picture, 2.5, 1.5) == ground.FLOOR
     assert pixel(picture, 4.5, 0.5) == paint(2)
 
 
@@ -77,16 +77,24 @@ def test_doors_close_and_open(tilemap: TileMap) -> None:
     red = paint(door_label(0, locked=True))
     assert pixel(closed, 5.25, 1.25) == red
     assert pixel(closed, 5.5, 1.5) == glyphs.INK
-    assert pixel(opened, 5.5, 1.5) == topdown.FLOOR
+    assert pixel(opened, 5.5, 1.5) == ground.FLOOR
     # The posts stand at the walls, north and south of this door.
     assert pixel(opened, 5.5, 1.05) == red
     assert pixel(opened, 5.5, 1.95) == red
-    assert pixel(opened, 5.05, 1.5) == topdown.FLOOR
+    assert pixel(opened, 5.05, 1.5) == ground.FLOOR
+
+
+def test_a_path_through_an_open_door_stays_in_sight(tilemap: TileMap) -> None:
+    steps = np.array([[4.5, 1.5], [5.5, 1.5], [6.5, 1.5]])
+    walked = draw_map(tilemap, scale=SCALE).path(steps).doors(np.array([False]))
+    assert pixel(walked, 5.5, 1.5) not in (ground.FLOOR, glyphs.INK)
+    shut = draw_map(tilemap, scale=SCALE).path(steps).doors(np.array([True]))
+    assert pixel(shut, 5.5, 1.5) == glyphs.INK
 
 
 def test_a_state_may_have_room_for_more_doors(tilemap: TileMap) -> None:
     padded = draw_map(tilemap, scale=SCALE).doors(np.array([False, True, True]))
-    assert pixel(padded, 5.5, 1.5) == topdown.FLOOR
+    assert pixel(padded, 5.5, 1.5) == ground.FLOOR
 
 
 def test_things_are_those_of_the_map(tilemap: TileMap) -> None:
@@ -110,14 +118,14 @@ def test_sprites_show_what_they_are_where_they_are(tilemap: TileMap, scale: int)
     assert pixel(there, 8.5, 4.5) == paint(5)
     # Floor half a tile beside each: nothing is larger than its tile or lies elsewhere.
     for x in (1.6, 3.5, 5.5, 7.5, 9.5):
-        assert pixel(there, x, 4.5) == topdown.FLOOR
+        assert pixel(there, x, 4.5) == ground.FLOOR
 
 
 def test_only_visible_sprites_are_drawn(tilemap: TileMap) -> None:
     places, labels = np.array([[2.5, 4.5], [3.6, 1.5]]), np.array([MEDKIT_LABEL, key_label(0)])
     picture = draw_map(tilemap, scale=SCALE).sprites(places, labels, np.array([True, False]))
     assert pixel(picture, 2.5, 4.5) == glyphs.CROSS
-    assert pixel(picture, 3.4, 1.5) == topdown.FLOOR
+    assert pixel(picture, 3.4, 1.5) == ground.FLOOR
     empty = draw_map(tilemap, scale=SCALE).sprites(np.zeros((0, 2)), np.zeros(0, int))
     plain = draw_map(tilemap, scale=SCALE)
     np.testing.assert_array_equal(np.asarray(empty.image()), np.asarray(plain.image()))
@@ -130,15 +138,15 @@ def test_the_goal_lies_on_top(tilemap: TileMap) -> None:
 
 
 def test_places_to_start_are_marked_where_they_are_few(tilemap: TileMap) -> None:
-    assert pixel(draw_map(tilemap, scale=SCALE), 1.5 + 0.15, 1.5) != topdown.FLOOR
+    assert pixel(draw_map(tilemap, scale=SCALE), 1.5 + 0.15, 1.5) != ground.FLOOR
     many = tilemap.with_spawns((column, 5) for column in range(2, 11))
     many = many.with_spawns([*many.spawns, *((column, 4) for column in range(2, 11))])
     several = draw_map(many, scale=SCALE)
-    assert pixel(several, 3.5 + 0.15, 5.5) != topdown.FLOOR
+    assert pixel(several, 3.5 + 0.15, 5.5) != ground.FLOOR
     floor = np.argwhere(np.array(many.walls) == 0)[:, ::-1]
     assert len(floor) > topdown.MOST_MARKS
     everywhere = draw_map(many.with_spawns(floor.tolist()), scale=SCALE)
-    assert pixel(everywhere, 3.5 + 0.15, 5.5) == topdown.FLOOR
+    assert pixel(everywhere, 3.5 + 0.15, 5.5) == ground.FLOOR
 
 
 def test_path_is_drawn_where_it_went_and_coloured_by_time(tilemap: TileMap) -> None:
@@ -147,8 +155,8 @@ def test_path_is_drawn_where_it_went_and_coloured_by_time(tilemap: TileMap) -> N
     assert pixel(picture, 1.8, 4.5) == topdown.PATH[0]
     assert pixel(picture, 8.0, 4.5) == topdown.blend(*topdown.PATH, 0.75)
     # A jump is a new start, not a movement; and nothing is drawn beside the line.
-    assert pixel(picture, 5.5, 4.5) == topdown.FLOOR
-    assert pixel(picture, 1.8, 4.75) == topdown.FLOOR
+    assert pixel(picture, 5.5, 4.5) == ground.FLOOR
+    assert pixel(picture, 1.8, 4.75) == ground.FLOOR
 
 
 def test_path_in_pieces_is_the_same_path(tilemap: TileMap) -> None:
@@ -164,17 +172,17 @@ def test_agent_points_along_its_heading(tilemap: TileMap) -> None:
     for heading, (dx, dy) in ((0.0, (1, 0)), (math.pi / 2, (0, 1)), (math.pi, (-1, 0))):
         picture = draw_map(tilemap, scale=SCALE).agent((4.0, 5.0), heading)
         assert pixel(picture, 4.0 + 0.25 * dx, 5.0 + 0.25 * dy) == topdown.AGENT
-        assert pixel(picture, 4.0 - 0.35 * dx, 5.0 - 0.35 * dy) == topdown.FLOOR
+        assert pixel(picture, 4.0 - 0.35 * dx, 5.0 - 0.35 * dy) == ground.FLOOR
 
 
 def test_view_is_stopped_by_closed_doors_only(tilemap: TileMap) -> None:
     place = (2.5, 1.5)
     closed = draw_map(tilemap, scale=SCALE).sight(place, 0.0)
     opened = draw_map(tilemap, scale=SCALE).sight(place, 0.0, closed=np.array([False]))
-    assert pixel(closed, 4.5, 1.5) == pixel(opened, 4.5, 1.5) != topdown.FLOOR
-    assert pixel(closed, 7.0, 1.5) == topdown.FLOOR
+    assert pixel(closed, 4.5, 1.5) == pixel(opened, 4.5, 1.5) != ground.FLOOR
+    assert pixel(closed, 7.0, 1.5) == ground.FLOOR
     assert pixel(opened, 7.0, 1.5) == pixel(opened, 4.5, 1.5)
-    assert pixel(opened, 2.0, 1.5) == topdown.FLOOR
+    assert pixel(opened, 2.0, 1.5) == ground.FLOOR
 
 
 def test_faces_show_their_own_colours() -> None:

@@ -24,7 +24,7 @@ from ..maps.symbols import (
 from ..maps.tilemap import Door, TileMap
 from . import glyphs
 from .glyphs import Colour, blend
-from .ground import FLOOR, draw_ground, open_floor, paint
+from .ground import draw_ground, open_floor, paint
 
 GOAL: Colour = (255, 196, 0)
 SPAWN: Colour = (176, 170, 156)
@@ -95,7 +95,7 @@ class MapPicture:
         return self.doors().sprites(positions, np.array([label for _, label in listed], int))
 
     def doors(self, closed: np.ndarray | None = None) -> Self:
-        """Draw the doors.
+        """Draw the doors; of an open one the posts alone, so that a path through it stays in sight.
 
         Args:
             closed: bool[D], which doors are closed; None for all.
@@ -222,9 +222,8 @@ class MapPicture:
     def _door(self, door: Door, *, is_open: bool) -> None:
         colour = paint(door_label(door.colour, locked=door.locked))
         column, row = door.column, door.row
-        self._box(column, row, column + 1, row + 1, FLOOR)
         if is_open:
-            # The two posts that stay visible stand where the walls are.
+            # The two posts that stay visible stand where the walls are; a path between them stays.
             for box in self._posts(column, row):
                 self._box(*box, colour)
             return
