@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -38,13 +37,6 @@ CORRIDOR = """
 """
 LEFT, FORWARD = 0, 2
 LIMIT = 12
-
-
-@pytest.fixture
-def partner_promotion() -> Iterator[None]:
-    """JAX's own promotion of dtypes and ranks, which partners rely on; ours keeps to strict."""
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        yield
 
 
 def corridor(limit: int = LIMIT, **settings: Any) -> adapter.BraxEnvironment:

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -39,13 +38,6 @@ CORRIDOR = """
 #####
 """
 LEFT, FORWARD = 0, 2
-
-
-@pytest.fixture
-def partner_promotion() -> Iterator[None]:
-    """JAX's own promotion of dtypes and ranks, which partners rely on; ours keeps to strict."""
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        yield
 
 
 def corridor(**settings: Any) -> tuple[Any, Any]:
