@@ -13,7 +13,7 @@ import jaxenstein
 from jaxenstein.baselines import Config
 from jaxenstein.baselines.convolution import conv_lax, conv_matmul
 from jaxenstein.baselines.networks import GRU, NATURE, SMALL, ActorCritic, layers_for
-from jaxenstein.baselines.observations import ObservationSpec, Part, observation_spec
+from jaxenstein.baselines.observations import observation_spec
 from jaxenstein.errors import SettingError
 
 KEY = jax.random.key(0)
@@ -184,13 +184,6 @@ def test_every_kind_of_observation(observation):
         weights, batch, jnp.zeros(1, jnp.int32), jnp.ones(1, bool), network.initial_memory(1)
     )
     assert all(np.all(np.isfinite(leaf)) for leaf in step)
-
-
-def test_labels_are_told_apart():
-    spec = ObservationSpec((Part((8, 8), True, "bits"),))
-    ids = jnp.arange(128, dtype=jnp.uint8).reshape(2, 8, 8)
-    (bits,), _ = spec.prepare(ids, jnp.float32)
-    assert len(np.unique(np.asarray(bits).reshape(128, 8), axis=0)) == 128
 
 
 def test_layers_fit_the_image():

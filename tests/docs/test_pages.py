@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import jaxenstein
 from jaxenstein.cli import build_parser
 from tests.docs.samples import PAGES, ROOT, Sample, commands, links, samples
 
@@ -58,12 +59,18 @@ def test_linked_files_exist(page: Path) -> None:
     assert [link for link in found if not (page.parent / link).exists()] == []
 
 
+def place(path: str) -> Path:
+    """Of the package's sources where they are imported from: beside the tests, or from a wheel."""
+    inside = path.removeprefix("src/jaxenstein/")
+    return ROOT / path if inside == path else Path(jaxenstein.__file__).parent / inside
+
+
 @pytest.mark.parametrize("page", PAGES, ids=by_name)
 def test_paths_named_in_code_exist(page: Path) -> None:
     folders = "benchmarks|docs|examples|experiments|fidelity|reliability|src|tests"
     text = page.read_text("utf-8")
     named = re.findall(rf"`((?:{folders})/[\w./-]+)`", text)
-    assert [path for path in named if not (ROOT / path).exists() and "_build" not in path] == []
+    assert [path for path in named if not place(path).exists() and "_build" not in path] == []
     modules = re.findall(rf"python -m\s+((?:{folders})\.\w+)", text)
     assert [m for m in modules if not (ROOT / (m.replace(".", "/") + ".py")).exists()] == []
 

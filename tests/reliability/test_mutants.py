@@ -5,15 +5,17 @@ from types import SimpleNamespace
 
 import pytest
 
+import jaxenstein
 from reliability import mutants
 
-ENGINE = mutants.ROOT / "src" / "jaxenstein" / "engine"
+# Beside the tests, or where a wheel was installed.
+PACKAGE = Path(jaxenstein.__file__).parent
 
 
 def test_groups_name_files_that_are_there() -> None:
     for group in mutants.GROUPS.values():
         for module in group.modules:
-            assert (mutants.ROOT / "src" / "jaxenstein" / module).is_file()
+            assert (PACKAGE / module).is_file()
         for test in group.tests:
             assert (mutants.ROOT / "tests" / test).is_file()
 
@@ -21,7 +23,8 @@ def test_groups_name_files_that_are_there() -> None:
 def test_the_whole_engine_is_in_a_group() -> None:
     named = {module for group in mutants.GROUPS.values() for module in group.modules}
     # Data alone.
-    assert {f"engine/{path.name}" for path in ENGINE.glob("*.py")} - named == {"engine/scene.py"}
+    engine = {f"engine/{path.name}" for path in (PACKAGE / "engine").glob("*.py")}
+    assert engine - named == {"engine/scene.py"}
 
 
 SOURCE = """

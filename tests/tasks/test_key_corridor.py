@@ -15,6 +15,7 @@ from fidelity.corridors import broken_rules, from_tilemap
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.reach import flood, open_tiles
 from jaxenstein.maps.symbols import KEY_LABELS, key_label
+from jaxenstein.tasks.key_corridor import KeyCorridor
 from jaxenstein.tasks.steering import INTERACT
 
 IDS = ("key-corridor-s3r1", "key-corridor-s3r2", "key-corridor", "key-corridor-s6r3")
@@ -135,6 +136,12 @@ def test_layout_seed_freezes_the_layout_but_not_the_start():
 def test_bad_layout_seeds_are_refused(seed):
     with pytest.raises(SettingError, match="layout_seed must be None or a whole number"):
         jaxenstein.make("key-corridor", layout_seed=seed)
+
+
+@pytest.mark.parametrize("size", [{"room_size": 2}, {"room_size": 17}, {"room_rows": 4}])
+def test_rooms_that_cannot_be_built_are_refused(size):
+    with pytest.raises(SettingError, match="room_size must be 3 to 16 and room_rows 1 to 3, not"):
+        KeyCorridor(**size)
 
 
 @functools.cache
