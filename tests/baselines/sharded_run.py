@@ -1,6 +1,10 @@
-"""Run by test_sharding.py in a process of its own, with several simulated devices."""
+"""Run by test_sharding.py in a process of its own, with several simulated devices.
+
+The argument is `rnd_optimizer`.
+"""
 
 import re
+import sys
 
 import jax
 import numpy as np
@@ -40,8 +44,7 @@ def main():
     assert jax.device_count() == 4
     env, params = jaxenstein.from_ascii("####\n#SG#\n####", height=8, width=8)
     params = params.replace(max_steps_in_episode=5)
-    compare(env, params, "rnd")
-    compare(env, params, "rnd", rnd_optimizer="joint")
+    compare(env, params, "rnd", rnd_optimizer=sys.argv[1])
     print("equal")
 
 

@@ -17,11 +17,12 @@ from jaxenstein.errors import SettingError
 ROOT = Path(__file__).parents[2]
 
 
-def test_sharded_is_single_device():
+@pytest.mark.parametrize("optimizer", ["separate", pytest.param("joint", marks=pytest.mark.slow)])
+def test_sharded_is_single_device(optimizer):
     flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=4"
     path = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "tests.baselines.sharded_run"],
+        [sys.executable, "-W", "error", "-m", "tests.baselines.sharded_run", optimizer],
         env={**os.environ, "XLA_FLAGS": flags, "PYTHONPATH": path, "JAX_PLATFORMS": "cpu"},
         cwd=ROOT, capture_output=True, text=True, timeout=600,
     )  # fmt: skip
