@@ -33,6 +33,7 @@ from jaxenstein.maps.symbols import (
 )
 from jaxenstein.registry import ENTRIES, EnvironmentId
 from jaxenstein.tasks.first_person import FirstPerson
+from jaxenstein.tasks.levels import closed_doors
 from jaxenstein.view.files import check_writable, make_folder
 from jaxenstein.view.progress import Progress
 from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT, save_png
@@ -179,8 +180,10 @@ def map_picture(env: Env, params: Any, state: Any) -> Image.Image:
     """The map of a state with all that is there, and the agent."""
     scene = jax.device_get(env.scene(state, params))
     labels = np.asarray(scene.theme.sprite_labels)[scene.sprites.look]
-    picture = draw_map(env.tilemap_of(state), size=MAP_SIDE).doors(scene.closed)
-    picture.sight(state.position, state.heading, env.field_of_view, scene.closed)
+    tilemap, level = env.tilemap_of(state), scene.level
+    closed = closed_doors(tilemap, level.doors - level.margin, scene.closed)
+    picture = draw_map(tilemap, size=MAP_SIDE).doors(closed)
+    picture.sight(state.position, state.heading, env.field_of_view, closed)
     picture.sprites(scene.sprites.position, labels, scene.sprites.visible)
     return picture.agent(state.position, state.heading).image()
 

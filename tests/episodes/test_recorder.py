@@ -1,12 +1,15 @@
-"""What `record` takes, and what it refuses."""
+"""What `record` takes, what it refuses, and the doors that it tells of."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import jax
+import numpy as np
 import pytest
 
+import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
@@ -42,3 +45,26 @@ def test_a_function_may_act_and_remember(world: World) -> None:
     assert lengths == list(range(12))
     again = record(*world, policy, steps=12, seed=3)
     assert again.trajectory == episode.trajectory
+
+
+def test_doors_that_open_on_the_map_are_those_before_the_agent() -> None:
+    """Of a corridor drawn anew, whose level has room for doors that are not there."""
+    env, params = jaxenstein.make("key-corridor-s3r3", height=8, width=8)
+    played = jaxenstein.record(env, params, "expert", seed=0)
+    assert played.tilemap is not None
+    doors = played.tilemap.doors
+    assert played.closed.shape == (played.steps + 1, len(doors))
+    assert played.closed[0].all()
+    opened = 0
+    for step, event in enumerate(played.events, 1):
+        new = np.flatnonzero(played.closed[step - 1] & ~played.closed[step])
+        assert len(new) == ("opened a door" in event)
+        for slot in new:
+            middle = doors[slot].column + 0.5, doors[slot].row + 0.5
+            assert math.dist(played.positions[step], middle) < 1.6
+            opened += 1
+        # Whoever is in a doorway has opened it.
+        place = tuple(np.floor(played.positions[step]).astype(int))
+        for slot, door in enumerate(doors):
+            assert (door.column, door.row) != place or not played.closed[step, slot]
+    assert opened >= 2

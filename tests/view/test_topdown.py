@@ -92,11 +92,6 @@ def test_a_path_through_an_open_door_stays_in_sight(tilemap: TileMap) -> None:
     assert pixel(shut, 5.5, 1.5) == glyphs.INK
 
 
-def test_a_state_may_have_room_for_more_doors(tilemap: TileMap) -> None:
-    padded = draw_map(tilemap, scale=SCALE).doors(np.array([False, True, True]))
-    assert pixel(padded, 5.5, 1.5) == ground.FLOOR
-
-
 def test_things_are_those_of_the_map(tilemap: TileMap) -> None:
     picture = draw_map(tilemap, scale=SCALE).things()
     assert pixel(picture, 3.6, 1.5) == paint(key_label(0))

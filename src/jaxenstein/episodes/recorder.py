@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import SettingError, TrajectoryError
 from ..tasks.first_person import FirstPerson
+from ..tasks.levels import closed_doors
 from ..view.episode import Episode
 from ..view.frames import image_of, picture
 from .policies import Policy, Script, named_policy
@@ -154,7 +155,8 @@ def play(
 def watcher(env: Any, params: Any) -> Callable[[Any], dict[str, Any]]:
     """A function of a state that gives what the map and the caption show of it, on the host.
 
-    Its keys are those of `Episode` that it fills, by frame, and `"variables"`.
+    Its keys are those of `Episode` that it fills, by frame, and `"variables"`; `"closed"` in the
+    order of `"doors"`, int32[D, 2], the places of the level's doors (`levels.closed_doors`).
     """
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
     return lambda state: jax.device_get(_look(env, state, params))
@@ -168,6 +170,7 @@ def _look(env: Any, state: Any, params: Any) -> dict[str, Any]:
         "positions": state.position,
         "headings": state.heading,
         "closed": scene.closed,
+        "doors": scene.level.doors - scene.level.margin,
         "sprites": scene.sprites.position,
         "labels": jnp.asarray(scene.theme.sprite_labels)[scene.sprites.look],
         "visible": scene.sprites.visible,
@@ -200,13 +203,15 @@ class Tape:
         def over_time(name: str, dtype: type) -> np.ndarray:
             return np.stack([np.asarray(seen[name]) for seen in self.seen]).astype(dtype)
 
-        names = self.seen[0]["variables"]
+        names, closed = self.seen[0]["variables"], over_time("closed", bool)
+        if tilemap is not None:
+            closed = closed_doors(tilemap, self.seen[0]["doors"], closed)
         return Episode(
             frames=picture(np.stack(self.frames), kind),
             positions=over_time("positions", np.float32),
             headings=over_time("headings", np.float32),
             rewards=np.array(self.rewards, np.float32),
-            closed=over_time("closed", bool),
+            closed=closed,
             sprites=over_time("sprites", np.float32),
             labels=over_time("labels", np.int32),
             visible=over_time("visible", bool),

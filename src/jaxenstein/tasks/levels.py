@@ -1,6 +1,8 @@
-"""From a level on the device back to a tile map on the host."""
+"""From a level on the device back to a tile map and its doors on the host."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +44,25 @@ def read_level(name: str, level: Level) -> TileMap:
         faces=tuple(shown) if len(shown) == 4 else None,
         doors=tuple(doors),
     )
+
+
+def closed_doors(tilemap: TileMap, doors: Any, closed: Any) -> np.ndarray:
+    """Which doors of a map are closed: a level may have them in other places, and absent ones.
+
+    Args:
+        tilemap: of the level.
+        doors: int[D, 2], (column, row) of the level's doors, without the margin.
+        closed: bool[..., D], as `Scene.closed`.
+
+    Returns:
+        bool[..., number of the map's doors], in the map's order. Doors that the level knows
+        nothing of are closed.
+    """
+    places = {(column, row): slot for slot, (column, row) in enumerate(np.asarray(doors).tolist())}
+    slots = [places.get((door.column, door.row), -1) for door in tilemap.doors]
+    closed = np.asarray(closed, bool)
+    unknown = np.ones((*closed.shape[:-1], 1), bool)
+    return np.concatenate([closed, unknown], axis=-1)[..., slots]
 
 
 def _tiles(labels: np.ndarray) -> Tiles:

@@ -14,6 +14,7 @@ import numpy as np
 from ..episodes.recorder import Tape, in_words, watcher
 from ..episodes.session import Session
 from ..maps.symbols import COLOUR_NAMES
+from ..tasks.levels import closed_doors
 from .controls import Controls, keys_of
 from .display import Box, Display, Event
 from .episode import Episode
@@ -200,9 +201,10 @@ class Game:
         self._ground.path(new, self._drawn, self._horizon)
         self._drawn = len(self._positions) - 1
         seen = self._seen
-        shot = self._ground.copy().doors(seen["closed"])
+        closed = closed_doors(tilemap, seen["doors"], seen["closed"])
+        shot = self._ground.copy().doors(closed)
         pose = seen["positions"], float(seen["headings"])
-        shot.sight(*pose, self.env.field_of_view, seen["closed"])
+        shot.sight(*pose, self.env.field_of_view, closed)
         shot.sprites(seen["sprites"], seen["labels"], seen["visible"])
         return np.asarray(shot.agent(*pose).image())
 

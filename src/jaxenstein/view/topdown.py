@@ -98,7 +98,7 @@ class MapPicture:
         """Draw the doors; of an open one the posts alone, so that a path through it stays in sight.
 
         Args:
-            closed: bool[D], which doors are closed; None for all.
+            closed: bool[D], which of the map's doors are closed; None for all.
         """
         for door, shut in zip(self.tilemap.doors, self._shut(closed), strict=True):
             self._door(door, is_open=not shut)
@@ -170,7 +170,7 @@ class MapPicture:
             position: (x, y) in tiles.
             heading: radians, 0 along +x, growing clockwise on the map.
             field_of_view: horizontal angle in degrees.
-            closed: bool[D], which doors are closed; None for all.
+            closed: bool[D], which of the map's doors are closed; None for all.
         """
         x, y = float(position[0]), float(position[1])
         rim = self._visible(x, y, float(heading), math.radians(field_of_view), closed)
@@ -215,9 +215,10 @@ class MapPicture:
         return free
 
     def _shut(self, closed: np.ndarray | None) -> list[bool]:
-        """Whether each door of the map is closed; a state may have room for more doors."""
-        count = len(self.tilemap.doors)
-        return [True] * count if closed is None else [bool(shut) for shut in closed[:count]]
+        """Whether each door of the map is closed."""
+        if closed is None:
+            return [True] * len(self.tilemap.doors)
+        return [bool(shut) for shut in closed]
 
     def _door(self, door: Door, *, is_open: bool) -> None:
         colour = paint(door_label(door.colour, locked=door.locked))
