@@ -46,7 +46,10 @@ def one_of(tree, index):
     return jax.tree.map(lambda leaf: leaf[index] if np.ndim(leaf) else leaf, tree)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "rnd", "joint", "icm"])
+# Resuming a joint run, which is the same of files, is in test_joint.py.
+@pytest.mark.parametrize(
+    "algo", ["ppo", "rnd", pytest.param("joint", marks=pytest.mark.slow), "icm"]
+)
 def test_two_chunks_of_one_update_are_one_of_two(algo):
     run = learner(algo)
     start = run.init(KEY)

@@ -42,11 +42,11 @@ def small_map(text):
 
 def test_all_seeds_learn_to_walk_to_the_goal_ahead():
     """A random walk finds it in 16 % of episodes; without a learning rate so does the agent."""
-    numbers = HParams(learning_rate=np.array([2.5e-4] * 8 + [0.0] * 2))
-    result = train(*small_map(CORRIDOR), updates=28, total=60, seeds=10, numbers=numbers)
-    assert result["success"][:8].min() >= 0.95, result
-    assert result["length"][:8].max() <= 10, result
-    assert np.all((result["success"][8:] > 0.05) & (result["success"][8:] < 0.35)), result
+    numbers = HParams(learning_rate=np.array([2.5e-4] * 5 + [0.0]))
+    result = train(*small_map(CORRIDOR), updates=28, total=60, seeds=6, numbers=numbers)
+    assert result["success"][:5].min() >= 0.95, result
+    assert result["length"][:5].max() <= 10, result
+    assert 0.05 < result["success"][5] < 0.35, result
 
 
 @pytest.mark.slow
