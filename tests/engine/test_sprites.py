@@ -161,6 +161,18 @@ def test_sprites_of_equal_depth_are_ordered_the_same_way_everywhere() -> None:
     assert len(middle) == 1
 
 
+@pytest.mark.parametrize("layers", [1, 4])
+def test_sprites_of_equal_depth_beside_each_other_are_all_drawn(layers: int) -> None:
+    world, camera = hall(), Camera(32, 64, 60)
+    sprites = billboards((4.0, 2.5, 0), (4.0, 4.5, 3), (4.0, 3.5, 1))
+    labels = show(world, sprites, camera, "labels", layers)
+    wanted = scenes.picture_of(world, sprites, THEME, camera, layers)
+    sure = ~wanted.unsure
+    np.testing.assert_array_equal(labels[sure], wanted.labels[sure])
+    shown = {scenes.SPRITE_LABELS + look for look in (0, 1, 3)}
+    assert shown <= set(np.unique(labels[sure]).tolist())
+
+
 def test_more_layers_than_sprites_change_nothing() -> None:
     world, camera = hall(), Camera(24, 24, 60)
     sprites = billboards((4.0, 3.5, 0), (5.0, 3.2, 1))

@@ -253,6 +253,18 @@ def test_one_of_several_goals_is_drawn():
     np.testing.assert_allclose(distance, 1.0)
 
 
+def test_start_heading_and_goal_are_drawn_independently():
+    env, params = jaxenstein.from_ascii("#########\n#GSGSGSG#\n#########", height=6, width=8)
+    keys = jax.random.split(jax.random.key(1), 4800)
+    states = jax.jit(jax.vmap(env.init_state, (0, None)))(keys, params)
+    start = np.floor(np.asarray(states.position)[:, 0]).astype(int) // 2 - 1
+    quarter = np.floor(np.asarray(states.heading) / (math.pi / 2)).astype(int)
+    drawn = np.zeros((3, 4, 4), int)
+    np.add.at(drawn, (start, np.asarray(states.goal), quarter), 1)
+    # 48 cells of 100: chi-squared with 47 degrees of freedom, far beyond its 1e-6 quantile.
+    assert ((drawn - 100) ** 2 / 100).sum() < 120
+
+
 BAD_HEADINGS = ["east", (3.0,), (10.0, 5.0), math.nan, (0.0, math.inf), (-1e76, 10), 10**400, 3601]
 
 
