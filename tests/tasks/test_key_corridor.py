@@ -138,6 +138,11 @@ def test_bad_layout_seeds_are_refused(seed):
         jaxenstein.make("key-corridor", layout_seed=seed)
 
 
+def test_without_sizes_it_is_the_registered_one():
+    env, _ = jaxenstein.make("key-corridor")
+    assert KeyCorridor(name=env.name, version=env.version, defaults=env.defaults) == env
+
+
 @pytest.mark.parametrize("size", [{"room_size": 2}, {"room_size": 17}, {"room_rows": 4}])
 def test_rooms_that_cannot_be_built_are_refused(size):
     with pytest.raises(SettingError, match="room_size must be 3 to 16 and room_rows 1 to 3, not"):

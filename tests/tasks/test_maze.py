@@ -288,6 +288,21 @@ def test_every_subset_is_equally_likely():
     assert draws(4, 4).tolist() == [6000]
 
 
+def test_start_heading_goal_and_apples_are_drawn_independently():
+    tilemap = parse_ascii("#######\n#S.S.S#\n#G.G.G#\n#######", "draws")
+    env = Maze(tilemap=tilemap, drawn_apples=1, height=8, width=8)
+    keys = jax.random.split(jax.random.key(2), 7200)
+    states = jax.jit(jax.vmap(env.init_state, (0, None)))(keys, env.default_params)
+    start = np.floor(np.asarray(states.position)[:, 0]).astype(int) // 2
+    quarter = np.floor(np.asarray(states.heading) / (np.pi / 2)).astype(int)
+    goal, apple = np.asarray(states.goal), np.asarray(states.apples)[:, 0]
+    seen = np.zeros((3, 4, 3, 3), int)
+    np.add.at(seen, (start, quarter, goal, apple), 1)
+    assert seen[:, :, range(3), range(3)].sum() == 0
+    others = seen[:, :, ~np.eye(3, dtype=bool)].ravel()
+    assert is_plausible(others.tolist(), [7200 / 72] * 72)
+
+
 def test_impossible_settings_are_refused():
     tilemap = parse_ascii("######\n#S..G#\n######", "short")
     Maze(tilemap=tilemap, start_distance=3)
