@@ -113,6 +113,16 @@ def test_numbers_of_doors_are_as_frequent_as_they_should_be(name):
         assert abs((unlocked == number).sum() - float(chance) * 3000) <= spread
 
 
+def test_rooms_of_key_and_goal_and_the_colour_are_drawn_independently():
+    states = first_states("key-corridor-s3r3", 5400)
+    # Rooms are two tiles apart.
+    key, goal = (np.asarray(place)[:, 1].astype(int) // 2 for place in (states.key, states.goal))
+    drawn = np.zeros((3, 3, 6), int)
+    np.add.at(drawn, (key, goal, np.asarray(states.key_colour)), 1)
+    # 53 degrees of freedom; 130 is far beyond the quantile of 1e-6.
+    assert ((drawn - 100) ** 2 / 100).sum() < 130
+
+
 def test_layout_seed_freezes_the_layout_but_not_the_start():
     layouts = []
     for seed in range(2):
