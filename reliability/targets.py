@@ -13,6 +13,7 @@ from typing import Any
 import jax
 
 import jaxenstein
+from jaxenstein import registry
 from jaxenstein.cli.arguments import read_map, read_text
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.trajectory_file import load_trajectory
@@ -198,9 +199,9 @@ class Settings:
         given = _object(case.files["settings.json"])
         settings = _tuples(_table(given.get("settings", {})))
         if "text" in given:
-            env, params = jaxenstein.from_ascii(given["text"], **settings)
+            env, params = jaxenstein.from_ascii(**{**settings, "text": given["text"]})
         else:
-            env, params = jaxenstein.make(given.get("id", "simple"), **settings)
+            env, params = registry.make_with(given.get("id", "simple"), settings)
         jax.eval_shape(env.reset, jax.random.key(0), params)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_args
 
 from .environment import Environment
@@ -257,6 +257,11 @@ def make(id: EnvironmentId | str, **settings: Any) -> tuple[Environment[Any, Any
         Traceback (most recent call last):
         jaxenstein.errors.UnknownEnvironmentError: unknown environment 'my-way-hom', did you...
     """
+    return make_with(id, settings)
+
+
+def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[Environment[Any, Any], Any]:
+    """As `make`, with settings of a file, which may have any names, `"id"` among them."""
     name = ALIASES.get(id, id) if isinstance(id, str) else id
     entry = ENTRIES.get(name) if isinstance(name, str) else None
     if entry is None:
@@ -311,7 +316,7 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
     return env, env.check_params()
 
 
-def _check_names(settings: dict[str, Any], known: tuple[str, ...], params: type) -> None:
+def _check_names(settings: Mapping[str, Any], known: tuple[str, ...], params: type) -> None:
     numbers = {field.name for field in dataclasses.fields(params)}
     for name in settings:
         if name in numbers and name not in known:

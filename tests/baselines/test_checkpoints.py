@@ -95,6 +95,13 @@ def test_a_damaged_checkpoint_is_passed_over(store: Checkpoints, victim: str) ->
         store.restore(state_of(0))
 
 
+def test_a_note_of_brackets_without_end_is_a_damaged_one(store: Checkpoints) -> None:
+    store.save(1, state_of(1))
+    (store.folder / "1" / "checkpoint.json").write_text("[" * 200_000, encoding="utf-8")
+    with pytest.raises(CheckpointError, match="no checkpoint can be read"):
+        store.restore(state_of(0))
+
+
 def test_changed_bits_are_noticed(store: Checkpoints, monkeypatch: pytest.MonkeyPatch) -> None:
     store.save(1, state_of(1))
     read = checkpoints._read_arrays

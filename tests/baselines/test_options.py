@@ -114,6 +114,7 @@ def test_an_alias_is_the_same_experiment() -> None:
         ({"params": {"discout": 3}}, "unknown param 'discout', did you mean 'discount'"),
         ({"horizon": 0}, "horizon must be a whole number from 1, not 0"),
         ({"settings": {"fov": 90}}, "unknown setting 'fov'"),
+        ({"settings": {"id": "simple"}}, "unknown setting 'id'"),
         ({"height": 0}, "height"),
         ({"seeds": 0}, "seeds must be a whole number from 1, not 0"),
         ({"seed": -1}, "seed must be a whole number from 0"),

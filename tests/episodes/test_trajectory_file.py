@@ -82,6 +82,7 @@ WRONG: list[tuple[str, Any, str]] = [
     ("environment.settings.height", 0, "height must be a whole number"),
     ("environment.settings.height", "12", "height must be a whole number"),
     ("environment.settings.hieght", 12, "unknown setting 'hieght', did you mean 'height'"),
+    ("environment.settings.id", "simple", "unknown setting 'id'"),
     ("environment.settings.observation", "smell", "observation must be one of"),
     ("environment.settings.autoreset", None, "'environment.settings.autoreset' does not belong"),
     ("environment.settings.heading", {}, "a setting cannot be an object"),

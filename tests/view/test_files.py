@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -69,3 +70,12 @@ def test_impossible_targets_are_told_early(tmp_path: Path) -> None:
         make_folder(tmp_path / "file")
     with pytest.raises(OutputError):
         make_folder(tmp_path / "file" / "below")
+
+
+def test_a_name_too_long_is_told_before_anything_is_made(tmp_path: Path) -> None:
+    for path in (tmp_path / ("a" * 300), tmp_path / ("a" * 300) / "b.gif"):
+        with pytest.raises(OutputError, match=r"^cannot write .*: file name too long$"):
+            check_writable(path)
+    with pytest.raises(OutputError, match=rf"^cannot write {re.escape(str(tmp_path))}: it is a folder$"):
+        check_writable(tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -118,7 +118,7 @@ class Checkpoints:
             folder = self.folder / str(update)
             try:
                 state, about = _read(folder, like)
-            except (OSError, ValueError, KeyError, TypeError) as error:
+            except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
                 if isinstance(error, CheckpointError):
                     raise
                 damaged.append(f"{folder}: {_reason(error)}")

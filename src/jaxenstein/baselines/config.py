@@ -187,9 +187,9 @@ class Config:
 
     def make_env(self) -> tuple[Any, Any]:
         """The environment and its params, as `jaxenstein.make` returns them."""
-        from ..registry import make
+        from ..registry import make_with
 
-        return make(self.env, **dict(self.env_settings))
+        return make_with(self.env, dict(self.env_settings))
 
 
 @record

@@ -146,7 +146,7 @@ def read_metrics(folder: Path) -> list[Row]:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise SettingError(f"cannot read {path}: {reason}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise SettingError(f"{path} is damaged: {error}") from error
 
 

@@ -63,7 +63,7 @@ class RunFolder:
             OutputError: it cannot be written.
         """
         path = Path(path)
-        if (path / CONFIG).exists():
+        if os.path.exists(path / CONFIG):  # False for names that are too long, too.
             raise SettingError(
                 f"there is a run in {path} already: --resume goes on with it, or choose another "
                 "folder"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import sys
 import warnings
 from collections.abc import Iterator
@@ -124,11 +125,11 @@ def _summary(tilemap: TileMap, cells: str, more: dict[str, int]) -> list[str]:
 
 def _check_out(out: Path, file: Path | None, with_faces: bool) -> None:
     """Find out whether writing the map would destroy its source or mix it with other files."""
-    if file is not None and out.exists() and out.samefile(file):
+    if file is not None and os.path.exists(out) and out.samefile(file):
         raise UsageError(f"jaxenstein convert: --out {out} is the file that is converted")
     for kind in ("regions",) if with_faces else ("regions", "faces"):
         other = beside(out, kind)
-        if other.exists():
+        if os.path.exists(other):
             raise UsageError(
                 f"jaxenstein convert: {other} exists and would be read with {out}; "
                 "remove it or choose another name for --out"

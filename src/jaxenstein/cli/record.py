@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -156,7 +157,7 @@ def actor(text: str) -> str | Path:
     """An argument type: the name of a policy, or the path of a run directory."""
     if text in POLICIES:
         return text
-    if Path(text).is_dir():
+    if os.path.isdir(text):
         return Path(text)
     raise argparse.ArgumentTypeError(
         f"must be one of {', '.join(POLICIES)}, or a run directory, not "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -91,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
 def _folder(options: argparse.Namespace, name: str, experiment: object) -> RunFolder:
     runs = baselines("runs")
     path = options.out / name
-    if not (path / runs.CONFIG).exists():
+    if not os.path.exists(path / runs.CONFIG):
         return runs.RunFolder.create(path, experiment)
     if not options.resume:
         raise UsageError(

@@ -49,7 +49,7 @@ class Recipe:
             # Whoever made the map has been warned.
             warnings.simplefilter("ignore", MapWarning)
             if self.id is not None:
-                env, params = registry.make(self.id, **settings)
+                env, params = registry.make_with(self.id, settings)
             else:
                 env, params = registry.from_ascii(**settings)
         names = [field.name for field in dataclasses.fields(params)]

@@ -58,10 +58,17 @@ def check_writable(path: str | Path) -> None:
     """Find out early, before long work, whether a file can be written at `path`.
 
     Raises:
-        OutputError: if `path` is a folder, or its own folder is missing or cannot be written to.
+        OutputError: if `path` is a folder or no name for a file, or its own folder is missing or
+            cannot be written to.
     """
     path = Path(path)
     folder = path.parent
+    try:
+        os.lstat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:  # Names may be too long even to look for.
+        raise OutputError(path, _reason(error)) from error
     if path.is_dir():
         raise OutputError(path, "it is a folder")
     if not folder.exists():
