@@ -76,6 +76,7 @@ def test_a_name_too_long_is_told_before_anything_is_made(tmp_path: Path) -> None
     for path in (tmp_path / ("a" * 300), tmp_path / ("a" * 300) / "b.gif"):
         with pytest.raises(OutputError, match=r"^cannot write .*: file name too long$"):
             check_writable(path)
-    with pytest.raises(OutputError, match=rf"^cannot write {re.escape(str(tmp_path))}: it is a folder$"):
+    folder = re.escape(str(tmp_path))
+    with pytest.raises(OutputError, match=f"^cannot write {folder}: it is a folder$"):
         check_writable(tmp_path)
     assert not list(tmp_path.iterdir())
