@@ -20,8 +20,9 @@ import jax
 import jax.numpy as jnp
 
 from benchmarks.flops import matrix_flops, matrix_rate
-from jaxenstein.baselines import Config, Experience, HParams, Learner, make_learner, ppo
-from jaxenstein.baselines.rollout import final_values, rollout
+from jaxenstein.baselines import Config, Experience, HParams, Learner, make_learner
+from jaxenstein.baselines.learning import ppo
+from jaxenstein.baselines.learning.rollout import final_values, rollout
 from jaxenstein.benchmark import describe_machine
 from jaxenstein.view.files import atomic, check_writable
 

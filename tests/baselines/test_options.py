@@ -13,8 +13,8 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein import SettingError, UnknownEnvironmentError
-from jaxenstein.baselines.config import Config, HParams
 from jaxenstein.baselines.experiment import Experiment
+from jaxenstein.baselines.learning.config import Config, HParams
 from jaxenstein.baselines.options import all_options, given_by, merge, read_file, resolve
 from jaxenstein.tasks.first_person import FirstPerson
 from tests.baselines.tiny import OPTIONS, tiny

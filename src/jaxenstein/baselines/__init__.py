@@ -26,14 +26,14 @@ except ImportError as error:
         f"jaxenstein.baselines needs flax and optax ({error}): pip install 'jaxenstein[baselines]'"
     ) from error
 
-from .bonus import Auxiliary, Bonus, Experience, NoBonus
-from .config import Config, HParams
-from .evaluation import Evaluation
-from .icm import ICM
-from .learner import Learner, PolicyCarry, make_learner
-from .many import ManyRuns
-from .rnd import RND
-from .state import TrainState
+from .bonuses.icm import ICM
+from .bonuses.rnd import RND
+from .learning.bonus import Auxiliary, Bonus, Experience, NoBonus
+from .learning.config import Config, HParams
+from .learning.evaluation import Evaluation
+from .learning.learner import Learner, PolicyCarry, make_learner
+from .learning.many import ManyRuns
+from .learning.state import TrainState
 
 if TYPE_CHECKING:
     from .agents import load_policy

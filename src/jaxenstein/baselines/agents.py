@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import SettingError
 from .bootstrap import Interval, mean_interval
-from .observations import observation_spec
+from .learning.observations import observation_spec
 from .runs import RunFolder, final_state, run_names
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ import jax.numpy as jnp
 
 from ..episodes.recipe import Recipe
 from ..errors import SettingError
-from .config import Config, HParams
-from .learner import Learner, make_learner
+from .learning.config import Config, HParams
+from .learning.learner import Learner, make_learner
 
 FORMAT = 1
 # Seeds of one experiment, which are trained side by side; a mistyped number would fill the memory.

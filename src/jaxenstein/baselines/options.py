@@ -19,8 +19,8 @@ from typing import Any, Literal
 
 from ..episodes.recipe import Recipe
 from ..errors import SettingError, nearest
-from .config import Config, HParams
 from .experiment import OF_RECIPE, Experiment, as_tuples, check_seeds, config_of
+from .learning.config import Config, HParams
 
 Kind = Literal["count", "number", "flag", "choice", "layers", "angle", "text", "table"]
 

@@ -25,12 +25,12 @@ from ..errors import JAXensteinError, SettingError
 from ..version import __version__
 from ..view.files import OutputError, atomic, check_writable, make_folder
 from .checkpoints import Checkpoints, Restored, check_space
-from .config import HParams
 from .experiment import Experiment, check_seeds
+from .learning.config import HParams
+from .learning.placement import place
+from .learning.state import TrainState
 from .metrics import MetricsFiles, Row, Sink, rows_of
 from .options import check_grid
-from .placement import place
-from .state import TrainState
 
 CONFIG, CHECKPOINTS, TIMING, LOCK = "config.json", "checkpoints", "timing.csv", ".lock"
 # Seconds of training between two checkpoints.

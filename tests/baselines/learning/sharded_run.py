@@ -11,7 +11,7 @@ import numpy as np
 
 import jaxenstein
 from jaxenstein.baselines import Config, HParams, make_learner
-from jaxenstein.baselines.sharding import make_mesh, shard
+from jaxenstein.baselines.learning.sharding import make_mesh, shard
 
 MOVES = re.compile(r"= .* (all-gather|all-to-all|collective-permute|all-reduce)(-start)?\(")
 

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import jax
 import jax.numpy as jnp
 
-from ..pytree import Record, record
+from ...pytree import Record, record
 from . import running_stats
 from .config import HParams
 from .running_stats import RunningStats

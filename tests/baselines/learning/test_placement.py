@@ -13,16 +13,16 @@ import pytest
 pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 
-from jaxenstein.baselines.placement import place
+from jaxenstein.baselines.learning.placement import place
 from tests.baselines.tiny import tiny
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 CODE = """
 import sys
 import jax, numpy as np
 from pathlib import Path
 from jaxenstein.baselines.runs import RunFolder, train
-from jaxenstein.baselines.placement import place
+from jaxenstein.baselines.learning.placement import place
 from tests.baselines.tiny import tiny
 assert jax.device_count() == 2
 for name, options in (("shards", {"seeds": 1, "shards": 2}), ("runs", {"seeds": 2})):

@@ -8,18 +8,18 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..errors import SettingError
-from ..pytree import Record, record
+from ...errors import SettingError
+from ...pytree import Record, record
+from ..bonuses.icm import ICM
+from ..bonuses.rnd import RND
 from . import optimiser
 from .bonus import Bonus, NoBonus, trained
 from .config import Config, HParams
 from .evaluation import Evaluation, evaluate
-from .icm import ICM
 from .loop import Loop
 from .many import ManyRuns
 from .networks import ActorCritic, layers_for
 from .observations import ObservationSpec, observation_spec
-from .rnd import RND
 from .rollout import start
 from .simulator import GymnaxSimulator, make_simulator, most_truncations
 from .state import Metrics, TrainState, key_data, wrap_key

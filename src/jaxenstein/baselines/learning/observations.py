@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..errors import SettingError
+from ...errors import SettingError
 
 Scaling = Literal["bounds", "log", "distance", "bits"]
 

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..pytree import Record, record
+from ...pytree import Record, record
 from .rollout import Actors
 
 Metrics = dict[str, jax.Array]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 
-from ..errors import SettingError
+from ...errors import SettingError
 from .config import HParams
 from .evaluation import Evaluation
 from .state import Metrics, TrainState, key_data

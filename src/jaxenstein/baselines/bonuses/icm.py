@@ -13,15 +13,15 @@ import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
-from ..pytree import Record, record
-from . import optimiser
-from .bonus import BonusScale, Experience, Metrics, initial_scale, scaled
-from .config import Config, HParams
-from .minibatches import passes, take
-from .networks import Eye, dense
-from .observations import ObservationSpec
+from ...pytree import Record, record
+from ..learning import optimiser
+from ..learning.bonus import BonusScale, Experience, Metrics, initial_scale, scaled
+from ..learning.config import Config, HParams
+from ..learning.minibatches import passes, take
+from ..learning.networks import Eye, dense
+from ..learning.observations import ObservationSpec
+from ..learning.rollout import log_prob
 from .rnd import Embedding
-from .rollout import log_prob
 
 
 @record

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from ..errors import SettingError, nearest
-from ..pytree import Record, record
+from ...errors import SettingError, nearest
+from ...pytree import Record, record
 
 Algorithm = Literal["ppo", "rnd", "icm"]
 Precision = Literal["float32", "bfloat16"]
@@ -187,7 +187,7 @@ class Config:
 
     def make_env(self) -> tuple[Any, Any]:
         """The environment and its params, as `jaxenstein.make` returns them."""
-        from ..registry import make_with
+        from ...registry import make_with
 
         return make_with(self.env, dict(self.env_settings))
 

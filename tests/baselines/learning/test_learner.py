@@ -12,7 +12,7 @@ pytest.importorskip("flax")
 
 import jaxenstein
 from jaxenstein.baselines import Config, HParams, make_learner
-from jaxenstein.baselines.rollout import rollout
+from jaxenstein.baselines.learning.rollout import rollout
 from jaxenstein.errors import SettingError
 from tests.baselines.worlds import Countdown, Memory
 

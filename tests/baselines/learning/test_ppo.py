@@ -11,11 +11,12 @@ pytest.importorskip("flax")
 
 import optax
 
-from jaxenstein.baselines import Config, HParams, optimiser, ppo
-from jaxenstein.baselines.minibatches import draw_minibatches, passes, take
-from jaxenstein.baselines.networks import ActorCritic
-from jaxenstein.baselines.observations import ObservationSpec, Part
-from jaxenstein.baselines.rollout import Steps
+from jaxenstein.baselines import Config, HParams
+from jaxenstein.baselines.learning import optimiser, ppo
+from jaxenstein.baselines.learning.minibatches import draw_minibatches, passes, take
+from jaxenstein.baselines.learning.networks import ActorCritic
+from jaxenstein.baselines.learning.observations import ObservationSpec, Part
+from jaxenstein.baselines.learning.rollout import Steps
 from tests.baselines.worlds import enable_x64
 
 

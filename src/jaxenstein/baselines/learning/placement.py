@@ -8,7 +8,7 @@ from typing import Any
 import jax
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
-from .experiment import Experiment
+from ..experiment import Experiment
 
 
 def place(state: Any, experiment: Experiment, devices: Any = None) -> Any:

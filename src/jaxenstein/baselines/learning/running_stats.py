@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from ..pytree import Record, record
+from ...pytree import Record, record
 
 
 @record

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("flax")
 
-from jaxenstein.baselines import gae
+from jaxenstein.baselines.learning import gae
 from tests.baselines.worlds import enable_x64
 
 

@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("flax")
 
-from jaxenstein.baselines import bonus, running_stats
+from jaxenstein.baselines.learning import bonus, running_stats
 
 
 @pytest.mark.parametrize("cuts", [[], [1], [3, 4, 90]])

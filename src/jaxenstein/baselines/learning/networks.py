@@ -18,7 +18,7 @@ import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
-from ..errors import SettingError
+from ...errors import SettingError
 from .config import Config
 from .convolution import conv_lax, conv_matmul, output_size
 from .observations import ObservationSpec

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..pytree import Record, record
+from ...pytree import Record, record
 from . import optimiser
 from .bonus import Auxiliary, Experience
 from .config import Config, HParams

@@ -13,14 +13,14 @@ import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
-from ..pytree import Record, record
-from . import optimiser, running_stats
-from .bonus import Auxiliary, BonusScale, Experience, Metrics, initial_scale, scaled
-from .config import Config, HParams
-from .minibatches import passes, take
-from .networks import Eye, dense
-from .observations import ObservationSpec
-from .running_stats import RunningStats
+from ...pytree import Record, record
+from ..learning import optimiser, running_stats
+from ..learning.bonus import Auxiliary, BonusScale, Experience, Metrics, initial_scale, scaled
+from ..learning.config import Config, HParams
+from ..learning.minibatches import passes, take
+from ..learning.networks import Eye, dense
+from ..learning.observations import ObservationSpec
+from ..learning.running_stats import RunningStats
 
 # Whitened pixels further out are clipped, as OpenAI's RND does.
 _FURTHEST = 5.0

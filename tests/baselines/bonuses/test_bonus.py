@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein.baselines import ICM, RND, Config, Experience, HParams
-from jaxenstein.baselines.observations import ObservationSpec, Part
+from jaxenstein.baselines.learning.observations import ObservationSpec, Part
 
 KEY = jax.random.key(0)
 SPEC = ObservationSpec((Part((8, 8), True, "bounds", 0, 255), Part((2,), False, "bounds")))

@@ -11,10 +11,10 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein.baselines import Config
-from jaxenstein.baselines.sharding import make_mesh, shard
+from jaxenstein.baselines.learning.sharding import make_mesh, shard
 from jaxenstein.errors import SettingError
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.mark.parametrize("optimizer", ["separate", pytest.param("joint", marks=pytest.mark.slow)])
@@ -22,7 +22,7 @@ def test_sharded_is_single_device(optimizer):
     flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=4"
     path = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "tests.baselines.sharded_run", optimizer],
+        [sys.executable, "-W", "error", "-m", "tests.baselines.learning.sharded_run", optimizer],
         env={**os.environ, "XLA_FLAGS": flags, "PYTHONPATH": path, "JAX_PLATFORMS": "cpu"},
         cwd=ROOT, capture_output=True, text=True, timeout=600,
     )  # fmt: skip

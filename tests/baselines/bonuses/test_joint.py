@@ -16,11 +16,12 @@ pytest.importorskip("flax")
 
 import optax
 
-from jaxenstein.baselines import RND, Config, Experience, HParams, optimiser, ppo
-from jaxenstein.baselines.bonus import trained
-from jaxenstein.baselines.networks import ActorCritic
-from jaxenstein.baselines.observations import ObservationSpec, Part
-from jaxenstein.baselines.rollout import Steps
+from jaxenstein.baselines import RND, Config, Experience, HParams
+from jaxenstein.baselines.learning import optimiser, ppo
+from jaxenstein.baselines.learning.bonus import trained
+from jaxenstein.baselines.learning.networks import ActorCritic
+from jaxenstein.baselines.learning.observations import ObservationSpec, Part
+from jaxenstein.baselines.learning.rollout import Steps
 
 KEY = jax.random.key(0)
 STEPS, BATCH = 5, 4

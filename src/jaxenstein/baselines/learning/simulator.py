@@ -13,10 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..engine.fusion import where_any
-from ..environment import Environment
-from ..errors import SettingError
-from ..pytree import Record, record
+from ...engine.fusion import where_any
+from ...environment import Environment
+from ...errors import SettingError
+from ...pytree import Record, record
 
 
 @record

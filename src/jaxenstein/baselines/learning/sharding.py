@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
-from ..errors import SettingError
+from ...errors import SettingError
 
 if TYPE_CHECKING:
     from .config import Config

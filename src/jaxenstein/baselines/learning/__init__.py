@@ -1,0 +1,1 @@
+"""Recurrent PPO: environments, networks, rollouts, advantages, losses, and the loop over them."""
