@@ -17,8 +17,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from jaxenstein.baselines.curves import curves_of, save_plot
-from jaxenstein.baselines.sweeps import summary
+from jaxenstein.baselines.runs.curves import curves_of, save_plot
+from jaxenstein.baselines.runs.sweeps import summary
 from jaxenstein.cli.sweep import table
 from jaxenstein.errors import JAXensteinError
 

@@ -20,7 +20,7 @@ from typing import Any
 from unittest import mock
 
 from jaxenstein import cli
-from jaxenstein.baselines import agents
+from jaxenstein.baselines.runs import agents
 from jaxenstein.cli import bench, play, rollout, sweep, train
 from jaxenstein.cli.arguments import Parser, UsageError
 from jaxenstein.episodes.session import Session

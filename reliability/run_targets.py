@@ -10,10 +10,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from jaxenstein.baselines.curves import curves_of
-from jaxenstein.baselines.experiment import Experiment
-from jaxenstein.baselines.options import all_options, read_file, resolve
-from jaxenstein.baselines.runs import RunFolder, train
+from jaxenstein.baselines.runs.curves import curves_of
+from jaxenstein.baselines.runs.experiment import Experiment
+from jaxenstein.baselines.runs.folder import RunFolder, train
+from jaxenstein.baselines.runs.options import all_options, read_file, resolve
 
 from .cases import Case
 from .mutate import Rng, as_text, spoil_bytes, spoil_json, spoil_lines, spoil_tree, spoil_words

@@ -9,8 +9,8 @@ from typing import Any
 
 import jax
 
-from jaxenstein.baselines.experiment import Experiment
-from jaxenstein.baselines.options import resolve
+from jaxenstein.baselines.runs.experiment import Experiment
+from jaxenstein.baselines.runs.options import resolve
 
 OPTIONS: dict[str, Any] = {
     "map": "####\n#SG#\n####",

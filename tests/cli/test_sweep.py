@@ -11,10 +11,10 @@ import pytest
 pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 
-from jaxenstein.baselines.experiment import Experiment
-from jaxenstein.baselines.metrics import means
-from jaxenstein.baselines.runs import RunFolder
-from jaxenstein.baselines.sweeps import PAPER, plan, summary
+from jaxenstein.baselines.runs.experiment import Experiment
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.metrics import means
+from jaxenstein.baselines.runs.sweeps import PAPER, plan, summary
 from jaxenstein.cli import main
 from jaxenstein.cli.sweep import table
 from tests.baselines.tiny import OPTIONS, tiny

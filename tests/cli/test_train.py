@@ -17,10 +17,10 @@ import pytest
 pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 
-from jaxenstein.baselines import runs
-from jaxenstein.baselines.metrics import read_metrics
-from jaxenstein.baselines.options import resolve
-from jaxenstein.baselines.runs import RunFolder
+from jaxenstein.baselines.runs import folder as runs
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.metrics import read_metrics
+from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.train import note_of
 from jaxenstein.cli.training import given_options

@@ -14,9 +14,9 @@ pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
 from experiments.compare import NUMBERS
-from jaxenstein.baselines.experiment import Experiment
-from jaxenstein.baselines.metrics import read_metrics
-from jaxenstein.baselines.options import resolve
+from jaxenstein.baselines.runs.experiment import Experiment
+from jaxenstein.baselines.runs.metrics import read_metrics
+from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import build_parser
 from jaxenstein.cli.training import given_options
 

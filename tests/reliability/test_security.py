@@ -119,7 +119,7 @@ def test_a_trajectory_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> 
 
 def test_a_checkpoint_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> None:
     pytest.importorskip("orbax.checkpoint")
-    from jaxenstein.baselines.checkpoints import Checkpoints
+    from jaxenstein.baselines.runs.checkpoints import Checkpoints
 
     state = {"a": np.arange(3), "b": np.ones((2, 2), np.float32)}
     Checkpoints(tmp_path / "there").save(1, state)
@@ -136,7 +136,7 @@ def run(tmp_path: Path) -> Path:
     """A run directory that has not been trained."""
     pytest.importorskip("orbax.checkpoint")
     pytest.importorskip("flax")
-    from jaxenstein.baselines.runs import RunFolder
+    from jaxenstein.baselines.runs.folder import RunFolder
     from tests.baselines.tiny import tiny
 
     folder = RunFolder.create(tmp_path / "run", tiny())
@@ -149,7 +149,7 @@ def run(tmp_path: Path) -> Path:
     [".lock", "metrics.csv", "timing.csv", "checkpoints", "checkpoints/7.part", "tensorboard"],
 )
 def test_links_out_of_a_run_are_not_followed(run: Path, tmp_path: Path, name: str) -> None:
-    from jaxenstein.baselines.runs import RunFolder, train
+    from jaxenstein.baselines.runs.folder import RunFolder, train
 
     treasure = tmp_path / "treasure"
     treasure.mkdir()
@@ -166,7 +166,7 @@ def test_links_out_of_a_run_are_not_followed(run: Path, tmp_path: Path, name: st
 
 
 def test_links_within_a_run_are_followed(run: Path) -> None:
-    from jaxenstein.baselines.runs import RunFolder
+    from jaxenstein.baselines.runs.folder import RunFolder
 
     (run / "newest").symlink_to(run / "checkpoints")
     with RunFolder.open(run).locked():
@@ -205,7 +205,7 @@ def change(path: str, value: Any) -> Callable[[dict[str, Any]], None]:
 )
 def test_the_configuration_of_a_run_is_looked_at(run: Path, path: str, value: Any) -> None:
     """Names of runs become names of folders, so they cannot be anything."""
-    from jaxenstein.baselines.runs import RunFolder
+    from jaxenstein.baselines.runs.folder import RunFolder
 
     file = run / "config.json"
     plain = json.loads(file.read_text())
@@ -219,7 +219,7 @@ def test_yaml_of_names_for_names_is_refused(tmp_path: Path) -> None:
     """Ten lines could stand for a billion values."""
     pytest.importorskip("yaml")
     pytest.importorskip("flax")
-    from jaxenstein.baselines.options import read_file
+    from jaxenstein.baselines.runs.options import read_file
 
     lines = ["settings:", "  a0: &a0 [1, 1]"]
     lines += [f"  a{i + 1}: &a{i + 1} [*a{i}, *a{i}, *a{i}, *a{i}, *a{i}]" for i in range(12)]
@@ -231,7 +231,7 @@ def test_yaml_of_names_for_names_is_refused(tmp_path: Path) -> None:
 def test_yaml_makes_no_objects(tmp_path: Path) -> None:
     pytest.importorskip("yaml")
     pytest.importorskip("flax")
-    from jaxenstein.baselines.options import read_file
+    from jaxenstein.baselines.runs.options import read_file
 
     (tmp_path / "c.yaml").write_text("env: !!python/object/apply:os.system ['touch evil']\n")
     with pytest.raises(SettingError, match="is not YAML"):

@@ -36,18 +36,18 @@ from .learning.many import ManyRuns
 from .learning.state import TrainState
 
 if TYPE_CHECKING:
-    from .agents import load_policy
-    from .experiment import Experiment
-    from .options import resolve
-    from .runs import RunFolder, train
+    from .runs.agents import load_policy
+    from .runs.experiment import Experiment
+    from .runs.folder import RunFolder, train
+    from .runs.options import resolve
 
 # What reads and writes run directories needs orbax too, which takes its time to import.
 _LAZY = {
-    "Experiment": ".experiment",
-    "RunFolder": ".runs",
-    "load_policy": ".agents",
-    "resolve": ".options",
-    "train": ".runs",
+    "Experiment": ".runs.experiment",
+    "RunFolder": ".runs.folder",
+    "load_policy": ".runs.agents",
+    "resolve": ".runs.options",
+    "train": ".runs.folder",
 }
 
 __all__ = [

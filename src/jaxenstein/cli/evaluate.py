@@ -17,7 +17,7 @@ from .listing import format_table
 from .training import baselines
 
 if TYPE_CHECKING:
-    from ..baselines.agents import Result
+    from ..baselines.runs.agents import Result
 
 DESCRIPTION = """\
 Play whole episodes with the agents of a run directory, with the most likely actions ("greedy")
@@ -76,7 +76,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Evaluate, print the table, write the files."""
-    agents, runs = baselines("agents"), baselines("runs")
+    agents, runs = baselines("agents"), baselines("folder")
     if options.json is not None:
         check_writable(options.json)
     if options.gif is not None:

@@ -21,7 +21,7 @@ from .arguments import UsageError, add_environment, add_seed, open_environment, 
 from .record import load_agent, stage_of
 
 if TYPE_CHECKING:
-    from ..baselines.agents import TrainedPolicy
+    from ..baselines.runs.agents import TrainedPolicy
     from ..episodes.session import Session
     from ..tasks.first_person import FirstPerson
     from ..view.game import Game

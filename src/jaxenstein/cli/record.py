@@ -24,7 +24,7 @@ from .arguments import (
 )
 
 if TYPE_CHECKING:
-    from ..baselines.agents import TrainedPolicy
+    from ..baselines.runs.agents import TrainedPolicy
     from ..tasks.first_person import FirstPerson
 
 DESCRIPTION = """\

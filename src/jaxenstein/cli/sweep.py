@@ -13,8 +13,8 @@ from .train import add_training, carry_out
 from .training import add_options, baselines, given_options
 
 if TYPE_CHECKING:
-    from ..baselines.runs import RunFolder
-    from ..baselines.sweeps import Point
+    from ..baselines.runs.folder import RunFolder
+    from ..baselines.runs.sweeps import Point
 
 DESCRIPTION = """\
 Train every algorithm at every point of its grid, with five seeds. The runs of one algorithm are
@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _folder(options: argparse.Namespace, name: str, experiment: object) -> RunFolder:
-    runs = baselines("runs")
+    runs = baselines("folder")
     path = options.out / name
     if not os.path.exists(path / runs.CONFIG):
         return runs.RunFolder.create(path, experiment)

@@ -16,8 +16,8 @@ from .arguments import Parser, UsageError, real, whole
 from .training import add_options, baselines, given_options
 
 if TYPE_CHECKING:
-    from ..baselines.metrics import Row, Sink
-    from ..baselines.runs import RunFolder
+    from ..baselines.runs.folder import RunFolder
+    from ..baselines.runs.metrics import Row, Sink
 
 DESCRIPTION = """\
 Train recurrent PPO (--algo ppo), with random network distillation (rnd) or curiosity (icm), on
@@ -111,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
 
 def open_folder(options: argparse.Namespace) -> RunFolder:
     """A new run directory, or the one to go on with."""
-    runs, parsing = baselines("runs"), baselines("options")
+    runs, parsing = baselines("folder"), baselines("options")
     given = given_options(options)
     if not options.resume:
         return runs.RunFolder.create(options.out, parsing.resolve(given))
@@ -124,7 +124,7 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
 
 def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     """Train in a run directory with a progress line, until it is done or somebody stops it."""
-    runs = baselines("runs")
+    runs = baselines("folder")
     experiment = folder.experiment
     total = experiment.config.updates
     many = experiment.config.steps_per_update * len(experiment.runs)
@@ -176,7 +176,7 @@ def note_of(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def open_sinks(folder: RunFolder, options: argparse.Namespace) -> list[Sink]:
     """Where metrics go besides the files."""
-    metrics, runs = baselines("metrics"), baselines("runs")
+    metrics, runs = baselines("metrics"), baselines("folder")
     names = runs.run_names(folder.experiment)
     sinks: list[Sink] = []
     if options.tensorboard is not False:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from .arguments import Parser, UsageError, heading, read_map
 
 if TYPE_CHECKING:
-    from ..baselines.options import Option
+    from ..baselines.runs.options import Option
 
 # Flags of options that are tables: their flag, and what one entry looks like.
 TABLES = {
@@ -23,14 +23,14 @@ TABLES = {
 
 
 def baselines(module: str) -> Any:
-    """A module of the baselines.
+    """A module of `jaxenstein.baselines.runs`.
 
     Raises:
         UsageError: the extra is not installed.
     """
     hint = "pip install 'jaxenstein[baselines]'"
     try:
-        return importlib.import_module(f"jaxenstein.baselines.{module}")
+        return importlib.import_module(f"jaxenstein.baselines.runs.{module}")
     except ImportError as error:
         text = str(error)
         if hint not in text and not isinstance(error, ModuleNotFoundError):

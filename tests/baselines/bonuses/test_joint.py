@@ -198,7 +198,7 @@ def test_nothing_is_left_to_learn_after_the_policy() -> None:
 
 def test_a_joint_run_stopped_and_resumed_is_the_same(tmp_path: Path) -> None:
     pytest.importorskip("orbax.checkpoint")
-    from jaxenstein.baselines.runs import RunFolder, train
+    from jaxenstein.baselines.runs.folder import RunFolder, train
     from tests.baselines.tiny import tiny
 
     small = {"rnd_hidden": 8, "rnd_output": 8, "total_steps": 3 * 4 * 8, "seeds": 1}
@@ -221,7 +221,7 @@ def test_a_joint_run_stopped_and_resumed_is_the_same(tmp_path: Path) -> None:
 
 def test_a_run_from_before_the_option_is_a_separate_one(tmp_path: Path) -> None:
     pytest.importorskip("orbax.checkpoint")
-    from jaxenstein.baselines.runs import CONFIG, RunFolder
+    from jaxenstein.baselines.runs.folder import CONFIG, RunFolder
     from tests.baselines.tiny import tiny
 
     folder = RunFolder.create(tmp_path / "run", tiny(algo="rnd"))

@@ -21,7 +21,7 @@ CODE = """
 import sys
 import jax, numpy as np
 from pathlib import Path
-from jaxenstein.baselines.runs import RunFolder, train
+from jaxenstein.baselines.runs.folder import RunFolder, train
 from jaxenstein.baselines.learning.placement import place
 from tests.baselines.tiny import tiny
 assert jax.device_count() == 2

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
-from ..experiment import Experiment
+if TYPE_CHECKING:
+    from ..runs.experiment import Experiment
 
 
 def place(state: Any, experiment: Experiment, devices: Any = None) -> Any:

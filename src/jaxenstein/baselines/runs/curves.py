@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import SettingError, nearest
-from ..view.files import atomic, check_writable
+from ...errors import SettingError, nearest
+from ...view.files import atomic, check_writable
 from .bootstrap import band
 from .experiment import Experiment
+from .folder import RunFolder
 from .metrics import Row, read_metrics
-from .runs import RunFolder
 
 # Means over episodes, and the sums that they are made of.
 EPISODE_MEANS = {"return": "return_sum", "length": "length_sum", "success": "successes"}

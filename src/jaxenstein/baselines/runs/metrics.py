@@ -14,8 +14,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..errors import SettingError
-from ..view.files import OutputError
+from ...errors import SettingError
+from ...view.files import OutputError
 
 CSV, JSONL = "metrics.csv", "metrics.jsonl"
 Number = int | float | None

@@ -21,8 +21,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..errors import SettingError
-from ..view.files import OutputError, make_folder
+from ...errors import SettingError
+from ...view.files import OutputError, make_folder
 
 FORMAT = 1
 KEEP = 2

@@ -19,8 +19,8 @@ pytest.importorskip("flax")
 
 import jaxenstein
 from jaxenstein import SettingError
-from jaxenstein.baselines.agents import Result, evaluate, load_policy
-from jaxenstein.baselines.runs import RunFolder
+from jaxenstein.baselines.runs.agents import Result, evaluate, load_policy
+from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session

@@ -13,9 +13,9 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein import SettingError, UnknownEnvironmentError
-from jaxenstein.baselines.experiment import Experiment
 from jaxenstein.baselines.learning.config import Config, HParams
-from jaxenstein.baselines.options import all_options, given_by, merge, read_file, resolve
+from jaxenstein.baselines.runs.experiment import Experiment
+from jaxenstein.baselines.runs.options import all_options, given_by, merge, read_file, resolve
 from jaxenstein.tasks.first_person import FirstPerson
 from tests.baselines.tiny import OPTIONS, tiny
 

@@ -14,10 +14,10 @@ pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
 from jaxenstein import SettingError
-from jaxenstein.baselines.bootstrap import band, mean_interval
-from jaxenstein.baselines.curves import Curve, curves_of, draw, save_plot
-from jaxenstein.baselines.metrics import means
-from jaxenstein.baselines.runs import RunFolder
+from jaxenstein.baselines.runs.bootstrap import band, mean_interval
+from jaxenstein.baselines.runs.curves import Curve, curves_of, draw, save_plot
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.metrics import means
 from jaxenstein.view.files import OutputError
 from tests.baselines.tiny import UPDATES, tiny
 

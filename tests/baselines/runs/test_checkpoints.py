@@ -19,8 +19,8 @@ import pytest
 pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 
-from jaxenstein.baselines import checkpoints
-from jaxenstein.baselines.checkpoints import CheckpointError, Checkpoints, check_space, size_of
+from jaxenstein.baselines.runs import checkpoints
+from jaxenstein.baselines.runs.checkpoints import CheckpointError, Checkpoints, check_space, size_of
 from jaxenstein.view.files import OutputError
 
 
@@ -168,7 +168,7 @@ def test_the_system_refusing_to_write_is_told(tmp_path: Path) -> None:
     code = f"""
 import resource
 import numpy as np
-from jaxenstein.baselines.checkpoints import Checkpoints
+from jaxenstein.baselines.runs.checkpoints import Checkpoints
 from jaxenstein.view.files import OutputError
 store = Checkpoints({str(tmp_path)!r})
 store.save(1, {{"a": np.arange(9, dtype=np.int32)}})

@@ -21,14 +21,14 @@ from typing import Any
 
 import jax
 
-from ..errors import JAXensteinError, SettingError
-from ..version import __version__
-from ..view.files import OutputError, atomic, check_writable, make_folder
+from ...errors import JAXensteinError, SettingError
+from ...version import __version__
+from ...view.files import OutputError, atomic, check_writable, make_folder
+from ..learning.config import HParams
+from ..learning.placement import place
+from ..learning.state import TrainState
 from .checkpoints import Checkpoints, Restored, check_space
 from .experiment import Experiment, check_seeds
-from .learning.config import HParams
-from .learning.placement import place
-from .learning.state import TrainState
 from .metrics import MetricsFiles, Row, Sink, rows_of
 from .options import check_grid
 

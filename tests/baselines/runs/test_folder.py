@@ -25,17 +25,17 @@ pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 
 from jaxenstein import SettingError
-from jaxenstein.baselines import checkpoints, metrics
-from jaxenstein.baselines.experiment import Experiment
-from jaxenstein.baselines.metrics import MetricsFiles, read_metrics, rows_of
-from jaxenstein.baselines.runs import CHECKPOINTS, CONFIG, RunFolder, run_names, train
+from jaxenstein.baselines.runs import checkpoints, metrics
+from jaxenstein.baselines.runs.experiment import Experiment
+from jaxenstein.baselines.runs.folder import CHECKPOINTS, CONFIG, RunFolder, run_names, train
+from jaxenstein.baselines.runs.metrics import MetricsFiles, read_metrics, rows_of
 from jaxenstein.view.files import OutputError
 from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, tiny
 
 FILES = ("metrics.csv", "metrics.jsonl")
 TRAIN = """
 import sys
-from jaxenstein.baselines.runs import RunFolder, train
+from jaxenstein.baselines.runs.folder import RunFolder, train
 train(RunFolder.open(sys.argv[1]), save_every=0.0)
 """
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from ..errors import SettingError
+from ...errors import SettingError
+from ..learning.observations import observation_spec
 from .bootstrap import Interval, mean_interval
-from .learning.observations import observation_spec
-from .runs import RunFolder, final_state, run_names
+from .folder import RunFolder, final_state, run_names
 
 if TYPE_CHECKING:
-    from ..episodes.session import Session
+    from ...episodes.session import Session
 
 
 class TrainedPolicy:

@@ -17,10 +17,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from ..episodes.recipe import Recipe
-from ..errors import SettingError, nearest
+from ...episodes.recipe import Recipe
+from ...errors import SettingError, nearest
+from ..learning.config import Config, HParams
 from .experiment import OF_RECIPE, Experiment, as_tuples, check_seeds, config_of
-from .learning.config import Config, HParams
 
 Kind = Literal["count", "number", "flag", "choice", "layers", "angle", "text", "table"]
 

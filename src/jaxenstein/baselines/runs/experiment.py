@@ -13,10 +13,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..episodes.recipe import Recipe
-from ..errors import SettingError
-from .learning.config import Config, HParams
-from .learning.learner import Learner, make_learner
+from ...episodes.recipe import Recipe
+from ...errors import SettingError
+from ..learning.config import Config, HParams
+from ..learning.learner import Learner, make_learner
 
 FORMAT = 1
 # Seeds of one experiment, which are trained side by side; a mistyped number would fill the memory.
