@@ -65,11 +65,11 @@ bench: ## measure all beside its peers, write docs/benchmarks.md (an hour; QUICK
 compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
 	$(BIN)/python -m benchmarks.compare_vizdoom $(ARGS)
 
-partners: $(VENV)/.created ## run the adapters' tests beside their partners, each in a .venv-partners/NAME
-	$(BIN)/python -m reliability.partners $(ARGS)
+partners: $(VENV)/.dev ## run the adapters' tests beside their partners, each in an environment of its own
+	$(BIN)/python -m nox -t partners $(ARGS)
 
 lanes: $(VENV)/.dev ## run the tests with each Python, the oldest and newest JAX, and the wheel
-	$(BIN)/python -m reliability.lanes $(ARGS)
+	$(BIN)/python -m nox -t lanes $(ARGS)
 
 fuzz: $(VENV)/.dev ## try spoilt maps, files and arguments; ARGS="--minutes 60 --target ascii"
 	$(BIN)/python -m reliability.fuzz $(ARGS)
@@ -81,7 +81,7 @@ mutants: $(VENV)/.mutation ## change the engine and the rules a little, and see 
 	$(BIN)/python -m reliability.mutants $(ARGS)
 
 clean: ## remove .venv and everything generated
-	rm -rf $(VENV) .venv-partners .venv-lanes $(BENCH) $(DEMO) fuzz docs/_build docs/environments build dist .coverage .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .nox $(BENCH) $(DEMO) fuzz docs/_build docs/environments build dist .coverage .pytest_cache .ruff_cache .hypothesis
 	find src tests benchmarks docs experiments fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted one is done again.

@@ -47,7 +47,7 @@ def test_the_samples_of_a_page_run_in_order(page: Path, tmp_path, monkeypatch) -
 def test_a_sample_with_a_partner_runs_by_itself(sample: Sample, tmp_path, monkeypatch) -> None:
     for name in sample.partners:
         if name in NOT_RUN:
-            pytest.skip(f"{name} is run by reliability/partners.py")
+            pytest.skip(f"{name} is run by `make partners`")
         pytest.importorskip(name)
     monkeypatch.chdir(tmp_path)
     sample.run({"__name__": "sample"})
