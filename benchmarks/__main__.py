@@ -16,9 +16,9 @@ from benchmarks.interleave import tell
 from benchmarks.measure import FORMAT, Settings, measure
 from benchmarks.parts import PARTS, Plan, quick_plan
 from benchmarks.peers import FOLDER, find
-from jaxenstein.benchmark import describe_machine
 from jaxenstein.errors import JAXensteinError
-from jaxenstein.view.files import OutputError, atomic, check_writable, make_folder
+from jaxenstein.files import OutputError, atomic, check_writable, make_folder
+from jaxenstein.speed.measuring import describe_machine
 
 # Rounds and seconds of a chunk: of a run for the record, and of a quick one.
 FULL, QUICK = (7, 1.0), (1, 0.05)

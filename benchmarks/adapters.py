@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.interleave import SubjectError, Worker, add_options, median_ratio, run_rounds, tell
-from jaxenstein.benchmark import describe_machine, summarise
-from jaxenstein.view.files import atomic, check_writable
+from jaxenstein.files import atomic, check_writable
+from jaxenstein.speed.measuring import describe_machine, summarise
 
 
 class Adapter(NamedTuple):

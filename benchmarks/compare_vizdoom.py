@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.interleave import SubjectError, Worker, add_options, median_ratio, run_rounds, tell
-from jaxenstein.benchmark import describe_machine, summarise
-from jaxenstein.view.files import atomic, check_writable
+from jaxenstein.files import atomic, check_writable
+from jaxenstein.speed.measuring import describe_machine, summarise
 
 BATCHES = (64, 128, 256, 512, 1024)
 RESIZED = "vizdoom-gymnasium"

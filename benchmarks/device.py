@@ -29,12 +29,12 @@ from benchmarks.frames import make_frames
 from benchmarks.kernels import count_kernels
 from benchmarks.report_others import DEVICE_HEAD, device_row
 from benchmarks.tables import markdown
-from jaxenstein.benchmark import describe_machine, summarise
 from jaxenstein.cli.arguments import size as image_size
 from jaxenstein.cli.arguments import whole
 from jaxenstein.errors import JAXensteinError
-from jaxenstein.random_rollout import make_random_rollout
-from jaxenstein.view.files import OutputError, atomic, check_writable
+from jaxenstein.files import OutputError, atomic, check_writable
+from jaxenstein.speed.measuring import describe_machine, summarise
+from jaxenstein.speed.random_rollout import make_random_rollout
 
 BATCHES = (64, 256, 1024, 4096, 16384, 65536)
 SIZES = ((64, 64), (84, 84))

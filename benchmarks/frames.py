@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxenstein.random_rollout import make_random_rollout
+from jaxenstein.speed.random_rollout import make_random_rollout
 
 # How many frames the suite keeps: 100 MB of 64x64 ones, more than fit into caches.
 FRAMES_KEPT = 2**13

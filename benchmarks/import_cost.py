@@ -9,7 +9,7 @@ import sys
 import numpy as np
 
 from benchmarks.interleave import median_ratio
-from jaxenstein.benchmark import summarise
+from jaxenstein.speed.measuring import summarise
 
 SUBJECTS = ("import jax", "import jaxenstein")
 TIMED = "import time; began = time.perf_counter(); {}; print(time.perf_counter() - began)"

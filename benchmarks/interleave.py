@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.quiet import CoreWatch
-from jaxenstein.benchmark import ONE_THREAD
+from jaxenstein.speed.measuring import ONE_THREAD
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 SCRIPT = Path(__file__).resolve().with_name("subjects.py")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.interleave import SubjectError, Worker, run_rounds, tell
-from jaxenstein.benchmark import ONE_THREAD, describe_machine, summarise
+from jaxenstein.speed.measuring import ONE_THREAD, describe_machine, summarise
 
 FORMAT = 1
 

@@ -10,7 +10,7 @@ from typing import Any
 from benchmarks import report_training
 from benchmarks.results import Part, Row
 from jaxenstein.errors import SettingError
-from jaxenstein.view.files import atomic
+from jaxenstein.files import atomic
 
 OURS, PEERS = "#1f6fb4", "#9a9a9a"
 STEPS = "steps a second"

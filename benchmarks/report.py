@@ -20,7 +20,7 @@ from benchmarks.report_texts import INTRODUCTION, METHOD, QUICK, TEXTS
 from benchmarks.results import Part, Row, read_others, read_parts
 from benchmarks.tables import markdown, number, plural
 from jaxenstein.errors import JAXensteinError, SettingError
-from jaxenstein.view.files import atomic, check_writable, make_folder
+from jaxenstein.files import atomic, check_writable, make_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "docs" / "benchmarks.md"

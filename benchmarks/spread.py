@@ -24,11 +24,11 @@ import numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
 import jaxenstein
-from jaxenstein.benchmark import describe_machine, summarise
 from jaxenstein.cli.arguments import size, whole
 from jaxenstein.errors import JAXensteinError, SettingError
-from jaxenstein.random_rollout import RolloutCarry
-from jaxenstein.view.files import atomic, check_writable
+from jaxenstein.files import atomic, check_writable
+from jaxenstein.speed.measuring import describe_machine, summarise
+from jaxenstein.speed.random_rollout import RolloutCarry
 
 AXIS = "env"
 

@@ -45,7 +45,7 @@ def scan(batch: int, options: Mapping[str, str]) -> Chunk:
     """The project under a random policy, a batch of environments in one compiled scan."""
     import jax
 
-    from jaxenstein.random_rollout import make_random_rollout
+    from jaxenstein.speed.random_rollout import make_random_rollout
 
     env, params = own_environment(options)
     # Larger images take longer: calls of about one length.

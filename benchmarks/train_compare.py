@@ -32,9 +32,9 @@ from benchmarks.peers import FOLDER, find
 from benchmarks.report_training import OURS, PART, THEIRS, comparison_failures, comparison_table
 from benchmarks.train_limits import limits, memory_kills, misfit
 from benchmarks.train_processes import end, session
-from jaxenstein.benchmark import describe_machine, summarise
 from jaxenstein.errors import JAXensteinError
-from jaxenstein.view.files import OutputError, atomic, check_writable
+from jaxenstein.files import OutputError, atomic, check_writable
+from jaxenstein.speed.measuring import describe_machine, summarise
 
 PEER = "training"
 SCRIPT = Path(__file__).resolve().with_name("train_sb3.py")

@@ -26,7 +26,7 @@ def measure(options: argparse.Namespace, found: dict[str, Any]) -> None:
     import jax
 
     from jaxenstein.baselines import Config, HParams, make_learner
-    from jaxenstein.benchmark import describe_machine
+    from jaxenstein.speed.measuring import describe_machine
 
     device = jax.devices()[0]
     found["versions"] = describe_machine()["versions"]

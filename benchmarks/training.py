@@ -23,8 +23,8 @@ from benchmarks.flops import matrix_flops, matrix_rate
 from jaxenstein.baselines import Config, Experience, HParams, Learner, make_learner
 from jaxenstein.baselines.learning import ppo
 from jaxenstein.baselines.learning.rollout import final_values, rollout
-from jaxenstein.benchmark import describe_machine
-from jaxenstein.view.files import atomic, check_writable
+from jaxenstein.files import atomic, check_writable
+from jaxenstein.speed.measuring import describe_machine
 
 
 def measure(function: Any, *args: Any, repeats: int) -> tuple[Any, dict[str, float]]:

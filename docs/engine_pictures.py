@@ -20,7 +20,7 @@ from matplotlib.patches import Rectangle
 
 from docs.engine_world import COLUMNS, EYE, HEADING, ROWS, SPRITE, TILES, View, bits
 from jaxenstein.engine.art import load_art
-from jaxenstein.view.files import atomic, make_folder
+from jaxenstein.files import atomic, make_folder
 
 OUT = Path(__file__).parent / "images" / "engine"
 DOTS = 130

@@ -18,10 +18,10 @@ from PIL import Image
 
 import jaxenstein
 from examples.custom_task import TMaze
+from jaxenstein.files import atomic, make_folder
+from jaxenstein.progress import Progress
 from jaxenstein.registry import EnvironmentId
 from jaxenstein.view.episode import Episode, compose, overview
-from jaxenstein.view.files import atomic, make_folder
-from jaxenstein.view.progress import Progress
 from jaxenstein.view.recording import save_png
 from jaxenstein.view.topdown import draw_map
 

@@ -20,6 +20,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import jaxenstein
+from jaxenstein.files import check_writable, make_folder
 from jaxenstein.maps.symbols import (
     APPLE_LABEL,
     DECAL_LABELS,
@@ -31,11 +32,10 @@ from jaxenstein.maps.symbols import (
     MEDKIT_LABEL,
     WALL_LABELS,
 )
+from jaxenstein.progress import Progress
 from jaxenstein.registry import ENTRIES, EnvironmentId
 from jaxenstein.tasks.first_person import FirstPerson
 from jaxenstein.tasks.levels import closed_doors
-from jaxenstein.view.files import check_writable, make_folder
-from jaxenstein.view.progress import Progress
 from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT, save_png
 from jaxenstein.view.topdown import draw_map
 

@@ -18,9 +18,9 @@ import jax
 
 import jaxenstein
 from fidelity.players import measure
+from jaxenstein.files import atomic, check_writable
 from jaxenstein.players import expert
 from jaxenstein.registry import ENTRIES
-from jaxenstein.view.files import atomic, check_writable
 
 OUT = Path(__file__).parent / "returns.json"
 EPISODES = 256

@@ -16,7 +16,7 @@ import numpy as np
 
 import jaxenstein
 from jaxenstein import record
-from jaxenstein.view.files import make_folder
+from jaxenstein.files import make_folder
 from jaxenstein.view.recording import save_png
 from jaxenstein.view.topdown import draw_map
 

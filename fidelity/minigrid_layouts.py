@@ -20,7 +20,7 @@ from typing import Any
 
 from fidelity.corridors import Layout, broken_rules, from_minigrid, from_tilemap, observe
 from fidelity.frequencies import Comparison, compare, details, summary
-from jaxenstein.view.files import atomic, check_writable
+from jaxenstein.files import atomic, check_writable
 
 SIZES = ("s3r1", "s3r2", "s3r3", "s4r3", "s5r3", "s6r3")
 SIGNIFICANCE = 0.05

@@ -16,8 +16,8 @@ from fidelity.vizdoom_screen import View
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene, Sprites, Theme
+from jaxenstein.files import atomic
 from jaxenstein.tasks.appearance import build_theme
-from jaxenstein.view.files import atomic
 
 GAP = 6
 STRIP = 60

@@ -20,7 +20,7 @@ from fidelity import vizdoom_health, vizdoom_home
 from fidelity.findings import Findings
 from fidelity.vizdoom_game import complaint, load_vizdoom
 from jaxenstein.errors import JAXensteinError
-from jaxenstein.view.files import atomic, check_writable
+from jaxenstein.files import atomic, check_writable
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -56,7 +56,7 @@ from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.level import Level
 from jaxenstein.engine.raycast import cast
 from jaxenstein.errors import JAXensteinError
-from jaxenstein.view.files import atomic, check_writable
+from jaxenstein.files import atomic, check_writable
 
 FIELD_OF_VIEW = 90.0
 # Doom's world is drawn this much higher than wide.

@@ -194,7 +194,7 @@ def short(whole: bool) -> Iterator[None]:
             *(() if whole else ((Session, "__init__", stop),)),
         ):
             stack.enter_context(mock.patch.object(where, name, value))
-        stack.enter_context(mock.patch("jaxenstein.benchmark.measure_apart", return_value={}))
+        stack.enter_context(mock.patch("jaxenstein.speed.measuring.measure_apart", return_value={}))
         yield
 
 

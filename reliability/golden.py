@@ -31,9 +31,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
+from jaxenstein.files import atomic
 from jaxenstein.players import PLAYERS, expert
 from jaxenstein.registry import ENTRIES
-from jaxenstein.view.files import atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "tests" / "contract" / "golden.json"

@@ -19,7 +19,7 @@ from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.ascii import layout_names, load_layout
-from jaxenstein.maps.dmlab import build_tilemap, read_maze
+from jaxenstein.maps.importers.dmlab import build_tilemap, read_maze
 from jaxenstein.maps.reach import problems
 from jaxenstein.maps.symbols import SYMBOLS
 from tests.reference.labmaps import write_map

@@ -21,12 +21,11 @@ from .engine.level import Level
 from .engine.motion import forward, touched_door
 from .environment import Environment
 from .errors import SettingError
-from .maps.reach import open_tiles
+from .maps.reach import open_tiles, walking_distances
 from .maps.tilemap import TileMap
 from .pytree import Record, record
 from .tasks.health_gathering import FULL_HEALTH, HealthGathering
 from .tasks.key_corridor import KeyCorridor
-from .tasks.maze import walking_distances
 from .tasks.navigation import Navigation
 from .tasks.steering import FORWARD, INTERACT, TURN_LEFT, TURN_RIGHT
 

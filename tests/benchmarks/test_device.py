@@ -14,8 +14,8 @@ from benchmarks import device
 from benchmarks.frames import make_frames, make_keeping_rollout
 from benchmarks.kernels import count_kernels, total
 from benchmarks.report_others import DEVICE_HEAD, device_row
-from jaxenstein.random_rollout import make_random_rollout
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
+from jaxenstein.speed.random_rollout import make_random_rollout
 
 TINY = ["--ids", "simple", "--batches", "2", "--seconds", "0.01", "--repeats", "2", "--steps", "2",
         "--copy-bytes", "4096"]  # fmt: skip

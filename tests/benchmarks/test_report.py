@@ -12,8 +12,8 @@ from benchmarks.peers import Found
 from benchmarks.plots import save_plots
 from benchmarks.results import read_parts
 from benchmarks.tables import markdown, number
-from jaxenstein.benchmark import summarise
 from jaxenstein.errors import SettingError
+from jaxenstein.speed.measuring import summarise
 
 HARDWARE = {"cpu": "A Processor", "cores": 4, "cores_allowed": 2, "platform": "Linux"}
 VERSIONS = {"python": "3.11.7", "jax": "0.10.2", "numpy": "2.4.6", "jaxenstein": "0.1.0"}

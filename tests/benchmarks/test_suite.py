@@ -12,7 +12,7 @@ from benchmarks.measure import Subject
 from benchmarks.parts import PARTS, Plan, quick_plan
 from benchmarks.peers import Found
 from jaxenstein import environment_ids
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
 
 FULL = Plan(cores=2, find=lambda name: Found(sys.executable))
 QUICK = replace(quick_plan(), cores=2, find=lambda name: Found(problem=f"no {name}"))

@@ -16,7 +16,7 @@ from benchmarks.report_others import other_sections
 from benchmarks.report_training import OURS, PART, THEIRS, claim, read_comparison
 from benchmarks.train_limits import limits, misfit
 from jaxenstein.errors import SettingError
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
 
 FAKE = Path(__file__).with_name("fake_trainer.py")
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxenstein import benchmark
-from jaxenstein.benchmark import BenchmarkError, Settings, measure_apart, summarise
 from jaxenstein.cli import main
+from jaxenstein.speed import measuring
+from jaxenstein.speed.measuring import BenchmarkError, Settings, measure_apart, summarise
 
 
 def fake(settings: Settings) -> dict[str, object]:
@@ -29,7 +29,7 @@ def fake(settings: Settings) -> dict[str, object]:
 def test_table_and_json(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(benchmark, "measure_apart", fake)
+    monkeypatch.setattr(measuring, "measure_apart", fake)
     path = tmp_path / "b.json"
     arguments = ["simple", "key-door", "--batch", "4,8", "--size", "20x10", "--json", str(path)]
     assert main(["bench", *arguments]) == 0
@@ -75,6 +75,6 @@ def test_failing_process_is_told_in_one_line(
     def fail(settings: Settings) -> None:
         raise BenchmarkError("measuring failed: Killed")
 
-    monkeypatch.setattr(benchmark, "measure_apart", fail)
+    monkeypatch.setattr(measuring, "measure_apart", fail)
     assert main(["bench", "simple"]) == 1
     assert capsys.readouterr().err.splitlines()[-1] == "jaxenstein: measuring failed: Killed"

@@ -12,7 +12,7 @@ from jaxenstein.cli import main
 from jaxenstein.cli.arguments import read_map
 from jaxenstein.errors import SettingError
 from jaxenstein.maps import TileMap, parse_ascii
-from jaxenstein.maps.dmlab import build_tilemap, read_maze
+from jaxenstein.maps.importers.dmlab import build_tilemap, read_maze
 from tests.reference import labmaps
 
 PICTURE = "3333333\n3S...@3\n3.3.333\n3.3G.a3\n3333333\n"
@@ -140,7 +140,7 @@ def test_a_full_disk_leaves_nothing(
 
 
 class Converted:
-    """Stands for `jaxenstein.maps.minigrid.MiniGridMap`."""
+    """Stands for `jaxenstein.maps.importers.minigrid.MiniGridMap`."""
 
     tilemap = TileMap(
         "MiniGrid-Small-v0", tiles=(b"\2\2\2\2", b"\2\0\0\2", b"\2\2\2\2"), spawns=((1, 1),),
@@ -158,7 +158,7 @@ def test_minigrid(
         asked.append((id, seed))
         return Converted()
 
-    monkeypatch.setattr("jaxenstein.maps.minigrid.convert_id", convert_id)
+    monkeypatch.setattr("jaxenstein.maps.importers.minigrid.convert_id", convert_id)
     out = tmp_path / "small.txt"
     assert main(["convert", "--minigrid", "Small", "--seed", "3", "--out", str(out)]) == 0
     assert asked == [("Small", 3)]
@@ -175,7 +175,7 @@ def test_minigrid_that_cannot_be_used(
     def convert_id(id: str, seed: int) -> Converted:
         raise SettingError("needs the package minigrid")
 
-    monkeypatch.setattr("jaxenstein.maps.minigrid.convert_id", convert_id)
+    monkeypatch.setattr("jaxenstein.maps.importers.minigrid.convert_id", convert_id)
     assert main(["convert", "--minigrid", "Small"]) == 2
     assert capsys.readouterr().err == "jaxenstein: needs the package minigrid\n"
 

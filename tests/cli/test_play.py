@@ -22,10 +22,10 @@ from PIL import Image
 import jaxenstein
 from jaxenstein.cli import main
 from jaxenstein.episodes.session import Session
+from jaxenstein.interactive import terminal as terminal_module
+from jaxenstein.interactive import window as window_module
+from jaxenstein.interactive.display import Box
 from jaxenstein.tasks.steering import FORWARD, INTERACT, TURN_RIGHT
-from jaxenstein.view import terminal as terminal_module
-from jaxenstein.view import window as window_module
-from jaxenstein.view.display import Box
 from tests.reference.emulator import Emulator
 
 SMALL = {"height": 12, "width": 16}

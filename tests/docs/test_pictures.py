@@ -11,7 +11,7 @@ from PIL import Image
 from docs import engine_world, episodes
 from docs.engine_world import View
 from jaxenstein.engine.art import load_art
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
 
 ENGINE = Path(__file__).parents[2] / "docs" / "images" / "engine"
 

@@ -17,7 +17,7 @@ from jaxenstein import SettingError
 from jaxenstein.episodes.trajectory import Trajectory
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import TrajectoryError
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
 
 
 def put(path: Path, table: Any) -> Path:

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from examples import custom_map, random_rollout
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
 
 
 @pytest.fixture(autouse=True)

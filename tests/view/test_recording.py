@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from jaxenstein.files import OutputError
 from jaxenstein.view import recording
 from jaxenstein.view.episode import Episode, caption, compose_side_by_side
-from jaxenstein.view.files import OutputError
 from jaxenstein.view.recording import (
     contact_sheet,
     enlarge,

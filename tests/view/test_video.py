@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from jaxenstein import SettingError
+from jaxenstein.files import OutputError
 from jaxenstein.view import video
-from jaxenstein.view.files import OutputError
 from jaxenstein.view.recording import check_animation, save_animation
 
 

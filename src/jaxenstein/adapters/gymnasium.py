@@ -286,7 +286,7 @@ class _Screen:
     """A window that shows a frame at most every 1 / `RENDER_FPS` seconds."""
 
     def __init__(self, title: str, height: int, width: int) -> None:
-        from ..view.window import GAP, Window
+        from ..interactive.window import GAP, Window
 
         scale = math.ceil(WINDOW / max(height, width))
         self._window = Window(title, (width * scale + 2 * GAP, height * scale + 2 * GAP))

@@ -10,8 +10,8 @@ import sys
 from collections.abc import Sequence
 
 from ..errors import JAXensteinError
+from ..files import OutputError
 from ..version import __version__
-from ..view.files import OutputError
 from . import (
     bench,
     convert,

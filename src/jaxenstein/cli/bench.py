@@ -8,8 +8,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ..view.files import atomic, check_writable
-from ..view.progress import Progress, si
+from ..files import atomic, check_writable
+from ..progress import Progress, si
 from .arguments import OBSERVATIONS, UsageError, add_seed, size, whole
 from .listing import format_table
 
@@ -98,7 +98,7 @@ def batches(text: str) -> list[int]:
 
 def run(options: argparse.Namespace) -> None:
     """Measure, print the table, write the JSON file."""
-    from ..benchmark import Settings, describe_machine, measure_apart, open_environment
+    from ..speed.measuring import Settings, describe_machine, measure_apart, open_environment
 
     ids = options.ids or ["my-way-home"]
     height, width = options.size

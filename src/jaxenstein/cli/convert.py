@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import MapWarning
-from ..view.files import atomic, check_writable
+from ..files import atomic, check_writable
 from .arguments import UsageError, add_seed, beside, read_text
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def run(options: argparse.Namespace) -> None:
 
 def _convert_maze(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
     """The map of a .map file, and what to tell about it."""
-    from ..maps.dmlab import build_tilemap, read_maze
+    from ..maps.importers.dmlab import build_tilemap, read_maze
     from ..maps.reach import problems
 
     name = options.file.stem if options.name is None else options.name
@@ -100,7 +100,7 @@ def _convert_maze(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
 
 def _convert_minigrid(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
     """The map of a MiniGrid environment, and what to tell about it."""
-    from ..maps.minigrid import convert_id
+    from ..maps.importers.minigrid import convert_id
 
     found = convert_id(options.minigrid, options.seed)
     tilemap = found.tilemap if options.name is None else replace(found.tilemap, name=options.name)

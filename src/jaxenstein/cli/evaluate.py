@@ -8,9 +8,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..files import atomic, check_writable
+from ..progress import Progress
 from ..view.episode import compose
-from ..view.files import atomic, check_writable
-from ..view.progress import Progress
 from ..view.recording import check_animation, save_animation
 from .arguments import add_seed, real, whole
 from .listing import format_table

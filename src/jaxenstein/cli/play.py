@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from ..view.display import DisplayError
+from ..interactive.display import DisplayError
+from ..progress import Progress
 from ..view.episode import Episode, compose
-from ..view.progress import Progress
 from ..view.recording import check_animation, save_animation, scale_to
 from .arguments import UsageError, add_environment, add_seed, open_environment, real
 from .record import load_agent, stage_of
@@ -23,10 +23,10 @@ from .record import load_agent, stage_of
 if TYPE_CHECKING:
     from ..baselines.runs.agents import TrainedPolicy
     from ..episodes.session import Session
+    from ..interactive.game import Game
+    from ..interactive.terminal import Terminal
+    from ..interactive.window import Window
     from ..tasks.first_person import FirstPerson
-    from ..view.game import Game
-    from ..view.terminal import Terminal
-    from ..view.window import Window
 
 DESCRIPTION = """\
 Play an environment with the keyboard, in a window (extra 'play': pygame-ce) or, with --terminal,
@@ -120,10 +120,10 @@ def run(options: argparse.Namespace) -> None:
     else:
         agent = load_agent(options.policy)
         env, params, name = _stage(agent, options)
-    from ..episodes.recipe import recipe_of
     from ..episodes.trajectory import check_trajectory
-    from ..view.game import Game, play, wait_for
-    from ..view.watching import Watched
+    from ..interactive.game import Game, play, wait_for
+    from ..interactive.watching import Watched
+    from ..recipe import recipe_of
 
     if options.save is not None:
         check_trajectory(options.save)
@@ -165,7 +165,7 @@ def _stage(
 
 
 def _open_terminal() -> Terminal:
-    from ..view.terminal import Terminal
+    from ..interactive.terminal import Terminal
 
     try:
         return Terminal()
@@ -175,7 +175,7 @@ def _open_terminal() -> Terminal:
 
 def _open_window(options: argparse.Namespace, name: str) -> Window:
     """A window in which the view is about 480 pixels high."""
-    from ..view.window import GAP, LINE, Window
+    from ..interactive.window import GAP, LINE, Window
 
     scale = scale_to(options.height, VIEW_HEIGHT)
     width = max(options.width * scale, VIEW_HEIGHT) + 2 * GAP

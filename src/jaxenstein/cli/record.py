@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..episodes.policies import POLICIES, Policy, Script, named_policy
 from ..errors import nearest
+from ..files import check_writable
+from ..progress import Progress
 from ..view.episode import SHEET_VIEWS, Episode, compose, save_sheet
-from ..view.files import check_writable
-from ..view.progress import Progress
 from ..view.recording import check_animation, save_animation
 from .arguments import (
     UsageError,
@@ -132,10 +132,10 @@ def run(options: argparse.Namespace) -> None:
     agent = load_agent(options.policy) if isinstance(options.policy, Path) else None
     env, params, name = stage_of(agent, options)
     check_pictures(options)
-    from ..episodes.recipe import recipe_of
     from ..episodes.recorder import play
     from ..episodes.session import Session
     from ..episodes.trajectory import check_trajectory
+    from ..recipe import recipe_of
 
     if options.save is not None:
         check_trajectory(options.save)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..view.progress import Progress
+from ..progress import Progress
 from .record import add_pictures, check_pictures, save_pictures
 
 DESCRIPTION = """\

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..view.files import check_writable, make_folder
+from ..files import check_writable, make_folder
+from ..progress import Progress, si
 from ..view.frames import image_of, picture
-from ..view.progress import Progress, si
 from ..view.recording import contact_sheet, evenly, mosaic, save_gif, scale_to
 from .arguments import add_environment, add_seed, open_environment, whole
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..view.progress import Progress
+from ..progress import Progress
 from .arguments import Parser, UsageError, real, whole
 from .training import add_options, baselines, given_options
 

@@ -12,12 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import SettingError, TrajectoryError
+from ..recipe import Recipe, recipe_of
 from ..tasks.first_person import FirstPerson
 from ..tasks.levels import closed_doors
 from ..view.episode import Episode
 from ..view.frames import image_of, picture
 from .policies import Policy, Script, named_policy
-from .recipe import Recipe, recipe_of
 from .session import NOTHING, Session, check_seed, whole_action
 from .trajectory import Witness, witnessed
 

@@ -22,9 +22,9 @@ import jax
 import numpy as np
 
 from ..errors import SettingError
+from ..files import atomic, check_writable
+from ..recipe import TEXTS, Recipe, recipe_of
 from ..version import __version__
-from ..view.files import atomic, check_writable
-from .recipe import TEXTS, Recipe, recipe_of
 from .session import Session
 
 FORMAT = "jaxenstein-trajectory"

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..environment import Environment
 from ..errors import JAXensteinError, TrajectoryError
-from .recipe import TEXTS, Recipe
+from ..recipe import TEXTS, Recipe
 from .session import NOTHING
 from .trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory
 

@@ -40,6 +40,22 @@ def flood(walkable: np.ndarray, starts: Iterable[Cell]) -> np.ndarray:
     return seen
 
 
+def walking_distances(walkable: np.ndarray, goals: tuple[Cell, ...]) -> np.ndarray:
+    """int32[goals, rows, columns]: tiles on foot to each goal; -1 where there is no way."""
+    steps = np.full((len(goals), *walkable.shape), -1, np.int32)
+    columns, rows = np.array(goals).reshape(-1, 2).T
+    front = np.zeros(steps.shape, bool)
+    front[np.arange(len(goals)), rows, columns] = True
+    time = 0
+    while front.any():
+        steps[front] = time
+        wide = np.pad(front, ((0, 0), (1, 1), (1, 1)))
+        spread = wide[:, 2:, 1:-1] | wide[:, :-2, 1:-1] | wide[:, 1:-1, 2:] | wide[:, 1:-1, :-2]
+        front = spread & walkable[None] & (steps < 0)
+        time += 1
+    return steps
+
+
 def explore(tilemap: TileMap, start: Cell) -> np.ndarray:
     """bool[rows, columns], the tiles reached from a start by a player who uses every key.
 

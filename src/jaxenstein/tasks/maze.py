@@ -17,7 +17,7 @@ import numpy as np
 from ..engine.scene import Scene
 from ..environment import Info
 from ..errors import SettingError
-from ..maps.reach import open_tiles
+from ..maps.reach import open_tiles, walking_distances
 from ..maps.symbols import APPLE_LABEL
 from ..maps.tilemap import Cell, TileMap
 from ..pytree import record
@@ -203,19 +203,3 @@ def far_starts(tilemap: TileMap, distance: int) -> tuple[np.ndarray, np.ndarray]
             f"row {row} (from 0)"
         )
     return np.argsort(~allowed, axis=1, kind="stable").astype(np.int32), counts
-
-
-def walking_distances(walkable: np.ndarray, goals: tuple[Cell, ...]) -> np.ndarray:
-    """int32[goals, rows, columns]: tiles on foot to each goal; -1 where there is no way."""
-    steps = np.full((len(goals), *walkable.shape), -1, np.int32)
-    columns, rows = np.array(goals).reshape(-1, 2).T
-    front = np.zeros(steps.shape, bool)
-    front[np.arange(len(goals)), rows, columns] = True
-    time = 0
-    while front.any():
-        steps[front] = time
-        wide = np.pad(front, ((0, 0), (1, 1), (1, 1)))
-        spread = wide[:, 2:, 1:-1] | wide[:, :-2, 1:-1] | wide[:, 1:-1, 2:] | wide[:, 1:-1, :-2]
-        front = spread & walkable[None] & (steps < 0)
-        time += 1
-    return steps

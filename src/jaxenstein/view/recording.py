@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from ..errors import SettingError
-from .files import atomic, check_writable
+from ..files import atomic, check_writable
 from .video import find_ffmpeg, save_mp4
 
 BACKGROUND = (24, 26, 30)

@@ -13,7 +13,7 @@ from typing import IO
 import numpy as np
 
 from ..errors import SettingError
-from .files import atomic
+from ..files import atomic
 
 # Constant quality of H.264, 0 (lossless) to 51; 18 and below look like the original.
 QUALITY = 16

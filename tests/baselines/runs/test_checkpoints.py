@@ -21,7 +21,7 @@ pytest.importorskip("flax")
 
 from jaxenstein.baselines.runs import checkpoints
 from jaxenstein.baselines.runs.checkpoints import CheckpointError, Checkpoints, check_space, size_of
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
 
 
 def state_of(seed: int) -> dict[str, Any]:
@@ -169,7 +169,7 @@ def test_the_system_refusing_to_write_is_told(tmp_path: Path) -> None:
 import resource
 import numpy as np
 from jaxenstein.baselines.runs.checkpoints import Checkpoints
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
 store = Checkpoints({str(tmp_path)!r})
 store.save(1, {{"a": np.arange(9, dtype=np.int32)}})
 resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, resource.RLIM_INFINITY))

@@ -24,7 +24,7 @@ from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
-from jaxenstein.view.watching import Watched
+from jaxenstein.interactive.watching import Watched
 from tests.baselines.tiny import compiled_into, tiny
 
 

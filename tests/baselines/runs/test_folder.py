@@ -29,7 +29,7 @@ from jaxenstein.baselines.runs import checkpoints, metrics
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.folder import CHECKPOINTS, CONFIG, RunFolder, run_names, train
 from jaxenstein.baselines.runs.metrics import MetricsFiles, read_metrics, rows_of
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
 from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, tiny
 
 FILES = ("metrics.csv", "metrics.jsonl")

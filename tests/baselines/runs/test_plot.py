@@ -18,7 +18,7 @@ from jaxenstein.baselines.runs.bootstrap import band, mean_interval
 from jaxenstein.baselines.runs.curves import Curve, curves_of, draw, save_plot
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import means
-from jaxenstein.view.files import OutputError
+from jaxenstein.files import OutputError
 from tests.baselines.tiny import UPDATES, tiny
 
 

@@ -22,7 +22,7 @@ import jax
 import numpy as np
 
 from ...errors import SettingError
-from ...view.files import OutputError, make_folder
+from ...files import OutputError, make_folder
 
 FORMAT = 1
 KEEP = 2

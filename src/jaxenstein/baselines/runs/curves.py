@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import SettingError, nearest
-from ...view.files import atomic, check_writable
+from ...files import atomic, check_writable
 from .bootstrap import band
 from .experiment import Experiment
 from .folder import RunFolder

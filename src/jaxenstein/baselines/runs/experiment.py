@@ -13,8 +13,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ...episodes.recipe import Recipe
 from ...errors import SettingError
+from ...recipe import Recipe
 from ..learning.config import Config, HParams
 from ..learning.learner import Learner, make_learner
 

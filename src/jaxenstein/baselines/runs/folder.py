@@ -22,8 +22,8 @@ from typing import Any
 import jax
 
 from ...errors import JAXensteinError, SettingError
+from ...files import OutputError, atomic, check_writable, make_folder
 from ...version import __version__
-from ...view.files import OutputError, atomic, check_writable, make_folder
 from ..learning.config import HParams
 from ..learning.placement import place
 from ..learning.state import TrainState

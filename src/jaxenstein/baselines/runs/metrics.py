@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...errors import SettingError
-from ...view.files import OutputError
+from ...files import OutputError
 
 CSV, JSONL = "metrics.csv", "metrics.jsonl"
 Number = int | float | None

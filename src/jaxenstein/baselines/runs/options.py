@@ -17,8 +17,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from ...episodes.recipe import Recipe
 from ...errors import SettingError, nearest
+from ...recipe import Recipe
 from ..learning.config import Config, HParams
 from .experiment import OF_RECIPE, Experiment, as_tuples, check_seeds, config_of
 

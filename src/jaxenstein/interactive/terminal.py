@@ -20,8 +20,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from PIL import Image
 
+from ..view.recording import BACKGROUND, TEXT
 from .display import Box, DisplayError, Event, arrange
-from .recording import BACKGROUND, TEXT
 
 HALF_BLOCK = "\u2580"
 # Alternate screen, no cursor, no wrapping at the right edge; and back.

@@ -12,7 +12,7 @@ import re
 import warnings
 from dataclasses import dataclass, field
 
-from ..errors import MapError, MapWarning
+from ...errors import MapError, MapWarning
 
 Point = tuple[float, float, float]
 

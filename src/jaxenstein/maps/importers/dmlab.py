@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import MapError
+from ...errors import MapError
+from ..symbols import DECAL_LABELS, DEFAULT_WALL, SYMBOLS
+from ..tilemap import FACES, Cell, TileMap
 from .dmlab_file import CellSide, Maze, Side, read_maze
-from .symbols import DECAL_LABELS, DEFAULT_WALL, SYMBOLS
-from .tilemap import FACES, Cell, TileMap
 
 WALL_SYMBOLS: dict[str, str] = {
     "green": "3",

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from jaxenstein.view.display import Box, DisplayError, Event
-from jaxenstein.view.terminal import HALF_BLOCK, Keys, Terminal
+from jaxenstein.interactive.display import Box, DisplayError, Event
+from jaxenstein.interactive.terminal import HALF_BLOCK, Keys, Terminal
 from tests.reference.emulator import Emulator
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX terminals")

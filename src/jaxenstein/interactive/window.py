@@ -15,8 +15,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from ..view.recording import BACKGROUND, TEXT
 from .display import Box, DisplayError, Event, arrange
-from .recording import BACKGROUND, TEXT
 
 # Pixels around the pictures, at the sides of text, and of a line of text.
 GAP, MARGIN, LINE, LETTERS = 6, 12, 22, 22

@@ -18,10 +18,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import MapError, MapWarning, SettingError, UnknownEnvironmentError, nearest
-from .reach import problems
-from .symbols import COLOUR_NAMES, DEFAULT_WALL, door_label
-from .tilemap import Cell, Door, Key, TileMap
+from ...errors import MapError, MapWarning, SettingError, UnknownEnvironmentError, nearest
+from ..reach import problems
+from ..symbols import COLOUR_NAMES, DEFAULT_WALL, door_label
+from ..tilemap import Cell, Door, Key, TileMap
 
 PREFIXES = ("MiniGrid-", "BabyAI-")
 """What the ids begin with that the package minigrid registers."""

@@ -6,10 +6,10 @@ import itertools
 
 import numpy as np
 
+from jaxenstein.interactive.controls import HOLD, Controls, keys_of
 from jaxenstein.tasks.steering import ACTION_NAMES, BACKWARD, FORWARD, INTERACT
 from jaxenstein.tasks.steering import TURN_LEFT as LEFT
 from jaxenstein.tasks.steering import TURN_RIGHT as RIGHT
-from jaxenstein.view.controls import HOLD, Controls, keys_of
 
 FPS = 10.0
 

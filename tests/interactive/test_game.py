@@ -12,11 +12,11 @@ import pytest
 
 import jaxenstein
 from jaxenstein.episodes.session import Session
+from jaxenstein.interactive.controls import keys_of
+from jaxenstein.interactive.display import Box, Event
+from jaxenstein.interactive.game import Game, draw, play, wait_for
 from jaxenstein.registry import ENTRIES
 from jaxenstein.tasks.steering import BACKWARD, FORWARD, INTERACT, TURN_LEFT, TURN_RIGHT
-from jaxenstein.view.controls import keys_of
-from jaxenstein.view.display import Box, Event
-from jaxenstein.view.game import Game, draw, play, wait_for
 from jaxenstein.view.topdown import AGENT, PATH
 
 SMALL = {"height": 12, "width": 16}

@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from jaxenstein.view import progress
-from jaxenstein.view.progress import Progress, si
+from jaxenstein import progress
+from jaxenstein.progress import Progress, si
 
 
 class Terminal(io.StringIO):

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from ..errors import MapError
+from ...errors import MapError
+from ..tilemap import MAX_SIZE, Cell
 from .quake import LARGEST, Brush, Entity, Patch, read_entities
-from .tilemap import MAX_SIZE, Cell
 
 Side = Literal["west", "east", "north", "south"]
 CellSide = tuple[int, int, Side]

@@ -2,7 +2,7 @@
 
 A fresh process is the only way to know the peak memory of one configuration, and nothing that an
 earlier one left behind (caches, threads, heap) can change a later one. `python -m
-jaxenstein.benchmark SETTINGS` is such a process: settings and results are JSON.
+jaxenstein.speed.measuring SETTINGS` is such a process: settings and results are JSON.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 if TYPE_CHECKING:
-    from .environment import Environment
-    from .registry import EnvironmentId
+    from ..environment import Environment
+    from ..registry import EnvironmentId
 
 # XLA's CPU backend uses one thread with these; more would fight over one core.
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
@@ -65,13 +65,13 @@ def measure_apart(settings: Settings) -> dict[str, Any]:
         BenchmarkError: if the process fails.
     """
     environment = dict(os.environ)
-    source = str(Path(__file__).parents[1])
+    source = str(Path(__file__).parents[2])
     paths = [source, *filter(None, [environment.get("PYTHONPATH")])]
     environment["PYTHONPATH"] = os.pathsep.join(paths)
     if settings.core is not None:
         flags = [ONE_THREAD, *filter(None, [environment.get("XLA_FLAGS")])]
         environment["XLA_FLAGS"] = " ".join(reversed(flags))
-    command = [sys.executable, "-m", "jaxenstein.benchmark"]
+    command = [sys.executable, "-m", "jaxenstein.speed.measuring"]
     command.append(json.dumps(dataclasses.asdict(settings)))
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     if done.returncode:
@@ -123,7 +123,7 @@ def measure(settings: Settings) -> dict[str, Any]:
 
 def open_environment(settings: Settings) -> tuple[Environment[Any, Any], Any]:
     """The environment and params that the settings name; wrong ones raise `JAXensteinError`."""
-    from .registry import make
+    from ..registry import make
 
     size = {"height": settings.height, "width": settings.width}
     return make(cast("EnvironmentId", settings.id), observation=settings.observation, **size)
@@ -164,7 +164,7 @@ def describe_machine() -> dict[str, Any]:
     """What a reader of the numbers needs to know: versions and hardware."""
     import jax
 
-    from .version import __version__
+    from ..version import __version__
 
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
     return {

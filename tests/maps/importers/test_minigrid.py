@@ -21,7 +21,7 @@ from jaxenstein.errors import (
     UnknownEnvironmentError,
 )
 from jaxenstein.maps import parse_ascii
-from jaxenstein.maps.minigrid import PREFIXES, convert, convert_id
+from jaxenstein.maps.importers.minigrid import PREFIXES, convert, convert_id
 from jaxenstein.maps.symbols import COLOURS
 
 COLOUR_ORDER = ["red", "green", "blue", "purple", "yellow", "grey"]

@@ -16,9 +16,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from .environment import Environment
-from .errors import SettingError
-from .pytree import Record, record
+from ..environment import Environment
+from ..errors import SettingError
+from ..pytree import Record, record
 
 
 @record

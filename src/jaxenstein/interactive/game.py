@@ -15,11 +15,11 @@ from ..episodes.recorder import Tape, in_words, watcher
 from ..episodes.session import Session
 from ..maps.symbols import COLOUR_NAMES
 from ..tasks.levels import closed_doors
+from ..view.episode import Episode
+from ..view.frames import image_of, picture
+from ..view.topdown import MapPicture, draw_map
 from .controls import Controls, keys_of
 from .display import Box, Display, Event
-from .episode import Episode
-from .frames import image_of, picture
-from .topdown import MapPicture, draw_map
 
 if TYPE_CHECKING:
     from ..tasks.first_person import FirstPerson

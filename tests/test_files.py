@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxenstein.view.files import OutputError, atomic, check_writable, make_folder
+from jaxenstein.files import OutputError, atomic, check_writable, make_folder
 
 
 def fail_with(number: int):

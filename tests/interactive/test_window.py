@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxenstein.view.display import Box, DisplayError, Event, arrange, fit
+from jaxenstein.interactive.display import Box, DisplayError, Event, arrange, fit
+from jaxenstein.interactive.window import Window
 from jaxenstein.view.recording import BACKGROUND
-from jaxenstein.view.window import Window
 
 RNG = np.random.default_rng(0)
 FRAME = RNG.integers(0, 256, (12, 16, 3), np.uint8)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from jaxenstein.errors import MapError, MapWarning
 from jaxenstein.maps import parse_ascii
-from jaxenstein.maps.dmlab import build_tilemap, read_maze, wall_label
+from jaxenstein.maps.importers.dmlab import build_tilemap, read_maze, wall_label
 from jaxenstein.maps.symbols import SYMBOLS, decal_label
 from jaxenstein.maps.tilemap import FACES, MAX_SIZE, TileMap
 from tests.reference import labmaps

@@ -10,10 +10,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from .. import registry
-from ..environment import Environment
-from ..errors import JAXensteinError, MapWarning, SettingError, TrajectoryError
-from ..tasks.navigation import Navigation
+from . import registry
+from .environment import Environment
+from .errors import JAXensteinError, MapWarning, SettingError, TrajectoryError
+from .tasks.navigation import Navigation
 
 # What does not matter to one episode that is stepped by hand.
 _RESETTING = ("autoreset", "final_observation")

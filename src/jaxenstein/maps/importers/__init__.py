@@ -1,0 +1,1 @@
+"""Maps of other projects, read and converted to tile maps."""

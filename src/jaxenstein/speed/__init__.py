@@ -1,0 +1,1 @@
+"""Measuring how many steps a second an environment makes, and what compiling it costs."""
