@@ -12,13 +12,13 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
-from typing import Any, ClassVar, Generic, Literal, TypeVar, get_args
+from typing import Any, ClassVar, Generic, Literal, NamedTuple, TypeVar, get_args
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .engine.fusion import where_any
+from .batching import select, where_any
 from .errors import SettingError
 from .pytree import Record, record
 from .spaces import Discrete, Space
@@ -64,6 +64,26 @@ S = TypeVar("S", bound=State)
 P = TypeVar("P", bound=Params)
 
 _jit = functools.partial(jax.jit, static_argnums=0, inline=True)
+
+
+class Turn(NamedTuple, Generic[S]):
+    """What an action led to, without a picture of it.
+
+    Attributes:
+        state: what to act in next: a first state where the step reset.
+        final: the state that the action led to, before a reset.
+        reward: float32[].
+        terminated: bool[], the task's own end.
+        truncated: bool[], the time limit.
+        info: as of `Environment.step`, without observations.
+    """
+
+    state: S
+    final: S
+    reward: jax.Array
+    terminated: jax.Array
+    truncated: jax.Array
+    info: Info
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -177,23 +197,53 @@ class Environment(abc.ABC, Generic[S, P]):
         """
         params = self.check_params(params)
         step_key, reset_key = jax.random.split(key)
-        after, reward, terminated, info = self.advance(step_key, state, action, params)
-        truncated = after.time >= params.max_steps_in_episode
+        turn = self.turn(step_key, reset_key, state, action, params)
+        info = turn.info
+        if self.final_observation:
+            info = info | {"final_observation": self.observe(turn.final, params)}
+        ends = turn.terminated, turn.truncated
+        return self.observe(turn.state, params), turn.state, turn.reward, *ends, info
+
+    @_jit
+    def turn(
+        self,
+        step_key: jax.Array,
+        reset_key: jax.Array,
+        state: S,
+        action: Any,
+        params: P | None = None,
+    ) -> Turn[S]:
+        """`step` without an observation, and with the state before the reset.
+
+        Args:
+            step_key: of what happens in the step.
+            reset_key: of the first state of the next episode.
+            state: one state.
+            action: an integer.
+            params: of the environment.
+        """
+        params = self.check_params(params)
+        final, reward, terminated, info = self.advance(step_key, state, action, params)
+        truncated = self.time_is_up(final, params)
         if self.autoreset is None:
-            return self.observe(after, params), after, reward, terminated, truncated, info
-        ended = after.done if self.autoreset == "same-step" else state.done
-        fresh = where_any(self.init_state)(ended, reset_key, params)
+            return Turn(final, final, reward, terminated, truncated, info)
         if self.autoreset == "same-step":
-            if self.final_observation:
-                info["final_observation"] = self.observe(after, params)
-            state = _select(ended, fresh, after)
-            return self.observe(state, params), state, reward, terminated, truncated, info
-        state = _select(ended, fresh, after)
+            following = self.reset_where(final.done, reset_key, final, params)
+            return Turn(following, final, reward, terminated, truncated, info)
+        over = state.done
+        following = self.reset_where(over, reset_key, final, params)
         events = {name: jnp.zeros_like(value) for name, value in info.items()}
-        info = _select(ended, events | self.describe(state, params), info)
-        reward = jnp.where(ended, 0, reward)
-        ends = terminated & ~ended, truncated & ~ended
-        return self.observe(state, params), state, reward, *ends, info
+        info = select(over, events | self.describe(following, params), info)
+        reward = jnp.where(over, 0, reward)
+        return Turn(following, final, reward, terminated & ~over, truncated & ~over, info)
+
+    def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
+        """The first state of an episode where bool[] `over`, else `state`."""
+        return select(over, where_any(self.init_state)(over, key, params), state)
+
+    def time_is_up(self, state: S, params: P) -> jax.Array:
+        """bool[]: whether the time limit ends the episode in this state."""
+        return state.time >= params.max_steps_in_episode
 
     @_jit
     def reset_env(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
@@ -206,7 +256,7 @@ class Environment(abc.ABC, Generic[S, P]):
     ) -> tuple[Any, S, jax.Array, jax.Array, Info]:
         """Take a step without an automatic reset: observation, state, reward, terminated, info.
 
-        Truncation is `state.time >= params.max_steps_in_episode`; `state.done` covers both ends.
+        Truncation is `time_is_up(state, params)`; `state.done` covers both ends.
         """
         params = self.check_params(params)
         state, reward, terminated, info = self.advance(key, state, action, params)
@@ -224,12 +274,8 @@ class Environment(abc.ABC, Generic[S, P]):
         params = self.check_params(params)
         action = self._check_action(action)
         after, reward, terminated, events = self.transition(key, state, action, params)
-        time = state.time + 1
-        after = after.replace(
-            time=time,
-            episode_return=state.episode_return + reward,
-            done=terminated | (time >= params.max_steps_in_episode),
-        )
+        after = after.replace(time=state.time + 1, episode_return=state.episode_return + reward)
+        after = after.replace(done=terminated | self.time_is_up(after, params))
         return after, reward, terminated, events | self.describe(after, params)
 
     def check_params(self, params: P | None = None) -> P:
@@ -273,7 +319,3 @@ class Environment(abc.ABC, Generic[S, P]):
 def _as_kind(value: Any, default: Any) -> jax.Array:
     kind = np.asarray(default).dtype.kind
     return jnp.asarray(value).astype({"i": jnp.int32, "b": jnp.bool_}.get(kind, jnp.float32))
-
-
-def _select(condition: jax.Array, true: Any, false: Any) -> Any:
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), true, false)

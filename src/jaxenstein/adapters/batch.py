@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..engine.fusion import where_any
+from ..batching import select
 from ..environment import Autoreset, Environment
 from ..errors import SettingError
 
@@ -241,7 +241,7 @@ def _reset_some(
     after, used = _split(keys)
     fresh = jax.vmap(env.init_state, (0, None))(used, params)
     keys = jnp.where(mask, after, keys)
-    states = jax.tree.map(lambda new, old: _where(mask, new, old), fresh, states)
+    states = jax.vmap(select)(mask, fresh, states)
     observation = jax.vmap(env.observe, (0, None))(states, params)
     return keys, states, observation, jax.vmap(env.describe, (0, None))(states, params)
 
@@ -261,19 +261,11 @@ def _step_or_reset(
     env: Environment[Any, Any], keys: jax.Array, states: Any, actions: jax.Array, params: Any
 ) -> tuple[Any, ...]:
     """Reset the environments whose last step ended, step the others."""
-    over = states.done
     keys, used = _split(keys)
-    advance = jax.vmap(env.advance, (0, 0, 0, None))
-    after, reward, terminated, info = advance(used, states, actions, params)
-    truncated = after.time >= params.max_steps_in_episode
-    fresh = jax.vmap(where_any(env.init_state), (0, 0, None))(over, used, params)
-    states = jax.tree.map(lambda new, old: _where(over, new, old), fresh, after)
-    first = {name: jnp.zeros_like(value) for name, value in info.items()}
-    first |= jax.vmap(env.describe, (0, None))(states, params)
-    info = {name: _where(over, first[name], value) for name, value in info.items()}
-    observation = jax.vmap(env.observe, (0, None))(states, params)
-    ends = terminated & ~over, truncated & ~over
-    return keys, states, (observation, jnp.where(over, 0, reward), *ends, info)
+    turn = jax.vmap(dataclasses.replace(env, autoreset="next-step").turn, (0, 0, 0, 0, None))
+    # One key for both, of which each environment needs but one.
+    states, _, *rest = turn(used, used, states, actions, params)
+    return keys, states, (jax.vmap(env.observe, (0, None))(states, params), *rest)
 
 
 # The observations are given away, so that the frames of the others need not be copied.
@@ -301,7 +293,3 @@ def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:
     """What stays of each stream, and a key of each to use."""
     split = jax.vmap(jax.random.split)(keys)
     return split[:, 0], split[:, 1]
-
-
-def _where(mask: jax.Array, new: jax.Array, old: jax.Array) -> jax.Array:
-    return jnp.where(mask.reshape(mask.shape + (1,) * (new.ndim - 1)), new, old)

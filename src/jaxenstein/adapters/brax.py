@@ -188,13 +188,9 @@ class FreshResetWrapper(base.Wrapper):
         state = state.replace(done=jnp.zeros_like(state.done), info={**state.info, "steps": steps})
         after = self.env.step(state, action)
         keys = jax.vmap(jax.random.split)(after.info["rng"])
-        fresh = jax.vmap(self._inner.env.init_state, (0, None))(keys[:, 1], self._inner.params)
-        ended = after.done > 0
-        states = jax.tree.map(
-            lambda new, old: jnp.where(ended.reshape(-1, *[1] * (new.ndim - 1)), new, old),
-            fresh,
-            after.pipeline_state,
-        )
+        env, params = self._inner.env, self._inner.params
+        reset_where = jax.vmap(env.reset_where, (0, 0, 0, None))
+        states = reset_where(after.done > 0, keys[:, 1], after.pipeline_state, params)
         return after.replace(
             pipeline_state=states,
             # That of `after` is not used any more, and so is not drawn.

@@ -153,7 +153,7 @@ class GymnaxEnvironment(base.Environment):
 
     def is_truncated(self, state: Any, params: Any = None) -> jax.Array:
         """bool[]: whether the state has reached the time limit."""
-        return state.time >= self.env.check_params(params).max_steps_in_episode
+        return self.env.time_is_up(state, self.env.check_params(params))
 
     def is_terminated(self, state: Any, params: Any = None) -> jax.Array:
         """bool[]: whether the task ended in this state, before the time limit.

@@ -83,42 +83,6 @@ def repeat(body: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap `function` to run for a whole batch only if one of its members needs the result.
-
-    `jax.vmap` would turn a conditional into computing always. On other backends than the CPU
-    that is what happens: there a branch costs more, since the host must wait for its predicate.
-
-    Returns:
-        A function of (needed bool[], *args), whose result is that of `function(*args)` where
-        `needed` is true, and anything elsewhere.
-    """
-    function = _traced_once(function)
-
-    @custom_vmap
-    def call(needed: jax.Array, *args: Any) -> Any:
-        shapes = jax.eval_shape(function, *args)
-
-        def nothing(*_: Any) -> Any:
-            return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
-
-        def maybe(*args: Any) -> Any:
-            return lax.cond(needed, function, nothing, *args)
-
-        return lax.platform_dependent(*args, cpu=maybe, default=function)
-
-    @call.def_vmap
-    def _(axis_size: int, in_batched: list[Any], needed: jax.Array, *args: Any) -> tuple[Any, Any]:
-        if in_batched[0]:
-            needed = jnp.any(needed)
-        axes = jax.tree.map(lambda batched: 0 if batched else None, tuple(in_batched[1:]))
-        mapped = jax.vmap(function, in_axes=axes, axis_size=axis_size)
-        out = where_any(mapped)(needed, *args)
-        return out, jax.tree.map(lambda _: True, out)
-
-    return call
-
-
 # The functions here are used several times over: for each platform, for their shapes, and within
 # each other. Python's part of it is done once, and no call is left in the program.
 _traced_once = partial(jax.jit, inline=True)

@@ -7,13 +7,13 @@ episodes that the time limit cut off. Others go by gymnax' contract of six value
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...engine.fusion import where_any
 from ...environment import Environment
 from ...errors import SettingError
 from ...pytree import Record, record
@@ -101,7 +101,7 @@ class OwnSimulator:
     def __init__(self, env: Environment[Any, Any], params: Any) -> None:
         """Take an environment and its params."""
         self.num_actions = env.num_actions
-        self._env = env
+        self._env = dataclasses.replace(env, autoreset="same-step", final_observation=False)
         self._params = params
 
     def reset(self, keys: jax.Array) -> tuple[Any, Any]:
@@ -114,19 +114,15 @@ class OwnSimulator:
 
     def _step(self, key: jax.Array, state: Any, action: jax.Array) -> Outcome:
         env, params = self._env, self._env.check_params(self._params)
-        step_key, reset_key = jax.random.split(key)
-        after, reward, terminated, info = env.advance(step_key, state, action, params)
-        ended = after.done
-        fresh = where_any(env.init_state)(ended, reset_key, params)
-        following = jax.tree.map(lambda a, b: jnp.where(ended, a, b), fresh, after)
+        turn = env.turn(*jax.random.split(key), state, action, params)
         return Outcome(
-            obs=env.observe(following, params),
-            state=following,
-            reward=reward.astype(jnp.float32),
-            terminated=terminated,
-            truncated=(after.time >= params.max_steps_in_episode) & ~terminated,
-            reached=_reached(info, terminated, reward),
-            final=after,
+            obs=env.observe(turn.state, params),
+            state=turn.state,
+            reward=turn.reward.astype(jnp.float32),
+            terminated=turn.terminated,
+            truncated=turn.truncated & ~turn.terminated,
+            reached=_reached(turn.info, turn.terminated, turn.reward),
+            final=turn.final,
         )
 
     def final_of(self, obs: Any, state: Any) -> Any:

@@ -1,0 +1,57 @@
+"""What no member of a batch needs is not computed."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxenstein.batching import where_any
+
+NEEDS = [np.zeros((2, 3), bool), np.array([[0, 0, 0], [0, 1, 0]], bool), np.ones((2, 3), bool)]
+
+
+@pytest.mark.parametrize("needed", NEEDS, ids=["none", "one", "all"])
+@pytest.mark.parametrize("axes", [((0, 0), (0, 0)), ((0, None), (0, 0)), ((0, 0), (None, 0))])
+def test_where_any_is_right_where_it_is_needed(needed, axes) -> None:
+    def function(key, x):
+        return {"drawn": jax.random.uniform(key), "twice": (x * 2, x > 1)}
+
+    def chosen(needed, key, x):
+        out = where_any(function)(needed, key, x)
+        return jax.tree.map(lambda leaf: jnp.where(needed, leaf, jnp.zeros_like(leaf)), out)
+
+    def plain(needed, key, x):
+        out = function(key, x)
+        return jax.tree.map(lambda leaf: jnp.where(needed, leaf, jnp.zeros_like(leaf)), out)
+
+    # Keys and numbers are batched with the outer axis, the inner one, or both.
+    keys = jax.random.split(jax.random.key(0), 6).reshape(2, 3)
+    x = jnp.arange(6, dtype=jnp.int32).reshape(2, 3)
+    outer, inner = axes
+    keys = keys if inner[0] == 0 else keys[:, 0]
+    x = x if outer[1] == 0 else x[0]
+
+    def nested(run):
+        once = jax.vmap(run, (0, *inner))
+        return jax.jit(jax.vmap(once, (0, *outer)))(jnp.asarray(needed), keys, x)
+
+    jax.tree.map(np.testing.assert_array_equal, nested(chosen), nested(plain))
+
+
+def test_where_any_skips_what_nobody_needs() -> None:
+    """On the CPU: the function would divide by nothing but zeros, and must not be called."""
+    called = []
+
+    def function(x):
+        jax.debug.callback(lambda: called.append(1))
+        return x + 1
+
+    run = jax.jit(jax.vmap(where_any(function)))
+    x = jnp.arange(3, dtype=jnp.int32)
+    jax.block_until_ready(run(jnp.zeros(3, bool), x))
+    jax.effects_barrier()
+    assert not called
+    out = run(jnp.array([False, True, False]), x)
+    jax.effects_barrier()
+    assert called
+    assert out[1] == 2
