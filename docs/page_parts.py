@@ -23,6 +23,7 @@ MEANINGS = {
     "cell": "(column, row) of the tile",
     "episode_return": "undiscounted sum of the rewards since the reset",
     "episode_length": "steps since the reset",
+    "success": "this step reached the aim of the task",
     "distance_to_goal": "tiles, in a straight line",
     "reached_goal": "this step reached the goal",
     "picked_key": "this step picked up a key",

@@ -18,7 +18,7 @@ import numpy as np
 
 from jaxenstein import environment_ids, make
 from jaxenstein.environment import Environment
-from jaxenstein.players import PLAYERS, Choose, Episodes, expert, play
+from jaxenstein.players import PLAYERS, Choose, expert, play
 from jaxenstein.tasks.maze import far_starts
 from jaxenstein.tasks.navigation import Navigation
 from jaxenstein.tasks.steering import centres, draw_heading
@@ -78,13 +78,6 @@ def all_starts(env: Any, params: Any, most: int) -> tuple[Any, bool]:
     ), complete
 
 
-def succeeded(episodes: Episodes, env: Environment[Any, Any]) -> np.ndarray:
-    """bool[B]: whether the goal was reached, or, where there is none, the player survived."""
-    if env.name == "health-gathering":
-        return ~np.asarray(episodes.terminated)
-    return np.asarray(episodes.goals) > 0
-
-
 def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[str, Any]:
     """Returns, lengths and successes of a player in an environment, and print them as a row."""
     env, params = make(name, height=8, width=8)
@@ -103,8 +96,8 @@ def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[s
         "least": min(returned),
         "most": max(returned),
         "length": float(np.mean(result.length)),
-        "success": float(succeeded(result, env).mean()),
-        "goals": float(np.mean(result.goals)),
+        "success": float(np.mean(np.asarray(result.successes) > 0)),
+        "goals": float(np.mean(result.successes)),
         "original": ORIGINALS.get((name, player), ""),
     }
     print(
@@ -121,7 +114,7 @@ def solve(name: str, most: int) -> dict[str, Any]:
     env, params = make(name, height=8, width=8)
     states, complete = all_starts(env, params, most)
     result = play(env, PLAYERS["shortest_path"], params, jax.random.key(1), states)
-    solved = np.asarray(result.goals) > 0
+    solved = np.asarray(result.successes) > 0
     row = {
         "id": name,
         "starts": len(solved),

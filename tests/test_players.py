@@ -31,7 +31,7 @@ def test_shortest_path_reaches_every_goal(name):
     env, params = make(name, **SIZE)
     episodes = play(env, shortest_path, params, jax.random.key(0), starts(env, params, 16))
     assert episodes.terminated.all()
-    assert (episodes.goals == 1).all()
+    assert (episodes.successes == 1).all()
     np.testing.assert_array_equal(episodes.returned, np.ones(16))
     assert (episodes.length < params.max_steps_in_episode).all()
 

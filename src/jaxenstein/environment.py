@@ -164,6 +164,23 @@ class Environment(abc.ABC, Generic[S, P]):
             "episode_length": state.time,
         }
 
+    def succeeded(
+        self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
+    ) -> jax.Array:
+        """bool[]: whether a step reached the task's aim, which `info` tells as `success`.
+
+        Here it did if it terminated with a positive reward; tasks with another aim say so.
+
+        Args:
+            state: after the step; its `time`, `episode_return` and `done` count it in.
+            reward: float32[], of the step.
+            terminated: bool[], as `transition` gave it.
+            events: as `transition` gave them.
+            params: the params.
+        """
+        del state, events, params
+        return terminated & (reward > 0)
+
     # What a training loop calls.
 
     def action_space(self, params: P | None = None) -> Discrete:
@@ -193,7 +210,8 @@ class Environment(abc.ABC, Generic[S, P]):
             observation; state; float32[] reward; bool[] terminated, the task's own end; bool[]
             truncated, the time limit (both can be true); info. `info` tells of the state that
             the action led to, so `episode_return` and `episode_length` are those of the whole
-            episode where `terminated | truncated`.
+            episode where `terminated | truncated`; `success`, bool[], is true in a step that
+            reached the task's aim.
         """
         params = self.check_params(params)
         step_key, reset_key = jax.random.split(key)
@@ -276,7 +294,9 @@ class Environment(abc.ABC, Generic[S, P]):
         after, reward, terminated, events = self.transition(key, state, action, params)
         after = after.replace(time=state.time + 1, episode_return=state.episode_return + reward)
         after = after.replace(done=terminated | self.time_is_up(after, params))
-        return after, reward, terminated, events | self.describe(after, params)
+        success = self.succeeded(after, reward, terminated, events, params)
+        info = events | {"success": success} | self.describe(after, params)
+        return after, reward, terminated, info
 
     def check_params(self, params: P | None = None) -> P:
         """The params as arrays of the default's kinds, the default ones for None.

@@ -50,13 +50,13 @@ class Episodes(Record):
         returned: float32[B], undiscounted sums of rewards.
         length: int32[B], steps.
         terminated: bool[B], whether the task ended it; else the time limit did.
-        goals: int32[B], how often the goal was reached.
+        successes: int32[B], how often the task's aim was reached.
     """
 
     returned: jax.Array
     length: jax.Array
     terminated: jax.Array
-    goals: jax.Array
+    successes: jax.Array
 
 
 def idle(env: Environment[Any, Any], params: Any) -> Choose:
@@ -165,22 +165,25 @@ def play(
     def advance(key: jax.Array, state: Any) -> tuple[Any, jax.Array, jax.Array]:
         policy_key, step_key = jax.random.split(key)
         action = choose(policy_key, state)
-        after, _, terminated, events = env.advance(step_key, state, action, params)
-        goal = jnp.asarray(events.get("reached_goal", False)) & ~state.done
+        after, _, terminated, info = env.advance(step_key, state, action, params)
+        success = info["success"] & ~state.done
         after = jax.tree.map(lambda old, new: jnp.where(state.done, old, new), state, after)
-        return after, terminated & ~state.done, goal.astype(jnp.int32)
+        return after, terminated & ~state.done, success.astype(jnp.int32)
 
     def body(carry: tuple[Any, ...]) -> tuple[Any, ...]:
-        key, states, terminated, goals = carry
+        key, states, terminated, successes = carry
         key, step_key = jax.random.split(key)
         states, ended, reached = jax.vmap(advance)(jax.random.split(step_key, batch), states)
-        return key, states, terminated | ended, goals + reached
+        return key, states, terminated | ended, successes + reached
 
     start = key, states, jnp.zeros(batch, bool), jnp.zeros(batch, jnp.int32)
     end = jax.lax.while_loop(lambda carry: ~jnp.all(carry[1].done), body, start)
-    _, states, terminated, goals = end
+    _, states, terminated, successes = end
     return Episodes(
-        returned=states.episode_return, length=states.time, terminated=terminated, goals=goals
+        returned=states.episode_return,
+        length=states.time,
+        terminated=terminated,
+        successes=successes,
     )
 
 

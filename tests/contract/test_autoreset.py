@@ -82,7 +82,9 @@ def test_next_step_shows_the_last_frame_then_resets():
     np.testing.assert_allclose(last[1].position, [3.3, 1.5], rtol=1e-6)
     obs, state, reward, terminated, truncated, info = reset
     assert (float(reward), bool(terminated), bool(truncated)) == (0.0, False, False)
+    assert last[5]["success"]
     assert not info["reached_goal"]
+    assert not info["success"]
     assert info["episode_length"] == state.time == 0
     assert not state.done
     np.testing.assert_allclose(state.position, [1.5, 1.5])

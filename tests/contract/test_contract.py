@@ -23,6 +23,7 @@ INFO = {
     "cell": ((2,), np.int32),
     "episode_return": ((), np.float32),
     "episode_length": ((), np.int32),
+    "success": ((), np.bool_),
 }
 
 
@@ -158,6 +159,9 @@ def test_truth_table_of_ends(name, ending, limit):
     ends = ending and not getattr(env, "respawn", False)
     np.testing.assert_array_equal(terminated[0], [ends, ends])
     np.testing.assert_array_equal(truncated[0], [limit, limit])
+    # Where nothing but survival counts, the limit is the aim; elsewhere it is what ends the task.
+    aim = limit and not ending if isinstance(env, HealthGathering) else ending
+    np.testing.assert_array_equal(info["success"][0], [aim, aim])
     np.testing.assert_array_equal(info["episode_length"][0], int(states.time[0]) + 1)
     np.testing.assert_array_equal(after.time[0], 0 if ends or limit else int(states.time[0]) + 1)
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """\
 Step many environments side by side with a uniform random policy, resetting each when its
-episode ends, and report the speed, the returns and how often the goal was reached.
+episode ends, and report the speed, the returns and how many episodes succeeded.
 With --out also write DIR/ID.gif, the views of up to 16 of them over time, and DIR/ID.png,
 a contact sheet: one row an environment, time running to the right.
 """
@@ -92,18 +92,18 @@ class Tally:
     Attributes:
         episodes: episodes that ended.
         returns: the sum of their returns.
-        successes: how many of them reached a goal; None where the task knows no goal.
+        successes: how many of them reached the task's aim at least once.
+        goals: how often they reached it; where they go on after that, more than once.
         seconds: time spent stepping, without compiling.
         compiling: seconds it took to compile.
-        goals: how many goals were reached in them; where they go on after one, more than once.
     """
 
     episodes: int
     returns: float
-    successes: int | None
+    successes: int
+    goals: int
     seconds: float
     compiling: float = 0.0
-    goals: int = 0
 
 
 def run(options: argparse.Namespace) -> None:
@@ -157,20 +157,17 @@ def compile_rollout(
             jax.random.split(step_key, envs), carry["state"], actions, params
         )
         ended = terminated | truncated
-        carry = {
-            **carry,
+        so_far = carry["so_far"] + info["success"].astype(jnp.int32)
+        return {
             "key": key,
             "obs": obs,
             "state": state,
             "episodes": carry["episodes"] + ended.astype(jnp.int32),
             "returns": carry["returns"] + jnp.where(ended, info["episode_return"], 0),
+            "goals": carry["goals"] + jnp.where(ended, so_far, 0),
+            "successes": carry["successes"] + (ended & (so_far > 0)).astype(jnp.int32),
+            "so_far": jnp.where(ended, 0, so_far),
         }
-        if "goals" in carry:
-            so_far = carry["so_far"] + info["reached_goal"].astype(jnp.int32)
-            carry["goals"] = carry["goals"] + jnp.where(ended, so_far, 0)
-            carry["successes"] = carry["successes"] + (ended & (so_far > 0)).astype(jnp.int32)
-            carry["so_far"] = jnp.where(ended, 0, so_far)
-        return carry
 
     def advance(carry: Carry, steps: Any) -> tuple[Carry, Any]:
         carry = jax.lax.fori_loop(0, steps, step, carry)
@@ -180,13 +177,12 @@ def compile_rollout(
 
     stepping = jax.vmap(env.step, in_axes=(0, 0, 0, None))
     key, reset_key = jax.random.split(jax.random.key(seed))
-    keys, nothing = jax.random.split(reset_key, envs), jnp.zeros(envs, jnp.int32)
+    keys = jax.random.split(reset_key, envs)
     obs, state = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(keys, params)
-    carry = {"key": key, "obs": obs, "state": state, "episodes": nothing}
-    carry["returns"] = jnp.zeros(envs, jnp.float32)
-    if "reached_goal" in jax.eval_shape(stepping, keys, state, nothing, params)[-1]:
-        # Distinct arrays: their memory is reused one by one.
-        carry |= {name: jnp.zeros(envs, jnp.int32) for name in ("so_far", "goals", "successes")}
+    carry = {"key": key, "obs": obs, "state": state, "returns": jnp.zeros(envs, jnp.float32)}
+    # Distinct arrays: their memory is reused one by one.
+    counted = ("episodes", "goals", "successes", "so_far")
+    carry |= {name: jnp.zeros(envs, jnp.int32) for name in counted}
     return jax.jit(advance, donate_argnums=0).lower(carry, np.int32(0)).compile(), carry
 
 
@@ -223,10 +219,10 @@ def play(
             progress.update(done * envs)
             if not with_frames and elapsed < CALL_SECONDS:
                 chunk *= 2
-    tally = Tally(int(np.sum(carry["episodes"])), float(np.sum(carry["returns"])), None, seconds)
-    if "goals" in carry:
-        tally.successes, tally.goals = int(np.sum(carry["successes"])), int(np.sum(carry["goals"]))
-    return frames, tally
+    episodes, successes, goals = (
+        int(np.sum(carry[name])) for name in ("episodes", "successes", "goals")
+    )
+    return frames, Tally(episodes, float(np.sum(carry["returns"])), successes, goals, seconds)
 
 
 def _report(options: argparse.Namespace, tally: Tally) -> None:
@@ -236,9 +232,8 @@ def _report(options: argparse.Namespace, tally: Tally) -> None:
     print(f"episodes      {tally.episodes} ended")
     if tally.episodes:
         print(f"mean return   {tally.returns / tally.episodes:.4g}")
-    if tally.episodes and tally.successes is not None:
         more = f", {tally.goals / tally.episodes:.3g} goals an episode"
-        success = f"{tally.successes / tally.episodes:.1%} reached the goal"
+        success = f"{tally.successes / tally.episodes:.1%} of the episodes"
         print(f"success       {success}{more if tally.goals > tally.successes else ''}")
 
 

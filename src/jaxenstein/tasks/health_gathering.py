@@ -193,6 +193,18 @@ class HealthGathering(FirstPerson[HealthGatheringState, HealthGatheringParams]):
         """Add the health."""
         return super().describe(state, params) | {"health": state.health}
 
+    def succeeded(
+        self,
+        state: HealthGatheringState,
+        reward: jax.Array,
+        terminated: jax.Array,
+        events: Info,
+        params: HealthGatheringParams,
+    ) -> jax.Array:
+        """Whether the time limit was reached alive."""
+        del reward, events, params
+        return state.done & ~terminated
+
     def scene(self, state: HealthGatheringState, params: HealthGatheringParams) -> Scene:
         """The room and the medkits in it."""
         del params

@@ -170,6 +170,18 @@ class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
         distance = _distance(state.position, state.goal)
         return super().describe(state, params) | {"distance_to_goal": distance}
 
+    def succeeded(
+        self,
+        state: KeyCorridorState,
+        reward: jax.Array,
+        terminated: jax.Array,
+        events: Info,
+        params: NavigationParams,
+    ) -> jax.Array:
+        """Whether the goal was reached."""
+        del state, reward, terminated, params
+        return events["reached_goal"]
+
     def scene(self, state: KeyCorridorState, params: NavigationParams) -> Scene:
         """The layout with its closed doors, the key and the goal."""
         del params

@@ -164,6 +164,18 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
         """Add the straight-line distance to the goal, in tiles."""
         return super().describe(state, params) | {"distance_to_goal": self._distance(state)}
 
+    def succeeded(
+        self,
+        state: NavigationState,
+        reward: jax.Array,
+        terminated: jax.Array,
+        events: Info,
+        params: NavigationParams,
+    ) -> jax.Array:
+        """Whether the goal was reached, also where it does not end the episode."""
+        del state, reward, terminated, params
+        return events["reached_goal"]
+
     def scene(self, state: NavigationState, params: NavigationParams) -> Scene:
         """The map with its closed doors, the keys left and the goal."""
         del params

@@ -20,7 +20,7 @@ class Evaluation(Record):
     Attributes:
         episode_return: float32[E], undiscounted.
         episode_length: int32[E], steps.
-        success: bool[E], whether the goal was reached.
+        success: bool[E], whether the task's aim was reached.
         terminated: bool[E], whether the task ended the episode, not the time limit.
     """
 

@@ -25,7 +25,7 @@ class Actors(Record):
         memory: float32[N, hidden], the recurrent state before `obs`.
         episode_return: float32[N], undiscounted, of the episode so far.
         episode_length: int32[N], steps of it.
-        reached: bool[N], whether its goal was reached.
+        reached: bool[N], whether the task's aim was reached in it.
     """
 
     env_state: Any
@@ -98,7 +98,7 @@ class Episodes(Record):
         return_sum: float32[], of their returns.
         return_square_sum: float32[], of the squares.
         length_sum: int32[], of their steps.
-        successes: int32[], how many reached the goal.
+        successes: int32[], how many reached the task's aim.
     """
 
     episodes: jax.Array

@@ -29,7 +29,7 @@ class Outcome(Record):
         reward: float32[N].
         terminated: bool[N], the task's own end.
         truncated: bool[N], the time limit, where not terminated.
-        reached: bool[N], whether the goal was reached in this step.
+        reached: bool[N], whether this step reached the aim, `info["success"]`.
         final: what `final_observation` makes the last observation of an ended episode of.
     """
 
@@ -121,7 +121,7 @@ class OwnSimulator:
             reward=turn.reward.astype(jnp.float32),
             terminated=turn.terminated,
             truncated=turn.truncated & ~turn.terminated,
-            reached=_reached(turn.info, turn.terminated, turn.reward),
+            reached=turn.info["success"],
             final=turn.final,
         )
 
@@ -194,7 +194,7 @@ class GymnaxSimulator:
 
 
 def _reached(info: Any, terminated: jax.Array, reward: jax.Array) -> jax.Array:
-    """Success: the event of that name, or else an end with a reward."""
-    if "reached_goal" in info:
-        return info["reached_goal"].astype(bool)
+    """Success of an environment from elsewhere: what it says of it, or an end with a reward."""
+    if "success" in info:
+        return info["success"].astype(bool)
     return terminated & (reward > 0)
