@@ -20,7 +20,6 @@ from jaxenstein.engine.level import compile_level
 from jaxenstein.engine.scene import Scene, Sprites
 from jaxenstein.maps.ascii import parse_ascii
 from jaxenstein.maps.symbols import key_label
-from jaxenstein.pytree import record
 from jaxenstein.tasks.appearance import build_theme
 from jaxenstein.tasks.first_person import FirstPerson
 from jaxenstein.tasks.steering import ACTION_NAMES, SteeringParams, centres, steer
@@ -30,7 +29,6 @@ LEVEL = compile_level(MAP.walls, MAP.door_tiles)
 THEME = build_theme((key_label(0), key_label(2)), doors=False)  # red, blue
 
 
-@record
 class TMazeParams(SteeringParams):
     """Numbers, which may differ within a batch: for how many steps the key is in sight."""
 
@@ -38,7 +36,6 @@ class TMazeParams(SteeringParams):
     cue_steps: Any = 10
 
 
-@record
 class TMazeState(jaxenstein.State):
     """What the task keeps beside position, heading and time: the arm that pays, int32[]."""
 

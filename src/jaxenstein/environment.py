@@ -20,15 +20,14 @@ import numpy as np
 
 from .batching import select, where_any
 from .errors import SettingError
-from .pytree import Record, record
+from .pytree import PyTreeNode
 from .spaces import Discrete, Space
 
 Autoreset = Literal["same-step", "next-step"]
 Info = dict[str, Any]
 
 
-@record
-class Params(Record):
+class Params(PyTreeNode):
     """Numbers that may differ between environments of one batch: traced, never static.
 
     Attributes:
@@ -40,8 +39,7 @@ class Params(Record):
     discount: Any = 0.99
 
 
-@record
-class State(Record):
+class State(PyTreeNode):
     """What every state has.
 
     Attributes:

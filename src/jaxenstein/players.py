@@ -23,7 +23,7 @@ from .environment import Environment
 from .errors import SettingError
 from .maps.reach import open_tiles, walking_distances
 from .maps.tilemap import TileMap
-from .pytree import Record, record
+from .pytree import PyTreeNode
 from .tasks.health_gathering import FULL_HEALTH, HealthGathering
 from .tasks.key_corridor import KeyCorridor
 from .tasks.navigation import Navigation
@@ -42,8 +42,7 @@ _BESIDE = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
 _SLACK = 1e-3
 
 
-@record
-class Episodes(Record):
+class Episodes(PyTreeNode):
     """What came of B episodes.
 
     Attributes:

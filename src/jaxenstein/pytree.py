@@ -1,31 +1,29 @@
-"""Records: frozen dataclasses that JAX treats as pytrees."""
+"""Frozen dataclasses that JAX treats as pytrees."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Self, TypeVar, dataclass_transform
+from typing import Any, Self, dataclass_transform
 
 import jax
 
-_T = TypeVar("_T", bound=type)
-
 
 def static(**kwargs: Any) -> Any:
-    """A record field that is part of the tree structure (hashable, never traced)."""
+    """A field that is part of the tree's structure (hashable, never traced)."""
     return dataclasses.field(metadata={"static": True}, **kwargs)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(static, dataclasses.field))
-def record(cls: _T) -> _T:
-    """Make `cls` a frozen dataclass and register it as a pytree.
+class PyTreeNode:
+    """Base of all pytrees: each subclass becomes a frozen dataclass that JAX takes apart.
 
-    Fields are children unless declared with `static`. Subclasses must be decorated too.
+    Fields are children of the node unless declared with `static`.
     """
-    return jax.tree_util.register_dataclass(dataclasses.dataclass(frozen=True)(cls))
 
-
-class Record:
-    """Base of all records: adds `replace`."""
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Make the subclass a dataclass and register it."""
+        super().__init_subclass__(**kwargs)
+        jax.tree_util.register_dataclass(dataclasses.dataclass(frozen=True)(cls))
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with the named fields changed; an unknown name is a `TypeError`.

@@ -11,12 +11,10 @@ import numpy as np
 
 import jaxenstein
 from jaxenstein.environment import Environment, Info, Params, State
-from jaxenstein.pytree import record
 from jaxenstein.spaces import Box
 from jaxenstein.tasks.navigation import Navigation, NavigationState
 
 
-@record
 class CueState(State):
     """A state with a number that the agent is to know."""
 

@@ -14,7 +14,6 @@ from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene, Sprites
 from jaxenstein.environment import Params, State
 from jaxenstein.maps.symbols import DEFAULT_WALL, GOAL_LABEL
-from jaxenstein.pytree import record
 from jaxenstein.tasks.appearance import build_theme
 from jaxenstein.tasks.first_person import FirstPerson
 
@@ -22,7 +21,6 @@ SIDE = 9
 DEFAULTS = Params(max_steps_in_episode=7)
 
 
-@record
 class ForestState(State):
     """A state with its own map."""
 

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..pytree import Record, record
+from ..pytree import PyTreeNode
 from .camera import Camera
 from .level import WORD
 from .raycast import Hits, rays
@@ -27,8 +27,7 @@ from .sprites import Layers, Spots, project
 PANEL_SHADOW = 0.45
 
 
-@record
-class Columns(Record):
+class Columns(PyTreeNode):
     """The columns of one image, ready to paint; W of them.
 
     Paints are what ends up in the image: packed colours, grey values, labels (uint32) or depths
@@ -49,8 +48,7 @@ class Columns(Record):
     layers: Layers | None
 
 
-@record
-class Panels(Record):
+class Panels(PyTreeNode):
     """Panels: shadows and accents on a wall.
 
     Attributes:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..pytree import Record, record, static
+from ..pytree import PyTreeNode, static
 
 WORD = 32
 # What the margin looks like: the first wall (see `scene.Theme`).
@@ -20,8 +20,7 @@ OUTSIDE = 2
 Array = jax.Array | np.ndarray
 
 
-@record
-class Level(Record):
+class Level(PyTreeNode):
     """The geometry of one map, either a constant of the program or part of a state.
 
     C and R are the map's columns and rows with the margin on both sides, D the number of doors.

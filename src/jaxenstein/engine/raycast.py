@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from ..pytree import Record, record, static
+from ..pytree import PyTreeNode, static
 from .camera import Camera
 from .fusion import staged
 from .level import WORD, Level, occupancy
@@ -39,8 +39,7 @@ PARALLEL = 1e-12
 NUDGE = 2.0**-16
 
 
-@record
-class Hits(Record):
+class Hits(PyTreeNode):
     """What each ray hit; W is the number of image columns.
 
     Attributes:
@@ -58,8 +57,7 @@ class Hits(Record):
     tile: jax.Array
 
 
-@record
-class Aim(Record):
+class Aim(PyTreeNode):
     """Each ray on its way to the grid lines of one kind; named for the vertical ones.
 
     Attributes:

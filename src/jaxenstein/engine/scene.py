@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import jax
 
-from ..pytree import Record, record
+from ..pytree import PyTreeNode
 from .level import Array, Level
 
 # Labels of what is neither wall nor sprite.
@@ -12,8 +12,7 @@ CEILING = 0
 FLOOR = 1
 
 
-@record
-class Theme(Record):
+class Theme(PyTreeNode):
     """How walls, floor, ceiling and sprites look: tables of constants.
 
     Attributes:
@@ -44,8 +43,7 @@ class Theme(Record):
     sprite_labels: Array
 
 
-@record
-class Sprites(Record):
+class Sprites(PyTreeNode):
     """Billboards, which always face the camera. N is their number.
 
     Attributes:
@@ -59,8 +57,7 @@ class Sprites(Record):
     visible: jax.Array
 
 
-@record
-class Scene(Record):
+class Scene(PyTreeNode):
     """All that one image depends on.
 
     Attributes:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from ..pytree import Record, record
+from ..pytree import PyTreeNode
 from .camera import Camera
 from .fusion import repeat, staged
 from .level import WORD, Array
@@ -28,8 +28,7 @@ BLOCK = 8
 _NONE = 0xFFFFFFFF
 
 
-@record
-class Layers(Record):
+class Layers(PyTreeNode):
     """The nearest billboards over each column, near to far: K layers, W columns.
 
     A pixel `y` rows below the horizon shows bit `round(scale * y + offset)` of the planes. What
@@ -48,8 +47,7 @@ class Layers(Record):
     paint: jax.Array
 
 
-@record
-class Spots(Record):
+class Spots(PyTreeNode):
     """Billboards as the eye sees them; any shape, the same for all.
 
     A column of slope s sees column `stretch * s + start` of a billboard's 32, if there is one.

@@ -18,11 +18,10 @@ import jax.numpy as jnp
 
 from ..environment import Environment
 from ..errors import SettingError
-from ..pytree import Record, record
+from ..pytree import PyTreeNode
 
 
-@record
-class RolloutCarry(Record):
+class RolloutCarry(PyTreeNode):
     """What a rollout hands from one step to the next; `B` environments side by side.
 
     Attributes:

@@ -22,7 +22,6 @@ from ..errors import SettingError
 from ..maps.ascii import parse_ascii
 from ..maps.symbols import MEDKIT_LABEL
 from ..maps.tilemap import TileMap
-from ..pytree import record
 from ..spaces import Box
 from .appearance import RGB, build_theme
 from .draws import draw_unit
@@ -42,7 +41,6 @@ FLOOR: tuple[RGB, RGB] = ((52, 122, 34), (40, 98, 26))
 CEILING: RGB = (26, 26, 62)
 
 
-@record
 class HealthGatheringParams(SteeringParams):
     """The numbers of the task.
 
@@ -73,7 +71,6 @@ class HealthGatheringParams(SteeringParams):
 DEFAULTS = HealthGatheringParams()
 
 
-@record
 class HealthGatheringState(State):
     """State of the task; N is `CAPACITY`.
 

@@ -24,7 +24,6 @@ from ..environment import Info, State
 from ..errors import SettingError
 from ..maps.symbols import COLOUR_NAMES, DEFAULT_WALL, GOAL_LABEL, door_label, key_label
 from ..maps.tilemap import Key, TileMap
-from ..pytree import record
 from ..spaces import Box
 from .appearance import build_theme
 from .draws import draw_index
@@ -37,7 +36,6 @@ WEST, EAST = 0, 1
 _COLOURS = len(COLOUR_NAMES)
 
 
-@record
 class KeyCorridorState(State):
     """State of the task; D places for doors.
 

@@ -20,13 +20,11 @@ from ..errors import SettingError
 from ..maps.reach import open_tiles, walking_distances
 from ..maps.symbols import APPLE_LABEL
 from ..maps.tilemap import Cell, TileMap
-from ..pytree import record
 from .draws import draw_index
 from .navigation import Navigation, NavigationParams, NavigationState
 from .steering import centres, draw_heading
 
 
-@record
 class MazeParams(NavigationParams):
     """The numbers of the task.
 
@@ -38,7 +36,6 @@ class MazeParams(NavigationParams):
     apple_reward: Any = 1.0
 
 
-@record
 class MazeState(NavigationState):
     """State of a maze; A apples.
 

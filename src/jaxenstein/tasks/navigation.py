@@ -16,7 +16,6 @@ from ..engine.scene import Scene, Sprites, Theme
 from ..environment import Info, State
 from ..maps.symbols import COLOUR_NAMES, GOAL_LABEL, key_label
 from ..maps.tilemap import TileMap
-from ..pytree import record
 from ..spaces import Box
 from .appearance import CEILING, FLOOR, RGB, build_theme, check_rgb
 from .draws import draw_index
@@ -32,7 +31,6 @@ from .steering import (
 )
 
 
-@record
 class NavigationParams(SteeringParams):
     """The numbers of the task.
 
@@ -54,7 +52,6 @@ class NavigationParams(SteeringParams):
 DEFAULTS = NavigationParams()
 
 
-@record
 class NavigationState(State):
     """State of a navigation task; D doors and K keys on the map.
 

@@ -13,7 +13,6 @@ from ..engine.level import Level
 from ..engine.motion import forward, turn, walk
 from ..environment import Params
 from ..errors import SettingError
-from ..pytree import record
 from .draws import draw_unit
 
 TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
@@ -22,7 +21,6 @@ WIDEST = 3600
 ACTION_NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 
 
-@record
 class SteeringParams(Params):
     """How far one action goes.
 

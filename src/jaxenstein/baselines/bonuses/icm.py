@@ -13,7 +13,7 @@ import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 from ..learning import optimiser
 from ..learning.bonus import BonusScale, Experience, Metrics, initial_scale, scaled
 from ..learning.config import Config, HParams
@@ -24,8 +24,7 @@ from ..learning.rollout import log_prob
 from .rnd import Embedding
 
 
-@record
-class ICMState(Record):
+class ICMState(PyTreeNode):
     """The state of ICM.
 
     Attributes:
@@ -51,8 +50,7 @@ class Latent(nn.Module):
         return dense(self.size, 1.0, self.dtype)(features)
 
 
-@record
-class Losses(Record):
+class Losses(PyTreeNode):
     """The models' errors at each step; leading axes [T, N].
 
     Attributes:

@@ -13,7 +13,7 @@ import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 from ..learning import optimiser, running_stats
 from ..learning.bonus import Auxiliary, BonusScale, Experience, Metrics, initial_scale, scaled
 from ..learning.config import Config, HParams
@@ -26,8 +26,7 @@ from ..learning.running_stats import RunningStats
 _FURTHEST = 5.0
 
 
-@record
-class RNDState(Record):
+class RNDState(PyTreeNode):
     """The state of RND.
 
     Attributes:

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import jax
 import jax.numpy as jnp
 
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 from . import running_stats
 from .config import HParams
 from .running_stats import RunningStats
@@ -21,8 +21,7 @@ from .running_stats import RunningStats
 Metrics = dict[str, jax.Array]
 
 
-@record
-class Experience(Record):
+class Experience(PyTreeNode):
     """What a bonus sees of a rollout.
 
     Attributes:
@@ -132,8 +131,7 @@ class NoBonus:
         del state
 
 
-@record
-class BonusScale(Record):
+class BonusScale(PyTreeNode):
     """The running size of discounted sums of the bonus, which it can be divided by.
 
     Attributes:

@@ -11,7 +11,7 @@ import numpy as np
 from jax.core import Tracer
 
 from ...errors import SettingError, nearest
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 
 Algorithm = Literal["ppo", "rnd", "icm"]
 Precision = Literal["float32", "bfloat16"]
@@ -192,8 +192,7 @@ class Config:
         return make_with(self.env, dict(self.env_settings))
 
 
-@record
-class HParams(Record):
+class HParams(PyTreeNode):
     """Numbers of a run: a pytree of scalars, traced, so `jax.vmap` can run many at once.
 
     Attributes:

@@ -7,14 +7,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 from .networks import ActorCritic
 from .rollout import Actors, start
 from .simulator import Simulator
 
 
-@record
-class Evaluation(Record):
+class Evaluation(PyTreeNode):
     """Episodes, each from its beginning to its end: long ones count as much as short ones.
 
     Attributes:

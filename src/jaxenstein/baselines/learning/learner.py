@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 from ..bonuses.icm import ICM
 from ..bonuses.rnd import RND
 from . import optimiser
@@ -25,8 +25,7 @@ from .simulator import GymnaxSimulator, make_simulator, most_truncations
 from .state import Metrics, TrainState, key_data, wrap_key
 
 
-@record
-class PolicyCarry(Record):
+class PolicyCarry(PyTreeNode):
     """What a policy remembers between two steps of one episode.
 
     Attributes:

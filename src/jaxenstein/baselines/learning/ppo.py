@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 from . import optimiser
 from .bonus import Auxiliary, Experience
 from .config import Config, HParams
@@ -18,8 +18,7 @@ from .rollout import Steps, log_prob
 Metrics = dict[str, jax.Array]
 
 
-@record
-class Batch(Record):
+class Batch(PyTreeNode):
     """What PPO learns from.
 
     Attributes:

@@ -7,13 +7,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 from .networks import ActorCritic
 from .simulator import Outcome, Simulator
 
 
-@record
-class Actors(Record):
+class Actors(PyTreeNode):
     """The environments between two steps, and what the policy remembers of each.
 
     Attributes:
@@ -38,8 +37,7 @@ class Actors(Record):
     reached: jax.Array
 
 
-@record
-class Steps(Record):
+class Steps(PyTreeNode):
     """A rollout; every leaf has the leading axes [T, N].
 
     Attributes:
@@ -70,8 +68,7 @@ class Steps(Record):
         return self.terminated | self.truncated
 
 
-@record
-class Finals(Record):
+class Finals(PyTreeNode):
     """The first few steps of a rollout, for each environment, that the time limit cut off.
 
     Attributes:
@@ -89,8 +86,7 @@ class Finals(Record):
     memory: jax.Array
 
 
-@record
-class Episodes(Record):
+class Episodes(PyTreeNode):
     """Sums over the episodes that ended: they add up over rollouts, runs and devices.
 
     Attributes:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 
 
-@record
-class RunningStats(Record):
+class RunningStats(PyTreeNode):
     """Statistics of all values merged so far.
 
     Attributes:

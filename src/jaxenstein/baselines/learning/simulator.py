@@ -16,11 +16,10 @@ import numpy as np
 
 from ...environment import Environment
 from ...errors import SettingError
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 
 
-@record
-class Outcome(Record):
+class Outcome(PyTreeNode):
     """What one step of `N` environments led to.
 
     Attributes:

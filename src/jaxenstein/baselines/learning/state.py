@@ -7,14 +7,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 from .rollout import Actors
 
 Metrics = dict[str, jax.Array]
 
 
-@record
-class TrainState(Record):
+class TrainState(PyTreeNode):
     """A run between two updates: a pytree of plain arrays, all that is needed to go on.
 
     Attributes:
