@@ -28,7 +28,7 @@ except ImportError as error:
 
 from .bonuses.icm import ICM
 from .bonuses.rnd import RND
-from .learning.bonus import Auxiliary, Bonus, Experience, NoBonus
+from .learning.bonus import Bonus, Experience, NoBonus
 from .learning.config import Config, HParams
 from .learning.evaluation import Evaluation
 from .learning.learner import Learner, PolicyCarry, make_learner
@@ -53,7 +53,6 @@ _LAZY = {
 __all__ = [
     "ICM",
     "RND",
-    "Auxiliary",
     "Bonus",
     "Config",
     "Evaluation",

@@ -1,10 +1,6 @@
-"""Run by test_sharding.py in a process of its own, with several simulated devices.
-
-The argument is `rnd_optimizer`.
-"""
+"""Run by test_sharding.py in a process of its own, with several simulated devices."""
 
 import re
-import sys
 
 import jax
 import numpy as np
@@ -44,7 +40,7 @@ def main():
     assert jax.device_count() == 4
     env, params = jaxenstein.from_ascii("####\n#SG#\n####", height=8, width=8)
     params = params.replace(max_steps_in_episode=5)
-    compare(env, params, "rnd", rnd_optimizer=sys.argv[1])
+    compare(env, params, "rnd")
     print("equal")
 
 

@@ -41,10 +41,6 @@ def test_configs_are_hashable_and_count_updates():
         ({"rollout": True}, "rollout must be a whole number"),
         ({"total_steps": 100}, "at least num_envs \\* rollout = 8192"),
         ({"anneal": 1}, "anneal must be True or False, not 1"),
-        (
-            {"rnd_optimizer": "jont"},
-            "rnd_optimizer must be one of 'separate', 'joint', not 'jont', did you mean 'joint'",
-        ),
         ({"dtype": "float16"}, "dtype must be one of 'float32', 'bfloat16'"),
         ({"convolutions": ((8, 4),)}, "\\(kernel, stride, features\\)"),
     ],

@@ -30,9 +30,7 @@ def learner_of(env, **settings):
 
 @functools.cache
 def learner(algo="ppo"):
-    """One for all tests; "joint" is RND with its predictor in PPO's optimiser."""
-    if algo == "joint":
-        return learner_of(Countdown(), algo="rnd", rnd_optimizer="joint")
+    """One for all tests."""
     return learner_of(Countdown(), algo=algo)
 
 
@@ -46,10 +44,7 @@ def one_of(tree, index):
     return jax.tree.map(lambda leaf: leaf[index] if np.ndim(leaf) else leaf, tree)
 
 
-# Resuming a joint run, which is the same of files, is in test_joint.py.
-@pytest.mark.parametrize(
-    "algo", ["ppo", "rnd", pytest.param("joint", marks=pytest.mark.slow), "icm"]
-)
+@pytest.mark.parametrize("algo", ["ppo", "rnd", "icm"])
 def test_two_chunks_of_one_update_are_one_of_two(algo):
     run = learner(algo)
     start = run.init(KEY)
@@ -65,9 +60,8 @@ def test_two_chunks_of_one_update_are_one_of_two(algo):
         equal(first.params, state.params)
 
 
-@pytest.mark.parametrize("algo", ["rnd", "joint"])
-def test_a_state_is_plain_arrays_of_fixed_types(algo):
-    run = learner(algo)
+def test_a_state_is_plain_arrays_of_fixed_types():
+    run = learner("rnd")
     start = run.init(KEY)
     state, _ = run.train_chunk(start, HParams(gamma=0.9), 1)
     kinds = lambda tree: [(a.shape, a.dtype) for a in jax.tree.leaves(tree)]  # noqa: E731
@@ -84,7 +78,7 @@ def test_seeds():
         equal(run.init(KEY).params, run.init(jax.random.key(1)).params)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "rnd", "joint", "icm"])
+@pytest.mark.parametrize("algo", ["ppo", "rnd", "icm"])
 def test_many_runs_are_the_runs_alone(algo):
     run = learner(algo)
     keys = jax.random.split(KEY, 2)

@@ -17,12 +17,11 @@ from jaxenstein.errors import SettingError
 ROOT = Path(__file__).parents[3]
 
 
-@pytest.mark.parametrize("optimizer", ["separate", pytest.param("joint", marks=pytest.mark.slow)])
-def test_sharded_is_single_device(optimizer):
+def test_sharded_is_single_device():
     flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=4"
     path = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "tests.baselines.learning.sharded_run", optimizer],
+        [sys.executable, "-W", "error", "-m", "tests.baselines.learning.sharded_run"],
         env={**os.environ, "XLA_FLAGS": flags, "PYTHONPATH": path, "JAX_PLATFORMS": "cpu"},
         cwd=ROOT, capture_output=True, text=True, timeout=600,
     )  # fmt: skip

@@ -32,7 +32,7 @@ def test_every_field_is_an_option_with_its_default_and_a_help() -> None:
     without = [name for name, option in options.items() if not option.help]
     assert without == []
     assert options["algo"].choices == ("ppo", "rnd", "icm")
-    assert options["rnd_optimizer"].choices == ("separate", "joint")
+    assert options["dtype"].choices == ("float32", "bfloat16")
     assert options["anneal"].kind == "flag"
 
 
@@ -100,8 +100,8 @@ def test_an_alias_is_the_same_experiment() -> None:
     [
         ({"leraning_rate": 1.0}, "unknown option 'leraning_rate', did you mean 'learning_rate'"),
         ({"algo": "rdn"}, "algo must be one of 'ppo', 'rnd', 'icm', not 'rdn', did you mean"),
-        ({"rnd_optimizer": "join"}, "must be one of 'separate', 'joint', not 'join', did you mean"),
-        ({"rnd_optimiser": "joint"}, "unknown option 'rnd_optimiser', did you mean 'rnd_opt"),
+        ({"dtype": "float23"}, "must be one of 'float32', 'bfloat16', not 'float23', did you mean"),
+        ({"rnd_hiden": 8}, "unknown option 'rnd_hiden', did you mean 'rnd_hidden"),
         ({"num_envs": 2.5}, "num_envs must be a whole number, not 2.5"),
         ({"num_envs": True}, "num_envs must be a whole number, not True"),
         ({"num_envs": 6}, "num_envs must be a multiple of minibatches"),

@@ -148,10 +148,6 @@ class ICM:
         )
         return state.replace(params=params, optimiser=adam), metrics
 
-    def auxiliary(self, state: ICMState) -> None:
-        """Nothing: all three networks have an optimiser of their own."""
-        del state
-
     def losses(self, params: Any, obs: Any, action: jax.Array) -> Losses:
         """Errors of the models; `obs` [T + 1, N], `action` int32[T, N].
 

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from ...pytree import PyTreeNode
 from ..learning import optimiser, running_stats
-from ..learning.bonus import Auxiliary, BonusScale, Experience, Metrics, initial_scale, scaled
+from ..learning.bonus import BonusScale, Experience, Metrics, initial_scale, scaled
 from ..learning.config import Config, HParams
 from ..learning.minibatches import passes, take
 from ..learning.networks import Eye, dense
@@ -32,7 +32,7 @@ class RNDState(PyTreeNode):
     Attributes:
         target: parameters of the random network; never trained.
         predictor: parameters of the one that learns to predict it.
-        optimiser: state of the predictor's Adam; empty where the policy's trains it.
+        optimiser: state of the predictor's Adam.
         scale: of the bonus; only used with `normalise_bonus`.
         pixels: statistics of each entry of `ObservationSpec.prepare`, as (images, vector); only
             used with `normalise_observations`.
@@ -86,7 +86,7 @@ class RND:
         return RNDState(
             target=self._init_network(target_key),
             predictor=predictor,
-            optimiser=() if self._joint else optimiser.init(predictor),
+            optimiser=optimiser.init(predictor),
             scale=initial_scale(self.config.num_envs),
             pixels=(images, vector),
         )
@@ -123,12 +123,7 @@ class RND:
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[RNDState, Metrics]:
-        """Train the predictor on what the steps led to, ends left out.
-
-        Nothing is left to do where it has been trained with the policy.
-        """
-        if self._joint:
-            return state, {}
+        """Train the predictor on what the steps led to, ends left out."""
         pass_key, chance_key = jax.random.split(key)
         wanted = _wanted(chance_key, hparams, experience)
         data = (_led_to(experience), wanted)
@@ -152,25 +147,6 @@ class RND:
         )
         return state.replace(predictor=predictor, optimiser=adam), metrics
 
-    def auxiliary(self, state: RNDState) -> Auxiliary | None:
-        """The predictor, with `rnd_optimizer="joint"`; then each minibatch draws its own frames."""
-        if not self._joint:
-            return None
-
-        def loss(
-            predictor: Any, key: jax.Array, hparams: HParams, experience: Experience
-        ) -> tuple[jax.Array, Metrics]:
-            wanted = _wanted(key, hparams, experience)
-            using = state.replace(predictor=predictor)
-            value = self._loss(using, hparams, _led_to(experience), wanted)
-            return value, {"rnd_loss": value}
-
-        return Auxiliary(
-            params=state.predictor,
-            loss=loss,
-            store=lambda predictor: state.replace(predictor=predictor),
-        )
-
     def error(self, state: RNDState, obs: Any) -> jax.Array:
         """float32[T, N], e of observations with leading axes [T, N]."""
         prepare = functools.partial(self._whiten, state.pixels)
@@ -184,10 +160,6 @@ class RND:
         error = self.error(state, obs)
         number = jnp.maximum(jnp.sum(wanted), 1).astype(jnp.float32)
         return hparams.rnd_loss * jnp.sum(jnp.where(wanted, error, 0)) / number
-
-    @property
-    def _joint(self) -> bool:
-        return self.config.rnd_optimizer == "joint"
 
     def _embed(self, params: Any, obs: Any, prepare: Any) -> jax.Array:
         features = self._eye.encode_sequence(params["encoder"], obs, prepare)

@@ -6,8 +6,6 @@ plays, and one large call is faster than many small ones.
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable
 from typing import Any, Protocol
 
 import jax
@@ -34,31 +32,6 @@ class Experience(PyTreeNode):
     obs: Any
     action: jax.Array
     ended: jax.Array
-
-
-@dataclasses.dataclass(frozen=True)
-class Auxiliary:
-    """What of a bonus is trained with the policy: in its minibatches, by its optimiser.
-
-    Attributes:
-        params: a pytree, which the optimiser has beside the policy's parameters.
-        loss: of (params, key, hparams, experience), the key and the `Experience` those of one
-            minibatch: float32[], which is added to the policy's loss, and metrics.
-        store: of (params): the bonus' state with these.
-    """
-
-    params: Any
-    loss: Callable[[Any, jax.Array, HParams, Experience], tuple[jax.Array, Metrics]]
-    store: Callable[[Any], Any]
-
-
-def trained(params: Any, auxiliary: Auxiliary | None) -> Any:
-    """All that the policy's optimiser trains.
-
-    Returns:
-        The policy's parameters alone, or (the policy's, the auxiliary's).
-    """
-    return params if auxiliary is None else (params, auxiliary.params)
 
 
 class Bonus(Protocol):
@@ -94,13 +67,6 @@ class Bonus(Protocol):
         """Learn from the rollout, after the policy; `rate` is the learning rate of this update."""
         ...
 
-    def auxiliary(self, state: Any) -> Auxiliary | None:
-        """What is trained with the policy, before `update`; None if nothing is.
-
-        Which of the two may not depend on the values in `state`.
-        """
-        ...
-
 
 class NoBonus:
     """No bonus: zero."""
@@ -125,10 +91,6 @@ class NoBonus:
         """Nothing to learn."""
         del key, hparams, experience, rate
         return state, {}
-
-    def auxiliary(self, state: Any) -> None:
-        """Nothing to train with the policy."""
-        del state
 
 
 class BonusScale(PyTreeNode):

@@ -16,7 +16,6 @@ from ...pytree import PyTreeNode
 Algorithm = Literal["ppo", "rnd", "icm"]
 Precision = Literal["float32", "bfloat16"]
 Convolution = Literal["matmul", "lax"]
-RNDOptimizer = Literal["separate", "joint"]
 
 _COUNTS = (
     *("total_steps", "num_envs", "rollout", "epochs", "minibatches", "shards"),
@@ -56,16 +55,12 @@ class Config:
         dtype: of the networks' computations; parameters and losses are always float32.
         convolution: `"matmul"`: as matrix products, several times faster on a CPU and with many
             runs side by side; `"lax"`: XLA's own. The results are the same up to rounding.
-        bonus_epochs: passes of the bonus' own update over a rollout; without effect where
-            `rnd_optimizer` is `"joint"`.
+        bonus_epochs: passes of the bonus' own update over a rollout.
         normalise_bonus: divide the bonus by the running deviation of its discounted sum.
         normalise_observations: whiten the frames that RND sees by running statistics.
         rnd_hidden: width of RND's hidden layers.
         rnd_output: size of RND's embedding.
         rnd_layers: number of RND's hidden layers behind its image features.
-        rnd_optimizer: `"separate"`: RND's predictor learns after the policy, by an Adam of its
-            own; `"joint"`: with the policy, in each of PPO's minibatches and by PPO's Adam, the
-            gradients of both clipped as one.
         icm_latent: size of ICM's embedding.
         icm_hidden: width of the hidden layers of ICM's two models.
         icm_layers: their number.
@@ -101,7 +96,6 @@ class Config:
     rnd_hidden: int = 128
     rnd_output: int = 128
     rnd_layers: int = 2
-    rnd_optimizer: RNDOptimizer = "separate"  # the paper prints no learning rate for RND
     icm_latent: int = 128
     icm_hidden: int = 256
     icm_layers: int = 2
@@ -116,7 +110,6 @@ class Config:
         _check_choice("algo", self.algo, get_args(Algorithm))
         _check_choice("dtype", self.dtype, get_args(Precision))
         _check_choice("convolution", self.convolution, get_args(Convolution))
-        _check_choice("rnd_optimizer", self.rnd_optimizer, get_args(RNDOptimizer))
         for name in _COUNTS:
             _check_count(name, getattr(self, name))
         for field in dataclasses.fields(self):
@@ -205,8 +198,7 @@ class HParams(PyTreeNode):
         value: coefficient of the value loss.
         gradient_norm: global norm that gradients are clipped to, PPO's and the bonus' alike.
         advantage_floor: added to the advantages' deviation where they are divided by it.
-        bonus_learning_rate: of the bonus' Adam, at the start; without effect where
-            `rnd_optimizer` is `"joint"`.
+        bonus_learning_rate: of the bonus' Adam, at the start.
         bonus_reward: factor of the exploration bonus.
         bonus_advantage: weight of the intrinsic advantages beside the extrinsic ones (RND).
         bonus_gamma: discount of the intrinsic returns (RND); None: that of the extrinsic ones.
@@ -225,7 +217,7 @@ class HParams(PyTreeNode):
     value: Any = 0.5
     gradient_norm: Any = 0.5
     advantage_floor: Any = 1e-8
-    bonus_learning_rate: Any = 3e-4
+    bonus_learning_rate: Any = 3e-4  # the paper prints none for RND
     bonus_reward: Any = 1.0
     bonus_advantage: Any = 1.0
     bonus_gamma: Any = None

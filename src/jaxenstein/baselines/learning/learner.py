@@ -13,7 +13,7 @@ from ...pytree import PyTreeNode
 from ..bonuses.icm import ICM
 from ..bonuses.rnd import RND
 from . import optimiser
-from .bonus import Bonus, NoBonus, trained
+from .bonus import Bonus, NoBonus
 from .config import Config, HParams
 from .evaluation import Evaluation, evaluate
 from .loop import Loop
@@ -201,7 +201,7 @@ class Learner:
             key=jax.random.key_data(key),
             update=jnp.int32(0),
             params=params,
-            optimiser=optimiser.init(trained(params, self.bonus.auxiliary(bonus))),
+            optimiser=optimiser.init(params),
             bonus=bonus,
             actors=start(self.simulator, self.network, env_key, self.config.num_envs, horizon),
         )

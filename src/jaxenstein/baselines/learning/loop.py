@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from . import gae, ppo
-from .bonus import Bonus, Experience, trained
+from .bonus import Bonus, Experience
 from .config import Config, HParams
 from .networks import ActorCritic
 from .rollout import Actors, Finals, Steps, final_values, rollout
@@ -46,7 +46,7 @@ class Loop:
         Returns:
             The next state, and scalars: the sums of `Episodes`; `loss`, `policy_loss`,
             `value_loss`, `entropy`, `approximate_kl`, `clip_fraction` and `gradient_norm` (before
-            the clip, and with an auxiliary that of both), means over the minibatches;
+            the clip), means over the minibatches;
             `advantage_mean`, `advantage_deviation`, `value_mean`, `reward_mean`, `bonus_mean`,
             `bonus_max` and `explained_variance` of the rollout, before any normalisation;
             `learning_rate`; with RND `bonus_explained_variance`, and what the bonus itself
@@ -64,18 +64,12 @@ class Loop:
         )
         bonus, bonus_state, seen = self.bonus.reward(state.bonus, hparams, experience)
         advantages = self.advantages(state.params, hparams, actors, steps, finals, bonus)
-        auxiliary = self.bonus.auxiliary(bonus_state)
         batch = self._batch(state.actors.memory, steps, advantages, hparams)
-        if auxiliary is not None:
-            batch = batch.replace(experience=experience)
         left = self._left(state.update)
         params, adam, learnt = ppo.train(
-            self.network, self.config, train_key, trained(state.params, auxiliary),
-            state.optimiser, batch, hparams, hparams.learning_rate * left, auxiliary,
+            self.network, self.config, train_key, state.params, state.optimiser, batch,
+            hparams, hparams.learning_rate * left,
         )  # fmt: skip
-        if auxiliary is not None:
-            params, added = params
-            bonus_state = auxiliary.store(added)
         bonus_state, bonus_learnt = self.bonus.update(
             bonus_key, bonus_state, hparams, experience, hparams.bonus_learning_rate * left
         )

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 
 from ...pytree import PyTreeNode
 from . import optimiser
-from .bonus import Auxiliary, Experience
 from .config import Config, HParams
 from .minibatches import passes, take
 from .networks import ActorCritic
@@ -26,14 +25,12 @@ class Batch(PyTreeNode):
         memory: float32[N, hidden], before the rollout.
         advantage: float32[T, N], not normalised.
         target: float32[T, N, V], for the values.
-        experience: what an auxiliary learns from; None without one.
     """
 
     steps: Steps
     memory: jax.Array
     advantage: jax.Array
     target: jax.Array
-    experience: Experience | None = None
 
     def take(self, environments: jax.Array) -> Batch:
         """The environments of one minibatch."""
@@ -42,7 +39,6 @@ class Batch(PyTreeNode):
             memory=take(self.memory, environments, 0),
             advantage=take(self.advantage, environments, 1),
             target=take(self.target, environments, 1),
-            experience=take(self.experience, environments, 1),
         )
 
 
@@ -74,27 +70,6 @@ def loss(
         "value_loss": error,
         "entropy": entropy,
     }
-
-
-def joint_loss(
-    network: ActorCritic,
-    config: Config,
-    auxiliary: Auxiliary,
-    params: tuple[Any, Any],
-    key: Any,
-    batch: Batch,
-    hparams: HParams,
-) -> tuple[jax.Array, Metrics]:
-    """The loss of a minibatch with that of an auxiliary added; `params` are those of both.
-
-    Returns:
-        float32[] and the metrics of both, `loss` among them, which is the policy's alone.
-    """
-    own, added = params
-    total, metrics = loss(network, config, own, batch, hparams)
-    assert batch.experience is not None
-    extra, more = auxiliary.loss(added, key, hparams, batch.experience)
-    return total + extra, metrics | more
 
 
 def normalise(advantage: jax.Array, hparams: HParams) -> jax.Array:
@@ -141,41 +116,35 @@ def train(
     batch: Batch,
     hparams: HParams,
     rate: jax.Array,
-    auxiliary: Auxiliary | None = None,
 ) -> tuple[Any, Any, Metrics]:
     """All epochs of an update.
 
     Args:
         network: policy and values.
         config: epochs and minibatches.
-        key: of the shuffles, and of the auxiliary's draws.
-        params: of the network, or of it and the auxiliary; see `bonus.trained`.
+        key: of the shuffles.
+        params: of the network.
         optimiser_state: of `optimiser`.
         batch: the rollout.
         hparams: numbers of the loss.
         rate: learning rate of this update.
-        auxiliary: what is trained with the policy; it needs `batch.experience`.
 
     Returns:
         Parameters, optimiser state, and means of the losses over all minibatches.
     """
-    key, draws = (key, None) if auxiliary is None else jax.random.split(key)
 
     def body(carry: Any, environments: jax.Array) -> tuple[Any, Metrics]:
-        params, state, draws = carry
+        params, state = carry
         part = batch.take(environments)
-        draws, draw = (None, None) if auxiliary is None else jax.random.split(draws)
 
         def total(params: Any) -> tuple[jax.Array, Metrics]:
-            if auxiliary is None:
-                return loss(network, config, params, part, hparams)
-            return joint_loss(network, config, auxiliary, params, draw, part, hparams)
+            return loss(network, config, params, part, hparams)
 
         gradients, metrics = jax.grad(total, has_aux=True)(params)
         params, state, size = optimiser.step(gradients, state, params, rate, hparams.gradient_norm)
-        return (params, state, draws), metrics | {"gradient_norm": size}
+        return (params, state), metrics | {"gradient_norm": size}
 
-    (params, optimiser_state, _), metrics = passes(
-        key, config, config.epochs, body, (params, optimiser_state, draws)
+    (params, optimiser_state), metrics = passes(
+        key, config, config.epochs, body, (params, optimiser_state)
     )
     return params, optimiser_state, metrics

@@ -20,7 +20,7 @@ class TrainState(PyTreeNode):
         key: uint32[2], data of the random key of what is to come.
         update: int32[], updates so far.
         params: of the policy and value network.
-        optimiser: its Adam's state; with an auxiliary, of (the policy's, the auxiliary's).
+        optimiser: its Adam's state.
         bonus: the exploration bonus' state.
         actors: the environments, and the policy's memory of them.
     """
