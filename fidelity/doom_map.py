@@ -17,6 +17,7 @@ import numpy as np
 from fidelity.wad import Block, parse_udmf, read_lump
 from jaxenstein.engine.level import Level, compile_level
 from jaxenstein.errors import JAXensteinError, MapError
+from jaxenstein.tasks.doom.walls import DoomMap, Line, Thing
 
 UNIT = 16
 """Map units a tile: every vertex of My Way Home stands on this lattice."""
@@ -32,37 +33,6 @@ MISSING = "vizdoom is not installed; it comes with the extra 'bench': pip instal
 
 class MissingViZDoomError(JAXensteinError, ImportError):
     """The script needs ViZDoom, which is not installed."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """A wall: seen from (x0, y0) to (x1, y1) the open side lies on the right, in map units."""
-
-    x0: int
-    y0: int
-    x1: int
-    y1: int
-    texture: str
-
-
-@dataclass(frozen=True)
-class Thing:
-    """An object of the map: its number in the game's list of kinds, its id and its place."""
-
-    kind: int
-    id: int
-    x: float
-    y: float
-
-
-@dataclass(frozen=True)
-class DoomMap:
-    """What a flat map with straight walls consists of."""
-
-    walls: tuple[Line, ...]
-    things: tuple[Thing, ...]
-    floor: float
-    ceiling: float
 
 
 @dataclass(frozen=True)
@@ -168,7 +138,8 @@ def read_map(text: str, source: str = "TEXTMAP") -> DoomMap:
         for thing in blocks.get("thing", [])
     )
     floor, ceiling = (_common(sectors, f"height{part}", source) for part in ("floor", "ceiling"))
-    return DoomMap(tuple(walls), things, floor, ceiling)
+    light = _common(sectors, "lightlevel", source, default=160.0)
+    return DoomMap(tuple(walls), things, floor, ceiling, light)
 
 
 def _wall(line: Block, side: Block, vertices: list[Block]) -> Line:
@@ -185,9 +156,9 @@ def _wall(line: Block, side: Block, vertices: list[Block]) -> Line:
     return Line(x0, y0, x1, y1, side.text_of("texturemiddle", "-"))
 
 
-def _common(sectors: list[Block], key: str, source: str) -> float:
-    """The height that all sectors share."""
-    heights = {sector.number_of(key, 0.0) for sector in sectors}
+def _common(sectors: list[Block], key: str, source: str, default: float = 0.0) -> float:
+    """The height or the light that all sectors share."""
+    heights = {sector.number_of(key, default) for sector in sectors}
     if len(heights) != 1:
         shown = ", ".join(f"{height:g}" for height in sorted(heights)) or "none"
         raise MapError(f"the sectors need one {key} in common, not {shown}", source=source)

@@ -5,19 +5,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxenstein.batching import where_any
+from jaxenstein.batching import where_any, where_few
 
 NEEDS = [np.zeros((2, 3), bool), np.array([[0, 0, 0], [0, 1, 0]], bool), np.ones((2, 3), bool)]
 
 
+@pytest.mark.parametrize("where", [where_any, where_few])
 @pytest.mark.parametrize("needed", NEEDS, ids=["none", "one", "all"])
 @pytest.mark.parametrize("axes", [((0, 0), (0, 0)), ((0, None), (0, 0)), ((0, 0), (None, 0))])
-def test_where_any_is_right_where_it_is_needed(needed, axes) -> None:
+def test_right_where_it_is_needed(where, needed, axes) -> None:
     def function(key, x):
         return {"drawn": jax.random.uniform(key), "twice": (x * 2, x > 1)}
 
     def chosen(needed, key, x):
-        out = where_any(function)(needed, key, x)
+        out = where(function)(needed, key, x)
         return jax.tree.map(lambda leaf: jnp.where(needed, leaf, jnp.zeros_like(leaf)), out)
 
     def plain(needed, key, x):
@@ -55,3 +56,21 @@ def test_where_any_skips_what_nobody_needs() -> None:
     jax.effects_barrier()
     assert called
     assert out[1] == 2
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 1.0])
+def test_where_few_brings_together_the_few_of_many(share: float) -> None:
+    """More than one round, the last of them not full."""
+    rng = np.random.default_rng(5)
+    needed = jnp.asarray(rng.random(101) < share)
+    x, y = (jnp.asarray(rng.integers(0, 99, (101, n)), jnp.int32) for n in (2, 3))
+
+    def function(x, y):
+        return x * 2, y.sum()
+
+    twice, total = jax.jit(jax.vmap(where_few(function)))(needed, x, y)
+    chosen = np.asarray(needed)
+    np.testing.assert_array_equal(twice[chosen], 2 * x[chosen])
+    np.testing.assert_array_equal(total[chosen], y.sum(axis=1)[chosen])
+    # What is not needed is never computed, so it stays as it was made.
+    assert not np.asarray(twice)[~chosen].any()

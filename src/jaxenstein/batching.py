@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.custom_batching import custom_vmap
+
+# Members that `where_few` computes at a time: a share of the batch, and the fewest.
+CHUNK_SHARE, CHUNK = 4, 16
 
 
 def select(condition: jax.Array, true: Any, false: Any) -> Any:
@@ -51,3 +56,73 @@ def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
         return out, jax.tree.map(lambda _: True, out)
 
     return call
+
+
+def where_few(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap `function` to run for those members of a batch alone that need the result.
+
+    They are brought together, a quarter of the batch at a time, so that a round computes for
+    members that all need it. On other backends than the CPU it runs for all: there, rounds cost
+    more than they save. The function may close over constants, but over no value of the trace
+    around it.
+
+    Returns:
+        A function of (needed bool[], *args), whose result is that of `function(*args)` where
+        `needed` is true, and anything elsewhere.
+    """
+    function = jax.jit(function, inline=True)
+
+    @custom_vmap
+    def batched(needed: jax.Array, *args: Any) -> Any:
+        every = jax.vmap(function)
+        some = partial(_in_chunks, every)
+        return lax.platform_dependent(needed, *args, cpu=some, default=lambda _, *a: every(*a))
+
+    @batched.def_vmap
+    def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
+        args = _spread(axis_size, in_batched, args)
+        inner = args[0].shape[1]
+        flat = jax.tree.map(lambda v: v.reshape(-1, *v.shape[2:]), args)
+        out = batched(*flat)
+        out = jax.tree.map(lambda v: v.reshape(axis_size, inner, *v.shape[1:]), out)
+        return out, jax.tree.map(lambda _: True, out)
+
+    @custom_vmap
+    def call(needed: jax.Array, *args: Any) -> Any:
+        return where_any(function)(needed, *args)
+
+    @call.def_vmap
+    def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
+        out = batched(*_spread(axis_size, in_batched, args))
+        return out, jax.tree.map(lambda _: True, out)
+
+    return call
+
+
+def _spread(axis_size: int, in_batched: list[Any], args: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The arguments of a batching rule, all with the batch's axis."""
+
+    def spread(leaf: jax.Array, batched: bool) -> jax.Array:
+        return leaf if batched else jnp.broadcast_to(leaf, (axis_size, *leaf.shape))
+
+    return jax.tree.map(spread, args, tuple(in_batched))
+
+
+def _in_chunks(every: Callable[..., Any], needed: jax.Array, *args: Any) -> Any:
+    """`every(*args)` for the needed rows, zero in the others."""
+    count = needed.shape[0]
+    size = min(max(CHUNK, -(-count // CHUNK_SHARE)), count)
+    rank = jnp.cumsum(needed, dtype=jnp.int32) - 1
+    # Rows past the last that is needed are no rows at all: what is set there is dropped.
+    rows = jnp.full(count + size, count, jnp.int32)
+    place = jnp.where(needed, rank, count + size)
+    rows = rows.at[place].set(np.arange(count, dtype=np.int32), mode="drop")
+    shapes = jax.eval_shape(every, *args)
+    out = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+
+    def visit(i: jax.Array, out: Any) -> Any:
+        chosen = lax.dynamic_slice_in_dim(rows, i * size, size)
+        found = every(*jax.tree.map(lambda v: v.at[chosen].get(mode="clip"), args))
+        return jax.tree.map(lambda o, f: o.at[chosen].set(f, mode="drop"), out, found)
+
+    return lax.fori_loop(0, -(-(rank[-1] + 1) // size), visit, out)

@@ -25,8 +25,8 @@ _NEVER = 0x7FA5A5A5
 def staged(stage: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap `stage` so that its results are computed once, into memory, before they are used.
 
-    The stage may take and return any pytrees of arrays; its first array leaf must be
-    float32: the predicate is taken from it. Works under any nesting of `jax.vmap`.
+    The stage may take and return any pytrees of arrays; its first array leaf must be float32 or
+    int32: the predicate is taken from it. Works under any nesting of `jax.vmap`.
     """
     stage = _traced_once(stage)
 
@@ -97,7 +97,7 @@ def _behind_barrier(stage: Callable[..., Any]) -> Callable[..., Any]:
 
 def _behind_cond(stage: Callable[..., Any]) -> Callable[..., Any]:
     def run(*args: Any) -> Any:
-        witness = jnp.ravel(jax.tree.leaves(args)[0])[0]
+        witness = jnp.ravel(jax.tree.leaves(args)[0])[0].astype(jnp.float32)
         # True for every float32 but one signalling NaN; the compiler cannot rule that one out.
         always = lax.bitcast_convert_type(witness, jnp.uint32) != jnp.uint32(_NEVER)
         shapes = jax.eval_shape(stage, *args)

@@ -1,0 +1,136 @@
+"""Doom's motion here and in the game, tic by tic: every position, angle and velocity compared.
+
+    python -m fidelity.doom_motion [--episodes N] [--seed N] [--json FILE]
+
+Needs the extra `bench`. Random buttons are recorded in the game and then given to our motion
+from the game's first pose. What is printed is how many tics differ in any bit: none should.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import importlib.metadata
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fidelity.doom_recording import Recording, record
+from fidelity.vizdoom_game import complaint, load_vizdoom
+from jaxenstein.errors import JAXensteinError
+from jaxenstein.files import atomic, check_writable
+from jaxenstein.tasks.doom.buttons import (
+    FORWARD,
+    MOVE_LEFT,
+    MOVE_RIGHT,
+    TURN_LEFT,
+    TURN_RIGHT,
+    hold,
+)
+from jaxenstein.tasks.doom.geometry import load_geometry
+from jaxenstein.tasks.doom.motion import Body, tic
+
+WALK = TURN_LEFT, TURN_RIGHT, FORWARD
+BUTTONS = {
+    "my-way-home": (*WALK, MOVE_LEFT, MOVE_RIGHT),
+    "health-gathering": WALK,
+    "health-gathering-supreme": WALK,
+}
+"""The buttons of each scenario, by the name of its map."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Record, compare, print the table, return the exit code: 1 if anything differs."""
+    arguments = _parser().parse_args(argv)
+    try:
+        load_vizdoom()
+        if arguments.json:
+            check_writable(arguments.json)
+        rows = [compare(name, arguments.episodes, arguments.seed) for name in BUTTONS]
+        report = {"vizdoom": importlib.metadata.version("vizdoom"), "motion": rows}
+        if arguments.json:
+            with atomic(arguments.json) as path:
+                path.write_text(json.dumps(report, indent=1))
+    except JAXensteinError as error:
+        return complaint(error)
+    return int(any(row["tics_that_differ"] for row in rows))
+
+
+def compare(name: str, episodes: int, seed: int) -> dict[str, Any]:
+    """Record episodes of a scenario, replay them, print a line and return its figures."""
+    scenario = name.replace("-", "_")
+    # Nobody dies of the acid, so that all episodes have their whole length.
+    recordings = list(record(scenario, episodes, seed=seed, unhurt=name != "my-way-home"))
+    differ, slid = replay(name, recordings)
+    row = {
+        "scenario": name,
+        "episodes": episodes,
+        "tics": sum(len(recording.position) - 1 for recording in recordings),
+        "tics_at_a_wall": int(slid.sum()),
+        "tics_that_differ": int(differ.sum()),
+        "episodes_that_differ": int(differ.any(axis=0).sum()),
+    }
+    print(", ".join(f"{key.replace('_', ' ')} {value}" for key, value in row.items()), flush=True)
+    return row
+
+
+def replay(name: str, recordings: Sequence[Recording]) -> tuple[np.ndarray, np.ndarray]:
+    """Give the buttons of recordings to our motion, from their first poses on.
+
+    Returns:
+        bool[T, B] twice, T tics of the longest of B episodes: which differ from the recording in
+        any bit, and in which a wall was in the way.
+    """
+    longest = max(len(recording.position) - 1 for recording in recordings)
+    lengths = np.array([len(recording.position) - 1 for recording in recordings])
+
+    def padded(values: Sequence[np.ndarray]) -> np.ndarray:
+        width = [((0, longest - len(v)), *((0, 0),) * (v.ndim - 1)) for v in values]
+        return np.stack([np.pad(v, w) for v, w in zip(values, width, strict=True)], axis=1)
+
+    tics = [len(recording.position) - 1 for recording in recordings]
+    held = padded([r.buttons[:n].astype(np.int32) for r, n in zip(recordings, tics, strict=True)])
+    first = Body(
+        position=jnp.asarray(np.stack([r.position[0] for r in recordings])),
+        velocity=jnp.asarray(np.stack([r.velocity[0] for r in recordings])),
+        angle=jnp.asarray(np.stack([r.angle[0] for r in recordings])),
+        turn_tics=jnp.zeros(len(recordings), jnp.int32),
+    )
+    (position, velocity, angle), slid = _play(name, first, jnp.asarray(held))
+    differ = (np.asarray(position) != padded([r.position[1:] for r in recordings])).any(axis=-1)
+    differ |= (np.asarray(velocity) != padded([r.velocity[1:] for r in recordings])).any(axis=-1)
+    differ |= np.asarray(angle) != padded([r.angle[1:] for r in recordings])
+    valid = np.arange(longest)[:, None] < lengths
+    return differ & valid, np.asarray(slid) & valid
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _play(name: str, first: Body, held: jax.Array) -> Any:
+    geometry, buttons = load_geometry(name), BUTTONS[name]
+
+    def step(body: Body, held: jax.Array) -> Any:
+        def one(body: Body, held: jax.Array) -> Any:
+            return tic(geometry, body, hold(buttons, held))
+
+        body, tried = jax.vmap(one)(body, held)
+        return body, ((body.position, body.velocity, body.angle), tried.slid)
+
+    return jax.lax.scan(step, first, held)[1]
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description="Compare Doom's motion here and in the game.")
+    parser.add_argument("--episodes", type=int, default=100, help="of each scenario (default 100)")
+    parser.add_argument("--seed", type=int, default=0, help="of game and buttons (default 0)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
