@@ -9,15 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 
 TURN_LEFT, TURN_RIGHT = "turn left", "turn right"
 FORWARD, BACKWARD = "move forward", "move backward"
 MOVE_LEFT, MOVE_RIGHT = "move left", "move right"
 
 
-@record
-class Buttons(Record):
+class Buttons(PyTreeNode):
     """The buttons held in a tic.
 
     Attributes:

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 
 from ...batching import where_few
-from ...pytree import Record, record
+from ...pytree import PyTreeNode
 from .buttons import Buttons
 from .fixed import direction
 from .geometry import Geometry
@@ -27,8 +27,7 @@ SLOW_TICS = 6
 STANDS = 4096
 
 
-@record
-class Body(Record):
+class Body(PyTreeNode):
     """The player's body.
 
     Attributes:
@@ -44,8 +43,7 @@ class Body(Record):
     turn_tics: jax.Array
 
 
-@record
-class Tried(Record):
+class Tried(PyTreeNode):
     """Where a body was put in a tic, for what it touches there, even if a wall sent it back.
 
     Attributes:
