@@ -17,7 +17,7 @@ from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene, Sprites
 from jaxenstein.engine.shade import ImageKind
 from jaxenstein.maps.ascii import parse_ascii
-from jaxenstein.maps.symbols import GOAL_LABEL, key_label
+from jaxenstein.maps.things import GOAL, KEY
 from jaxenstein.tasks.appearance import build_theme
 
 WORLD = """
@@ -31,7 +31,7 @@ WORLD = """
 """
 MAP = parse_ascii(WORLD, "engine")
 LEVEL = compile_level(MAP.walls, MAP.door_tiles)
-THEME = build_theme((GOAL_LABEL, key_label(0)), doors=True)
+THEME = build_theme((GOAL.label, KEY.labels[0]), doors=True)
 TILES = [list(row) for row in MAP.tiles]
 for door in MAP.doors:
     TILES[door.row][door.column] = 0

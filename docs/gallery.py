@@ -21,17 +21,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 import jaxenstein
 from jaxenstein.files import check_writable, make_folder
-from jaxenstein.maps.symbols import (
-    APPLE_LABEL,
-    DECAL_LABELS,
-    DOOR_LABELS,
-    FLOOR,
-    GOAL_LABEL,
-    KEY_LABELS,
-    LABEL_NAMES,
-    MEDKIT_LABEL,
-    WALL_LABELS,
-)
+from jaxenstein.maps.symbols import DECAL_LABELS, DOOR_LABELS, FLOOR, LABEL_NAMES, WALL_LABELS
+from jaxenstein.maps.things import THING_OF
 from jaxenstein.progress import Progress
 from jaxenstein.registry import ENTRIES, EnvironmentId
 from jaxenstein.tasks.first_person import FirstPerson
@@ -121,7 +112,7 @@ def interest() -> np.ndarray:
     worth[list(WALL_LABELS)] = 0.6
     worth[list(DECAL_LABELS)] = 1.2
     worth[list(DOOR_LABELS)] = 2.0
-    worth[[*KEY_LABELS, GOAL_LABEL, APPLE_LABEL, MEDKIT_LABEL]] = 3.0
+    worth[list(THING_OF)] = 3.0
     return worth
 
 

@@ -19,14 +19,14 @@ import jaxenstein
 from jaxenstein.engine.level import compile_level
 from jaxenstein.engine.scene import Scene, Sprites
 from jaxenstein.maps.ascii import parse_ascii
-from jaxenstein.maps.symbols import key_label
+from jaxenstein.maps.things import KEY
 from jaxenstein.tasks.appearance import build_theme
 from jaxenstein.tasks.first_person import FirstPerson
 from jaxenstein.tasks.steering import ACTION_NAMES, SteeringParams, centres, steer
 
 MAP = parse_ascii("#########\n#G.....G#\n####.####\n####.####\n####S####\n#########", "t-maze")
 LEVEL = compile_level(MAP.walls, MAP.door_tiles)
-THEME = build_theme((key_label(0), key_label(2)), doors=False)  # red, blue
+THEME = build_theme((KEY.labels[0], KEY.labels[2]), doors=False)  # red and blue
 
 
 class TMazeParams(SteeringParams):

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from jaxenstein.maps.reach import flood, open_tiles, problems
-from jaxenstein.maps.symbols import COLOUR_NAMES, DEFAULT_WALL, door_label
+from jaxenstein.maps.symbols import DEFAULT_WALL, door_label
+from jaxenstein.maps.things import COLOUR_NAMES
 from jaxenstein.maps.tilemap import Cell, Door, Key, TileMap
 
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))

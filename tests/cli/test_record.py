@@ -18,13 +18,8 @@ from jaxenstein.episodes.policies import POLICIES, Forward, Script
 from jaxenstein.episodes.recorder import in_words, play
 from jaxenstein.episodes.session import Session
 from jaxenstein.maps.ascii import parse_ascii
-from jaxenstein.maps.symbols import (
-    APPLE_LABEL,
-    GOAL_LABEL,
-    LABEL_COLOURS,
-    MEDKIT_LABEL,
-    key_label,
-)
+from jaxenstein.maps.symbols import LABEL_COLOURS
+from jaxenstein.maps.things import APPLE, GOAL, KEY, MEDKIT
 from jaxenstein.tasks.first_person import FirstPerson
 from jaxenstein.view import glyphs
 from jaxenstein.view.episode import CAPTION_HEIGHT, Episode, compose, overview
@@ -64,7 +59,7 @@ def test_episode_tells_what_happened(world: World, episode: Episode) -> None:
     assert not played.closed[-1].any()
     # The goal is there all the time, the key until it is picked up.
     goal, key = played.labels[0].tolist()
-    assert (goal, key) == (GOAL_LABEL, key_label(0))
+    assert (goal, key) == (GOAL.label, KEY.labels[0])
     assert played.visible[:, 0].all()
     picked = played.events.index("picked up a key") + 1
     assert played.visible[:picked, 1].all()
@@ -114,7 +109,7 @@ def moving_things() -> Episode:
         rewards=np.ones(3, np.float32),
         closed=np.zeros((4, 0), bool),
         sprites=np.tile(np.array([(2.5, 1.5), (4.5, 1.55)], np.float32), (4, 1, 1)),
-        labels=np.tile(np.array([MEDKIT_LABEL, APPLE_LABEL], np.int32), (4, 1)),
+        labels=np.tile(np.array([MEDKIT.label, APPLE.label], np.int32), (4, 1)),
         visible=np.array([(0, 1), (1, 1), (0, 0), (0, 1)], bool),
         events=("", "", "reached the goal, moved to a new start"),
         tilemap=FIELD,
@@ -128,7 +123,7 @@ def test_things_appear_and_vanish_from_frame_to_frame() -> None:
     for i in range(4):
         image = np.asarray(overview(ground, played, i).image())
         medkit.append(tuple(image[30, 50]) == glyphs.CROSS)
-        apple.append(tuple(image[31, 90]) == tuple(LABEL_COLOURS[APPLE_LABEL]))
+        apple.append(tuple(image[31, 90]) == tuple(LABEL_COLOURS[APPLE.label]))
     assert medkit == [False, True, False, False]
     assert apple == [True, True, False, True]
 

@@ -10,7 +10,8 @@ import pytest
 
 from jaxenstein.errors import MapError
 from jaxenstein.maps import MAX_SIZE, Door, Key, TileMap, parse_ascii
-from jaxenstein.maps.symbols import GOAL_LABEL, door_label
+from jaxenstein.maps.symbols import door_label
+from jaxenstein.maps.things import GOAL
 
 RED_LOCKED = door_label(0, locked=True)
 UNLOCKED = bytes([door_label(0, locked=False)])
@@ -76,7 +77,7 @@ LONG = (bytes(MAX_SIZE + 1),)
         ({"tiles": LONG}, "too large"),
         ({"tiles": (b"\0",) * (MAX_SIZE + 1)}, "too large"),
         ({"tiles": (b"\1",)}, "label 1 is neither"),
-        ({"tiles": (bytes([GOAL_LABEL]),)}, f"label {GOAL_LABEL} is neither"),
+        ({"tiles": (bytes([GOAL.label]),)}, f"label {GOAL.label} is neither"),
         ({"doors": ()}, "doors"),
         ({"doors": (DOOR, DOOR)}, "doors"),
         ({"doors": (Door(3, 1, 0, False),)}, "doors"),

@@ -13,7 +13,8 @@ from jaxenstein.engine.motion import forward, walk
 from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene, Sprites
 from jaxenstein.environment import Params, State
-from jaxenstein.maps.symbols import DEFAULT_WALL, GOAL_LABEL
+from jaxenstein.maps.symbols import DEFAULT_WALL
+from jaxenstein.maps.things import GOAL
 from jaxenstein.tasks.appearance import build_theme
 from jaxenstein.tasks.first_person import FirstPerson
 
@@ -78,7 +79,7 @@ def look_at(level, position, heading):
             look=jnp.zeros(1, jnp.int32),
             visible=jnp.ones(1, bool),
         ),
-        theme=build_theme((GOAL_LABEL,), doors=False),
+        theme=build_theme((GOAL.label,), doors=False),
     )
 
 

@@ -14,7 +14,7 @@ import jaxenstein
 from fidelity.corridors import broken_rules, from_tilemap
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.reach import flood, open_tiles
-from jaxenstein.maps.symbols import KEY_LABELS, key_label
+from jaxenstein.maps.things import KEY
 from jaxenstein.tasks.key_corridor import KeyCorridor
 from jaxenstein.tasks.steering import INTERACT
 
@@ -225,5 +225,5 @@ def test_the_key_is_seen_in_its_colour_until_it_is_taken():
     after = np.asarray(observe(states.replace(taken=np.ones(40, bool))))
     assert set(states.key_colour.tolist()) == set(range(6))
     for colour, with_key, without in zip(states.key_colour, before, after, strict=True):
-        assert set(np.unique(with_key)) & set(KEY_LABELS) == {key_label(int(colour))}
-        assert not set(np.unique(without)) & set(KEY_LABELS)
+        assert set(np.unique(with_key)) & set(KEY.labels) == {KEY.labels[int(colour)]}
+        assert not set(np.unique(without)) & set(KEY.labels)

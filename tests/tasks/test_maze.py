@@ -14,7 +14,7 @@ import pytest
 import jaxenstein
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.ascii import parse_ascii
-from jaxenstein.maps.symbols import APPLE_LABEL
+from jaxenstein.maps.things import APPLE
 from jaxenstein.tasks.maze import Maze, _subset
 from jaxenstein.tasks.steering import FORWARD, INTERACT
 
@@ -232,8 +232,8 @@ def test_an_apple_counts_once():
     scene = env.scene(state, params)
     labels = np.array(scene.theme.sprite_labels)[np.array(scene.sprites.look)]
     hidden = ~np.array(scene.sprites.visible)
-    assert (labels == APPLE_LABEL).sum() == len(env.apple_cells)
-    assert labels[hidden].tolist() == [APPLE_LABEL]
+    assert (labels == APPLE.label).sum() == len(env.apple_cells)
+    assert labels[hidden].tolist() == [APPLE.label]
     np.testing.assert_array_equal(np.array(scene.sprites.position)[hidden], [np.add(apple, 0.5)])
 
 

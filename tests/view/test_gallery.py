@@ -6,14 +6,15 @@ import numpy as np
 from PIL import Image
 
 from docs import gallery
-from jaxenstein.maps.symbols import DEFAULT_WALL, FLOOR, GOAL_LABEL, MEDKIT_LABEL
+from jaxenstein.maps.symbols import DEFAULT_WALL, FLOOR
+from jaxenstein.maps.things import GOAL, MEDKIT
 
 
 def test_views_show_what_there_is_and_come_from_different_episodes() -> None:
     images = np.full((8, 5, 10, 10), DEFAULT_WALL, np.uint8)
     images[:, :, 7:] = FLOOR
-    images[3, 4, 5:7, 5:7] = images[3, 2, 5:7, 5:7] = GOAL_LABEL
-    images[6, 1, 5:7, 5:7] = MEDKIT_LABEL
+    images[3, 4, 5:7, 5:7] = images[3, 2, 5:7, 5:7] = GOAL.label
+    images[6, 1, 5:7, 5:7] = MEDKIT.label
     # A wall right before the eyes is worth least.
     images[0] = DEFAULT_WALL
     chosen = gallery.choose(images, 7)

@@ -10,15 +10,8 @@ import pytest
 from PIL import Image
 
 from jaxenstein.maps.ascii import parse_ascii
-from jaxenstein.maps.symbols import (
-    APPLE_LABEL,
-    DECAL_LABELS,
-    GOAL_LABEL,
-    LABEL_COLOURS,
-    MEDKIT_LABEL,
-    door_label,
-    key_label,
-)
+from jaxenstein.maps.symbols import DECAL_LABELS, LABEL_COLOURS, door_label
+from jaxenstein.maps.things import APPLE, GOAL, KEY, MEDKIT
 from jaxenstein.maps.tilemap import TileMap
 from jaxenstein.view import glyphs, ground, topdown
 from jaxenstein.view.topdown import MapPicture, draw_map, fitting_scale
@@ -94,19 +87,19 @@ def test_a_path_through_an_open_door_stays_in_sight(tilemap: TileMap) -> None:
 
 def test_things_are_those_of_the_map(tilemap: TileMap) -> None:
     picture = draw_map(tilemap, scale=SCALE).things()
-    assert pixel(picture, 3.6, 1.5) == paint(key_label(0))
+    assert pixel(picture, 3.6, 1.5) == paint(KEY.labels[0])
     assert pixel(picture, 5.5, 1.5) == glyphs.INK
-    assert pixel(picture, 8.5, 1.5) == pixel(picture, 10.5, 4.5) == topdown.GOAL
-    assert pixel(picture, 4.5, 5.55) == paint(APPLE_LABEL)
+    assert pixel(picture, 8.5, 1.5) == pixel(picture, 10.5, 4.5) == glyphs.GOLD
+    assert pixel(picture, 4.5, 5.55) == paint(APPLE.label)
 
 
 @pytest.mark.parametrize("scale", [SCALE, 10])
 def test_sprites_show_what_they_are_where_they_are(tilemap: TileMap, scale: int) -> None:
-    labels = np.array([GOAL_LABEL, APPLE_LABEL, MEDKIT_LABEL, 5])
+    labels = np.array([GOAL.label, APPLE.label, MEDKIT.label, 5])
     places = np.array([[2.5, 4.5], [4.5, 4.55], [6.25, 4.75], [8.5, 4.5]])
     there = draw_map(tilemap, scale=scale).sprites(places, labels)
-    assert pixel(there, 2.5, 4.5) == topdown.GOAL
-    assert pixel(there, 4.5, 4.6) == paint(APPLE_LABEL)
+    assert pixel(there, 2.5, 4.5) == glyphs.GOLD
+    assert pixel(there, 4.5, 4.6) == paint(APPLE.label)
     # A red cross in a white box.
     assert pixel(there, 6.25, 4.75) == glyphs.CROSS
     assert pixel(there, 6.0, 4.55) == pixel(there, 6.45, 4.95) == glyphs.BOX
@@ -116,8 +109,23 @@ def test_sprites_show_what_they_are_where_they_are(tilemap: TileMap, scale: int)
         assert pixel(there, x, 4.5) == ground.FLOOR
 
 
+def test_a_thing_without_a_glyph_is_its_picture(
+    tilemap: TileMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = dataclasses.replace(APPLE, glyph=None)
+    monkeypatch.setitem(glyphs.THING_OF, APPLE.label, plain)
+    picture = draw_map(tilemap, scale=SCALE).sprites(
+        np.array([[4.5, 4.5]]), np.array([APPLE.label])
+    )
+    # The art of 32 by 32 covers 0.8 of the tile; the fruit is below, the leaf above.
+    fruit, leaf = (4.5, 4.5 + (20 / 32 - 0.5) * 0.8), (4.5 + (22.5 / 32 - 0.5) * 0.8, 4.5 - 0.35)
+    assert pixel(picture, *fruit) == paint(APPLE.label)
+    assert pixel(picture, *leaf) == APPLE.detail
+    assert pixel(picture, 3.9, 4.5) == ground.FLOOR
+
+
 def test_only_visible_sprites_are_drawn(tilemap: TileMap) -> None:
-    places, labels = np.array([[2.5, 4.5], [3.6, 1.5]]), np.array([MEDKIT_LABEL, key_label(0)])
+    places, labels = np.array([[2.5, 4.5], [3.6, 1.5]]), np.array([MEDKIT.label, KEY.labels[0]])
     picture = draw_map(tilemap, scale=SCALE).sprites(places, labels, np.array([True, False]))
     assert pixel(picture, 2.5, 4.5) == glyphs.CROSS
     assert pixel(picture, 3.4, 1.5) == ground.FLOOR
@@ -127,9 +135,9 @@ def test_only_visible_sprites_are_drawn(tilemap: TileMap) -> None:
 
 
 def test_the_goal_lies_on_top(tilemap: TileMap) -> None:
-    places, labels = np.array([[2.5, 4.5], [2.5, 4.5]]), np.array([GOAL_LABEL, APPLE_LABEL])
+    places, labels = np.array([[2.5, 4.5], [2.5, 4.5]]), np.array([GOAL.label, APPLE.label])
     picture = draw_map(tilemap, scale=SCALE).sprites(places, labels)
-    assert pixel(picture, 2.5, 4.5) == topdown.GOAL
+    assert pixel(picture, 2.5, 4.5) == glyphs.GOLD
 
 
 def test_places_to_start_are_marked_where_they_are_few(tilemap: TileMap) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..episodes.recorder import Tape, in_words, watcher
 from ..episodes.session import Session
-from ..maps.symbols import COLOUR_NAMES
+from ..maps.things import COLOUR_NAMES
 from ..tasks.levels import closed_doors
 from ..view.episode import Episode
 from ..view.frames import image_of, picture

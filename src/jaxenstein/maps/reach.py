@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from .symbols import COLOUR_NAMES
+from .things import COLOUR_NAMES
 from .tilemap import Cell, TileMap
 
 _STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))

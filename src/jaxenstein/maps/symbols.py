@@ -1,30 +1,22 @@
 """The vocabulary: which character of a text map means what, its label id, name and colour.
 
-A label says what a tile or a pixel shows. This module is the only place that assigns label ids,
-their names and their colours; `legend` prints it for people.
+A label says what a tile or a pixel shows. Label ids, their names and their colours are assigned
+here and, for things, in `things`; `legend` prints the characters for people.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-Kind = Literal["floor", "wall", "spawn", "goal", "apple", "key", "door"]
-RGB = tuple[int, int, int]
+from .things import COLOUR_NAMES, COLOURS, RGB, THINGS
 
-# Keys and doors share these colours; an index into this table is a colour index.
-COLOURS: tuple[tuple[str, RGB, str, str, str], ...] = (
-    # name, colour, symbols of: key, unlocked door, locked door
-    ("red", (222, 44, 40), "r", "'", "R"),
-    ("green", (40, 176, 66), "n", ",", "N"),
-    ("blue", (52, 96, 236), "b", '"', "B"),
-    ("purple", (156, 62, 206), "p", ";", "P"),
-    ("yellow", (240, 206, 44), "y", "\\", "Y"),
-    ("grey", (152, 154, 160), "e", ":", "E"),
-)
+# What stands on a tile: "floor", "spawn", "wall", "door" or the name of a thing.
+Kind = str
+UNLOCKED_DOORS, LOCKED_DOORS = "',\";\\:", "RNBPYE"
+"""The characters of doors, by their colour."""
 
 # The first nine are as far apart as they can be, in hue as well as in lightness, since distance
 # darkens walls. The others were chosen by their distance from all before them.
@@ -74,8 +66,6 @@ DECALS: tuple[RGB, ...] = tuple(
     zip(_DECAL_BYTES[0::3], _DECAL_BYTES[1::3], _DECAL_BYTES[2::3], strict=True)
 )
 
-COLOUR_NAMES: tuple[str, ...] = tuple(name for name, *_ in COLOURS)
-
 CEILING = 0
 FLOOR = 1
 DEFAULT_WALL = 2
@@ -83,19 +73,13 @@ _FIRST_COLOURED_WALL = 3
 _FIRST_DECAL = _FIRST_COLOURED_WALL + len(WALLS)
 _FIRST_UNLOCKED_DOOR = _FIRST_DECAL + len(DECALS)
 _FIRST_LOCKED_DOOR = _FIRST_UNLOCKED_DOOR + len(COLOURS)
-_FIRST_KEY = _FIRST_LOCKED_DOOR + len(COLOURS)
-GOAL_LABEL = _FIRST_KEY + len(COLOURS)
-APPLE_LABEL = GOAL_LABEL + 1
-MEDKIT_LABEL = APPLE_LABEL + 1
 
 WALL_LABELS = range(DEFAULT_WALL, _FIRST_UNLOCKED_DOOR)
 """Labels of static walls: the default one, the coloured ones, the decals."""
 DECAL_LABELS = range(_FIRST_DECAL, _FIRST_UNLOCKED_DOOR)
 """Labels of the decals 1 to 64."""
-DOOR_LABELS = range(_FIRST_UNLOCKED_DOOR, _FIRST_KEY)
-"""Labels of doors: the unlocked ones by colour, then the locked ones."""
-KEY_LABELS = range(_FIRST_KEY, GOAL_LABEL)
-"""Labels of keys by colour."""
+DOOR_LABELS = range(_FIRST_UNLOCKED_DOOR, _FIRST_LOCKED_DOOR + len(COLOURS))
+"""Labels of doors: the unlocked ones by colour, then the locked ones. Things follow."""
 
 LABEL_NAMES: tuple[str, ...] = (
     "ceiling",
@@ -105,21 +89,17 @@ LABEL_NAMES: tuple[str, ...] = (
     *(f"decal {number}" for number, _ in enumerate(DECALS, start=1)),
     *(f"unlocked {name} door" for name in COLOUR_NAMES),
     *(f"locked {name} door" for name in COLOUR_NAMES),
-    *(f"{name} key" for name in COLOUR_NAMES),
-    "goal",
-    "apple",
-    "medkit",
+    *(name for thing in THINGS for name in thing.names),
 )
 """Name of each label id."""
 
 
 def _label_colours() -> np.ndarray:
-    paints = [rgb for _, rgb, *_ in COLOURS]
     base = [(58, 66, 82), (104, 98, 92), (126, 120, 112)]
     walls = [*(rgb for *_, rgb in WALLS), *DECALS]
-    things = [(255, 216, 20), (232, 24, 56), (240, 240, 236)]
-    table = [*base, *walls, *paints, *paints, *paints, *things]
-    colours = np.array(table, np.uint8)
+    doors = [rgb for _, rgb in COLOURS] * 2
+    things = [rgb for thing in THINGS for rgb in thing.colours]
+    colours = np.array([*base, *walls, *doors, *things], np.uint8)
     colours.setflags(write=False)
     return colours
 
@@ -137,7 +117,7 @@ class Symbol:
         kind: what it puts on the tile.
         label: label id of that thing; `FLOOR` for floor and spawns. Decals are walls.
         meaning: the same in words.
-        colour: colour index of a key or door, else -1.
+        colour: colour index of a door or of a thing in several colours, else -1.
         locked: whether it is a locked door.
         spawn: whether an episode may start on the tile.
     """
@@ -163,20 +143,11 @@ def decal_label(number: int) -> int:
     return DECAL_LABELS[number - 1]
 
 
-def key_label(colour: int) -> int:
-    """Label id of the key with a colour index."""
-    return _FIRST_KEY + _checked(colour)
-
-
 def door_label(colour: int, locked: bool) -> int:
     """Label id of a door with a colour index, locked or not."""
-    return (_FIRST_LOCKED_DOOR if locked else _FIRST_UNLOCKED_DOOR) + _checked(colour)
-
-
-def _checked(colour: int) -> int:
     if not 0 <= colour < len(COLOURS):
         raise ValueError(f"colour index {colour} is not in 0 to {len(COLOURS) - 1}")
-    return colour
+    return (_FIRST_LOCKED_DOOR if locked else _FIRST_UNLOCKED_DOOR) + colour
 
 
 # The block of Unicode (Latin Extended-A) whose character n stands for decal n.
@@ -188,24 +159,31 @@ def _build_symbols() -> dict[str, Symbol]:
         Symbol(".", "floor", FLOOR, "floor"),
         Symbol(" ", "floor", FLOOR, "floor"),
         Symbol("S", "spawn", FLOOR, "spawn: a place to start from", spawn=True),
-        Symbol("G", "goal", GOAL_LABEL, "goal"),
-        Symbol("a", "apple", APPLE_LABEL, "apple"),
-        Symbol("@", "apple", APPLE_LABEL, "apple on a spawn", spawn=True),
+        *_thing_symbols(coloured=False),
         Symbol("#", "wall", DEFAULT_WALL, "wall"),
     ]
     for label, (character, _, _) in enumerate(WALLS, start=_FIRST_COLOURED_WALL):
         symbols.append(Symbol(character, "wall", label, LABEL_NAMES[label]))
-    for colour, (_, _, character, _, _) in enumerate(COLOURS):
-        label = key_label(colour)
-        symbols.append(Symbol(character, "key", label, LABEL_NAMES[label], colour))
-    for locked in (False, True):
-        for colour, (_, _, _, unlocked_door, locked_door) in enumerate(COLOURS):
+    symbols += _thing_symbols(coloured=True)
+    for locked, doors in ((False, UNLOCKED_DOORS), (True, LOCKED_DOORS)):
+        for colour, character in enumerate(doors):
             label = door_label(colour, locked)
-            character = locked_door if locked else unlocked_door
             symbols.append(Symbol(character, "door", label, LABEL_NAMES[label], colour, locked))
     for number, label in enumerate(DECAL_LABELS, start=1):
         symbols.append(Symbol(chr(_DECAL_PAGE + number), "wall", label, LABEL_NAMES[label]))
     return {symbol.character: symbol for symbol in symbols}
+
+
+def _thing_symbols(*, coloured: bool) -> Iterator[Symbol]:
+    for thing in THINGS:
+        if thing.coloured != coloured:
+            continue
+        for index, character in enumerate(thing.symbols):
+            colour = index if coloured else -1
+            yield Symbol(character, thing.name, thing.labels[index], thing.names[index], colour)
+        if thing.spawn_symbol:
+            meaning = f"{thing.name} on a spawn"
+            yield Symbol(thing.spawn_symbol, thing.name, thing.label, meaning, spawn=True)
 
 
 SYMBOLS: dict[str, Symbol] = _build_symbols()
@@ -216,11 +194,6 @@ TILE_CHARACTERS: dict[int, str] = {
     **{symbol.tile: character for character, symbol in SYMBOLS.items() if symbol.tile},
 }
 """The character of each value of `TileMap.tiles`."""
-
-
-def key_character(colour: int) -> str:
-    """The character of the key with a colour index."""
-    return COLOURS[_checked(colour)][2]
 
 
 def characters(*kinds: Kind) -> str:

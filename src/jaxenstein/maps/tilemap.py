@@ -12,14 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import MapError
-from .symbols import (
-    COLOUR_NAMES,
-    DOOR_LABELS,
-    TILE_CHARACTERS,
-    WALL_LABELS,
-    door_label,
-    key_character,
-)
+from .symbols import DOOR_LABELS, TILE_CHARACTERS, WALL_LABELS, door_label
+from .things import APPLE, COLOURS, GOAL, KEY
 
 MAX_SIZE = 256
 """The most columns, and the most rows, that a map may have."""
@@ -146,11 +140,12 @@ class TileMap:
         for column, row in self.spawns:
             lines[row][column] = "S"
         for column, row in self.apples:
-            lines[row][column] = "@" if lines[row][column] == "S" else "a"
+            on_spawn = lines[row][column] == "S"
+            lines[row][column] = APPLE.spawn_symbol if on_spawn else APPLE.symbols
         for column, row in self.goals:
-            lines[row][column] = "G"
+            lines[row][column] = GOAL.symbols
         for key in self.keys:
-            lines[key.row][key.column] = key_character(key.colour)
+            lines[key.row][key.column] = KEY.symbols[key.colour]
         return "".join("".join(line) + "\n" for line in lines)
 
     def faces_text(self) -> str | None:
@@ -230,8 +225,8 @@ def _check_cells(tilemap: TileMap, what: str, cells: tuple[Cell, ...]) -> None:
 
 
 def _check_colour(colour: int) -> None:
-    if not 0 <= colour < len(COLOUR_NAMES):
-        raise MapError(f"colour index {colour} is not in 0 to {len(COLOUR_NAMES) - 1}")
+    if not 0 <= colour < len(COLOURS):
+        raise MapError(f"colour index {colour} is not in 0 to {len(COLOURS) - 1}")
 
 
 def _tuple_of(values: tuple, what: str) -> tuple:

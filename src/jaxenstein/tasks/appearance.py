@@ -1,8 +1,7 @@
-"""How the things of the symbol table look to the renderer."""
+"""How walls, doors and the things of `maps.things` look to the renderer."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,50 +9,13 @@ import numpy as np
 from ..engine.art import load_art
 from ..engine.scene import Theme
 from ..errors import SettingError
-from ..maps.symbols import (
-    APPLE_LABEL,
-    COLOUR_NAMES,
-    GOAL_LABEL,
-    KEY_LABELS,
-    LABEL_COLOURS,
-    MEDKIT_LABEL,
-    door_label,
-)
+from ..maps.symbols import LABEL_COLOURS, door_label
+from ..maps.things import COLOURS, RGB, THING_OF
 
-RGB = tuple[int, int, int]
 # The two tiles of the checker, and the ceiling.
 FLOOR: tuple[RGB, RGB] = ((88, 92, 84), (68, 72, 66))
 CEILING: RGB = (52, 56, 66)
 PANEL_ACCENT: RGB = (225, 225, 215)
-# A sprite's detail is its colour times this, if it has none of its own.
-DETAIL_SHADE = 0.55
-
-
-@dataclass(frozen=True)
-class Look:
-    """A kind of billboard.
-
-    Attributes:
-        art: its picture.
-        radius: half its side in tiles.
-        drop: tiles from eye height down to its centre.
-        detail: RGB of its second colour, or None for a darker shade of the first.
-    """
-
-    art: str
-    radius: float
-    drop: float
-    detail: RGB | None = None
-
-
-KEY_LOOK = Look("key", 0.25, 0.15)
-LOOKS: dict[int, Look] = {
-    GOAL_LABEL: Look("goal", 0.32, 0.1),
-    # These two lie on the floor, below the horizon.
-    APPLE_LABEL: Look("apple", 0.16, 0.34, (60, 140, 40)),
-    MEDKIT_LABEL: Look("medkit", 0.24, 0.26, (200, 24, 28)),
-    **dict.fromkeys(KEY_LABELS, KEY_LOOK),
-}
 
 
 def build_theme(
@@ -74,11 +36,11 @@ def build_theme(
     colours = np.array(LABEL_COLOURS, np.float32)
     panels = np.zeros(len(colours), np.int32)
     if doors:
-        for colour in range(len(COLOUR_NAMES)):
+        for colour in range(len(COLOURS)):
             panels[door_label(colour, locked=False)] = 1
             panels[door_label(colour, locked=True)] = 2
     plain = np.zeros_like(load_art("door"))
-    looks = [LOOKS[label] for label in sprites]
+    things = [THING_OF[label] for label in sprites]
     return Theme(
         wall_colours=colours,
         wall_panels=panels,
@@ -86,12 +48,12 @@ def build_theme(
         panel_accent=np.array(PANEL_ACCENT, np.float32),
         floor=np.array(floor, np.float32),
         ceiling=np.array(ceiling, np.float32),
-        sprite_art=np.stack([load_art(look.art) for look in looks] or [plain]),
+        sprite_art=np.stack([load_art(thing.art) for thing in things] or [plain]),
         sprite_colours=np.array(
-            [_sprite_colours(*pair) for pair in zip(sprites, looks, strict=True)], np.float32
+            [THING_OF[label].paints(label) for label in sprites], np.float32
         ).reshape(-1, 2, 3),
-        sprite_radius=np.array([look.radius for look in looks], np.float32),
-        sprite_drop=np.array([look.drop for look in looks], np.float32),
+        sprite_radius=np.array([thing.radius for thing in things], np.float32),
+        sprite_drop=np.array([thing.drop for thing in things], np.float32),
         sprite_labels=np.array(sprites, np.uint8),
     )
 
@@ -115,9 +77,3 @@ def check_rgb(field: str, value: Any, shape: tuple[int, ...]) -> None:
     if colours.shape != shape or not ((colours >= 0) & (colours <= 255)).all():
         what = "(red, green, blue)" if shape == (3,) else "two tuples (red, green, blue)"
         raise SettingError(f"{field} must be {what}, numbers from 0 to 255, not {value!r}")
-
-
-def _sprite_colours(label: int, look: Look) -> np.ndarray:
-    """float[2, 3]: the colours of a sprite's shape and of its detail."""
-    shape = np.array(LABEL_COLOURS[label], float)
-    return np.stack([shape, shape * DETAIL_SHADE if look.detail is None else look.detail])

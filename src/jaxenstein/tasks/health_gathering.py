@@ -20,10 +20,10 @@ from ..engine.shade import ImageKind
 from ..environment import Info, State
 from ..errors import SettingError
 from ..maps.ascii import parse_ascii
-from ..maps.symbols import MEDKIT_LABEL
+from ..maps.things import MEDKIT, RGB
 from ..maps.tilemap import TileMap
 from ..spaces import Box
-from .appearance import RGB, build_theme
+from .appearance import build_theme
 from .draws import draw_unit
 from .first_person import FirstPerson
 from .hud import bar, strip_rows
@@ -146,7 +146,7 @@ class HealthGathering(FirstPerson[HealthGatheringState, HealthGatheringParams]):
     @functools.cached_property
     def theme(self) -> Theme:
         """How the room looks."""
-        return build_theme((MEDKIT_LABEL,), doors=False, floor=FLOOR, ceiling=CEILING)
+        return build_theme((MEDKIT.label,), doors=False, floor=FLOOR, ceiling=CEILING)
 
     def init_state(self, key: jax.Array, params: HealthGatheringParams) -> HealthGatheringState:
         """Stand in the centre, look east, and place the first medkits."""

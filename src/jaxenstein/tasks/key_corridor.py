@@ -22,7 +22,8 @@ from ..engine.motion import forward, touched_door
 from ..engine.scene import Scene, Sprites, Theme
 from ..environment import Info, State
 from ..errors import SettingError
-from ..maps.symbols import COLOUR_NAMES, DEFAULT_WALL, GOAL_LABEL, door_label, key_label
+from ..maps.symbols import DEFAULT_WALL, door_label
+from ..maps.things import COLOUR_NAMES, GOAL, KEY
 from ..maps.tilemap import Key, TileMap
 from ..spaces import Box
 from .appearance import build_theme
@@ -102,8 +103,7 @@ class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
     @functools.cached_property
     def theme(self) -> Theme:
         """How the map looks."""
-        keys = [key_label(colour) for colour in range(_COLOURS)]
-        return build_theme((GOAL_LABEL, *keys), doors=True)
+        return build_theme((GOAL.label, *KEY.labels), doors=True)
 
     @functools.cached_property
     def map_size(self) -> tuple[int, int]:

@@ -18,7 +18,7 @@ from ..engine.scene import Scene
 from ..environment import Info
 from ..errors import SettingError
 from ..maps.reach import open_tiles, walking_distances
-from ..maps.symbols import APPLE_LABEL
+from ..maps.things import APPLE
 from ..maps.tilemap import Cell, TileMap
 from .draws import draw_index
 from .navigation import Navigation, NavigationParams, NavigationState
@@ -85,7 +85,7 @@ class Maze(Navigation):
 
     @functools.cached_property
     def _looks(self) -> tuple[int, ...]:
-        return (*super()._looks, *((APPLE_LABEL,) if self.apple_cells else ()))
+        return (*super()._looks, *((APPLE.label,) if self.apple_cells else ()))
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> MazeState:
         """Draw the goal, the start, the heading and the apples."""
@@ -143,7 +143,7 @@ class Maze(Navigation):
         if not self.apple_cells:
             return scene
         old = scene.sprites
-        look = jnp.full(state.apples.shape, self._looks.index(APPLE_LABEL), jnp.int32)
+        look = jnp.full(state.apples.shape, self._looks.index(APPLE.label), jnp.int32)
         sprites = old.replace(
             position=jnp.concatenate([old.position, centres(self.apple_cells)[state.apples]]),
             look=jnp.concatenate([old.look, look]),

@@ -14,10 +14,10 @@ from ..engine.level import Level, compile_level
 from ..engine.motion import forward, touched_door
 from ..engine.scene import Scene, Sprites, Theme
 from ..environment import Info, State
-from ..maps.symbols import COLOUR_NAMES, GOAL_LABEL, key_label
+from ..maps.things import COLOUR_NAMES, GOAL, KEY, RGB
 from ..maps.tilemap import TileMap
 from ..spaces import Box
-from .appearance import CEILING, FLOOR, RGB, build_theme, check_rgb
+from .appearance import CEILING, FLOOR, build_theme, check_rgb
 from .draws import draw_index
 from .first_person import FirstPerson
 from .steering import (
@@ -118,7 +118,7 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
     @functools.cached_property
     def _looks(self) -> tuple[int, ...]:
         """Labels of the sprites' looks: the goal's, then one for each key colour of the map."""
-        return GOAL_LABEL, *sorted({key_label(key.colour) for key in self.tilemap.keys})
+        return GOAL.label, *sorted({KEY.labels[key.colour] for key in self.tilemap.keys})
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> NavigationState:
         """Draw start, heading and goal, each uniformly."""
@@ -178,7 +178,7 @@ class Navigation(FirstPerson[NavigationState, NavigationParams]):
         del params
         goal = centres(self.tilemap.goals)[state.goal]
         keys = centres([(key.column, key.row) for key in self.tilemap.keys])
-        looks = [0, *(self._looks.index(key_label(key.colour)) for key in self.tilemap.keys)]
+        looks = [0, *(self._looks.index(KEY.labels[key.colour]) for key in self.tilemap.keys)]
         sprites = Sprites(
             position=jnp.concatenate([goal[None], keys]),
             look=jnp.array(looks, jnp.int32),

@@ -1,15 +1,21 @@
-"""The small drawings on a map: doors, keys, goals, apples, medkits, the agent."""
+"""The small drawings on a map: doors, things, the agent."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from PIL import ImageDraw
+import numpy as np
+from PIL import Image, ImageDraw, ImageFilter
+
+from ..engine.art import SIZE, load_art
+from ..maps.things import THING_OF, Thing
 
 Colour = tuple[int, int, int]
 Point = tuple[float, float]
 
 INK: Colour = (30, 30, 34)
+GOLD: Colour = (255, 196, 0)
 LEAF: Colour = (64, 140, 48)
 CROSS: Colour = (214, 30, 44)
 BOX: Colour = (255, 255, 255)
@@ -67,18 +73,42 @@ def key(draw: ImageDraw.ImageDraw, centre: Point, tile: float, colour: Colour) -
     _disc(draw, x - 0.2 * tile, y, 0.08 * tile, INK)
 
 
-def star(draw: ImageDraw.ImageDraw, centre: Point, size: float, colour: Colour) -> None:
-    """A five-pointed star with an outline; `size` is its radius in pixels."""
-    for paint, radius in ((INK, size), (colour, 0.74 * size)):
+def thing(
+    draw: ImageDraw.ImageDraw, centre: Point, tile: float, label: int, colour: Colour
+) -> None:
+    """The drawing of whatever has the label; a disc if that is no thing of `maps.things`.
+
+    Args:
+        draw: what to draw on.
+        centre: in pixels.
+        tile: the side of a tile in pixels.
+        label: its label id.
+        colour: of the label.
+    """
+    row = THING_OF.get(label)
+    if row is None:
+        disc(draw, centre, tile, colour)
+    elif row.glyph is None:
+        picture(draw, centre, tile, row, label)
+    else:
+        GLYPHS[row.glyph](draw, centre, tile, colour)
+
+
+def star(draw: ImageDraw.ImageDraw, centre: Point, tile: float, colour: Colour) -> None:
+    """A golden five-pointed star with an outline."""
+    del colour
+    size = max(0.46 * tile, 14.0)
+    for paint, radius in ((INK, size), (GOLD, 0.74 * size)):
         angles = [-math.pi / 2 + i * math.pi / 5 for i in range(10)]
         spokes = [radius * (0.5 if i % 2 else 1.0) for i in range(10)]
         points = [_polar(centre, *spoke) for spoke in zip(angles, spokes, strict=True)]
         draw.polygon(points, paint)
 
 
-def apple(draw: ImageDraw.ImageDraw, centre: Point, size: float, colour: Colour) -> None:
-    """A round fruit with a stem and a leaf; `size` is the fruit's radius in pixels."""
+def apple(draw: ImageDraw.ImageDraw, centre: Point, tile: float, colour: Colour) -> None:
+    """A round fruit with a stem and a leaf."""
     x, y = centre
+    size = max(0.26 * tile, 6.0)
     rim = max(1.0, 0.22 * size)
     top = y - 0.7 * size
     _disc(draw, x, y + 0.1 * size, size + rim, INK)
@@ -92,9 +122,11 @@ def apple(draw: ImageDraw.ImageDraw, centre: Point, size: float, colour: Colour)
     _disc(draw, x, y + 0.1 * size, size, colour)
 
 
-def medkit(draw: ImageDraw.ImageDraw, centre: Point, size: float) -> None:
-    """A white box with a red cross; `size` is half its side in pixels."""
+def medkit(draw: ImageDraw.ImageDraw, centre: Point, tile: float, colour: Colour) -> None:
+    """A white box with a red cross."""
+    del colour
     x, y = centre
+    size = max(0.3 * tile, 8.0)
     rim = max(1.0, 0.18 * size)
     _square(draw, x, y, size + rim, size + rim, INK)
     _square(draw, x, y, size, size, BOX)
@@ -103,10 +135,31 @@ def medkit(draw: ImageDraw.ImageDraw, centre: Point, size: float) -> None:
     _square(draw, x, y, wide, long, CROSS)
 
 
-def disc(draw: ImageDraw.ImageDraw, centre: Point, size: float, colour: Colour) -> None:
-    """A disc with an outline, for anything without a drawing of its own; `size` is its radius."""
+def disc(draw: ImageDraw.ImageDraw, centre: Point, tile: float, colour: Colour) -> None:
+    """A disc with an outline."""
+    size = max(0.22 * tile, 6.0)
     _disc(draw, *centre, size + max(1.0, 0.22 * size), INK)
     _disc(draw, *centre, size, colour)
+
+
+def picture(draw: ImageDraw.ImageDraw, centre: Point, tile: float, row: Thing, label: int) -> None:
+    """The picture of a billboard in its two colours, with an outline."""
+    bits = load_art(row.art)[:, None, :] >> np.arange(SIZE, dtype=np.uint32)[::-1, None] & 1
+    side = round(max(0.8 * tile, 20.0))
+    masks = [Image.fromarray((plane * 255).astype(np.uint8)).resize((side, side)) for plane in bits]
+    corner = round(centre[0] - side / 2), round(centre[1] - side / 2)
+    outline = masks[0].filter(ImageFilter.MaxFilter(2 * round(0.05 * side) + 1))
+    for mask, paint in zip((outline, *masks), (INK, *row.paints(label)), strict=True):
+        draw.bitmap(corner, mask, tuple(map(round, paint)))
+
+
+GLYPHS: dict[str, Callable[[ImageDraw.ImageDraw, Point, float, Colour], None]] = {
+    "apple": apple,
+    "key": key,
+    "medkit": medkit,
+    "star": star,
+}
+"""The drawings that things name in their rows."""
 
 
 def arrow(

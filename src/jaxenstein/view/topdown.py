@@ -13,20 +13,13 @@ from typing import Self
 import numpy as np
 from PIL import Image, ImageDraw
 
-from ..maps.symbols import (
-    APPLE_LABEL,
-    GOAL_LABEL,
-    KEY_LABELS,
-    MEDKIT_LABEL,
-    door_label,
-    key_label,
-)
+from ..maps.symbols import door_label
+from ..maps.things import APPLE, GOAL, KEY
 from ..maps.tilemap import Door, TileMap
 from . import glyphs
 from .glyphs import Colour, blend
 from .ground import draw_ground, open_floor, paint
 
-GOAL: Colour = (255, 196, 0)
 SPAWN: Colour = (176, 170, 156)
 AGENT: Colour = (214, 40, 60)
 VIEW = (255, 150, 40, 90)
@@ -78,7 +71,7 @@ class MapPicture:
     def marks(self) -> Self:
         """Draw the start places and the places of goals as small rings, where they are few."""
         width = max(1, round(0.05 * self._tile))
-        for cells, colour in ((self.tilemap.spawns, SPAWN), (self.tilemap.goals, GOAL)):
+        for cells, colour in ((self.tilemap.spawns, SPAWN), (self.tilemap.goals, glyphs.GOLD)):
             if len(cells) <= MOST_MARKS:
                 for column, row in cells:
                     radius = max(0.16 * self._tile, 1.5)
@@ -88,9 +81,9 @@ class MapPicture:
     def things(self) -> Self:
         """Draw what the map itself lists: doors, all of them closed, keys, apples and goals."""
         tilemap = self.tilemap
-        listed = [((key.column, key.row), key_label(key.colour)) for key in tilemap.keys]
-        listed += [(cell, APPLE_LABEL) for cell in tilemap.apples]
-        listed += [(cell, GOAL_LABEL) for cell in tilemap.goals]
+        listed = [((key.column, key.row), KEY.labels[key.colour]) for key in tilemap.keys]
+        listed += [(cell, APPLE.label) for cell in tilemap.apples]
+        listed += [(cell, GOAL.label) for cell in tilemap.goals]
         positions = np.array([cell for cell, _ in listed], np.float64).reshape(-1, 2) + 0.5
         return self.doors().sprites(positions, np.array([label for _, label in listed], int))
 
@@ -107,7 +100,7 @@ class MapPicture:
     def sprites(
         self, positions: np.ndarray, labels: np.ndarray, visible: np.ndarray | None = None
     ) -> Self:
-        """Draw things by their labels: goals, keys, apples, medkits; others as discs.
+        """Draw things by their labels; what is no thing is a disc.
 
         Args:
             positions: float[N, 2], (x, y) in tiles.
@@ -116,25 +109,11 @@ class MapPicture:
         """
         there = np.ones(len(labels), bool) if visible is None else np.asarray(visible)
         # Goals go on top of everything.
-        order = sorted(np.flatnonzero(there), key=lambda i: labels[i] == GOAL_LABEL)
+        order = sorted(np.flatnonzero(there), key=lambda i: labels[i] == GOAL.label)
         for i in order:
-            self._thing(self._pixel(*positions[i]), int(labels[i]))
+            label = int(labels[i])
+            glyphs.thing(self._draw, self._pixel(*positions[i]), self._tile, label, paint(label))
         return self
-
-    def _thing(self, place: glyphs.Point, label: int) -> None:
-        def size(share: float, least: float) -> float:
-            return max(share * self._tile, least * OVERSAMPLING)
-
-        if label == GOAL_LABEL:
-            glyphs.star(self._draw, place, size(0.46, 7.0), GOAL)
-        elif label in KEY_LABELS:
-            glyphs.key(self._draw, place, self._tile, paint(label))
-        elif label == APPLE_LABEL:
-            glyphs.apple(self._draw, place, size(0.26, 3.0), paint(label))
-        elif label == MEDKIT_LABEL:
-            glyphs.medkit(self._draw, place, size(0.3, 4.0))
-        else:
-            glyphs.disc(self._draw, place, size(0.22, 3.0), paint(label))
 
     def path(self, positions: np.ndarray, start: int = 0, total: int | None = None) -> Self:
         """Draw steps of a path, coloured by time.

@@ -22,10 +22,11 @@ from jaxenstein.errors import (
 )
 from jaxenstein.maps import parse_ascii
 from jaxenstein.maps.importers.minigrid import PREFIXES, convert, convert_id
-from jaxenstein.maps.symbols import COLOURS
+from jaxenstein.maps.symbols import LOCKED_DOORS, UNLOCKED_DOORS
+from jaxenstein.maps.things import KEY
 
 COLOUR_ORDER = ["red", "green", "blue", "purple", "yellow", "grey"]
-KEYS, DOORS, LOCKED = ("".join(str(colour[i]) for colour in COLOURS) for i in (2, 3, 4))
+KEYS, DOORS, LOCKED = KEY.symbols, UNLOCKED_DOORS, LOCKED_DOORS
 
 
 @dataclass

@@ -20,7 +20,8 @@ from typing import Any
 
 from ...errors import MapError, MapWarning, SettingError, UnknownEnvironmentError, nearest
 from ..reach import problems
-from ..symbols import COLOUR_NAMES, DEFAULT_WALL, door_label
+from ..symbols import DEFAULT_WALL, door_label
+from ..things import COLOUR_NAMES
 from ..tilemap import Cell, Door, Key, TileMap
 
 PREFIXES = ("MiniGrid-", "BabyAI-")

@@ -1,0 +1,107 @@
+"""What can stand on a map: one row for each thing, with all that anyone has to know of it.
+
+A new thing is a row of `THINGS` with the next free labels, and a picture in `engine/art`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+RGB = tuple[int, int, int]
+Glyph = Literal["star", "key", "apple", "medkit"]
+
+# Keys and doors share these colours; an index into this table is a colour index.
+COLOURS: tuple[tuple[str, RGB], ...] = (
+    ("red", (222, 44, 40)),
+    ("green", (40, 176, 66)),
+    ("blue", (52, 96, 236)),
+    ("purple", (156, 62, 206)),
+    ("yellow", (240, 206, 44)),
+    ("grey", (152, 154, 160)),
+)
+# A picture's detail is its colour times this, if it has none of its own.
+DETAIL_SHADE = 0.55
+COLOUR_NAMES: tuple[str, ...] = tuple(name for name, _ in COLOURS)
+
+
+@dataclass(frozen=True)
+class Thing:
+    """A kind of thing, drawn as a billboard. One without a colour comes in all of `COLOURS`.
+
+    Attributes:
+        name: what it is called.
+        label: its label id; of a coloured thing the first of six.
+        colour: RGB in full light of its shape, of its label and on maps, or None.
+        art: its picture, a file in `engine/art`.
+        radius: half the billboard's side in tiles.
+        drop: tiles from eye height down to the billboard's centre.
+        detail: RGB of the picture's second colour, or None for a darker shade of the first.
+        symbols: its character in text maps, or one for each colour; "" if texts cannot hold it.
+        spawn_symbol: the character of one that lies where an episode may start, or "".
+        glyph: its drawing on maps from above in `view/glyphs.py`, or None for its art.
+    """
+
+    name: str
+    label: int
+    colour: RGB | None
+    art: str
+    radius: float
+    drop: float
+    detail: RGB | None = None
+    symbols: str = ""
+    spawn_symbol: str = ""
+    glyph: Glyph | None = None
+
+    @property
+    def coloured(self) -> bool:
+        """Whether it comes in all of `COLOURS`."""
+        return self.colour is None
+
+    @property
+    def labels(self) -> range:
+        """Its label ids: one, or one for each colour."""
+        return range(self.label, self.label + (len(COLOURS) if self.coloured else 1))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name of each label."""
+        if self.coloured:
+            return tuple(f"{colour} {self.name}" for colour in COLOUR_NAMES)
+        return (self.name,)
+
+    @property
+    def colours(self) -> tuple[RGB, ...]:
+        """The colour of each label."""
+        return tuple(rgb for _, rgb in COLOURS) if self.colour is None else (self.colour,)
+
+    def paints(self, label: int) -> tuple[RGB, tuple[float, ...]]:
+        """The colours of the picture's shape and of its detail, for one of its labels."""
+        shape = self.colours[label - self.label]
+        return shape, self.detail or tuple(part * DETAIL_SHADE for part in shape)
+
+
+KEY = Thing("key", 105, None, "key", 0.25, 0.15, symbols="rnbpye", glyph="key")
+GOAL = Thing("goal", 111, (255, 216, 20), "goal", 0.32, 0.1, symbols="G", glyph="star")
+# These two lie on the floor, below the horizon.
+APPLE = Thing(
+    "apple",
+    112,
+    (232, 24, 56),
+    "apple",
+    0.16,
+    0.34,
+    detail=(60, 140, 40),
+    symbols="a",
+    spawn_symbol="@",
+    glyph="apple",
+)
+MEDKIT = Thing(
+    "medkit", 113, (240, 240, 236), "medkit", 0.24, 0.26, detail=(200, 24, 28), glyph="medkit"
+)
+
+THINGS: tuple[Thing, ...] = (KEY, GOAL, APPLE, MEDKIT)
+"""All of them, in the order of their labels."""
+
+THING_OF: dict[int, Thing] = {label: thing for thing in THINGS for label in thing.labels}
+"""The thing of each label id that is one's."""
