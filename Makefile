@@ -57,13 +57,13 @@ demo: $(VENV)/.baselines ## train an agent on a small map in about 3 minutes: it
 
 bench: ## measure all beside its peers, write docs/benchmarks.md (an hour; QUICK=1: some minutes)
 	@$(MAKE) --no-print-directory VENV=$(BENCH)/main $(BENCH)/main/.bench
-	$(BENCH)/main/bin/python -m benchmarks.peers $(if $(QUICK),--quick)
+	$(BENCH)/main/bin/python -m benchmarks.suites.peers $(if $(QUICK),--quick)
 	$(BENCH)/main/bin/python -m benchmarks --json $(RESULTS) $(if $(QUICK),--quick) $(ARGS)
 	$(BENCH)/main/bin/python -m benchmarks.report $(RESULTS) \
 		$(if $(QUICK),--out $(RESULTS)/benchmarks.md)
 
 compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
-	$(BIN)/python -m benchmarks.compare_vizdoom $(ARGS)
+	$(BIN)/python -m benchmarks compare $(ARGS)
 
 partners: $(VENV)/.dev ## run the adapters' tests beside their partners, each in an environment of its own
 	$(BIN)/python -m nox -t partners $(ARGS)

@@ -1,27 +1,31 @@
-"""The benchmark suite: `python -m benchmarks [PART ...] --json DIR`; README.md explains it."""
+"""The benchmark suite: `python -m benchmarks [PART ...] [--json DIR]`; README.md explains it."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
 import functools
-import json
 import os
+import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.interleave import tell
-from benchmarks.measure import FORMAT, Settings, measure
-from benchmarks.parts import PARTS, Plan, quick_plan
-from benchmarks.peers import FOLDER, find
+from benchmarks.report.results import Result, suite_rows
+from benchmarks.report.tables import table_of
+from benchmarks.store import earlier, write
+from benchmarks.suites.measure import FORMAT, Groups, Settings, measure
+from benchmarks.suites.parts import NAMED, PARTS, QUICK, Plan
+from benchmarks.suites.peers import FOLDER, find
+from benchmarks.suites.processes import cores_allowed
+from benchmarks.suites.worker import tell
 from jaxenstein.errors import JAXensteinError
-from jaxenstein.files import OutputError, atomic, check_writable, make_folder
+from jaxenstein.files import check_writable, make_folder
 from jaxenstein.speed.measuring import describe_machine
 
 # Rounds and seconds of a chunk: of a run for the record, and of a quick one.
-FULL, QUICK = (7, 1.0), (1, 0.05)
+FULL_RUN, QUICK_RUN = (7, 1.0), (1, 0.05)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -30,47 +34,75 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     if unknown := [name for name in options.parts if name not in PARTS]:
         parser.error(f"unknown part: {', '.join(unknown)}; known: {', '.join(PARTS)}")
-    names = options.parts or list(PARTS)
+    names = options.parts or [name for name in PARTS if name not in NAMED]
     settings = _settings(options, parser)
-    sizes = quick_plan() if settings.quick else Plan()
-    where = functools.partial(find, folder=options.peers.resolve())
-    plan = dataclasses.replace(sizes, cores=_cores(), find=where)
-    folder = make_folder(options.json)
-    files = {name: folder / f"{name}.json" for name in names}
+    plan = dataclasses.replace(QUICK if settings.quick else Plan(), cores=cores_allowed())
+    also = {python: _words(python, parser) for python in options.also_python}
+    folder = make_folder(options.json) if options.json else None
+    files = {name: folder / f"{name}.json" for name in names} if folder else {}
     for file in files.values():
         check_writable(file)
-    todo = [n for n, file in files.items() if options.again or not _is_done(file, settings)]
+    known = {
+        "format": FORMAT,
+        "settings": vars(settings),
+        "hardware": describe_machine()["hardware"],
+    }
+    done = [n for n, file in files.items() if not options.again and earlier(file, known)]
     for name in names:
-        if name not in todo:
+        if name in done:
             print(f"{name}: {files[name]} is there already (--again measures it anew)")
-    for name in todo:
-        report = {"part": name, **measure(PARTS[name](plan), settings)}
+            continue
+        groups = _chosen(_doubled(PARTS[name](plan), also), settings.only)
+        where = functools.partial(find, folder=options.peers.resolve())
+        report = {"part": name, **measure(groups, settings, where)}
         tell("")
-        with atomic(files[name]) as path:
-            path.write_text(json.dumps(report, indent=1))
-        print(f"{name}: {files[name]}{_troubles(report)}", flush=True)
+        shown = table_of(name, Result(report, [*suite_rows(report)]))
+        print(f"{name}\n\n{shown}\n{_troubles(report)}", flush=True)
+        if name in files:
+            write(files[name], report)
+            print(f"wrote {files[name]}", flush=True)
 
 
-def _is_done(file: Path, settings: Settings) -> bool:
-    """Whether a part's file is there, of this machine and measured as it would be now.
+def _doubled(groups: Groups, also: Mapping[str, str]) -> Groups:
+    """The same with this project's subjects under further interpreters too."""
+    return [
+        [
+            *group,
+            *(
+                dataclasses.replace(
+                    row, name=f"{row.name} with={told.replace(' ', '')}",
+                    title=f"{row.title}, {told}", python=python,
+                )
+                for python, told in also.items() for row in group
+                if not row.peer and row.flags is not None
+            ),
+        ]
+        for group in groups
+    ]  # fmt: skip
 
-    Raises:
-        OutputError: it is there, but of something else.
-    """
-    if not file.exists():
-        return False
-    again = "choose another folder, or --again to replace it"
+
+def _chosen(groups: Groups, only: Sequence[str] | None) -> Groups:
+    """The subjects whose names begin with one of these words, and what they are compared to."""
+    if not only:
+        return groups
+    kept = []
+    for group in groups:
+        chosen = [row for row in group if row.name.startswith(tuple(only))]
+        beside = {name for row in chosen for name in row.references.values()}
+        kept.append([row for row in group if row in chosen or row.name in beside])
+    return [group for group in kept if group]
+
+
+def _words(python: str, parser: argparse.ArgumentParser) -> str:
+    """The versions that an interpreter has, for people."""
+    told = (
+        "import platform, jax; print(f'Python {platform.python_version()}, JAX', jax.__version__)"
+    )
     try:
-        report = json.loads(file.read_text())
-        before = {"format": report["format"], **report["settings"], **report["hardware"]}
-    except (ValueError, KeyError, TypeError) as error:
-        raise OutputError(file, f"it is there and no result of this suite; {again}") from error
-    now = {"format": FORMAT, **vars(settings), **describe_machine()["hardware"]}
-    changed = [f"{name} {before.get(name)}, not {now[name]}" for name in now
-               if before.get(name) != now[name]]  # fmt: skip
-    if changed:
-        raise OutputError(file, f"it was measured with {'; '.join(changed)}; {again}")
-    return True
+        done = subprocess.run([python, "-c", told], capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        parser.error(f"--also-python: {python} does not run, or has no jax")
+    return done.stdout.strip()
 
 
 def _troubles(report: Mapping[str, Any]) -> str:
@@ -84,9 +116,7 @@ def _troubles(report: Mapping[str, Any]) -> str:
 
 
 def _settings(options: argparse.Namespace, parser: argparse.ArgumentParser) -> Settings:
-    rounds, seconds = QUICK if options.quick else FULL
-    rounds = options.rounds or rounds
-    seconds = options.seconds or seconds
+    rounds, seconds = QUICK_RUN if options.quick else FULL_RUN
     core = None
     if hasattr(os, "sched_getaffinity"):
         allowed = sorted(os.sched_getaffinity(0))
@@ -94,16 +124,12 @@ def _settings(options: argparse.Namespace, parser: argparse.ArgumentParser) -> S
         core = allowed[-1] if options.core is None else options.core
         if core not in allowed:
             parser.error(f"--core: there is no core {core}, only {allowed}")
-    return Settings(core, rounds, seconds, options.quick)
+    rounds, seconds = options.rounds or rounds, options.seconds or seconds
+    return Settings(core, rounds, seconds, options.quick, options.only)
 
 
-def _cores() -> int:
-    allowed = getattr(os, "sched_getaffinity", None)
-    return len(allowed(0)) if allowed else os.cpu_count() or 1
-
-
-def _positive(convert: Any) -> Any:
-    def parse(text: str) -> Any:
+def _positive(convert: Callable[[str], float]) -> Callable[[str], float]:
+    def parse(text: str) -> float:
         try:
             value = convert(text)
         except ValueError:
@@ -121,22 +147,22 @@ def _parser() -> argparse.ArgumentParser:
         description="Measure this project and its peers in turn on one core, a file a part.",
         epilog="A part whose file is there is left out, so the same command goes on.",
     )
-    parser.add_argument(
-        "parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)} (default: all)"
-    )
-    parser.add_argument(
-        "--json", type=Path, required=True, metavar="DIR", help="folder for the results"
-    )
-    parser.add_argument("--quick", action="store_true", help="tiny sizes, only to see it work")
-    parser.add_argument("--core", type=int, metavar="N", help="core to use (default: the last)")
-    parser.add_argument("--rounds", type=_positive(int), metavar="N", help="rounds (default 7)")
-    parser.add_argument(
-        "--seconds", type=_positive(float), metavar="S", help="length of a chunk (default 1)"
-    )
-    parser.add_argument(
-        "--peers", type=Path, default=FOLDER, metavar="DIR", help="where benchmarks.peers put them"
-    )
-    parser.add_argument("--again", action="store_true", help="measure parts that are there anew")
+    add = parser.add_argument
+    usual = ", ".join(name for name in PARTS if name not in NAMED)
+    named = f"{usual} (default: all of these); {', '.join(NAMED)}"
+    add("parts", nargs="*", metavar="PART", help=named)
+    add("--json", type=Path, metavar="DIR", help="folder for the results (default: only shown)")
+    add("--quick", action="store_true", help="tiny sizes, only to see it work")
+    add("--core", type=int, metavar="N", help="core to use (default: the last)")
+    add("--rounds", type=_positive(int), metavar="N", help="rounds (default 7)")
+    add("--seconds", type=_positive(float), metavar="S", help="length of a chunk (default 1)")
+    only = "of a part only subjects whose names begin so, such as scan-64, and what stands beside"
+    add("--only", nargs="+", metavar="NAME", help=only)
+    also = "measure this project under this interpreter too; it needs jax, numpy and pillow"
+    add("--also-python", action="append", default=[], metavar="PATH", help=also)
+    where = "where benchmarks.suites.peers put them"
+    add("--peers", type=Path, default=FOLDER, metavar="DIR", help=where)
+    add("--again", action="store_true", help="measure parts that are there anew")
     return parser
 
 

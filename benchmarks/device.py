@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import statistics
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -25,14 +25,14 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
-from benchmarks.frames import make_frames
-from benchmarks.kernels import count_kernels
-from benchmarks.report_others import DEVICE_HEAD, device_row
-from benchmarks.tables import markdown
+from benchmarks.report.results import device_row
+from benchmarks.report.tables import TABLES, markdown
+from benchmarks.store import earlier, write
+from benchmarks.subjects.frames import make_frames
 from jaxenstein.cli.arguments import size as image_size
 from jaxenstein.cli.arguments import whole
 from jaxenstein.errors import JAXensteinError
-from jaxenstein.files import OutputError, atomic, check_writable
+from jaxenstein.files import check_writable
 from jaxenstein.speed.measuring import describe_machine, summarise
 from jaxenstein.speed.random_rollout import make_random_rollout
 
@@ -118,22 +118,30 @@ def copy_bandwidth(size: int, seconds: float = 0.5) -> float:
     return 2 * words.nbytes / statistics.median(times)
 
 
-def read_report(path: Path | None, device: str) -> dict[str, Any]:
-    """What an earlier run wrote, to go on with; empty if there is none.
+def count_kernels(run: Callable[[], Any]) -> dict[str, float] | None:
+    """Kernels and copies on the device while `run` runs, which must wait for its end.
 
-    Raises:
-        OutputError: the file is of another device or no report.
+    Returns:
+        `count` and `seconds`, which adds up those that ran at once; None where the profiler saw
+        no device, such as on a CPU, or this JAX cannot read its files.
     """
-    if path is None or not path.exists():
-        return {"rows": []}
-    try:
-        report = json.loads(path.read_text())
-        rows, before = report["rows"], report["device"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise OutputError(path, "it exists and is no report of benchmarks.device") from error
-    if before != device:
-        raise OutputError(path, f"it has measurements of another device, {before}")
-    return {"rows": rows}
+    profile_data = getattr(jax.profiler, "ProfileData", None)
+    if profile_data is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        with jax.profiler.trace(folder):
+            run()
+        # Other lines of a plane sum the same kernels up by operation, module and step.
+        durations = [
+            event.duration_ns
+            for file in sorted(Path(folder).rglob("*.xplane.pb"))
+            for plane in profile_data.from_file(str(file)).planes
+            if plane.name.startswith("/device:")
+            for line in plane.lines
+            if line.name.startswith("Stream")
+            for event in line.events
+        ]
+    return {"count": float(len(durations)), "seconds": sum(durations) / 1e9} if durations else None
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -142,11 +150,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     if options.json is not None:
         check_writable(options.json)
     device = f"{jax.devices()[0].platform}: {jax.devices()[0].device_kind}"
-    rows = read_report(options.json, device)["rows"]
+    before = earlier(options.json, {"device": device}) if options.json else None
+    rows = before["rows"] if before else []
     done = {(row["id"], row["batch"], (row["height"], row["width"])) for row in rows}
     bandwidth = copy_bandwidth(options.copy_bytes)
     print(f"{device}, JAX {jax.__version__}: copies at {bandwidth / 1e9:,.0f} GB/s\n", flush=True)
-    print(markdown(DEVICE_HEAD, []), flush=True)
+    columns = TABLES["device"].columns
+    print(markdown(columns, []), flush=True)
     end = time.monotonic() + 60 * options.minutes if options.minutes else None
     for case in itertools.product(options.ids, options.sizes, options.batches):
         name, size, batch = case
@@ -156,22 +166,13 @@ def main(argv: Sequence[str] | None = None) -> None:
             print("\nnot finished: the same command goes on")
             break
         rows.append(measure_case(name, batch, size, options))
-        print(f"| {' | '.join(device_row(rows[-1], bandwidth))} |", flush=True)
+        print(markdown(columns, [device_row(rows[-1], bandwidth)]).splitlines()[-1], flush=True)
+        if "failed" in rows[-1]:
+            print(f"  {rows[-1]['failed']}", flush=True)
         if options.json is not None:
-            _write(options, device, bandwidth, rows)
-
-
-def _write(options: Any, device: str, bandwidth: float, rows: list[dict[str, Any]]) -> None:
-    settings = {name: getattr(options, name) for name in ("seconds", "repeats", "profile")}
-    report = {
-        **describe_machine(),
-        "device": device,
-        "settings": settings,
-        "copy_bytes_per_second": bandwidth,
-        "rows": rows,
-    }
-    with atomic(options.json) as path:
-        path.write_text(json.dumps(report, indent=1))
+            settings = {name: getattr(options, name) for name in ("seconds", "repeats", "profile")}
+            report = {**describe_machine(), "device": device, "settings": settings}
+            write(options.json, report | {"copy_bytes_per_second": bandwidth, "rows": rows})
 
 
 def _list(convert: Callable[[str], Any]) -> Callable[[str], list[Any]]:

@@ -12,23 +12,24 @@ it does not depend on how many devices there are.
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
 import jaxenstein
+from benchmarks.report.results import OTHERS, Result
+from benchmarks.report.tables import table_of
+from benchmarks.store import write
 from jaxenstein.cli.arguments import size, whole
 from jaxenstein.errors import JAXensteinError, SettingError
-from jaxenstein.files import atomic, check_writable
+from jaxenstein.files import check_writable
 from jaxenstein.speed.measuring import describe_machine, summarise
-from jaxenstein.speed.random_rollout import RolloutCarry
+from jaxenstein.speed.random_rollout import RolloutCarry, make_random_rollout
 
 AXIS = "env"
 
@@ -63,29 +64,8 @@ def make_spread_rollout(
             f"batch must be a multiple of the {mesh.size} devices and steps at least 1, not "
             f"{batch} and {steps}"
         )
-    if env.autoreset is None:
-        raise SettingError("a rollout needs an environment with autoreset, not autoreset=None")
-
-    def first(key: jax.Array) -> RolloutCarry:
-        reset_key, clock_key, key = jax.random.split(key, 3)
-        obs, state = env.reset(reset_key, params)
-        limit = jnp.maximum(jnp.asarray(params.max_steps_in_episode, jnp.int32), 1)
-        state = state.replace(time=jax.random.randint(clock_key, (), 0, limit, jnp.int32))
-        return RolloutCarry(key, obs, state, jnp.float32(0), jnp.int32(0))
-
-    def advance(carry: RolloutCarry) -> RolloutCarry:
-        key, policy_key, step_key = jax.random.split(carry.key, 3)
-        drawn = jax.random.randint(policy_key, (), 0, env.num_actions, jnp.int32)
-        action = (drawn + _pixel(carry.obs)) % env.num_actions
-        obs, state, reward, terminated, truncated, _ = env.step(
-            step_key, carry.state, action, params
-        )
-        episodes = carry.episodes + (terminated | truncated).astype(jnp.int32)
-        return RolloutCarry(key, obs, state, carry.reward + reward, episodes)
-
-    def play(carry: RolloutCarry) -> RolloutCarry:
-        return jax.lax.scan(lambda c, _: (jax.vmap(advance)(c), None), carry, length=steps)[0]
-
+    # One environment, so that it does not depend on how many there are beside it.
+    play, first = make_random_rollout(env, params, 1, steps)
     apart = PartitionSpec(AXIS)
 
     def spread(function: Any) -> Any:
@@ -97,15 +77,7 @@ def make_spread_rollout(
         keys = jax.lax.with_sharding_constraint(keys, NamedSharding(mesh, apart))
         return spread(jax.vmap(first))(keys)
 
-    return jax.jit(spread(play), donate_argnums=0), jax.jit(start)
-
-
-def _pixel(obs: Any) -> jax.Array:
-    """int32[]: an element of every leaf of one environment's observation, summed."""
-    total = jnp.int32(0)
-    for leaf in jax.tree.leaves(obs):
-        total += leaf[tuple(size // 2 for size in leaf.shape)].astype(jnp.int32)
-    return total
+    return jax.jit(spread(jax.vmap(play)), donate_argnums=0), jax.jit(start)
 
 
 def measure_spread(devices: Sequence[Any], options: argparse.Namespace) -> dict[str, Any]:
@@ -152,28 +124,13 @@ def main(argv: Sequence[str] | None = None) -> None:
         rows.append(measure_spread(devices[:count], options))
     if jax.process_index():
         return
-    print_table(rows, devices[0].device_kind)
+    settings = {name: str(value) for name, value in vars(options).items() if name != "json"}
+    kind, processes = devices[0].device_kind, jax.process_count()
+    report = {**describe_machine(), "device": kind, "processes": processes, "settings": settings}
+    report["rows"] = rows
+    print(f"{kind}\n\n{table_of('spread', Result(report, [*OTHERS['spread'](report)]))}")
     if options.json is not None:
-        settings = {name: str(value) for name, value in vars(options).items() if name != "json"}
-        report = {
-            **describe_machine(),
-            "device": devices[0].device_kind,
-            "processes": jax.process_count(),
-            "settings": settings,
-            "rows": rows,
-        }
-        with atomic(options.json) as path:
-            path.write_text(json.dumps(report, indent=1))
-
-
-def print_table(rows: Sequence[dict[str, Any]], kind: str) -> None:
-    """Print a Markdown table: medians, and of how many of the first row's devices they are."""
-    print(f"{kind}\n\n| devices | environments | steps/s | times the first row |")
-    print("|---:|---:|---:|---:|")
-    first = rows[0]["steps_per_second"]["median"]
-    for row in rows:
-        rate = row["steps_per_second"]["median"]
-        print(f"| {row['devices']} | {row['batch']} | {rate:,.0f} | {rate / first:.2f} |")
+        write(options.json, report)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -3,12 +3,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import interleave
+from benchmarks.suites import worker
 
 
 @pytest.fixture
 def fake_subjects(monkeypatch):
     """Workers run a stand-in for the subjects, which says what it measures."""
-    monkeypatch.setattr(interleave, "SCRIPT", Path(__file__).with_name("fake_subject.py"))
+    program = (str(Path(__file__).with_name("fake_subject.py")),)
+    monkeypatch.setattr(worker, "PROGRAM", program)
     # Others may use the cores meanwhile.
-    monkeypatch.setattr(interleave, "DISTURBED", float(os.cpu_count() or 1))
+    monkeypatch.setattr(worker, "DISTURBED", float(os.cpu_count() or 1))

@@ -11,9 +11,10 @@ import pytest
 
 import jaxenstein
 from benchmarks import device
-from benchmarks.frames import make_frames, make_keeping_rollout
-from benchmarks.kernels import count_kernels, total
-from benchmarks.report_others import DEVICE_HEAD, device_row
+from benchmarks.report.results import Result, device_row
+from benchmarks.report.tables import table_of
+from benchmarks.store import earlier
+from benchmarks.subjects.frames import make_frames, make_keeping_rollout
 from jaxenstein.files import OutputError
 from jaxenstein.speed.random_rollout import make_random_rollout
 
@@ -76,15 +77,16 @@ def test_results_and_going_on(tmp_path, capsys, monkeypatch):
 
 
 def test_reports_of_other_devices_are_kept(tmp_path):
-    file = tmp_path / "device.json"
-    assert device.read_report(file, "gpu: X") == {"rows": []}
+    file, now = tmp_path / "device.json", {"device": "gpu: X"}
+    assert earlier(file, now) is None
     file.write_text('{"rows": [1], "device": "gpu: X"}')
-    assert device.read_report(file, "gpu: X")["rows"] == [1]
-    with pytest.raises(OutputError, match="another device, gpu: X"):
-        device.read_report(file, "gpu: Y")
-    file.write_text("[]")
-    with pytest.raises(OutputError, match="no report"):
-        device.read_report(file, "gpu: X")
+    assert earlier(file, now) == {"rows": [1], "device": "gpu: X"}
+    with pytest.raises(OutputError, match="device gpu: X, not gpu: Y"):
+        earlier(file, {"device": "gpu: Y"})
+    for other in ("[]", "{", '"text"'):
+        file.write_text(other)
+        with pytest.raises(OutputError, match="no result of this command"):
+            earlier(file, now)
 
 
 def test_what_does_not_fit_is_told(monkeypatch):
@@ -95,14 +97,11 @@ def test_what_does_not_fit_is_told(monkeypatch):
     options = types.SimpleNamespace(steps=1, repeats=1, seconds=0.01, profile=False)
     row = device.measure_case("simple", 2, (4, 4), options)
     assert row["failed"] == "RESOURCE_EXHAUSTED: Out of memory"
-    assert device_row(row, 1e9) == ["simple", "4x4", "2", row["failed"], *[""] * 5]
-    assert len(DEVICE_HEAD) == 9
+    table = table_of("device", Result({}, [device_row(row, 1e9)]))
+    assert table.splitlines()[-1].startswith("| simple | 4x4 | 2 | not measured |  |")
 
 
 def test_kernels_are_those_of_the_streams_alone(monkeypatch):
-    assert total([]) is None
-    assert total([1000.0, 3000.0]) == {"count": 2.0, "seconds": 4e-6}
-
     def named(name, **inside):
         return types.SimpleNamespace(name=name, **inside)
 
@@ -121,7 +120,7 @@ def test_kernels_are_those_of_the_streams_alone(monkeypatch):
             return named("profile", planes=planes)
 
     monkeypatch.setattr(jax.profiler, "ProfileData", Data, raising=False)
-    found = count_kernels(lambda: jax.block_until_ready(jnp.ones(3, jnp.float32) * 2))
+    found = device.count_kernels(lambda: jax.block_until_ready(jnp.ones(3, jnp.float32) * 2))
     assert found == {"count": 2.0, "seconds": pytest.approx(12e-9)}
     monkeypatch.delattr(jax.profiler, "ProfileData")
-    assert count_kernels(lambda: sys.exit("must not run")) is None
+    assert device.count_kernels(lambda: sys.exit("must not run")) is None

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from benchmarks.flops import matrix_flops, matrix_rate
+from benchmarks.training.flops import matrix_flops, matrix_rate
 
 A = jnp.ones((3, 4))
 B = jnp.ones((4, 5))

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from benchmarks import peers
-from benchmarks.peers import PEERS, Found, Peer, find, install
+from benchmarks.suites import peers
+from benchmarks.suites.peers import PEERS, Found, Peer, find, install
 
 
 @pytest.fixture

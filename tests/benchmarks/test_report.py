@@ -6,12 +6,11 @@ import re
 import numpy as np
 import pytest
 
-from benchmarks import report
-from benchmarks.parts import PARTS, quick_plan
-from benchmarks.peers import Found
-from benchmarks.plots import save_plots
-from benchmarks.results import read_parts
-from benchmarks.tables import markdown, number
+import benchmarks.report.__main__ as report
+from benchmarks.report.pages import ROOT, Pages
+from benchmarks.report.results import read_results
+from benchmarks.report.tables import column, markdown, number
+from benchmarks.suites.parts import PARTS, QUICK
 from jaxenstein.errors import SettingError
 from jaxenstein.speed.measuring import summarise
 
@@ -22,10 +21,9 @@ VERSIONS = {"python": "3.11.7", "jax": "0.10.2", "numpy": "2.4.6", "jaxenstein":
 def results(folder, quick=False, parts=tuple(PARTS), disturbed=(0.2,)):
     """Files of parts with rates drawn at random; returns the rates by part and subject."""
     rng, drawn = np.random.default_rng(0), {}
-    plan = quick_plan()
     for name in parts:
         groups = []
-        for group in PARTS[name](plan):
+        for group in PARTS[name](QUICK):
             rows = []
             for subject in group:
                 row = {
@@ -53,56 +51,83 @@ def results(folder, quick=False, parts=tuple(PARTS), disturbed=(0.2,)):
     return drawn
 
 
-@pytest.fixture
-def found(monkeypatch):
-    """Plans are made as if every peer were installed."""
-    monkeypatch.setattr("benchmarks.parts.Plan.find", lambda *_: Found("python"), raising=False)
-
-
 def cells(text, title):
     """The cells of the first row of a table that begins with a title."""
     row = next(line for line in text.splitlines() if line.startswith(f"| {title} |"))
     return [cell.strip() for cell in row.strip("|").split("|")]
 
 
-def test_the_page_says_what_the_files_say(tmp_path):
+def written(folder, out):
+    """The pages that the command writes, by name, and the first one."""
+    out.parent.mkdir(exist_ok=True)
+    report.main([str(folder), "--out", str(out)])
+    return {path.stem: path.read_text() for path in out.parent.rglob("*.md")}
+
+
+def test_the_pages_say_what_the_files_say(tmp_path):
     pytest.importorskip("matplotlib")
     drawn = results(tmp_path, disturbed=())
     out = tmp_path / "pages" / "page.md"
-    out.parent.mkdir()
-    report.main([str(tmp_path), "--out", str(out)])
-    text = out.read_text()
+    pages = written(tmp_path, out)
     ours = drawn["peers", "scan-16"]
-    row = cells(text, "JAXenstein my-way-home, scan, 16 environments")
+    row = cells(pages["peers"], "JAXenstein my-way-home, scan, 16 environments")
     low, middle, high = (f"{np.quantile(ours, q):,.0f}" for q in (0.25, 0.5, 0.75))
     assert row[1:3] == [middle, f"{low} - {high}"]
     assert row[3] == number(1e6 / np.median(ours))
     assert row[4] == number(np.median(ours / drawn["peers", "vizdoom-gymnasium"]))
     assert row[5] == number(np.median(ours / drawn["peers", "vizdoom-raw"]))
-    assert "no quiet machine" not in text
+    assert "no quiet machine" not in pages["page"]
+    # The summary has the machine, the fastest scan, and of each part the least and the most.
+    assert "A Processor" in pages["page"]
+    scans = ("scan-1", "scan-16")
+    best = max(np.median(drawn["peers", name]) for name in scans)
+    assert f"**{best:,.0f} steps a second**" in pages["page"]
+    rates = [np.median(drawn["environments", f"scan-16 id={name}"]) for name in QUICK.ids]
+    least, most = (choose(zip(rates, QUICK.ids, strict=True)) for choose in (min, max))
+    row = cells(pages["page"], "[Every environment](benchmarks/environments.md)")
+    assert row[1:] == [f"{rate:,.0f} ({name})" for rate, name in (least, most)]
     # Told in words, and each part has its command and its plots.
-    assert "A Processor" in text
-    assert "no display / none" in text or "no display | none" in text
-    for name in PARTS:
+    text = "\n".join(pages.values())
+    assert "- MiniWorld Hallway, 80x60 to 64x64 by area; MiniWorld Hallway, 64x64: no disp" in text
+    assert "EnvPool MyWayHome, 8 envs, 64x64 by area: renderer llvmpipe" in text
+    for name in (name for name in PARTS if name != "compare"):
         assert f"`python -m benchmarks {name} --json {tmp_path.name} --core 1" in text
-    pictures = re.findall(r"!\[[^]]+\]\(([^)]+)\)", text)
+    pictures = [(stem, picture) for stem, page in pages.items()
+                for picture in re.findall(r"!\[[^]]+\]\(([^)]+)\)", page)]  # fmt: skip
     assert len(pictures) == 7
-    for picture in pictures:
-        assert (out.parent / picture).read_bytes().startswith(b"\x89PNG")
+    for stem, picture in pictures:
+        folder = out.parent if stem == "page" else out.parent / "benchmarks"
+        assert (folder / picture).read_bytes().startswith(b"\x89PNG")
     for table in re.findall(r"(?:^\|.*\n)+", text, re.M):
         assert len({line.count("|") for line in table.splitlines()}) == 1
+    assert "{{" not in text
+
+
+def test_adapters_stand_beside_the_native_figure_of_their_kind(tmp_path):
+    drawn = results(tmp_path, parts=["adapters"])
+    text = Pages(read_results(tmp_path), tmp_path, []).write()["benchmarks/adapters.md"]
+    row = cells(text, "Gymnasium vector, same-step")
+    mine = drawn["adapters", "adapter-gymnasium-same-step-16"]
+    native = drawn["adapters", "adapter-loop-16"]
+    assert row[5:] == [f"{np.median(native):,.0f}", number(np.median(mine / native))]
+    assert "| native," not in text
 
 
 def test_equal_results_are_equal_files(tmp_path):
     pytest.importorskip("matplotlib")
     results(tmp_path, parts=["batches"])
-    parts = read_parts(tmp_path)
-    pictures = []
     for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        save_plots(parts, tmp_path / name)
-        pictures.append((tmp_path / name / "batches.png").read_bytes())
-    assert pictures[0] == pictures[1]
+        written(tmp_path, tmp_path / name / "page.md")
+    pictures = [tmp_path / name / "images/benchmarks/batches.png" for name in ("one", "two")]
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+
+
+def test_the_pages_in_docs_are_those_of_the_committed_results():
+    """No figure is typed by hand; after a change of a template: `python -m benchmarks.report`."""
+    folder, docs = ROOT / "benchmarks" / "results" / "epyc-2core", ROOT / "docs"
+    drawn = [path.stem for path in (docs / "images" / "benchmarks").glob("*.png")]
+    for name, text in Pages(read_results(folder), folder, drawn).write().items():
+        assert (docs / name).read_text("utf-8") == text, name
 
 
 def test_quick_figures_stay_out_of_docs(tmp_path, monkeypatch):
@@ -111,16 +136,18 @@ def test_quick_figures_stay_out_of_docs(tmp_path, monkeypatch):
     with pytest.raises(SettingError, match="batches are of a quick run"):
         report.main([str(tmp_path), "--out", str(tmp_path / "docs.md")])
     assert not (tmp_path / "docs.md").exists()
-    parts = read_parts(tmp_path)
-    assert "figures of a quick run" in report.page(tmp_path, parts, {}, {})
+    text = Pages(read_results(tmp_path), tmp_path, []).write()["benchmarks.md"]
+    assert "figures of a quick run" in text
 
 
 def test_a_part_alone_names_the_others(tmp_path):
     results(tmp_path, parts=["observations"])
-    text = report.page(tmp_path, read_parts(tmp_path), {}, {})
-    assert "Not measured: peers, cores, batches, limits" in text
-    assert "no quiet machine" in text
-    assert "steps a second**" not in text
+    pages = Pages(read_results(tmp_path), tmp_path, []).write()
+    assert "Not measured: peers, cores, frame-skip, batches" in pages["benchmarks.md"]
+    assert "no quiet machine" in pages["benchmarks.md"]
+    assert "steps a second**" not in pages["benchmarks.md"]
+    assert "## Kinds of observations" in pages["benchmarks/environments.md"]
+    assert "## Image sizes" not in pages["benchmarks/environments.md"]
 
 
 def test_other_commands_are_taken_in(tmp_path):
@@ -138,26 +165,28 @@ def test_other_commands_are_taken_in(tmp_path):
     ]}  # fmt: skip
     training = {"matrix_rate": 2e9, "rows": [
         {"algo": "ppo", "num_envs": 16, "dtype": "float32", "steps_per_second": 1234.0,
-         "matrix_flops_per_step": 3e6, "flops_per_second": 5e8},
+         "matrix_flops_per_step": 3e6, "flops_per_second": 5e8, "first_call_seconds": 9.0},
     ]}  # fmt: skip
-    others = {"device": device, "spread": spread, "training": training}
-    text = report.page(tmp_path, read_parts(tmp_path), others, {})
+    for name, content in (("device", device), ("spread", spread), ("training", training)):
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+    text = Pages(read_results(tmp_path), tmp_path, []).write()["benchmarks/training.md"]
     # 2000 frames of 96 bytes are a thousandth of 192 MB.
     assert "| simple | 8x4 | 64 | 2,000 | 2,000 | 0.1% | 2.0 | 1 | 12 |" in text
-    assert "| simple | 8x4 | 128 | out of memory |" in text
+    assert "| simple | 8x4 | 128 | not measured |" in text
+    assert "- simple, 128: out of memory" in text
     assert "| 4 | 256 | 7,000 | 3.50 |" in text
-    assert "| ppo | float32 | 16 | 1,234 | 3 | 25% |" in text
+    assert "| ppo | float32 | 16 | 1,234 | 3 | 25% | 9 |" in text
 
 
 def test_no_results(tmp_path):
     with pytest.raises(SettingError, match="no results"):
-        read_parts(tmp_path)
+        read_results(tmp_path)
     (tmp_path / "peers.json").write_text("{")
     with pytest.raises(SettingError, match=r"peers\.json cannot be read"):
-        read_parts(tmp_path)
+        read_results(tmp_path)
     (tmp_path / "peers.json").write_text("{}")
     with pytest.raises(SettingError, match="no result of"):
-        read_parts(tmp_path)
+        read_results(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -169,4 +198,6 @@ def test_numbers(value, text):
 
 
 def test_tables():
-    assert markdown(["a", "b"], [["x|y", "1"]]) == "| a | b |\n| --- | ---: |\n| x/y | 1 |"
+    columns = [column("a", left=True), column("b", "c", "d")]
+    rows = [{"a": "x|y", "c": {"d": 1}}, {"a": ""}]
+    assert markdown(columns, rows) == "| a | b |\n| --- | ---: |\n| x/y | 1 |\n|  |  |"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from benchmarks.stages import STAGES, make_stage
+from benchmarks.subjects.stages import STAGES, make_stage
 
 BATCH = 3
 

@@ -7,18 +7,17 @@ from dataclasses import replace
 import pytest
 
 import benchmarks.__main__ as suite
-from benchmarks import measure
-from benchmarks.measure import Subject
-from benchmarks.parts import PARTS, Plan, quick_plan
-from benchmarks.peers import Found
+from benchmarks.suites import measure
+from benchmarks.suites.measure import Subject
+from benchmarks.suites.parts import PARTS, QUICK, Plan
+from benchmarks.suites.peers import PEERS
 from jaxenstein import environment_ids
 from jaxenstein.files import OutputError
 
-FULL = Plan(cores=2, find=lambda name: Found(sys.executable))
-QUICK = replace(quick_plan(), cores=2, find=lambda name: Found(problem=f"no {name}"))
+FULL = Plan(cores=2)
 
 
-@pytest.mark.parametrize("plan", [FULL, QUICK], ids=["full", "quick"])
+@pytest.mark.parametrize("plan", [FULL, replace(QUICK, cores=2)], ids=["full", "quick"])
 @pytest.mark.parametrize("name", PARTS)
 def test_groups_are_complete(name, plan):
     groups = PARTS[name](plan)
@@ -28,6 +27,9 @@ def test_groups_are_complete(name, plan):
         assert len(set(names)) == len(names)
         for subject in group:
             assert set(subject.references.values()) <= set(names)
+            assert subject.peer in ("", *PEERS)
+            # What does without this project runs under the interpreter of a peer.
+            assert subject.flags is not None or subject.peer
 
 
 def test_every_environment_size_and_kind_is_measured():
@@ -39,13 +41,9 @@ def test_every_environment_size_and_kind_is_measured():
         assert any(f"size={size}" in name and name.startswith("scan") for name in names)
     for kind in ("rgb", "gray", "depth", "labels", "dict"):
         assert f"scan-256 id=my-way-home observation={kind}" in names
-
-
-def test_a_missing_peer_is_in_its_row():
-    rows = {s.name: s for s in PARTS["peers"](QUICK)[0]}
-    assert rows["vizdoom-raw"].problem == "no vizdoom"
-    assert rows["miniworld"].problem == "no miniworld"
-    assert not rows["scan-16"].problem
+    for skip in (1, 4):
+        assert f"vizdoom-raw scenario=my-way-home frame_skip={skip}" in names
+        assert f"scan-256 id=my-way-home frame_skip={skip}" in names
 
 
 @pytest.fixture
@@ -83,11 +81,11 @@ def test_a_file_a_part_and_going_on(small, tmp_path, capsys):
 
 def test_other_settings_are_not_mixed_in(small, tmp_path):
     run(tmp_path, "first")
-    with pytest.raises(OutputError, match=r"seconds 0\.01, not 0\.5.*--again"):
+    with pytest.raises(OutputError, match=r"seconds 0\.01, not 0\.5"):
         suite.main(["--json", str(tmp_path), "--rounds", "1", "--seconds", "0.5"])
     assert not (tmp_path / "second.json").exists()
     (tmp_path / "first.json").write_text("{}")
-    with pytest.raises(OutputError, match="no result of this suite"):
+    with pytest.raises(OutputError, match="no result of this command"):
         run(tmp_path)
 
 
@@ -101,6 +99,19 @@ def test_nothing_is_measured_that_cannot_be_written(small, tmp_path, monkeypatch
         run(tmp_path / "file")
 
 
+def test_without_a_folder_it_is_only_shown(small, capsys):
+    suite.main(["second", "--rounds", "1", "--seconds", "0.01"])
+    assert "| seven | 7 |" in capsys.readouterr().out
+
+
+def test_some_subjects_and_a_second_interpreter(small, capsys):
+    words = ["--rounds", "1", "--seconds", "0.01", "--also-python", sys.executable]
+    suite.main(["first", "second", "--only", "steady", *words])
+    out = capsys.readouterr().out
+    assert out.count("| seven, Python 3.") == out.count("| seven |") == 1
+    assert "none" not in out
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -108,6 +119,7 @@ def test_nothing_is_measured_that_cannot_be_written(small, tmp_path, monkeypatch
         (["first", "--rounds", "0"], "above 0"),
         (["first", "--seconds", "x"], "above 0"),
         (["first", "--core", "9999"], "no core 9999"),
+        (["first", "--also-python", "nowhere/python"], "nowhere/python does not run"),
     ],
 )
 def test_wrong_words(small, tmp_path, capsys, words, told):

@@ -12,6 +12,7 @@ import jax
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES += sorted((ROOT / "docs" / "benchmarks").glob("*.md"))
 # What every sample may import: all else is a partner that may not be installed.
 AT_HAND = {*sys.stdlib_module_names, "PIL", "examples", "jax", "jaxenstein", "numpy"}
 

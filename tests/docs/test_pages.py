@@ -71,8 +71,8 @@ def test_paths_named_in_code_exist(page: Path) -> None:
     text = page.read_text("utf-8")
     named = re.findall(rf"`((?:{folders})/[\w./-]+)`", text)
     assert [path for path in named if not place(path).exists() and "_build" not in path] == []
-    modules = re.findall(rf"python -m\s+((?:{folders})\.\w+)", text)
-    assert [m for m in modules if not (ROOT / (m.replace(".", "/") + ".py")).exists()] == []
+    modules = re.findall(rf"python -m\s+((?:{folders})(?:\.\w+)+)", text)
+    assert [module for module in modules if not find_spec(module)] == []
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=by_name)

@@ -1,0 +1,169 @@
+"""The plots of the pages: bars of subjects, and lines over an axis."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from benchmarks.report.results import Row
+from jaxenstein.errors import SettingError
+from jaxenstein.files import atomic
+
+OURS, PEERS, OTHER = "#1f6fb4", "#9a9a9a", "#d9652b"
+STEPS = "steps a second"
+Series = Mapping[str, Sequence[tuple[Any, Mapping[str, Any]]]]
+
+
+class Bars(NamedTuple):
+    """Horizontal bars, one a row, in the rows' order.
+
+    Attributes:
+        label: the key of what stands beside a bar.
+        note: the key of what stands behind its figure, if anything.
+    """
+
+    label: str
+    note: str = ""
+
+    def draw(self, rows: Sequence[Row]) -> Any:
+        """The figure; None if there is nothing to draw."""
+        rows = [row for row in rows if self.label in row and "rates" in row]
+        if not rows:
+            return None
+        figure, axes = _figure(0.9 + 0.27 * len(rows))
+        middle = [row["rates"]["median"] for row in rows]
+        colours = [OURS if "jaxenstein" in row["versions"] else PEERS for row in rows]
+        axes.barh(range(len(rows)), middle, color=colours, height=0.7)
+        for place, row in enumerate(rows):
+            low, high = row["rates"]["lower_quartile"], row["rates"]["upper_quartile"]
+            axes.plot((low, high), (place, place), color="black", lw=1, alpha=0.5)
+            note = f"  ({row[self.note]})" if row.get(self.note) else ""
+            axes.annotate(
+                f"{row['rates']['median']:,.0f}{note}", (max(high, middle[place]), place),
+                xytext=(4, 0), textcoords="offset points", va="center", fontsize=8,
+            )  # fmt: skip
+        axes.set_yticks(range(len(rows)), [row[self.label] for row in rows], fontsize=8)
+        axes.invert_yaxis()
+        axes.margins(x=0.2, y=0.02)
+        axes.set_xlabel(STEPS)
+        _plain(axes.xaxis)
+        axes.grid(axis="x", alpha=0.3)
+        axes.set_axisbelow(True)
+        return figure
+
+
+def by_id(axis: str) -> Callable[[Sequence[Row]], Series]:
+    """Lines over an axis of the rows, one for each id."""
+
+    def series(rows: Sequence[Row]) -> Series:
+        lines: dict[str, list[tuple[Any, Mapping[str, Any]]]] = {}
+        for row in rows:
+            if axis in row and "rates" in row:
+                lines.setdefault(str(row.get("id", "")), []).append((row[axis], row["rates"]))
+        return lines
+
+    return series
+
+
+class Lines(NamedTuple):
+    """Steps a second over an axis, with quartiles as bands.
+
+    Attributes:
+        axis: the key of the rows that it goes along.
+        label: of that axis.
+        place: where a value of it lies.
+        series: makes the lines of the rows; one for each id by default.
+        logarithmic: whether the speeds are; those of the axis always are.
+    """
+
+    axis: str
+    label: str
+    place: Callable[[Any], float] = float
+    series: Callable[[Sequence[Row]], Series] | None = None
+    logarithmic: bool = False
+
+    def draw(self, rows: Sequence[Row]) -> Any:
+        """The figure; None if there is nothing to draw."""
+        lines = (self.series or by_id(self.axis))(rows)
+        lines = {name: points for name, points in lines.items() if points}
+        if not lines:
+            return None
+        figure, axes = _figure(3.4)
+        ticks: dict[float, str] = {}
+        for (name, points), colour in zip(lines.items(), (OURS, OTHER, PEERS) * 9, strict=False):
+            colour = PEERS if "ViZDoom" in name else colour
+            points = sorted(points, key=lambda point: self.place(point[0]))
+            places = [self.place(value) for value, _ in points]
+            ticks |= {place: str(value) for place, (value, _) in zip(places, points, strict=True)}
+            low, middle, high = (
+                [rates[q] for _, rates in points]
+                for q in ("lower_quartile", "median", "upper_quartile")
+            )
+            axes.plot(places, middle, marker="o", color=colour)
+            axes.fill_between(places, low, high, color=colour, alpha=0.2, lw=0)
+            if len(lines) > 1:
+                axes.annotate(
+                    name, (places[-1], middle[-1]), xytext=(8, 0), textcoords="offset points",
+                    va="center", color=colour, fontsize=9,
+                )  # fmt: skip
+        axes.set_xscale("log", base=2)
+        axes.set_xticks(list(ticks), list(ticks.values()), minor=False)
+        axes.set_xticks([], minor=True)
+        if self.logarithmic:
+            axes.set_yscale("log")
+        else:
+            # Small differences should look small.
+            axes.set_ylim(bottom=0)
+        _plain(axes.yaxis, self.logarithmic)
+        axes.set_xlabel(self.label)
+        axes.set_ylabel(STEPS + (" (logarithmic)" if self.logarithmic else ""))
+        axes.grid(alpha=0.3)
+        return figure
+
+
+def pixels(size: str) -> float:
+    """Pixels of an image of size WxH."""
+    width, _, height = size.partition("x")
+    return float(width) * float(height)
+
+
+def save(plot: Bars | Lines, rows: Sequence[Row], file: Path) -> bool:
+    """Draw a plot; whether there was anything to draw.
+
+    Raises:
+        SettingError: matplotlib is missing.
+        OutputError: the file cannot be written.
+    """
+    figure = plot.draw(rows)
+    if figure is None:
+        return False
+    with atomic(file) as path:
+        # Without the date and versions, equal plots are equal files.
+        figure.savefig(path, format="png", dpi=150, metadata={"Software": None})
+    return True
+
+
+def _plain(axis: Any, logarithmic: bool = False) -> None:
+    """Write the figures of an axis in full; of a logarithmic one 1, 2, 5, 10, ..."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    if logarithmic:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_minor_formatter(NullFormatter())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+
+
+def _figure(height: float) -> tuple[Any, Any]:
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise SettingError(f"plots need matplotlib ({error}): pip install '.[bench]'") from error
+    with warnings.catch_warnings():
+        # Some versions of its dependencies warn where they are used for the first time.
+        warnings.simplefilter("ignore")
+        figure = Figure(figsize=(7.2, height), layout="constrained")
+    axes = figure.subplots()
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes

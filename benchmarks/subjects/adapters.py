@@ -1,0 +1,232 @@
+"""The adapters as subjects, `adapter-KIND-B`, beside the native loop `adapter-loop-B`.
+
+All play `my-way-home` at 64x64 under the same random policy, which reads one pixel of every
+environment's frame: an adapter that only promised its frames would not be measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from benchmarks.subjects.common import (
+    SIZE,
+    STEPS_A_CALL,
+    Chunk,
+    Options,
+    Subjects,
+    random_actions,
+)
+from benchmarks.subjects.own import own_environment, repeat
+
+MIDDLE = SIZE // 2
+
+
+def loop_over(batch: int, first: Any, step: Callable[[Any], Any], count: int, turn: Any) -> Chunk:
+    """A loop on the host: `step` takes int32[B] and gives uint8[B, H, W, 3].
+
+    Args:
+        batch: B.
+        first: the first frames.
+        step: of the adapter.
+        count: number of actions.
+        turn: makes the drawn actions, NumPy's, what `step` takes.
+    """
+    drawn = map(turn, random_actions(count, batch))
+    observation, calls = first, max(8, 1024 // batch)
+
+    def chunk() -> int:
+        nonlocal observation
+        for _ in range(calls):
+            observation = step((next(drawn) + observation[:, MIDDLE, MIDDLE, 0]) % count)
+        return calls * batch
+
+    return chunk
+
+
+def loop(batch: int, options: Options) -> Chunk:
+    """The native environments under `jax.vmap`, one jitted call a step."""
+    env, params = own_environment(options)
+
+    @jax.jit
+    def step(key: jax.Array, state: Any, actions: Any) -> Any:
+        key, step_key = jax.random.split(key)
+        keys = jax.random.split(step_key, batch)
+        return key, *jax.vmap(env.step, (0, 0, 0, None))(keys, state, actions, params)
+
+    key = jax.random.key(0)
+    reset = jax.jit(lambda keys: jax.vmap(env.reset, (0, None))(keys, params))
+    observation, state = reset(jax.random.split(key, batch))
+
+    def advance(actions: np.ndarray) -> np.ndarray:
+        nonlocal key, state
+        key, observation, state, *_ = step(key, state, actions)
+        return np.asarray(observation)
+
+    return loop_over(batch, np.asarray(observation), advance, env.num_actions, np.asarray)
+
+
+def gymnasium_same_step(batch: int, options: Options, mode: str = "SameStep") -> Chunk:
+    """Gymnasium's vector interface."""
+    from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
+
+    native, params = own_environment(options)
+    env = GymnasiumVectorEnv(native, params, batch, autoreset_mode=mode)
+    first, _ = env.reset(seed=0)
+    return loop_over(batch, first, lambda a: env.step(a)[0], native.num_actions, np.asarray)
+
+
+def gymnasium_next_step(batch: int, options: Options) -> Chunk:
+    """The same with resets in a step of their own."""
+    return gymnasium_same_step(batch, options, "NextStep")
+
+
+def gymnasium_single(batch: int, options: Options) -> Chunk:
+    """Gymnasium's plain interface: one environment, reset by the loop."""
+    from jaxenstein.adapters.gymnasium import GymnasiumEnv
+
+    assert batch == 1
+    native, params = own_environment(options)
+    env = GymnasiumEnv(native, params)
+    first, _ = env.reset(seed=0)
+
+    def step(actions: np.ndarray) -> np.ndarray:
+        observation, _, terminated, truncated, _ = env.step(int(actions[0]))
+        if terminated or truncated:
+            observation, _ = env.reset()
+        return observation[None]
+
+    return loop_over(1, first[None], step, native.num_actions, np.asarray)
+
+
+def torch(batch: int, options: Options) -> Chunk:
+    """Torch: the policy computes on tensors."""
+    import torch as package  # pyright: ignore[reportMissingImports]
+
+    from jaxenstein.adapters.torch import TorchBatch
+
+    package.set_num_threads(1)
+    env = TorchBatch(*own_environment(options), batch)
+    first, _ = env.reset(0)
+    step = lambda actions: env.step(actions).observation  # noqa: E731
+    return loop_over(batch, first, step, env.num_actions, package.from_numpy)
+
+
+def sb3(batch: int, options: Options) -> Chunk:
+    """Stable-Baselines3's `VecEnv`."""
+    from jaxenstein.adapters.sb3 import SB3VecEnv
+
+    native, params = own_environment(options)
+    env = SB3VecEnv(native, params, batch)
+    env.seed(0)
+    return loop_over(batch, env.reset(), lambda a: env.step(a)[0], native.num_actions, np.asarray)
+
+
+def scan_over(
+    batch: int,
+    reset: Callable[[jax.Array], tuple[Any, jax.Array]],
+    step: Callable[[jax.Array, Any, jax.Array], tuple[Any, jax.Array, jax.Array]],
+    count: int,
+) -> Chunk:
+    """A compiled scan over an adapter that lives in JAX, in the manner of `random_rollout`.
+
+    Args:
+        batch: B.
+        reset: of keys [B]: states and images [B, H, W, 3].
+        step: of keys, states and int32[B] actions: states, images and rewards.
+        count: number of actions.
+    """
+    steps = max(1, STEPS_A_CALL // batch)
+
+    def advance(carry: Any, _: None) -> tuple[Any, None]:
+        key, state, image, total = carry
+        key, policy_key, step_key = jax.random.split(key, 3)
+        drawn = jax.random.randint(policy_key, (batch,), 0, count, jnp.int32)
+        action = (drawn + image[:, MIDDLE, MIDDLE, 0].astype(jnp.int32)) % count
+        state, image, reward = step(jax.random.split(step_key, batch), state, action)
+        return (key, state, image, total + reward), None
+
+    rollout = jax.jit(lambda carry: jax.lax.scan(advance, carry, length=steps)[0], donate_argnums=0)
+    state, image = jax.jit(reset)(jax.random.split(jax.random.key(0), batch))
+    carry = jax.random.key(1), state, image, jnp.zeros(batch, jnp.float32)
+    return repeat(rollout, carry, batch * steps)
+
+
+def gymnax(batch: int, options: Options) -> Chunk:
+    """gymnax' contract, of five or six values."""
+    from jaxenstein.adapters.gymnax import from_env
+
+    env, params = from_env(*own_environment(options))
+
+    def reset(keys: jax.Array) -> Any:
+        observation, state = jax.vmap(env.reset, (0, None))(keys, params)
+        return state, observation
+
+    def step(keys: jax.Array, state: Any, action: jax.Array) -> Any:
+        values = jax.vmap(env.step, (0, 0, 0, None))(keys, state, action, params)
+        return values[1], values[0], values[2]
+
+    return scan_over(batch, reset, step, env.num_actions)
+
+
+def stoa(batch: int, options: Options) -> Chunk:
+    """Stoa's interface, with the resets of the environment inside."""
+    from jaxenstein.adapters.stoa import from_env
+
+    env = from_env(*own_environment(options))
+
+    def reset(keys: jax.Array) -> Any:
+        state, first = jax.vmap(env.reset)(keys)
+        return state, first.observation
+
+    def step(_: jax.Array, state: Any, action: jax.Array) -> Any:
+        state, told = jax.vmap(env.step)(state, action)
+        return state, told.observation, told.reward
+
+    return scan_over(batch, reset, step, env.env.num_actions)
+
+
+def brax(batch: int, options: Options) -> Chunk:
+    """Brax' interface in the wrappers that its training puts around it."""
+    from jaxenstein.adapters.brax import PIXELS, from_env, wrap
+
+    inner = from_env(*own_environment(options, autoreset=None))
+    env = wrap(inner, episode_length=inner.episode_length)
+
+    def reset(keys: jax.Array) -> Any:
+        # Brax' wrappers know old keys alone.
+        state = env.reset(jax.vmap(jax.random.key_data)(keys))
+        return state, state.obs[PIXELS]
+
+    def step(_: jax.Array, state: Any, action: jax.Array) -> Any:
+        state = env.step(state, action)
+        return state, state.obs[PIXELS], state.reward
+
+    return scan_over(batch, reset, step, inner.action_size)
+
+
+def on_host(build: Callable[[int, Options], Chunk]) -> Callable[[int, Options], Chunk]:
+    """The same without asynchronous dispatch, as for the plain loop; JAX must not run before."""
+
+    def prepared(batch: int, options: Options) -> Chunk:
+        jax.config.update("jax_cpu_enable_async_dispatch", False)
+        return build(batch, options)
+
+    return prepared
+
+
+SUBJECTS: Subjects = {
+    "adapter-loop": on_host(loop),
+    "adapter-gymnasium-single": on_host(gymnasium_single),
+    "adapter-gymnasium-same-step": on_host(gymnasium_same_step),
+    "adapter-gymnasium-next-step": on_host(gymnasium_next_step),
+    "adapter-torch": on_host(torch),
+    "adapter-sb3": on_host(sb3),
+    "adapter-gymnax": gymnax,
+    "adapter-stoa": stoa,
+    "adapter-brax": brax,
+}

@@ -1,0 +1,47 @@
+"""What all subjects share; the standard library and NumPy alone, since peers import it too."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+Chunk = Callable[[], int]
+"""Makes some steps of the world and returns how many."""
+Options = Mapping[str, str]
+"""The words of a subject's name behind its kind, such as `{"id": "key-door", "size": "84x84"}`."""
+Subjects = Mapping[str, Callable[[int, Options], Chunk]]
+"""By kind: what builds a subject of so many environments."""
+
+ENVIRONMENT_ID = "my-way-home"
+SIZE = 64
+STEPS_A_CALL = 2**15
+
+
+def random_actions(count: int, *shape: int) -> Iterator[Any]:
+    """Uniform actions below `count`, round and round: int32[shape], or whole numbers without one.
+
+    They are drawn beforehand: drawing belongs to no step.
+    """
+    rows = max(256, 2**14 // math.prod(shape))
+    drawn = np.random.default_rng(0).integers(count, size=(rows, *shape), dtype=np.int32)
+    return itertools.cycle(drawn if shape else drawn.tolist())
+
+
+def middle(frame: np.ndarray) -> int:
+    """The red of the pixel in the middle."""
+    return int(frame[frame.shape[0] // 2, frame.shape[1] // 2, 0])
+
+
+def image_size(options: Options, usual: str = f"{SIZE}x{SIZE}") -> tuple[int, int]:
+    """(width, height) of the option `size`, such as 84x84."""
+    width, _, height = options.get("size", usual).partition("x")
+    return int(width), int(height)
+
+
+def frame_skip(options: Options) -> int:
+    """How many steps of the world an action lasts. All of them count, also past an early end."""
+    return int(options.get("frame_skip", "1"))

@@ -1,0 +1,198 @@
+"""The peers as subjects: ViZDoom, EnvPool and MiniWorld, each under a random policy.
+
+Every one of them reads a pixel of each frame, which shifts the next action, as the project's own
+subjects do. Nothing of JAX or of this project is imported here. Options of all of ViZDoom's:
+`scenario`, one of `SCENARIOS`; `frame_skip`; `size`, one of ViZDoom's resolutions; `resize`, to
+64x64 by `area` or `linear`, or `none`.
+"""
+
+# pyright: reportMissingImports=false, reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from benchmarks.subjects.common import (
+    SIZE,
+    Chunk,
+    Options,
+    Subjects,
+    frame_skip,
+    image_size,
+    middle,
+    random_actions,
+)
+
+STEPS = 64
+SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
+
+# What a reader should know and only the running peer can tell, such as who draws.
+notes: dict[str, str] = {}
+
+
+def scenario(options: Options, separator: str = "") -> str:
+    """ViZDoom's name of the scenario: `MyWayHome`, or with a separator `my_way_home`."""
+    words = options.get("scenario", SCENARIOS[0]).split("-")
+    return separator.join(words) if separator else "".join(map(str.capitalize, words))
+
+
+def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:
+    """ViZDoom's Gymnasium environment as its users meet it, at 320x240 unless `size` says other."""
+    import gymnasium
+    import vizdoom
+    import vizdoom.gymnasium_wrapper
+
+    assert batch == 1
+    chosen: dict[str, Any] = {"frame_skip": frame_skip(options)}
+    if "size" in options:
+        chosen["screen_resolution"] = _resolution(vizdoom, options, "")
+    env = gymnasium.make(f"Vizdoom{scenario(options)}-v1", **chosen)
+    return gymnasium_loop(
+        env, lambda obs: obs["screen"], resizer(options.get("resize", "area")), frame_skip(options)
+    )
+
+
+def vizdoom_raw(batch: int, options: Options) -> Chunk:
+    """The same scenarios without Gymnasium, RGB, at 160x120, ViZDoom's lowest resolution."""
+    import vizdoom
+
+    assert batch == 1
+    game = vizdoom.DoomGame()
+    game.load_config(os.path.join(vizdoom.scenarios_path, f"{scenario(options, '_')}.cfg"))
+    game.set_screen_resolution(_resolution(vizdoom, options, "160x120"))
+    game.set_screen_format(vizdoom.ScreenFormat.RGB24)
+    game.set_window_visible(False)
+    game.set_sound_enabled(False)
+    game.set_seed(0)
+    game.init()
+    count = game.get_available_buttons_size() + 1
+    # As in the Gymnasium environment: one button at a time, or none.
+    buttons = [
+        [float(button == action - 1) for button in range(count - 1)] for action in range(count)
+    ]
+    drawn, resize, pixel = random_actions(count), resizer(options.get("resize", "none")), 0
+    skip = frame_skip(options)
+
+    def chunk() -> int:
+        nonlocal pixel
+        for _ in range(STEPS):
+            game.make_action(buttons[(next(drawn) + pixel) % count], skip)
+            if game.is_episode_finished():
+                game.new_episode()
+            pixel = middle(resize(game.get_state().screen_buffer))
+        return STEPS * skip
+
+    return chunk
+
+
+def envpool(batch: int, options: Options) -> Chunk:
+    """EnvPool's ViZDoom, which draws at 320x240 and resizes inside, with its own threads.
+
+    Options: `size` of its frames, any; `resize`, `area` or `linear`; `send`, how many
+    environments to wait for at a time (all of them by default).
+    """
+    import envpool as package
+
+    width, height = image_size(options)
+    together, skip = int(options.get("send", batch)), frame_skip(options)
+    env = package.make_gymnasium(
+        f"{scenario(options)}-v1",
+        num_envs=batch,
+        batch_size=together,
+        num_threads=min(batch, len(os.sched_getaffinity(0))),
+        img_width=width,
+        img_height=height,
+        stack_num=1,
+        frame_skip=skip,
+        # Episodes of ViZDoom's length; EnvPool counts the frames it gives.
+        max_episode_steps=2100 // skip,
+        # One action out of those that ViZDoom's Gymnasium wrapper numbers likewise.
+        use_combined_action=True,
+        use_inter_area_resize=options.get("resize", "area") == "area",
+        seed=0,
+    )
+    count = int(env.action_space.n)
+    drawn, calls = random_actions(count, together), max(1, STEPS // together)
+    env.async_reset()
+    obs, *_, info = env.recv()
+
+    def chunk() -> int:
+        nonlocal obs, info
+        for _ in range(calls):
+            # Frames have their channels first; EnvPool resets by itself.
+            pixels = obs[:, 0, height // 2, width // 2].astype(np.int32)
+            env.send((next(drawn) + pixels) % count, info["env_id"])
+            obs, *_, info = env.recv()
+        return calls * together * skip
+
+    return chunk
+
+
+def miniworld(batch: int, options: Options) -> Chunk:
+    """MiniWorld's Hallway, drawn by OpenGL: on the display if there is one, else through EGL.
+
+    Options: `size` of its frames (80x60, the default, is its own); `resize`.
+    """
+    import pyglet
+
+    assert batch == 1
+    if not os.environ.get("DISPLAY"):
+        # Must be set before MiniWorld is imported, which opens a window.
+        pyglet.options["headless"] = True
+    import gymnasium
+    import miniworld  # noqa: F401
+    from pyglet import gl
+
+    width, height = image_size(options, "80x60")
+    env = gymnasium.make("MiniWorld-Hallway-v0", obs_width=width, obs_height=height)
+    chunk = gymnasium_loop(env, lambda obs: obs, resizer(options.get("resize", "area")))
+    notes["renderer"] = gl.gl_info.get_renderer()
+    notes["display"] = "X" if os.environ.get("DISPLAY") else "EGL"
+    return chunk
+
+
+def gymnasium_loop(
+    env: Any, image: Callable[[Any], Any], resize: Callable[[np.ndarray], np.ndarray], skip: int = 1
+) -> Chunk:
+    """The plain loop over an environment of Gymnasium, of so many steps of the world a call."""
+    env.reset(seed=0)
+    count = int(env.action_space.n)
+    drawn, pixel = random_actions(count), 0
+
+    def chunk() -> int:
+        nonlocal pixel
+        for _ in range(STEPS):
+            obs, _, terminated, truncated, _ = env.step((next(drawn) + pixel) % count)
+            if terminated or truncated:
+                obs, _ = env.reset()
+            pixel = middle(resize(image(obs)))
+        return STEPS * skip
+
+    return chunk
+
+
+def resizer(kind: str) -> Callable[[np.ndarray], np.ndarray]:
+    """A function that brings frames to 64x64, on one thread: `area`, `linear` or `none`."""
+    if kind == "none":
+        return lambda frame: frame
+    import cv2
+
+    cv2.setNumThreads(1)
+    how = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}[kind]
+    return lambda frame: cv2.resize(frame, (SIZE, SIZE), interpolation=how)
+
+
+def _resolution(vizdoom: Any, options: Options, usual: str) -> Any:
+    return getattr(vizdoom.ScreenResolution, "RES_{}X{}".format(*image_size(options, usual)))
+
+
+SUBJECTS: Subjects = {
+    "vizdoom-gymnasium": vizdoom_gymnasium,
+    "vizdoom-raw": vizdoom_raw,
+    "envpool": envpool,
+    "miniworld": miniworld,
+}

@@ -1,0 +1,1 @@
+"""Which subjects are measured together, and how: in turn, on one core, undisturbed."""

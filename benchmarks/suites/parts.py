@@ -1,0 +1,325 @@
+"""What the suite measures: its parts, and the subjects of each. A further subject is a row here."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from benchmarks.subjects.frames import FRAMES_KEPT
+from benchmarks.subjects.peers import SCENARIOS
+from benchmarks.subjects.stages import STAGES
+from benchmarks.suites.measure import Groups, Subject
+from benchmarks.suites.peers import PEERS
+from jaxenstein import environment_ids
+
+# Processes alive at once, each of which takes some 400 MB.
+GROUP = 8
+OWN = "JAXenstein"
+RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
+
+
+class Adapter(NamedTuple):
+    """An adapter to measure.
+
+    Attributes:
+        kind: of the subject.
+        title: for people.
+        module: what has to be importable.
+        scan: whether it stays inside JAX, as the native scan does.
+        single: whether it has one environment alone.
+    """
+
+    kind: str
+    title: str
+    module: str
+    scan: bool = False
+    single: bool = False
+
+
+ADAPTERS = (
+    Adapter("adapter-gymnax", "gymnax, in a scan", "gymnax", scan=True),
+    Adapter("adapter-stoa", "Stoa, in a scan", "stoa", scan=True),
+    Adapter("adapter-brax", "Brax with its wrappers, in a scan", "brax", scan=True),
+    Adapter("adapter-torch", "Torch", "torch"),
+    Adapter("adapter-gymnasium-same-step", "Gymnasium vector, same-step", "gymnasium"),
+    Adapter("adapter-gymnasium-next-step", "Gymnasium vector, next-step", "gymnasium"),
+    Adapter("adapter-sb3", "Stable-Baselines3", "stable_baselines3"),
+    Adapter(
+        "adapter-gymnasium-single", "Gymnasium, one environment", "gymnasium", single=True
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Sizes of everything.
+
+    Attributes:
+        cores: how many this process may use.
+        batches: numbers of environments side by side.
+        batch: the number where it is not the question.
+        ids: environments.
+        tasks: those that the other parts take.
+        sizes: images, as WxH.
+        kinds: observations.
+        maps: tiles a side.
+        sprites: numbers of them.
+        skips: steps of the world that an action lasts.
+        adapter_envs: environments of each adapter.
+        partners: of the adapters' partners, whose environments to measure in.
+    """
+
+    cores: int = 1
+    batches: tuple[int, ...] = (1, 8, 64, 256, 1024, 4096)
+    batch: int = 256
+    ids: tuple[str, ...] = environment_ids()
+    tasks: tuple[str, ...] = ("my-way-home", "health-gathering")
+    sizes: tuple[str, ...] = ("64x64", "84x84", "160x120", "320x240")
+    kinds: tuple[str, ...] = ("rgb", "gray", "depth", "labels", "dict")
+    maps: tuple[int, ...] = (9, 16, 32, 64, 128, 256)
+    sprites: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128)
+    skips: tuple[int, ...] = (1, 4)
+    adapter_envs: tuple[int, ...] = (64, 1024)
+    partners: tuple[str, ...] = ("gymnasium", "gymnax", "stoa", "brax", "sb3")
+
+
+# Sizes to see the suite work with, not to learn anything from.
+QUICK = Plan(
+    batches=(1, 16),
+    batch=16,
+    ids=("simple", "my-way-home", "health-gathering"),
+    tasks=("my-way-home",),
+    sizes=("64x64", "160x120"),
+    kinds=("rgb", "depth"),
+    maps=(9, 32),
+    sprites=(1, 16),
+    adapter_envs=(16,),
+    partners=("gymnasium",),
+)
+
+
+def peers(plan: Plan) -> Groups:
+    """Everybody on one core."""
+    viz, health = "ViZDoom MyWayHome", "ViZDoom HealthGathering"
+    gathering = "scenario=health-gathering"
+    rows = [
+        _peer("vizdoom", RESIZED, f"{viz}, Gymnasium, 320x240 to 64x64 by area"),
+        _peer("vizdoom", f"{RESIZED} resize=linear", f"{viz}, Gymnasium, linear"),
+        _peer("vizdoom", f"{RESIZED} resize=none", f"{viz}, Gymnasium, 320x240"),
+        _peer("vizdoom", f"{RAW} resize=linear", f"{viz}, raw, 160x120 to 64x64, linear"),
+        _peer("vizdoom", RAW, f"{viz}, raw, 160x120, its fastest"),
+        _peer("vizdoom", f"{RESIZED} {gathering}", f"{health}, Gymnasium, 64x64 by area"),
+        _peer("vizdoom", f"{RAW} {gathering}", f"{health}, raw, 160x120, its fastest"),
+        _peer("envpool", "envpool-8", "EnvPool MyWayHome, 8 envs, 64x64 by area"),
+        _peer("miniworld", "miniworld", "MiniWorld Hallway, 80x60 to 64x64 by area"),
+        _peer("miniworld", "miniworld size=64x64 resize=none", "MiniWorld Hallway, 64x64"),
+        Subject("loop", f"{OWN} my-way-home, Python loop"),
+        *(_own(batch, f"{OWN} my-way-home") for batch in plan.batches if batch <= 1024),
+        _own(plan.batch, f"{OWN} health-gathering", id="health-gathering"),
+    ]
+    return [_compared(rows, {"x resized": RESIZED, "x raw": RAW})]
+
+
+def compare(plan: Plan) -> Groups:
+    """My Way Home here and in ViZDoom, a table for the terminal: `make compare`."""
+    del plan
+    rows = [
+        _peer("vizdoom", RESIZED, "ViZDoom, Gymnasium, 320x240 to 64x64 by area"),
+        _peer("vizdoom", RAW, "ViZDoom, raw game, 160x120, no resize"),
+        Subject("loop", f"{OWN}, Python loop"),
+        Subject("loop-async", f"{OWN}, Python loop, asynchronous dispatch"),
+        *(_own(batch, OWN) for batch in (64, 128, 256, 512, 1024)),
+    ]
+    return [_compared(rows, {"x resized": RESIZED, "x raw": RAW})]
+
+
+def frame_skips(plan: Plan) -> Groups:
+    """Steps of the world a second where an action lasts for several: here and in ViZDoom.
+
+    The environments that are ViZDoom's own scenarios, `doom-...`, each beside theirs, and the
+    project's tasks of the same name.
+    """
+    groups = []
+    for name in SCENARIOS:
+        rows = []
+        for skip in plan.skips:
+            words, axes = f"scenario={name} frame_skip={skip}", {"frame_skip": skip}
+            told = f"frame skip {skip}"
+            rows += [
+                _peer("vizdoom", f"{RESIZED} {words}", f"ViZDoom, resized, {told}", **axes),
+                _peer("vizdoom", f"{RAW} {words}", f"ViZDoom, raw, {told}", **axes),
+            ]
+            for own in (f"doom-{name}", name):
+                if own in environment_ids():
+                    rows.append(_own(plan.batch, own, id=own, frame_skip=skip))
+        base = f"scenario={name} frame_skip={plan.skips[0]}"
+        groups.append(_compared(rows, {"x resized": f"{RESIZED} {base}", "x raw": f"{RAW} {base}"}))
+    return groups
+
+
+def cores(plan: Plan) -> Groups:
+    """All cores together, this project and EnvPool."""
+    many, batch = plan.cores, plan.batch
+    rows = [
+        Subject(f"scan-{batch}", f"{OWN}, {batch} environments, scan, one core"),
+        Subject(
+            f"scan-{batch} cores={many}", f"{OWN}, {batch} environments, scan, XLA's own threads",
+            flags="", pinned=False,
+        ),
+        Subject(
+            f"spread-{batch * many} devices={many}",
+            f"{OWN}, {batch * many} environments, shard_map, a device each core", pinned=False,
+        ),
+    ]  # fmt: skip
+    envpools = [(8, "size=64x64", "64x64 by area")]
+    envpools += [(32, f"size={size}", f"{size} by area") for size in plan.sizes]
+    envpools += [(32, "resize=linear", "64x64 not by area")]
+    envpools += [(32, "send=8", "64x64 by area, 8 at a time")]
+    for number, words, told in envpools:
+        title = f"EnvPool MyWayHome, {number} envs, {told}"
+        row = _peer("envpool", f"envpool-{number} {words} cores={many}", title)
+        rows.append(dataclasses.replace(row, pinned=False))
+    return [_compared(rows, {"x one core": f"scan-{batch}"})]
+
+
+def batches(plan: Plan) -> Groups:
+    """From one environment to thousands."""
+    return [[_own(batch, name, id=name) for batch in plan.batches] for name in plan.tasks]
+
+
+def limits(plan: Plan) -> Groups:
+    """What a step is made of, and what it is bounded by."""
+    batch, health = plan.batch, "id=health-gathering"
+    rows = [
+        Subject(f"scan-{batch}", "my-way-home, whole steps"),
+        Subject(f"keep-{batch}", "my-way-home, whole steps that keep their frames"),
+        Subject(f"frames-{batch}", "my-way-home, frames alone"),
+        Subject(f"scan-{batch} {health}", "health-gathering, whole steps"),
+        Subject(f"frames-{batch} {health}", "health-gathering, frames alone"),
+        Subject(f"fill-{batch}", "writing as many bytes, by NumPy"),
+        Subject(f"fill-{FRAMES_KEPT}", f"the same into room for {FRAMES_KEPT} frames"),
+    ]
+    return [_compared(rows, {"of my-way-home": f"scan-{batch}"})]
+
+
+def stages(plan: Plan) -> Groups:
+    """The stages of a step, one by one."""
+    groups = []
+    for name in plan.tasks:
+        base = f"scan-{plan.batch} id={name}"
+        rows = [Subject(base, f"{name}, whole step", {"id": name, "stage": "the whole step"})]
+        for stage, told in STAGES.items():
+            words = f"stage-{plan.batch} stage={stage} id={name}"
+            rows.append(Subject(words, f"{name}, {told}", {"id": name, "stage": told}))
+        groups.append(_compared(rows, {"of the step": base}))
+    return groups
+
+
+def environments(plan: Plan) -> Groups:
+    """Every id."""
+    return _beside(plan, [_own(plan.batch, name, id=name) for name in plan.ids])
+
+
+def resolutions(plan: Plan) -> Groups:
+    """Image sizes, with ViZDoom's game at the two that it has."""
+    rows = [
+        _own(_fitting(plan.batch, size), name, id=name, size=size)
+        for name in plan.tasks
+        for size in plan.sizes
+    ]
+    for size in ("160x120", "320x240"):
+        title = f"ViZDoom MyWayHome, raw, {size}"
+        rows.append(_peer("vizdoom", f"{RAW} size={size}", title, id="ViZDoom", size=size))
+    return _beside(plan, rows)
+
+
+def observations(plan: Plan) -> Groups:
+    """Kinds of observations."""
+    kinds = [(name, kind) for name in plan.tasks for kind in plan.kinds]
+    return _beside(plan, [_own(plan.batch, n, id=n, observation=kind) for n, kind in kinds])
+
+
+def maps_and_sprites(plan: Plan) -> Groups:
+    """Own maps: larger ones, and a hall with ever more sprites."""
+    rows = [_own(plan.batch, f"{side}x{side} tiles", map=side) for side in plan.maps]
+    rows += [_own(plan.batch, f"{count} sprites", sprites=count) for count in plan.sprites]
+    return _beside(plan, rows)
+
+
+def adapters(plan: Plan) -> Groups:
+    """The adapters, each beside the native environments under the same interpreter."""
+    groups = []
+    for partner in plan.partners:
+        there = [each for each in ADAPTERS if each.module in PEERS[partner].modules]
+        rows: list[tuple[str, str, int]] = []
+        for batch in plan.adapter_envs:
+            rows += [("scan", "native, in a scan", batch)]
+            rows += [("adapter-loop", "native, one jitted call a step from Python", batch)]
+            rows += [(each.kind, each.title, batch) for each in there if not each.single]
+        for each in there:
+            if each.single:
+                rows += [("adapter-loop", "native, one environment", 1), (each.kind, each.title, 1)]
+        names = {f"{kind}-{batch}" for kind, _, batch in rows}
+        group = []
+        for kind, title, batch in rows:
+            native = {"of the scan": f"scan-{batch}", "of the loop": f"adapter-loop-{batch}"}
+            beside = {ratio: other for ratio, other in native.items() if other in names}
+            axes = {"batch": batch, "partner": partner}
+            group.append(Subject(f"{kind}-{batch}", title, axes, beside, peer=partner))
+        groups.append(group)
+    return groups
+
+
+def _own(batch: int, title: str, **options: Any) -> Subject:
+    """This project in a scan."""
+    words = "".join(f" {name}={value}" for name, value in options.items())
+    told = f"frame skip {options['frame_skip']}, " if "frame_skip" in options else ""
+    count = f"{batch} environment{'' if batch == 1 else 's'}"
+    return Subject(f"scan-{batch}{words}", f"{title}, {told}scan, {count}",
+                   axes={"batch": batch, **options})  # fmt: skip
+
+
+def _peer(peer: str, name: str, title: str, **axes: Any) -> Subject:
+    return Subject(name, title, axes, peer=peer, flags=None)
+
+
+def _compared(rows: Iterable[Subject], references: Mapping[str, str]) -> list[Subject]:
+    return [dataclasses.replace(row, references=references) for row in rows]
+
+
+def _beside(plan: Plan, rows: Sequence[Subject]) -> Groups:
+    """Groups of a few subjects, in each of which my-way-home is measured as well."""
+    base = f"scan-{plan.batch}"
+    reference = Subject(base, f"my-way-home, 64x64, scan, {plan.batch} environments")
+    return [
+        _compared((reference, *rows[start : start + GROUP]), {"of my-way-home": base})
+        for start in range(0, len(rows), GROUP)
+    ]
+
+
+def _fitting(batch: int, size: str) -> int:
+    """Fewer environments for larger images, so that frames fit into caches alike."""
+    width, _, height = size.partition("x")
+    while batch > 1 and batch * int(width) * int(height) > 256 * 160 * 120:
+        batch //= 2
+    return batch
+
+
+PARTS: Mapping[str, Callable[[Plan], Groups]] = {
+    "peers": peers,
+    "cores": cores,
+    "frame-skip": frame_skips,
+    "batches": batches,
+    "limits": limits,
+    "stages": stages,
+    "environments": environments,
+    "resolutions": resolutions,
+    "observations": observations,
+    "maps-and-sprites": maps_and_sprites,
+    "adapters": adapters,
+    "compare": compare,
+}
+# Measured only where it is named: its rows are those of `peers`, and some more.
+NAMED = ("compare",)
