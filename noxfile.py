@@ -5,7 +5,8 @@
 
 `ARGS="-p 3.12"` or `ARGS="-k gymnax"` runs some of them, `ARGS="-- -k maps"` some tests of each,
 `ARGS=--list` tells all. An interpreter that is not there is left out. Environments are kept: `-R`
-does not even look for new requirements in them, and removing `.nox` begins again.
+does not even look for new requirements in them, and removing `.nox` begins again. Where pyenv has
+the interpreters, `PYENV_VERSION=3.11.7:3.12.1:3.13.0` (what `pyenv versions` lists) shows them.
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@
 
     python -m reliability.fuzz --minutes 10                  all targets, the same time each
     python -m reliability.fuzz --minutes 60 --target ascii   one of them
-    python -m reliability.fuzz --again fuzz/ascii-3f2a       a kept defect once more
 
-Each target begins with valid input and spoils it again and again; what gives an outcome that was
-not seen before is spoilt further. Anything but a result or one of the project's own errors, with
-its place, is a defect: it is kept as a folder of files, and the exit status is 1.
+Each target begins with valid input, which Hypothesis spoils again and again; what was accepted, or
+refused for a new reason, is spoilt further. Anything but a result or one of the project's own
+errors is a defect, and so is an error that says too little, a warning, a hang, or a file left
+behind. The smallest case of a defect is kept in `fuzz/TARGET`; the exit status is 1.
 """
 
 from __future__ import annotations
@@ -16,194 +16,256 @@ import contextlib
 import dataclasses
 import hashlib
 import os
-import random
+import re
 import shutil
+import signal
 import sys
 import tempfile
 import time
+import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+import hypothesis
 import jax
+from hypothesis import strategies
 
-from .cases import ACCEPTED, DEFECT, REFUSED, Case, Outcome, Target, attempt
-from .targets import TARGETS, open_target
+from jaxenstein.cli.arguments import UsageError
+from jaxenstein.errors import JAXensteinError, MapWarning
+
+from .spoil import Rng, Spoil, spoil_bytes
 
 OUT = Path("fuzz")
-# Cases that are kept to be spoilt further; seconds after which one hangs; how many changes at once.
-MOST_KEPT, PATIENCE = 300, 120.0
-CHANGES = (1, 1, 1, 2, 3, 5)
-# The share of accepted cases that are spoilt further.
-GO_ON = 0.2
-# Compiled and traced functions are forgotten after so many cases, lest they fill the memory.
-FORGET_EVERY = 200
+# Seconds after which a case hangs; cases of a round, after which the new ones are spoilt further
+# and compiled functions forgotten; how many are kept for that.
+PATIENCE, ROUND, MOST = 120.0, 200, 300
+# Of Hypothesis: what takes long or much is no mistake here.
+_HEALTH = hypothesis.HealthCheck
+SLOW = (_HEALTH.too_slow, _HEALTH.data_too_large, _HEALTH.large_base_example)
 
 
-@dataclasses.dataclass
-class Tally:
-    """What was tried of a target.
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One input: the content of files by name, which may have folders in it, and arguments."""
+
+    files: Mapping[str, bytes]
+    args: tuple[str, ...] = ()
+
+    def write(self, folder: Path) -> None:
+        """Put the files into a folder."""
+        for name, data in self.files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """Something that reads what others wrote.
 
     Attributes:
-        kinds: how many cases had each kind of outcome.
-        reasons: how many were refused for each reason.
-        defects: the smallest case of each kind of defect.
-        seconds: how long it took.
+        seeds: valid cases to begin with.
+        run: reads a case, whose files are in the working directory.
+        ways: of spoiling a file, by its suffix; any other one's bytes are spoilt.
+        named: whether an error must name a file of the case.
+        quiet: whether the files must be the same afterwards, also where it is accepted.
+        spoil_args: changes the arguments, where there are some.
     """
 
-    kinds: Counter[str] = dataclasses.field(default_factory=Counter)
-    reasons: Counter[str] = dataclasses.field(default_factory=Counter)
-    defects: dict[str, tuple[Case, Outcome]] = dataclasses.field(default_factory=dict)
-    seconds: float = 0.0
+    seeds: Sequence[Case]
+    run: Callable[[Case], object]
+    ways: Mapping[str, Sequence[Spoil]] = dataclasses.field(default_factory=dict)
+    named: bool = False
+    quiet: bool = True
+    spoil_args: Callable[[tuple[str, ...], Rng], tuple[str, ...]] | None = None
 
-    def add(self, case: Case, outcome: Outcome) -> bool:
-        """Count a case; whether its outcome is a new one."""
-        self.kinds[outcome.kind] += 1
-        if outcome.kind == REFUSED:
-            self.reasons[outcome.words] += 1
-            return self.reasons[outcome.words] == 1
-        if outcome.kind == DEFECT:
-            smallest = self.defects.get(outcome.words)
-            if smallest is None or case.size < smallest[0].size:
-                self.defects[outcome.words] = case, outcome
-            return smallest is None
-        return False
+    def spoil(self, case: Case, rng: Rng) -> Case:
+        """A case with one change; in a few a file is gone, empty, or another one's copy."""
+        if self.spoil_args is not None and rng.random() < 0.9:
+            return dataclasses.replace(case, args=self.spoil_args(case.args, rng))
+        files = dict(case.files)
+        # Of many arrays and one configuration, the configuration counts as much.
+        suffix = rng.choice(sorted({Path(name).suffix for name in files}))
+        name = rng.choice([name for name in files if Path(name).suffix == suffix])
+        if rng.random() < 0.05:
+            del files[name]
+            if not files or rng.random() < 0.7:
+                files[name] = rng.choice((b"", *case.files.values()))
+        else:
+            way = rng.choice((*self.ways.get(suffix, ()), spoil_bytes))
+            files[name] = way(files[name], rng)[: 1 << 20]
+        return dataclasses.replace(case, files=files)
 
 
-def fuzz(
-    target: Target, rng: random.Random, *, seconds: float = 60.0, cases: int | None = None
-) -> Tally:
-    """Try a target for some time, or a number of cases.
+def attempt(target: Target, case: Case, patience: float = PATIENCE) -> str:
+    """Run a case in an empty folder.
+
+    Returns:
+        Why it was refused, "" if it was not.
 
     Raises:
-        ValueError: one of the target's own seeds is not accepted.
+        AssertionError: a defect that is no exception by itself.
     """
-    tally, kept = Tally(), target.seeds()
-    begin = time.monotonic()
-    for seed in kept:
-        outcome = try_case(target, seed)
-        if outcome.kind != ACCEPTED:
-            raise ValueError(f"{target.name}: a seed is not valid: {outcome.details}")
-        tally.add(seed, outcome)
-    while tally.kinds.total() < cases if cases else time.monotonic() - begin < seconds:
-        case = rng.choice(kept)
-        for _ in range(rng.choice(CHANGES)):
-            case = target.spoil(case, rng)
-        outcome = try_case(target, case)
-        # Defects are found again all the time if they are spoilt further.
-        new = tally.add(case, outcome) and outcome.kind == REFUSED
-        if new or (outcome.kind == ACCEPTED and rng.random() < GO_ON):
-            kept.append(case)
-            if len(kept) > MOST_KEPT:
-                del kept[rng.randrange(len(kept))]
-        if tally.kinds.total() % FORGET_EVERY == 0:
-            jax.clear_caches()
-    tally.seconds = time.monotonic() - begin
-    return tally
-
-
-def try_case(target: Target, case: Case) -> Outcome:
-    """Run a case in an empty folder of its own."""
     with scratch() as folder:
-        return attempt(target, case, folder, PATIENCE)
+        case.write(folder)
+        before, refusal = contents(folder), ""
+        try:
+            with limited(patience), warnings.catch_warnings():
+                warnings.simplefilter("error")
+                warnings.simplefilter("ignore", MapWarning)
+                target.run(case)
+        except (JAXensteinError, UsageError) as error:
+            refusal = str(error)
+            assert len(refusal.strip()) >= 8, f"an error that says nothing: {refusal!r}"
+            named = any(Path(name).parts[0] in refusal for name in case.files)
+            assert named or not target.named, f"an error that names no file: {refusal}"
+        if target.quiet or refusal:
+            after = contents(folder)
+            left = [name for name in {*before, *after} if before.get(name) != after.get(name)]
+            assert not left, f"left files behind: {sorted(left)}"
+        return refusal
+
+
+def fuzz(target: Target, cases: int, seed: int = 0, keep: Path | None = None) -> Counter[str]:
+    """Try some cases.
+
+    Args:
+        target: what reads them.
+        cases: how many at most; Hypothesis tries none twice.
+        seed: of the changes.
+        keep: a folder for the files of the last defect, which is the smallest.
+
+    Returns:
+        How many were refused for each reason; "" counts those that were accepted.
+
+    Raises:
+        AssertionError: one of the target's own seeds is not accepted.
+        Exception: a defect, found in as small a case as could be.
+    """
+    for case in target.seeds:
+        assert attempt(target, case) == "", f"a seed is not valid: {attempt(target, case)}"
+    later, reasons = list[Case](), Counter[str]()
+    for number, done in enumerate(range(0, cases, ROUND)):
+        pool, count = [*target.seeds, *later], min(ROUND, cases - done)
+        later += _round(target, pool, count, 1000 * seed + number, keep, reasons)
+        del later[:-MOST]
+        jax.clear_caches()
+    return reasons
+
+
+def _round(
+    target: Target,
+    pool: list[Case],
+    cases: int,
+    seed: int,
+    keep: Path | None,
+    reasons: Counter[str],
+) -> list[Case]:
+    """Spoil cases of a pool, count what came of them, and return those to be spoilt further."""
+    later: list[Case] = []
+
+    @hypothesis.seed(seed)
+    @hypothesis.settings(
+        max_examples=cases,
+        deadline=None,
+        database=None,
+        suppress_health_check=SLOW,
+        phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink),
+    )
+    @hypothesis.given(
+        strategies.sampled_from(pool), strategies.randoms(), strategies.integers(1, 4)
+    )
+    def once(case: Case, rng: Rng, changes: int) -> None:
+        for _ in range(changes):
+            case = target.spoil(case, rng)
+        try:
+            reason = skeleton(attempt(target, case))
+        except BaseException:
+            if keep is not None:
+                shutil.rmtree(keep, ignore_errors=True)
+                case.write(keep)
+                (keep / "arguments").write_text(repr(case.args), encoding="utf-8")
+            raise
+        if not reason or reason not in reasons:
+            later.append(case)
+        reasons[reason] += 1
+
+    once()
+    return later
 
 
 @contextlib.contextmanager
 def scratch() -> Iterator[Path]:
     """An empty folder below another one, as the working directory; then it is removed."""
-    before = Path.cwd()
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
         folder = Path(name).resolve() / "here"
         folder.mkdir()
-        os.chdir(folder)
-        try:
+        with contextlib.chdir(folder):
             yield folder
-        finally:
-            os.chdir(before)
 
 
-def keep(folder: Path, target: str, case: Case, outcome: Outcome) -> Path:
-    """Write a defect down: its files, its arguments, and what came of it."""
-    short = hashlib.sha256(outcome.words.encode()).hexdigest()[:6]
-    place = folder / f"{target}-{short}"
-    shutil.rmtree(place, ignore_errors=True)
-    (place / "files").mkdir(parents=True)
-    case.write(place / "files")
-    write_args(place / "args", case.args)
-    (place / "outcome.txt").write_text(
-        f"{target}\n{outcome.words}\n\n{outcome.details}\n", encoding="utf-8", errors="replace"
-    )
-    return place
+@contextlib.contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Interrupt what takes longer, where signals can do that."""
+    if not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def ring(*_: object) -> None:
+        raise AssertionError(f"took longer than {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
 
 
-def write_args(path: Path, args: Sequence[str]) -> None:
-    """Arguments as a file, separated by zero bytes, which none can hold."""
-    path.write_bytes(b"\0".join(arg.encode("utf-8", "surrogateescape") for arg in args))
-
-
-def again(place: Path) -> Outcome:
-    """Run a kept defect once more."""
-    root, data = place / "files", (place / "args").read_bytes()
-    files = {
-        str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()
+def contents(folder: Path) -> dict[str, str]:
+    """What tells whether something below a folder has changed, by name."""
+    return {
+        str(path.relative_to(folder)): os.readlink(path)
+        if path.is_symlink()
+        else hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in folder.rglob("*")
+        if path.is_symlink() or path.is_file()
     }
-    args = tuple(os.fsdecode(arg) for arg in data.split(b"\0")) if data else ()
-    target = open_target((place / "outcome.txt").read_text(encoding="utf-8").split("\n")[0])
-    return try_case(target, Case(files, args))
 
 
-def table(tallies: dict[str, Tally]) -> str:
-    """What was tried, as a table of Markdown."""
-    lines = ["| target | tried | accepted | refused | reasons | defects | s |"]
-    lines += ["|---|---:|---:|---:|---:|---:|---:|"]
-    for name, tally in tallies.items():
-        kinds = tally.kinds
-        cells = (kinds.total(), kinds[ACCEPTED], kinds[REFUSED], len(tally.reasons))
-        shown = " | ".join(map(str, (*cells, len(tally.defects), round(tally.seconds))))
-        lines.append(f"| {name} | {shown} |")
-    return "\n".join(lines)
+def skeleton(text: str) -> str:
+    """A message without quoted words, paths and numbers, so that equal reasons look alike."""
+    text = re.sub(r"'[^']*'|\"[^\"]*\"", "'..'", " ".join(text.split()))
+    text = re.sub(r"\S*/\S*", "PATH", text)
+    return re.sub(r"0x[0-9a-f]+|-?\d[\d.e+-]*|\binf\b|\bnan\b", "N", text)[:160]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fuzz what the command line names; 1 if there were defects."""
-    options = _parser().parse_args(arguments)
-    if options.again is not None:
-        outcome = again(options.again.resolve())
-        print(outcome.kind, outcome.details or outcome.words)
-        return int(outcome.kind == DEFECT)
-    out, names, tallies = options.out.resolve(), options.target or list(TARGETS), {}
-    for name in names:
-        print(f"== {name}", flush=True)
-        rng = random.Random(f"{options.seed} {name}")
-        target = open_target(name)
-        tallies[name] = fuzz(
-            target, rng, seconds=60 * options.minutes / len(names), cases=options.cases
-        )
-        for case, outcome in tallies[name].defects.values():
-            place = keep(out, name, case, outcome)
-            print(f"defect: {outcome.words}\n  kept in {place}", flush=True)
-        if options.reasons:
-            for words, count in tallies[name].reasons.most_common():
-                print(f"{count:7}  {words}")
-    print(table(tallies))
-    return int(any(tally.defects for tally in tallies.values()))
+    from .targets import TARGETS
 
-
-def _parser() -> argparse.ArgumentParser:
-    summary = (__doc__ or "").split("\n\n")
-    parser = argparse.ArgumentParser(
-        prog="python -m reliability.fuzz",
-        description=summary[0],
-        epilog=summary[2],
-    )
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--minutes", type=float, default=5.0, help="of all targets together (5)")
-    parser.add_argument("--cases", type=int, help="of each target, instead of minutes")
     parser.add_argument("--target", action="append", choices=list(TARGETS), help="may be repeated")
-    parser.add_argument("--seed", type=int, default=0, help="of the changes (0)")
+    parser.add_argument("--seed", type=int, default=int(time.time()), help="of the changes")
     parser.add_argument("--out", type=Path, default=OUT, help="where defects are kept (fuzz)")
-    parser.add_argument("--reasons", action="store_true", help="list why input was refused")
-    parser.add_argument("--again", type=Path, metavar="DIR", help="run a kept defect once more")
-    return parser
+    options = parser.parse_args(arguments)
+    names, failed = options.target or list(TARGETS), False
+    print(f"seed {options.seed}\n| target | tried | accepted | reasons |\n|---|---:|---:|---:|")
+    for name in names:
+        target, reasons, seed = TARGETS[name](), Counter[str](), options.seed
+        end = time.monotonic() + 60 * options.minutes / len(names)
+        try:
+            while time.monotonic() < end:
+                reasons += fuzz(target, 5 * ROUND, seed, options.out.resolve() / name)
+                seed += 1
+        except Exception as error:
+            failed = True
+            print(f"{name}: defect: {error!r}, kept in {options.out / name}")
+        print(f"| {name} | {reasons.total()} | {reasons['']} | {len(reasons)} |", flush=True)
+    return int(failed)
 
 
 if __name__ == "__main__":

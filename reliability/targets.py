@@ -1,12 +1,12 @@
-"""The parsers and loaders of maps, settings and trajectories, as targets of fuzzing."""
+"""What fuzzing tries: readers of maps, settings, trajectories, configurations, runs, arguments."""
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import importlib
 import json
-from collections.abc import Callable, Mapping
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,9 @@ from jaxenstein.maps.reach import problems
 from jaxenstein.maps.symbols import SYMBOLS
 from tests.reference.labmaps import write_map
 
-from .cases import Case, Target
-from .mutate import Rng, as_text, spoil_bytes, spoil_grid, spoil_json, spoil_lines, spoil_words
+from .fuzz import Case, Target
+from .spoil import LINES, SIGNS, TOKENS, text_spoiler, to_toml, tree_spoiler
 
-FACE_WORDS = ("west", "east", "north", "south", "wset", "up")
 LAB_WORDS = (
     *("classname", "worldspawn", "info_player_start", "goal", "apple_reward", "origin", "light"),
     *("{", "}", "(", ")", '"', "//", "patchDef2", "0", "100", "99.8", "-1", "1e9", "50 50 30"),
@@ -46,180 +45,105 @@ REGIONS = "         \n 11  22  \n 1   2 2 \n 3333    \n         \n"
 FACES = "west\n1##2#####\n#       #\n# #1# # #\n#       #\n#########\n"
 
 
-def spoil_map(data: bytes, rng: Rng) -> bytes:
-    """A change of a text map."""
-    known = tuple(SYMBOLS)
-    ways: tuple[Callable[[bytes, Rng], bytes], ...] = (
-        as_text(functools.partial(spoil_grid, known=known)),
-        as_text(spoil_lines),
-        as_text(functools.partial(spoil_words, known=FACE_WORDS)),
-        spoil_bytes,
-    )
-    return rng.choices(ways, (5, 2, 1, 1))[0](data, rng)
+def case(**texts: str | None) -> Case:
+    """Texts as files; `a__b` stands for `a.b`."""
+    files = {name.replace("__", "."): text.encode() for name, text in texts.items() if text}
+    return Case(files)
 
 
-def spoil_one(
-    case: Case, rng: Rng, ways: Mapping[str, Callable[[bytes, Rng], bytes]], most: int = 1 << 20
-) -> Case:
-    """One file of a case changed, in the way of its suffix."""
-    name = rng.choice(list(case.files))
-    data = ways.get(Path(name).suffix, spoil_bytes)(case.files[name], rng)
-    return dataclasses.replace(case, files={**case.files, name: data[:most]})
+def maps() -> Target:
+    """Text maps with their regions or faces: small ones with everything, and the package's own."""
+    seeds = [
+        case(map__txt=DOORS),
+        case(map__txt=DOORS, map__regions__txt=REGIONS),
+        case(map__txt=DOORS, map__faces__txt=FACES),
+    ]
+    for name in layout_names():
+        tilemap = load_layout(name, goal_required=False)
+        if tilemap.goals:
+            seeds.append(case(map__txt=tilemap.tile_text(), map__faces__txt=tilemap.faces_text()))
+    faces = text_spoiler(TOKENS, ("west", "east", "north", "south", "wset", "up"))
+    signs = text_spoiler(SIGNS, tuple(SYMBOLS))
+    return Target(seeds, _read_map, {".txt": (signs, signs, signs, text_spoiler(LINES), faces)})
 
 
-class Ascii:
-    """Text maps with their regions or faces, up to an environment."""
-
-    name, named, quiet = "ascii", False, True
-
-    def seeds(self) -> list[Case]:
-        """Small maps with everything, and some of the package's own."""
-        seeds = [
-            Case({"map.txt": DOORS.encode()}),
-            Case({"map.txt": DOORS.encode(), "map.regions.txt": REGIONS.encode()}),
-            Case({"map.txt": DOORS.encode(), "map.faces.txt": FACES.encode()}),
-        ]
-        for name in layout_names():
-            tilemap = load_layout(name, goal_required=False)
-            if tilemap.goals:
-                files = {"map.txt": tilemap.tile_text().encode()}
-                faces = tilemap.faces_text()
-                files |= {} if faces is None else {"map.faces.txt": faces.encode()}
-                seeds.append(Case(files))
-        return seeds
-
-    def spoil(self, case: Case, rng: Rng) -> Case:
-        """A change of one of the texts, or one of them gone or added."""
-        if rng.random() < 0.03:
-            extra = rng.choice(("map.faces.txt", "map.regions.txt"))
-            files = {name: data for name, data in case.files.items() if name != extra}
-            if len(files) == len(case.files):
-                files[extra] = rng.choice((REGIONS, FACES)).encode()
-            return dataclasses.replace(case, files=files)
-        return spoil_one(case, rng, {".txt": spoil_map})
-
-    def run(self, case: Case, folder: Path) -> None:
-        """Read the map, build the environment, and read its own text again."""
-        texts = read_map(Path("map.txt"))
-        env, _ = jaxenstein.from_ascii(**texts)
-        tilemap = env.tilemap
-        again, _ = jaxenstein.from_ascii(tilemap.tile_text(), faces=tilemap.faces_text())
-        # A spawn or apple below a key, goal or other spawn has no sign of its own.
-        assert again.tilemap.tiles == tilemap.tiles
-        assert again.tilemap.faces == tilemap.faces
-        assert env.level.columns.shape[0] >= tilemap.columns
+def _read_map(_: Case) -> None:
+    """Up to an environment, and its own text again."""
+    env, _params = jaxenstein.from_ascii(**read_map(Path("map.txt")))
+    tilemap = env.tilemap
+    again, _params = jaxenstein.from_ascii(tilemap.tile_text(), faces=tilemap.faces_text())
+    # A spawn or apple below a key, goal or other spawn has no sign of its own.
+    assert again.tilemap.tiles == tilemap.tiles
+    assert again.tilemap.faces == tilemap.faces
+    assert env.level.columns.shape[0] >= tilemap.columns
 
 
-class Lab:
-    """DeepMind Lab's `.map` files, up to a text map."""
+def lab() -> Target:
+    """DeepMind Lab's `.map` files, up to a text map, as `jaxenstein convert` reads them."""
+    decals = {(0, 0, "west"): "lab_games/dec_img_style01_001_nonsquare"}
+    texts = write_map("###\n#S#\n###"), write_map(PICTURE), write_map(PICTURE, None, decals)
 
-    name, named, quiet = "dmlab", True, True
-
-    def seeds(self) -> list[Case]:
-        """Small mazes as the files have them."""
-        decals = {(0, 0, "west"): "lab_games/dec_img_style01_001_nonsquare"}
-        texts = (write_map("###\n#S#\n###"), write_map(PICTURE), write_map(PICTURE, None, decals))
-        return [Case({"maze.map": text.encode()}) for text in texts]
-
-    def spoil(self, case: Case, rng: Rng) -> Case:
-        """A change of words, lines or bytes."""
-        words = as_text(functools.partial(spoil_words, known=LAB_WORDS))
-        way = rng.choices((words, as_text(spoil_lines), spoil_bytes), (4, 2, 1))[0]
-        return spoil_one(case, rng, {".map": way})
-
-    def run(self, case: Case, folder: Path) -> None:
-        """As `jaxenstein convert` does."""
+    def read(_: Case) -> None:
         text = read_text(Path("maze.map"), "map")
         tilemap = build_tilemap(read_maze(text, "maze", source="maze.map"))
         problems(tilemap)
         tilemap.tile_text()
         tilemap.faces_text()
 
-
-class Trajectories:
-    """Trajectory files."""
-
-    name, named, quiet = "trajectory", True, True
-
-    @functools.cached_property
-    def _texts(self) -> list[str]:
-        made = []
-        worlds = (
-            jaxenstein.make("simple", height=12, width=16),
-            jaxenstein.from_ascii("#####\n#S.G#\n#####", height=12, width=16, heading=0),
-        )
-        for env, params in worlds:
-            trajectory = record(env, params, [2, 0, -1, 2], seed=3).trajectory
-            assert trajectory is not None
-            module = importlib.import_module("jaxenstein.episodes.trajectory")
-            made.append(module.to_text(trajectory))
-        return made
-
-    def seeds(self) -> list[Case]:
-        """Of an id and of a map."""
-        return [Case({"walk.json": text.encode()}) for text in self._texts]
-
-    def spoil(self, case: Case, rng: Rng) -> Case:
-        """A change of an entry."""
-        known = ("simple", "health-gathering", "custom", "dict", "depth", [[2, 3]], [0, 255, 0])
-        return spoil_one(case, rng, {".json": functools.partial(spoil_json, known=known)})
-
-    def run(self, case: Case, folder: Path) -> None:
-        """Load it."""
-        load_trajectory(Path("walk.json"))
+    words = text_spoiler(TOKENS, LAB_WORDS)
+    ways = {".map": (words, words, text_spoiler(LINES))}
+    return Target([case(maze__map=text) for text in texts], read, ways, named=True)
 
 
-class Settings:
-    """What `make` and `from_ascii` are given, up to a reset that is traced."""
-
-    name, named, quiet = "settings", False, True
-
-    def seeds(self) -> list[Case]:
-        """Every setting of an environment of each kind."""
-        common: dict[str, Any] = {
-            **{"height": 12, "width": 16, "field_of_view": 60.0, "observation": "rgb"},
-            **{"autoreset": "same-step", "final_observation": False, "sprite_layers": 2},
-        }
-        painted = {"floor": [[1, 2, 3], [4, 5, 6]], "ceiling": [7, 8, 9], "heading": [-20, 20]}
-        cases = [
-            {"id": "simple", "settings": common},
-            {"id": "health-gathering", "settings": {**common, "hud": True}},
-            {"id": "key-corridor-s3r1", "settings": {**common, "layout_seed": 3}},
-            {"text": DOORS, "settings": {**common, **painted, "name": "x"}},
-        ]
-        return [Case({"settings.json": json.dumps(case).encode()}) for case in cases]
-
-    def spoil(self, case: Case, rng: Rng) -> Case:
-        """A change of a setting."""
-        known = ("next-step", None, "gray", "depth", "labels", "dict", [30, 120], 2)
-        return spoil_one(case, rng, {".json": functools.partial(spoil_json, known=known)})
-
-    def run(self, case: Case, folder: Path) -> None:
-        """Make the environment and look at its first observation's shape."""
-        given = _object(case.files["settings.json"])
-        settings = _tuples(_table(given.get("settings", {})))
-        if "text" in given:
-            env, params = jaxenstein.from_ascii(**{**settings, "text": given["text"]})
-        else:
-            env, params = registry.make_with(given.get("id", "simple"), settings)
-        jax.eval_shape(env.reset, jax.random.key(0), params)
+def trajectories() -> Target:
+    """Trajectory files, of an id and of a map."""
+    worlds = (
+        jaxenstein.make("simple", height=12, width=16),
+        jaxenstein.from_ascii("#####\n#S.G#\n#####", height=12, width=16, heading=0),
+    )
+    to_text = importlib.import_module("jaxenstein.episodes.trajectory").to_text
+    made = [record(env, params, [2, 0, -1, 2], seed=3).trajectory for env, params in worlds]
+    known = ("simple", "health-gathering", "custom", "dict", "depth", [[2, 3]], [0, 255, 0])
+    return Target(
+        [case(walk__json=to_text(trajectory)) for trajectory in made],
+        lambda _: load_trajectory(Path("walk.json")),
+        {".json": (tree_spoiler(known),) * 9},
+        named=True,
+    )
 
 
-def _object(data: bytes) -> dict[str, Any]:
-    """The JSON object of a case; what is none is no case of this target."""
-    try:
-        return _table(json.loads(data))
-    except (ValueError, RecursionError) as error:
-        raise SettingError(f"not JSON: {error}") from error
-
-
-def _table(value: Any) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise SettingError("not a table of names with values")
-    # Names of their own arguments would be errors of Python's, not of the functions.
-    return {name: entry for name, entry in value.items() if name not in ("text", "id", "self")} | {
-        name: entry for name, entry in value.items() if name in ("text", "id")
+def settings() -> Target:
+    """What `make` and `from_ascii` are given, for an environment of each kind."""
+    common: dict[str, Any] = {
+        **{"height": 12, "width": 16, "field_of_view": 60.0, "observation": "rgb"},
+        **{"autoreset": "same-step", "final_observation": False, "sprite_layers": 2},
     }
+    painted = {"floor": [[1, 2, 3], [4, 5, 6]], "ceiling": [7, 8, 9], "heading": [-20, 20]}
+    given = [
+        {"id": "simple", "settings": common},
+        {"id": "health-gathering", "settings": {**common, "hud": True}},
+        {"id": "key-corridor-s3r1", "settings": {**common, "layout_seed": 3}},
+        {"text": DOORS, "settings": {**common, **painted, "name": "x"}},
+    ]
+    known = ("next-step", None, "gray", "depth", "labels", "dict", [30, 120], 2)
+    seeds = [case(settings__json=json.dumps(one)) for one in given]
+    return Target(seeds, _make, {".json": (tree_spoiler(known),) * 9})
+
+
+def _make(spoilt: Case) -> None:
+    """Up to a reset that is traced."""
+    try:
+        given = json.loads(spoilt.files["settings.json"])
+        settings = given.get("settings", {}).items()
+    except (KeyError, ValueError, RecursionError, AttributeError) as error:
+        raise SettingError(f"no case of this target: {error!r}") from error
+    # Names of their own arguments would be errors of Python's, not of the functions.
+    settings = {name: _tuples(v) for name, v in settings if name not in ("text", "id", "self")}
+    if "text" in given:
+        env, params = jaxenstein.from_ascii(given["text"], **settings)
+    else:
+        env, params = registry.make_with(given.get("id", "simple"), settings)
+    jax.eval_shape(env.reset, jax.random.key(0), params)
 
 
 def _tuples(value: Any) -> Any:
@@ -229,20 +153,121 @@ def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
-TARGETS: dict[str, str] = {
-    "ascii": "reliability.targets:Ascii",
-    "dmlab": "reliability.targets:Lab",
-    "trajectory": "reliability.targets:Trajectories",
-    "settings": "reliability.targets:Settings",
-    "config": "reliability.run_targets:Configurations",
-    "run": "reliability.run_targets:Runs",
-    "arguments": "reliability.argument_target:Arguments",
+OPTIONS: dict[str, Any] = {
+    **{"map": "####\n#SG#\n####", "height": 12, "width": 16, "horizon": 10, "num_envs": 4},
+    **{"total_steps": 2 * 4 * 8, "rollout": 8, "minibatches": 2, "epochs": 1, "seeds": 2},
+    **{"features": 8, "hidden": 8, "head": 8, "convolutions": [[4, 4, 4]]},
 }
-"""Where each target is, so that those of an extra are imported when they are used."""
+TOML = """\
+env = "simple"
+algo = "rnd"
+height = 12
+width = 16
+observation = "rgb"
+total_steps = 1e4
+num_envs = 4
+rollout = 8
+convolutions = [[4, 4, 4], [2, 1, 8]]
+learning_rate = 3e-4
+anneal = true
+dtype = "float32"
+seeds = 2
+horizon = 20
+[settings]
+field_of_view = 75
+[params]
+move_distance = 0.2
+[grid]
+bonus_reward = [0.1, 1]
+"""
+MAP = "map = '''\n####\n#SG#\n####\n'''\nheading = [-10, 10]\nheight = 12\nwidth = 16\n"
+YAML = """\
+env: simple
+algo: icm
+convolutions: [[4, 4, 4]]
+params: {move_distance: 0.2}
+grid:
+  icm_inverse: [0.1, 1]
+"""
+
+
+def configurations() -> Target:
+    """Files of options, as `jaxenstein train --config` reads them. Needs the extra `baselines`."""
+    from jaxenstein.baselines.runs.experiment import Experiment
+    from jaxenstein.baselines.runs.options import all_options, read_file, resolve
+
+    def read(spoilt: Case) -> None:
+        (name,) = spoilt.files
+        experiment = resolve(bounded(read_file(Path(name))))
+        assert Experiment.from_json(experiment.to_json()) == experiment
+
+    more = "[", "]", "{", "}", "[[grid]]", "'''", "true", "rnd", "icm", "simple", "!!python/x"
+    known = (*all_options(), *more)
+    words, lines = text_spoiler(TOKENS, known), text_spoiler(LINES)
+    tree = tree_spoiler((*known, [[4, 4, 4]], {"gamma": [0.9]}, [0.1, 1]), to_toml)
+    seeds = [case(c__toml=TOML), case(c__toml=MAP), case(c__yaml=YAML)]
+    ways = {".toml": (tree, tree, tree, words, lines), ".yaml": (words, words, lines)}
+    return Target(seeds, read, ways)
+
+
+def bounded(given: dict[str, Any]) -> dict[str, Any]:
+    """The options without sizes that are allowed but more than a test should take."""
+    sizes = ("features", "hidden", "head", "rnd_hidden", "rnd_output", "icm_latent", "icm_hidden")
+    most = dict.fromkeys(sizes, 64) | {"rnd_layers": 4, "icm_layers": 4, "seeds": 1000}
+    return {
+        name: min(value, most[name]) if name in most and value > most[name] else value
+        for name, value in given.items()
+    }
 
 
 @functools.cache
-def open_target(name: str) -> Target:
-    """The target of a name, made once."""
-    module, _, kind = TARGETS[name].partition(":")
-    return getattr(importlib.import_module(module), kind)()
+def trained_run() -> Case:
+    """A run directory that was trained in seconds."""
+    from jaxenstein.baselines.runs.folder import RunFolder, train
+    from jaxenstein.baselines.runs.options import resolve
+
+    with tempfile.TemporaryDirectory() as name:
+        train(RunFolder.create(Path(name) / "run", resolve(OPTIONS)))
+        paths = [path for path in sorted(Path(name).rglob("*")) if path.is_file()]
+        return Case({str(path.relative_to(name)): path.read_bytes() for path in paths})
+
+
+def runs() -> Target:
+    """Run directories: configuration, checkpoints, metrics; they are read and left as they are."""
+    from jaxenstein.baselines.runs.curves import curves_of
+    from jaxenstein.baselines.runs.folder import RunFolder
+
+    @functools.cache
+    def template(configuration: bytes) -> Any:
+        del configuration
+        return RunFolder.open("run").template
+
+    def read(spoilt: Case) -> None:
+        opened = RunFolder.open("run")
+        # Shapes and dtypes, which take a second to trace.
+        restored = opened.checkpoints.restore(template(spoilt.files["run/config.json"]))
+        assert restored is None or restored.update >= 0
+        curves_of(Path("run"), "return", 10)
+
+    whole = trained_run()
+    last = {name: data for name, data in whole.files.items() if "/checkpoints/0/" not in name}
+    lines = text_spoiler(LINES), text_spoiler(TOKENS)
+    ways = {".json": (tree_spoiler(),) * 9, ".jsonl": lines, ".csv": lines}
+    return Target([whole, Case(last)], read, ways, named=True)
+
+
+def command_line() -> Target:
+    """Arguments of the command, over some of these files. Needs the extra `baselines`."""
+    return importlib.import_module("reliability.command_line").target()
+
+
+TARGETS: dict[str, Callable[[], Target]] = {
+    "ascii": maps,
+    "dmlab": lab,
+    "trajectory": trajectories,
+    "settings": settings,
+    "config": configurations,
+    "run": runs,
+    "arguments": command_line,
+}
+"""How each target is made."""
