@@ -53,7 +53,7 @@ GROUPS = {
     "level": Group(("engine/level.py",), ("engine/test_level.py", "engine/test_raycast.py")),
     "sprites": Group(("engine/sprites.py",), ("engine/test_sprites.py", "engine/test_render.py")),
     "pixels": Group(
-        ("engine/pixels.py", "engine/columns.py", "engine/shade.py", "engine/render.py"),
+        ("engine/pixels.py", "engine/image_columns.py", "engine/shade.py", "engine/render.py"),
         ("engine/test_shade.py", "engine/test_render.py", "engine/test_sprites.py"),
     ),
     "stages": Group(("engine/fusion.py",), ("engine/test_fusion.py",)),

@@ -75,7 +75,7 @@ def _read_map(_: Case) -> None:
     # A spawn or apple below a key, goal or other spawn has no sign of its own.
     assert again.tilemap.tiles == tilemap.tiles
     assert again.tilemap.faces == tilemap.faces
-    assert env.level.columns.shape[0] >= tilemap.columns
+    assert env.level.column_bits.shape[0] >= tilemap.columns
 
 
 def lab() -> Target:

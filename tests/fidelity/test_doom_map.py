@@ -84,7 +84,7 @@ def test_every_open_edge_has_a_texture() -> None:
 def test_the_level_is_solid_where_the_tiles_are() -> None:
     tiles = rasterise(read_map(udmf()))
     level = tiles.level()
-    rows = np.asarray(level.rows)[:, 0]
+    rows = np.asarray(level.row_bits)[:, 0]
     bits = (rows[:, None] >> np.arange(6, dtype=np.uint32)) & np.uint32(1)
     assert (bits.astype(bool) == tiles.solid).all()
     assert level.margin == 0

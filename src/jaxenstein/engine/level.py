@@ -26,17 +26,17 @@ class Level(PyTreeNode):
     C and R are the map's columns and rows with the margin on both sides, D the number of doors.
 
     Attributes:
-        columns: uint32[C, ceil(R / 32)], the solid rows of each column as bits, least first.
-        rows: uint32[R, ceil(C / 32)], the solid columns of each row as bits.
+        column_bits: uint32[C, ceil(R / 32)], the solid rows of each column as bits, least first.
+        row_bits: uint32[R, ceil(C / 32)], the solid columns of each row as bits.
         walls: uint8[F, R, C], what each solid tile looks like. F is 1, or 4 if the faces differ:
             the faces that look west, east, north and south.
         doors: int32[D, 2], (column, row) of each door, margin included. Doors are not solid in
-            `columns` and `rows`; a closed one adds its bit.
+            `column_bits` and `row_bits`; a closed one adds its bit.
         margin: solid tiles added on each side of the map: 0 if its border was solid already.
     """
 
-    columns: Array
-    rows: Array
+    column_bits: Array
+    row_bits: Array
     walls: Array
     doors: Array
     margin: int = static(default=0)
@@ -44,7 +44,7 @@ class Level(PyTreeNode):
     @property
     def size(self) -> tuple[int, int]:
         """(columns, rows) of the level, margin included."""
-        return self.columns.shape[0], self.rows.shape[0]
+        return self.column_bits.shape[0], self.row_bits.shape[0]
 
 
 def compile_level(walls: np.ndarray, doors: np.ndarray) -> Level:
@@ -64,8 +64,8 @@ def compile_level(walls: np.ndarray, doors: np.ndarray) -> Level:
     solid = np.pad(solid, ring, constant_values=True)
     faces = np.pad(faces, ((0, 0), *ring), constant_values=OUTSIDE).astype(np.uint8)
     return Level(
-        columns=pack_bits(solid.T),
-        rows=pack_bits(solid),
+        column_bits=pack_bits(solid.T),
+        row_bits=pack_bits(solid),
         walls=faces,
         doors=doors + np.int32(margin),
         margin=margin,
@@ -89,7 +89,11 @@ def level_from_walls(walls: jax.Array, doors: jax.Array | None = None) -> Level:
         solid = solid.at[doors[:, 1], doors[:, 0]].set(False)
     solid = solid | border
     return Level(
-        columns=pack_bits(solid.T), rows=pack_bits(solid), walls=walls[None], doors=doors, margin=0
+        column_bits=pack_bits(solid.T),
+        row_bits=pack_bits(solid),
+        walls=walls[None],
+        doors=doors,
+        margin=0,
     )
 
 
@@ -108,13 +112,13 @@ def pack_bits(bits: Any) -> Any:
 
 
 def occupancy(level: Level, closed: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """The words of `level.columns` and `level.rows` with the closed doors added.
+    """The words of `level.column_bits` and `level.row_bits` with the closed doors added.
 
     Args:
         level: the level.
         closed: bool[D], which doors are closed.
     """
-    columns, rows = jnp.asarray(level.columns), jnp.asarray(level.rows)
+    columns, rows = jnp.asarray(level.column_bits), jnp.asarray(level.row_bits)
     if level.doors.shape[0] == 0:
         return columns, rows
     column, row = jnp.asarray(level.doors[:, 0]), jnp.asarray(level.doors[:, 1])
@@ -150,7 +154,7 @@ def is_solid(level: Level, closed: jax.Array, column: jax.Array, row: jax.Array)
     columns, rows = level.size
     inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     safe_column, safe_row = jnp.clip(column, 0, columns - 1), jnp.clip(row, 0, rows - 1)
-    word = jnp.asarray(level.columns)[safe_column, safe_row // WORD]
+    word = jnp.asarray(level.column_bits)[safe_column, safe_row // WORD]
     wall = (jnp.right_shift(word, (safe_row % WORD).astype(jnp.uint32)) & 1).astype(bool)
     return ~inside | wall | jnp.any(closed & door_at(level, column, row))
 

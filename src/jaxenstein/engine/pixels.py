@@ -10,8 +10,8 @@ import numpy as np
 from jax import lax
 
 from .camera import Camera
-from .columns import Columns
 from .fusion import staged
+from .image_columns import ImageColumns
 from .level import WORD
 from .scene import CEILING, FLOOR, Scene, Theme
 from .shade import ImageKind, brightness, pack_rgb, tone
@@ -24,7 +24,7 @@ _ROUNDER = 1.5 * 2**23
 _ROUNDER_BITS = int(np.float32(_ROUNDER).view(np.uint32))
 
 
-def paint(columns: Columns, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
+def paint(columns: ImageColumns, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
     """Paint an image; see `render.render` for its shape and type."""
     stage = partial(paint_words, theme=scene.theme, camera=camera, kind=kind)
     # Without extra columns, one pass paints and cuts pixels to bytes.
@@ -37,7 +37,7 @@ def paint(columns: Columns, scene: Scene, camera: Camera, kind: ImageKind) -> ja
 
 
 def paint_words(
-    position: jax.Array, columns: Columns, *, theme: Theme, camera: Camera, kind: ImageKind
+    position: jax.Array, columns: ImageColumns, *, theme: Theme, camera: Camera, kind: ImageKind
 ) -> jax.Array:
     """paint[height, width + extra]."""
     columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
@@ -68,7 +68,7 @@ def _test(word: jax.Array, bit: jax.Array) -> jax.Array:
 
 
 def _background(
-    columns: Columns,
+    columns: ImageColumns,
     below: jax.Array,
     position: jax.Array,
     theme: Theme,
@@ -107,7 +107,7 @@ def _row_paints(
     return first, second, third
 
 
-def _walls(columns: Columns, below: jax.Array) -> jax.Array:
+def _walls(columns: ImageColumns, below: jax.Array) -> jax.Array:
     """paint[height or 1, width] of the walls, as if they filled the image."""
     panels = columns.panels
     if panels is None:

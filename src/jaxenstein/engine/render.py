@@ -15,8 +15,8 @@ from functools import partial
 import jax
 
 from .camera import Camera
-from .columns import prepare
 from .fusion import staged
+from .image_columns import prepare
 from .pixels import paint
 from .raycast import cast
 from .scene import Scene

@@ -38,7 +38,7 @@ class Layers(PyTreeNode):
         planes: uint32[2, K, W], words of shape and detail; 0 where there is no billboard.
         scale: float32[K, W or 1], bits a pixel.
         offset: float32[K, W or 1], less one half.
-        paint: paint[2, K, W or 1] of shape and detail (see `columns.Columns`).
+        paint: paint[2, K, W or 1] of shape and detail (see `image_columns.ImageColumns`).
     """
 
     planes: jax.Array

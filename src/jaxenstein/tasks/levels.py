@@ -23,7 +23,7 @@ def read_level(name: str, level: Level) -> TileMap:
         name: what to call the map.
         level: one level, not a batch of them.
     """
-    bits = np.asarray(level.rows)[:, :, None] >> np.arange(WORD, dtype=np.uint32) & 1
+    bits = np.asarray(level.row_bits)[:, :, None] >> np.arange(WORD, dtype=np.uint32) & 1
     columns, rows = level.size
     solid = bits.reshape(rows, -1)[:, :columns] == 1
     faces = np.where(solid, np.asarray(level.walls), 0)

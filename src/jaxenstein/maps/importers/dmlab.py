@@ -15,7 +15,7 @@ import numpy as np
 from ...errors import MapError
 from ..symbols import DECAL_LABELS, DEFAULT_WALL, SYMBOLS
 from ..tilemap import FACES, Cell, TileMap
-from .dmlab_file import CellSide, Maze, Side, read_maze
+from .dmlab_file import CellSide, LabMaze, Side, read_maze
 
 WALL_SYMBOLS: dict[str, str] = {
     "green": "3",
@@ -37,7 +37,7 @@ _STEPS: dict[Side, Cell] = {"west": (-1, 0), "east": (1, 0), "north": (0, -1), "
 _ACROSS: dict[Side, str] = {"west": "east", "east": "west", "north": "south", "south": "north"}
 
 
-def build_tilemap(maze: Maze) -> TileMap:
+def build_tilemap(maze: LabMaze) -> TileMap:
     """The tile map of a maze: 2 columns + 1 by 2 rows + 1 tiles, north up.
 
     Decals are numbered in the order of the file; the same picture has the same number. A wall
@@ -70,7 +70,7 @@ def wall_label(texture: str) -> int:
     return SYMBOLS[WALL_SYMBOLS.get(colour, "#")].label
 
 
-def _panel_faces(maze: Maze) -> np.ndarray:
+def _panel_faces(maze: LabMaze) -> np.ndarray:
     """uint8[4, rows, columns] of tiles: the faces of the walls without decals."""
     faces = np.zeros((4, 2 * maze.rows + 1, 2 * maze.columns + 1), np.uint8)
     for side, texture in maze.panels:
@@ -111,7 +111,7 @@ def _corner(around: np.ndarray) -> list[int]:
     ]
 
 
-def _decals(maze: Maze) -> dict[tuple[Cell, int], int]:
+def _decals(maze: LabMaze) -> dict[tuple[Cell, int], int]:
     """The label at each (tile as (row, column), face) with a decal."""
     textures = list(dict.fromkeys(texture for _, texture in maze.decals))
     if len(textures) > len(DECAL_LABELS):
@@ -124,7 +124,7 @@ def _decals(maze: Maze) -> dict[tuple[Cell, int], int]:
     }
 
 
-def _seen(maze: Maze, side: CellSide) -> tuple[Cell, int]:
+def _seen(maze: LabMaze, side: CellSide) -> tuple[Cell, int]:
     """The tile, as (row, column), and the face of it that show a side of a cell."""
     column, row = maze.tile_of(side[:2])
     dx, dy = _STEPS[side[2]]
@@ -137,4 +137,4 @@ def _first(faces: np.ndarray) -> np.ndarray:
     return np.take_along_axis(faces, chosen[None], axis=0)[0]
 
 
-__all__ = ["WALL_SYMBOLS", "Maze", "build_tilemap", "read_maze", "wall_label"]
+__all__ = ["WALL_SYMBOLS", "LabMaze", "build_tilemap", "read_maze", "wall_label"]

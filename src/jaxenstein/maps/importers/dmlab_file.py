@@ -29,7 +29,7 @@ _Span = tuple[tuple[float, str], tuple[float, str]]
 
 
 @dataclass(frozen=True)
-class Maze:
+class LabMaze:
     """What the `.map` file of a maze says. Cells are (column, row), row 0 in the south.
 
     Attributes:
@@ -59,7 +59,7 @@ class Maze:
         return 2 * cell[0] + 1, 2 * (self.rows - 1 - cell[1]) + 1
 
 
-def read_maze(text: str, name: str = "maze", source: str = "") -> Maze:
+def read_maze(text: str, name: str = "maze", source: str = "") -> LabMaze:
     """Read the `.map` file of a maze.
 
     Entities other than starts, goals and apples, such as lights, are ignored.
@@ -114,7 +114,7 @@ class _MazeReader:
                 raise self._error(f"a second {entity.classname} in one cell", entity.line)
             cells.setdefault(cell, entity.line)
 
-    def maze(self, name: str) -> Maze:
+    def maze(self, name: str) -> LabMaze:
         """Check that the parts fit together, and put the south-western cell at (0, 0)."""
         if not self._floors:
             raise self._error("the maze has no floor")
@@ -138,7 +138,7 @@ class _MazeReader:
             return tuple(((c - column, r - row, s), name) for (c, r, s), (name, _) in table.items())
 
         floors = [texture for texture, _ in self._floors.values()]
-        return Maze(
+        return LabMaze(
             name=name,
             columns=columns,
             rows=rows,

@@ -27,7 +27,7 @@ from .sprites import Layers, Spots, project
 PANEL_SHADOW = 0.45
 
 
-class Columns(PyTreeNode):
+class ImageColumns(PyTreeNode):
     """The columns of one image, ready to paint; W of them.
 
     Paints are what ends up in the image: packed colours, grey values, labels (uint32) or depths
@@ -68,7 +68,7 @@ def prepare(
     theme: Theme,
     camera: Camera,
     kind: ImageKind,
-) -> Columns:
+) -> ImageColumns:
     """Look up what each column shows.
 
     Args:
@@ -83,7 +83,7 @@ def prepare(
     index = hits.wall.astype(jnp.int32)
     table = jnp.asarray(theme.wall_colours)
     colour = [table[:, i].at[index].get(mode="promise_in_bounds") for i in range(3)]
-    return Columns(
+    return ImageColumns(
         half=jnp.float32(0.5 * camera.focal) / jnp.maximum(hits.depth, 1e-6),
         wall=tone(kind, pack_rgb(colour, light), hits.wall, hits.depth),
         ray=jnp.stack(rays(heading, camera)),
