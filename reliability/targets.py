@@ -117,6 +117,7 @@ def settings() -> Target:
     common: dict[str, Any] = {
         **{"height": 12, "width": 16, "field_of_view": 60.0, "observation": "rgb"},
         **{"autoreset": "same-step", "final_observation": False, "sprite_layers": 2},
+        "frame_skip": 2,
     }
     painted = {"floor": [[1, 2, 3], [4, 5, 6]], "ceiling": [7, 8, 9], "heading": [-20, 20]}
     given = [

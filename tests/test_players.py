@@ -36,6 +36,14 @@ def test_shortest_path_reaches_every_goal(name):
     assert (episodes.length < params.max_steps_in_episode).all()
 
 
+@pytest.mark.parametrize(("name", "skip"), [("simple", 2), ("key-door", 3), ("simple", 6)])
+def test_players_find_their_way_with_a_frame_skip(name, skip):
+    """Their turns of 15 degrees times the skip divide a right angle."""
+    env, params = make(name, frame_skip=skip, **SIZE)
+    episodes = play(env, shortest_path, params, jax.random.key(0), starts(env, params, 16))
+    assert episodes.terminated.all()
+
+
 def test_shortest_path_is_hardly_longer_than_its_tiles():
     env, params = make("simple", **SIZE)
     state = starts(env, params, 16)

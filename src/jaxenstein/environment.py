@@ -24,6 +24,7 @@ from .pytree import PyTreeNode
 from .spaces import Discrete, Space
 
 Autoreset = Literal["same-step", "next-step"]
+MOST_FRAME_SKIP = 64
 Info = dict[str, Any]
 
 
@@ -102,12 +103,18 @@ class Environment(abc.ABC, Generic[S, P]):
             after the end goes on with the old episode.
         final_observation: with `"same-step"`, add `info["final_observation"]`, the observation
             before the reset, at every step. It costs a second render a step.
+        frame_skip: steps of the world in one step, 1 to 64: the action is repeated, rewards add
+            up, `info` has the events of all of them, and only the last one is drawn. The end of
+            the episode, by the task or the time limit, ends the step as well. `time`,
+            `max_steps_in_episode` and `episode_length` count steps of the world. From 2 on, the
+            step's key is split into one for each of them.
     """
 
     name: str = "custom"
     version: int = 0
     autoreset: Autoreset | None = "same-step"
     final_observation: bool = False
+    frame_skip: int = 1
 
     action_names: ClassVar[tuple[str, ...]] = ()
 
@@ -124,6 +131,7 @@ class Environment(abc.ABC, Generic[S, P]):
                 f"final_observation=True needs autoreset='same-step': with {self.autoreset!r} "
                 "the observation that `step` returns is already the final one"
             )
+        check_whole("frame_skip", self.frame_skip, MOST_FRAME_SKIP)
 
     # What a task supplies.
 
@@ -292,12 +300,45 @@ class Environment(abc.ABC, Generic[S, P]):
         """
         params = self.check_params(params)
         action = self._check_action(action)
+        advance = self._advance if self.frame_skip == 1 else self._repeat
+        after, reward, terminated, events = advance(key, state, action, params)
+        return after, reward, terminated, events | self.describe(after, params)
+
+    def _repeat(
+        self, key: jax.Array, state: S, action: jax.Array, params: P
+    ) -> tuple[S, jax.Array, jax.Array, Info]:
+        """Repeat the action for `frame_skip` steps of the world, or to the end of the episode."""
+
+        def nothing(leaf: jax.ShapeDtypeStruct) -> jax.Array:
+            return jnp.zeros(leaf.shape, leaf.dtype)
+
+        def step(carry: Any, key: jax.Array) -> tuple[Any, None]:
+            over, state, reward, _, events = carry
+            after, more, terminated, happened = self._advance(key, state, action, params)
+            # A bool of two events tells of either, a number of both.
+            events = jax.tree.map(jnp.add, events, happened)
+            new = after.done, after, reward + more, terminated, events
+            return select(over, carry, new), None
+
+        keys = jax.random.split(key, self.frame_skip)
+        shapes = jax.eval_shape(self._advance, keys[0], state, action, params)
+        # Where the episode is over already, it goes on for one step, as everywhere.
+        start = jnp.bool_(False), state, *jax.tree.map(nothing, shapes[1:])
+        return jax.lax.scan(step, start, keys)[0][1:]
+
+    def _advance(
+        self, key: jax.Array, state: S, action: jax.Array, params: P
+    ) -> tuple[S, jax.Array, jax.Array, Info]:
+        """One step of the world: state, reward, terminated, events."""
         after, reward, terminated, events = self.transition(key, state, action, params)
         after = after.replace(time=state.time + 1, episode_return=state.episode_return + reward)
         after = after.replace(done=terminated | self.time_is_up(after, params))
         success = self.succeeded(after, reward, terminated, events, params)
-        info = events | {"success": success} | self.describe(after, params)
-        return after, reward, terminated, info
+        return after, reward, terminated, events | {"success": success}
+
+    def most_steps(self, params: P) -> jax.Array:
+        """int32[...]: the most steps an episode can have, each `frame_skip` of the world."""
+        return -(-self.check_params(params).max_steps_in_episode // self.frame_skip)
 
     def check_params(self, params: P | None = None) -> P:
         """The params as arrays of the default's kinds, the default ones for None.
@@ -335,6 +376,13 @@ class Environment(abc.ABC, Generic[S, P]):
         # Compared in the action's own type, before a cast could wrap it around.
         valid = (action >= 0) & (action < self.num_actions)
         return jnp.where(valid, action, 0).astype(jnp.int32) - (~valid).astype(jnp.int32)
+
+
+def check_whole(field: str, value: Any, highest: int) -> None:
+    """Complain of a setting that is no whole number from 1 to `highest`."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not 1 <= value <= highest:
+        raise SettingError(f"{field} must be a whole number from 1 to {highest}, not {value!r}")
 
 
 def _as_kind(value: Any, default: Any) -> jax.Array:

@@ -97,7 +97,9 @@ def greedy_medkits(env: Environment[Any, Any], params: Any) -> Choose:
         in_reach = jnp.all(jnp.abs(offset) < params.pickup_reach)
         needed = state.health <= FULL_HEALTH - params.heal
         wait = ~jnp.any(state.present) | (in_reach & ~needed)
-        return jnp.where(wait, NOTHING, _towards(state.heading, offset, params))
+        return jnp.where(
+            wait, NOTHING, _towards(state.heading, offset, params.turn_angle * env.frame_skip)
+        )
 
     return choose
 
@@ -123,7 +125,7 @@ def shortest_path(env: Environment[Any, Any], params: Any) -> Choose:
         del key
         target = _next_tile(field_of(state), state)
         offset = target.astype(jnp.float32) + 0.5 - state.position
-        action = _towards(state.heading, offset, params)
+        action = _towards(state.heading, offset, params.turn_angle * env.frame_skip)
         scene = env.scene(state, params)
         opens = _faces_door(scene.level, scene.closed, state, target, params)
         return jnp.where(opens, INTERACT, action)
@@ -272,12 +274,12 @@ def _next_tile(field: jax.Array, state: Any) -> jax.Array:
     return jnp.where(field[cell[1], cell[0]] == 0, cell, beside[best])
 
 
-def _towards(heading: jax.Array, offset: jax.Array, params: Any) -> jax.Array:
-    """int32[]: forward if no turn brings the heading nearer to the offset, else that turn."""
+def _towards(heading: jax.Array, offset: jax.Array, angle: Any) -> jax.Array:
+    """int32[]: forward if no turn by `angle` brings the heading nearer to the offset, or it."""
     error = jnp.arctan2(offset[1], offset[0]) - heading
     error = jnp.mod(error + math.pi, 2 * math.pi) - math.pi
     turn = jnp.where(error > 0, jnp.int32(TURN_RIGHT), jnp.int32(TURN_LEFT))
-    aligned = jnp.abs(error) <= 0.5 * params.turn_angle + _SLACK
+    aligned = jnp.abs(error) <= 0.5 * angle + _SLACK
     return jnp.where(aligned, jnp.int32(FORWARD), turn)
 
 

@@ -236,7 +236,7 @@ def make(id: EnvironmentId | str, **settings: Any) -> tuple[Environment[Any, Any
     Args:
         id: one of `environment_ids()`.
         **settings: static settings: `height`, `width` and `field_of_view` of the image,
-            `observation`, `autoreset`, `final_observation`, `sprite_layers`; see
+            `observation`, `autoreset`, `final_observation`, `frame_skip`, `sprite_layers`; see
             `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. Besides,
             `hud` of health-gathering and `layout_seed` of key-corridor.
 

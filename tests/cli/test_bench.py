@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ def fake(settings: Settings) -> dict[str, object]:
         "height": settings.height,
         "batch": settings.batch,
         "steps_per_second": summarise(np.array([1e3, 2e3, 3e3])),
+        "world_steps_per_second": summarise(settings.frame_skip * np.array([1e3, 2e3, 3e3])),
         "compile_seconds": {"reset": 1.0, "step": 1.0},
         "peak_memory_bytes": None,
     }
@@ -32,12 +34,14 @@ def test_table_and_json(
     monkeypatch.setattr(measuring, "measure_apart", fake)
     path = tmp_path / "b.json"
     arguments = ["simple", "key-door", "--batch", "4,8", "--size", "20x10", "--json", str(path)]
+    arguments += ["--frame-skip", "3"]
     assert main(["bench", *arguments]) == 0
     out, err = capsys.readouterr()
     assert [line.split()[:3] for line in out.splitlines()[1:5]] == [
         [name, "20x10", batch] for name in ("simple", "key-door") for batch in ("4", "8")
     ]
     assert "100%" in err
+    assert all(line.split()[3:8:4] == ["2.00k", "6.00k"] for line in out.splitlines()[1:5])
     report = json.loads(path.read_text())
     assert set(report["versions"]) == {"python", "jax", "numpy", "jaxenstein"}
     assert report["hardware"]["cores"] == os.cpu_count()
@@ -54,12 +58,25 @@ def test_summary_is_median_and_quartiles() -> None:
 @pytest.mark.slow
 def test_measures_in_a_process_of_its_own() -> None:
     core = min(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
-    settings = Settings("simple", batch=2, steps=4, repeats=3, height=8, width=8, core=core)
+    small: dict[str, Any] = {
+        "batch": 2,
+        "steps": 4,
+        "repeats": 3,
+        "height": 8,
+        "width": 8,
+        "frame_skip": 3,
+    }
+    settings = Settings("simple", **small, core=core)
     result = measure_apart(settings)
     rates = result["steps_per_second"]
     assert len(result["seconds"]) == len(rates["repeats"]) == 3
     assert rates["lower_quartile"] <= rates["median"] <= rates["upper_quartile"]
     assert rates["repeats"] == pytest.approx([8 / seconds for seconds in result["seconds"]])
+    world = result["world_steps_per_second"]["repeats"]
+    # Where an episode ends, its last step may have fewer steps of the world.
+    assert all(
+        2 * one < other <= 3.001 * one for one, other in zip(rates["repeats"], world, strict=True)
+    )
     assert set(result["compile_seconds"]) == {"reset", "step", "rollout"}
     # A process with JAX in it has at least this, and this tiny configuration not more than that.
     assert 50e6 < result["peak_memory_bytes"] < 2e9

@@ -136,7 +136,7 @@ def test_every_environment_can_be_kept(id: str) -> None:
 def test_own_settings_are_kept() -> None:
     for made in (
         jaxenstein.make("key-corridor", layout_seed=np.uint32(3)),
-        jaxenstein.make("health-gathering", hud=False),
+        jaxenstein.make("health-gathering", hud=False, frame_skip=np.int32(4)),
         jaxenstein.make("dmlab-random-02", field_of_view=np.float32(70.1)),
         jaxenstein.from_ascii(MAP, floor=((1, 2, 3), (4, 5, 6)), ceiling=(7, 8, 9), heading=None),
         jaxenstein.from_ascii(MAP, name="simple", heading=90),

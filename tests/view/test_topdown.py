@@ -160,6 +160,8 @@ def test_path_is_drawn_where_it_went_and_coloured_by_time(tilemap: TileMap) -> N
     # A jump is a new start, not a movement; and nothing is drawn beside the line.
     assert pixel(picture, 5.5, 4.5) == ground.FLOOR
     assert pixel(picture, 1.8, 4.75) == ground.FLOOR
+    farther = draw_map(tilemap, scale=SCALE).path(path, longest_step=4.0)
+    assert pixel(farther, 5.5, 4.5) == topdown.blend(*topdown.PATH, 0.5)
 
 
 def test_path_in_pieces_is_the_same_path(tilemap: TileMap) -> None:

@@ -103,7 +103,7 @@ class BraxEnvironment(base.Env):
     @property
     def episode_length(self) -> int:
         """Steps of an episode, for Brax' `EpisodeWrapper`."""
-        return int(self.params.max_steps_in_episode)
+        return int(self.env.most_steps(self.params))
 
     def reset(self, rng: jax.Array) -> base.State:
         """Begin an episode."""

@@ -76,7 +76,8 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
                 with `reset(options={"reset_mask": ...})`.
             copy: whether observations are copies, which may be written to.
             render_mode: `"rgb_array"` or None.
-            max_episode_steps: shortens the environment's `max_steps_in_episode`.
+            max_episode_steps: shortens the environment's `max_steps_in_episode`; each step is
+                `frame_skip` of it.
             **settings: settings of `make` and params by name; only with an id.
 
         Raises:
@@ -87,7 +88,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         check_render_mode(env, render_mode, self.metadata["render_modes"])
         self._mode = _mode(autoreset_mode)
         if max_episode_steps is not None:
-            params = _shortened(params, max_episode_steps)
+            params = _shortened(params, max_episode_steps, env.frame_skip)
         self._batch = Batch(env, params, num_envs, autoreset=_MODES[self._mode])
         self.env, self.params = self._batch.env, self._batch.params
         self.metadata = self.metadata | {"autoreset_mode": self._mode}
@@ -197,10 +198,11 @@ def _mode(mode: Any) -> AutoresetMode:
         raise SettingError(f"autoreset_mode must be one of {known}, not {mode!r}") from None
 
 
-def _shortened(params: Any, most: Any) -> Any:
+def _shortened(params: Any, most: Any, frame_skip: int) -> Any:
     if isinstance(most, bool) or not isinstance(most, int) or most < 1:
         raise SettingError(f"max_episode_steps must be a whole number from 1 on, not {most!r}")
-    return params.replace(max_steps_in_episode=min(most, int(params.max_steps_in_episode)))
+    limit = min(most * frame_skip, int(params.max_steps_in_episode))
+    return params.replace(max_steps_in_episode=limit)
 
 
 def _taken(values: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndarray]:

@@ -162,6 +162,18 @@ def add_environment(parser: argparse.ArgumentParser) -> None:
         metavar="KIND",
         help=f"one of {', '.join(OBSERVATIONS)} (default %(default)s)",
     )
+    add_frame_skip(view)
+
+
+def add_frame_skip(parser: argparse._ActionsContainer) -> None:
+    """Add --frame-skip."""
+    parser.add_argument(
+        "--frame-skip",
+        type=whole(1, 64),
+        default=1,
+        metavar="N",
+        help="take each action for N steps of the world, and draw the last (default %(default)s)",
+    )
 
 
 def add_seed(parser: argparse.ArgumentParser) -> None:
@@ -191,6 +203,7 @@ def open_environment(
         "height": options.height,
         "width": options.width,
         "observation": options.observation,
+        "frame_skip": options.frame_skip,
         **({} if options.fov is None else {"field_of_view": options.fov}),
         **settings,
     }

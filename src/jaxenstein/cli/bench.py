@@ -10,20 +10,22 @@ from typing import Any
 
 from ..files import atomic, check_writable
 from ..progress import Progress, si
-from .arguments import OBSERVATIONS, UsageError, add_seed, size, whole
+from .arguments import OBSERVATIONS, UsageError, add_frame_skip, add_seed, size, whole
 from .listing import format_table
 
 DESCRIPTION = """\
 Measure rollouts under a uniform random policy inside one compiled scan: policy draw, dynamics,
 automatic resets and a frame every step. Each configuration (environment and batch size) runs
 in a process of its own: it compiles, warms up, and repeats the rollout. Shown are the median
-of the repeats with the quartiles, the time to compile reset and step, and the peak memory.
+of the repeats with the quartiles, the steps of the world a second (--frame-skip times as many),
+the time to compile reset and step, and the peak memory.
 """
 EPILOG = """\
 examples:
   jaxenstein bench
   jaxenstein bench my-way-home key-door --batch 64,256,1024 --json bench.json
   jaxenstein bench my-way-home --size 160x120 --core 0
+  jaxenstein bench my-way-home --frame-skip 4
 
 Close other programs first; where the quartiles lie far apart, something else was running.
 """
@@ -75,6 +77,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         metavar="KIND",
         help=f"one of {', '.join(OBSERVATIONS)} (default %(default)s)",
     )
+    add_frame_skip(parser)
     parser.add_argument(
         "--core",
         type=whole(0),
@@ -114,6 +117,7 @@ def run(options: argparse.Namespace) -> None:
             height=height,
             width=width,
             observation=options.observation,
+            frame_skip=options.frame_skip,
             seed=options.seed,
             core=options.core,
         )
@@ -140,7 +144,7 @@ def run(options: argparse.Namespace) -> None:
 
 def table(results: list[dict[str, Any]]) -> str:
     """The results as text."""
-    rows = [("ENVIRONMENT", "SIZE", "BATCH", "STEPS/S", "QUARTILES", "COMPILE", "MEMORY")]
+    rows = [("ENVIRONMENT", "SIZE", "BATCH", "STEPS/S", "QUARTILES", "WORLD", "COMPILE", "MEMORY")]
     for result in results:
         rates, compiling = result["steps_per_second"], result["compile_seconds"]
         peak = result["peak_memory_bytes"]
@@ -151,11 +155,12 @@ def table(results: list[dict[str, Any]]) -> str:
                 str(result["batch"]),
                 si(rates["median"]),
                 f"{si(rates['lower_quartile'])} - {si(rates['upper_quartile'])}",
+                si(result["world_steps_per_second"]["median"]),
                 f"{compiling['reset'] + compiling['step']:.1f} s",
                 "-" if peak is None else f"{peak / 2**20:.0f} MiB",
             )
         )
-    return format_table(rows, right=(1, 2, 3, 5, 6))
+    return format_table(rows, right=(1, 2, 3, 5, 6, 7))
 
 
 def _check_core(core: int | None) -> None:

@@ -186,11 +186,12 @@ def stage_of(
         if agent is not None:
             agent.check(env, params)
         return env, params, name
-    seen = {"height": 64, "width": 64, "fov": None, "observation": "rgb"}
+    seen = {"height": 64, "width": 64, "fov": None, "observation": "rgb", "frame_skip": 1}
     for setting, default in seen.items():
         if getattr(options, setting) != default:
+            flag = f"--{setting.replace('_', '-')}"
             raise UsageError(
-                f"jaxenstein: --{setting} goes with an ID; {agent.name} sees what it was trained on"
+                f"jaxenstein: {flag} goes with an ID; {agent.name} sees what it was trained on"
             )
     return agent.env, agent.params, agent.name
 

@@ -17,6 +17,7 @@ from ..tasks.first_person import FirstPerson
 from ..tasks.levels import closed_doors
 from ..view.episode import Episode
 from ..view.frames import image_of, picture
+from ..view.topdown import JUMP
 from .policies import Policy, Script, named_policy
 from .session import NOTHING, Session, check_seed, whole_action
 from .trajectory import Witness, witnessed
@@ -75,7 +76,7 @@ def record(
     params = env.default_params if params is None else params
     seed = check_seed(seed)
     chosen, length = _policy(policy, env, params, seed)
-    limit = int(params.max_steps_in_episode) if length is None else length
+    limit = int(env.most_steps(params)) if length is None else length
     if steps is not None and (whole_action(steps) < 1 or isinstance(steps, bool)):
         raise SettingError(f"steps must be at least 1, not {steps!r}")
     limit = limit if steps is None else min(whole_action(steps), limit)
@@ -147,9 +148,16 @@ def play(
         episode,
         name=env.name,
         field_of_view=float(env.field_of_view),
+        longest_step=longest_step(env, session.params),
         ending="terminated" if session.terminated else "truncated" * session.truncated,
         trajectory=trajectory,
     )
+
+
+def longest_step(env: Environment[Any, Any], params: Any) -> float:
+    """Tiles beyond which a step on the map from above is a new start."""
+    # With some room for rounding.
+    return max(JUMP, 1.001 * env.frame_skip * float(getattr(params, "move_distance", 0)))
 
 
 def watcher(env: Any, params: Any) -> Callable[[Any], dict[str, Any]]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from ..episodes.recorder import Tape, in_words, watcher
+from ..episodes.recorder import Tape, in_words, longest_step, watcher
 from ..episodes.session import Session
 from ..maps.things import COLOUR_NAMES
 from ..tasks.levels import closed_doors
@@ -78,7 +78,8 @@ class Game:
         self._tapes: list[tuple[Tape, Any]] = []
         self._keep = keep
         self._note = note
-        self._horizon = int(params.max_steps_in_episode)
+        self._horizon = int(self.env.most_steps(params))
+        self._longest_step = longest_step(self.env, params)
         self._controls = Controls(env.action_names, fps)
         self._fps = fps
         self._look = watcher(self.env, params)
@@ -99,8 +100,14 @@ class Game:
             if tape.rewards or len(self._tapes) == 1:
                 episode = tape.episode(self.env.observation, tilemap)
                 angle = float(self.env.field_of_view)
-                named = dataclasses.replace(episode, name=self.env.name, field_of_view=angle)
-                found.append(named)
+                found.append(
+                    dataclasses.replace(
+                        episode,
+                        name=self.env.name,
+                        field_of_view=angle,
+                        longest_step=self._longest_step,
+                    )
+                )
         return found
 
     @property
@@ -198,7 +205,7 @@ class Game:
         if self._ground is None or self._ground.scale != scale:
             self._ground, self._drawn = draw_map(tilemap, scale=scale), 0
         new = np.array(self._positions[self._drawn :])
-        self._ground.path(new, self._drawn, self._horizon)
+        self._ground.path(new, self._drawn, self._horizon, self._longest_step)
         self._drawn = len(self._positions) - 1
         seen = self._seen
         closed = closed_doors(tilemap, seen["doors"], seen["closed"])

@@ -39,6 +39,7 @@ class Settings:
         height: image height in pixels.
         width: image width in pixels.
         observation: kind of observation.
+        frame_skip: steps of the world in one step.
         seed: of the resets and the policy.
         core: the processor core to stay on with a single thread, or None for all.
     """
@@ -50,6 +51,7 @@ class Settings:
     height: int = 64
     width: int = 64
     observation: str = "rgb"
+    frame_skip: int = 1
     seed: int = 0
     core: int | None = None
 
@@ -86,7 +88,8 @@ def measure(settings: Settings) -> dict[str, Any]:
 
     Returns:
         the settings and: `seconds`, of every repeat; `steps_per_second` with `median`,
-        `lower_quartile`, `upper_quartile`, and `repeats`, of every one; `compile_seconds` of
+        `lower_quartile`, `upper_quartile`, and `repeats`, of every one; the same of
+        `world_steps_per_second`, each `frame_skip` of which are a step; `compile_seconds` of
         `reset`, `step` and the whole `rollout`; `peak_memory_bytes` of the process;
         `device_peak_bytes` where the device tells; `device`.
     """
@@ -104,15 +107,17 @@ def measure(settings: Settings) -> dict[str, Any]:
     compiled = rollout.lower(carry).compile()
     compiling["rollout"] = time.perf_counter() - begin
     carry = jax.block_until_ready(compiled(carry))
-    seconds = []
+    seconds, counts = [], [_count(carry)]
     for _ in range(settings.repeats):
         begin = time.perf_counter()
         carry = jax.block_until_ready(compiled(carry))
         seconds.append(time.perf_counter() - begin)
+        counts.append(_count(carry))
     device = jax.devices()[0]
     return {
         **dataclasses.asdict(settings),
         "steps_per_second": summarise(settings.batch * settings.steps / np.array(seconds)),
+        "world_steps_per_second": summarise(np.diff(counts) / np.array(seconds)),
         "seconds": seconds,
         "compile_seconds": compiling,
         "peak_memory_bytes": _peak_memory(),
@@ -126,7 +131,17 @@ def open_environment(settings: Settings) -> tuple[Environment[Any, Any], Any]:
     from ..registry import make
 
     size = {"height": settings.height, "width": settings.width}
-    return make(cast("EnvironmentId", settings.id), observation=settings.observation, **size)
+    return make(
+        cast("EnvironmentId", settings.id),
+        observation=settings.observation,
+        frame_skip=settings.frame_skip,
+        **size,
+    )
+
+
+def _count(carry: Any) -> int:
+    """Steps of the world so far, of all environments."""
+    return int(np.sum(np.asarray(carry.world_steps), dtype=np.int64))
 
 
 def _compile_times(env: Any, params: Any, batch: int) -> dict[str, float]:

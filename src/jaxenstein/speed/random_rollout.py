@@ -30,6 +30,8 @@ class RolloutCarry(PyTreeNode):
         state: the states, each leaf with a leading axis `B`.
         reward: float32[B], the sum of all rewards so far.
         episodes: int32[B], the number of episodes ended so far.
+        world_steps: int32[B], the steps of the world so far: `frame_skip` of them in a step that
+            ends no episode.
     """
 
     key: jax.Array
@@ -37,6 +39,7 @@ class RolloutCarry(PyTreeNode):
     state: Any
     reward: jax.Array
     episodes: jax.Array
+    world_steps: jax.Array
 
 
 def make_random_rollout(
@@ -80,20 +83,22 @@ def make_random_rollout(
         limit = jnp.asarray(params.max_steps_in_episode, jnp.int32)
         time = jax.random.randint(clock_key, (batch,), 0, jnp.maximum(limit, 1), jnp.int32)
         state = state.replace(time=time)
-        return RolloutCarry(
-            key, obs, state, jnp.zeros(batch, jnp.float32), jnp.zeros(batch, jnp.int32)
-        )
+        nothing = jnp.zeros(batch, jnp.int32)
+        return RolloutCarry(key, obs, state, nothing.astype(jnp.float32), nothing, nothing)
 
     def advance(carry: RolloutCarry, _: None) -> tuple[RolloutCarry, None]:
         key, policy_key, step_key = jax.random.split(carry.key, 3)
         drawn = jax.random.randint(policy_key, (batch,), 0, env.num_actions, jnp.int32)
         # Uniform still: a uniform draw, shifted by anything that does not depend on it.
         action = (drawn + _middle_pixel(carry.obs)) % env.num_actions
-        obs, state, reward, terminated, truncated, _info = step(
+        obs, state, reward, terminated, truncated, info = step(
             jax.random.split(step_key, batch), carry.state, action
         )
         ended = (terminated | truncated).astype(jnp.int32)
-        return RolloutCarry(key, obs, state, carry.reward + reward, carry.episodes + ended), None
+        # A step that resets first has no time of its own.
+        taken = jnp.maximum(info["episode_length"] - carry.state.time, 0)
+        counts = carry.reward + reward, carry.episodes + ended, carry.world_steps + taken
+        return RolloutCarry(key, obs, state, *counts), None
 
     def rollout(carry: RolloutCarry) -> RolloutCarry:
         return jax.lax.scan(advance, carry, length=steps)[0]

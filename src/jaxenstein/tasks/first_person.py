@@ -16,7 +16,7 @@ from ..engine.level import Level
 from ..engine.render import render
 from ..engine.scene import Scene
 from ..engine.shade import ImageKind
-from ..environment import Environment, Params, State
+from ..environment import Environment, Params, State, check_whole
 from ..errors import SettingError
 from ..maps.tilemap import TileMap
 from ..spaces import Box, Dict, Space
@@ -54,9 +54,9 @@ class FirstPerson(Environment[S, P]):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        _check_whole("height", self.height, MAX_PIXELS)
-        _check_whole("width", self.width, MAX_PIXELS)
-        _check_whole("sprite_layers", self.sprite_layers, 64)
+        check_whole("height", self.height, MAX_PIXELS)
+        check_whole("width", self.width, MAX_PIXELS)
+        check_whole("sprite_layers", self.sprite_layers, 64)
         low, high = FIELD_OF_VIEW
         angle = self.field_of_view
         if not isinstance(angle, int | float | np.number) or not low <= float(angle) <= high:
@@ -135,9 +135,3 @@ class FirstPerson(Environment[S, P]):
         if self.observation == "dict":
             return Dict({"image": image, **self.variable_spaces()})
         return image
-
-
-def _check_whole(field: str, value: Any, highest: int) -> None:
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not 1 <= value <= highest:
-        raise SettingError(f"{field} must be a whole number from 1 to {highest}, not {value!r}")

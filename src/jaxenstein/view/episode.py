@@ -25,7 +25,7 @@ from .recording import (
     save_animation,
     scale_to,
 )
-from .topdown import MapPicture, draw_map
+from .topdown import JUMP, MapPicture, draw_map
 
 if TYPE_CHECKING:
     from ..episodes.trajectory import Trajectory
@@ -58,6 +58,7 @@ class Episode:
         variables: what else was known of the agent, by name, such as its health: float[T + 1].
         name: of the environment.
         field_of_view: of the frames, in degrees.
+        longest_step: tiles that a step can go; a longer one is a new start.
         ending: how the last step ended the episode: "terminated", "truncated", or "" if it goes
             on.
         trajectory: what `replay` plays the episode again from; None for environments that
@@ -77,6 +78,7 @@ class Episode:
     variables: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
     name: str = ""
     field_of_view: float = 60.0
+    longest_step: float = JUMP
     ending: str = ""
     trajectory: Trajectory | None = None
 
@@ -199,7 +201,8 @@ class Pictures(Sequence[np.ndarray]):
         """The picture of a step, on a map that has the path up to an earlier one."""
         episode, shot = self._episode, None
         if ground is not None:
-            ground.path(episode.positions[before : time + 1], before, episode.steps)
+            walked = episode.positions[before : time + 1]
+            ground.path(walked, before, episode.steps, episode.longest_step)
             shot = overview(ground, episode, time).image()
         text = caption(episode, time)
         return compose_side_by_side(episode.frames[time], shot, text, scale=self._scale)

@@ -27,7 +27,7 @@ VIEW = (255, 150, 40, 90)
 PATH: tuple[Colour, Colour] = ((120, 170, 235), (150, 20, 110))
 
 OVERSAMPLING = 2
-# A step longer than this is a new start, not a movement.
+# Tiles beyond which a step is a new start, not a movement, unless one may go farther.
 JUMP = 1.5
 # How far the field of view is drawn, in tiles, and in how many rays and steps it is found.
 VIEW_RANGE, VIEW_RAYS, VIEW_STEP = 6.0, 48, 0.04
@@ -115,18 +115,25 @@ class MapPicture:
             glyphs.thing(self._draw, self._pixel(*positions[i]), self._tile, label, paint(label))
         return self
 
-    def path(self, positions: np.ndarray, start: int = 0, total: int | None = None) -> Self:
+    def path(
+        self,
+        positions: np.ndarray,
+        start: int = 0,
+        total: int | None = None,
+        longest_step: float = JUMP,
+    ) -> Self:
         """Draw steps of a path, coloured by time.
 
         Args:
             positions: float[n, 2], (x, y) in tiles, one more than the number of steps drawn.
             start: number of the first of them in the whole path.
             total: steps of the whole path, so that pieces drawn one by one get the right colours.
+            longest_step: tiles; longer steps are new starts, not movements, and are not drawn.
         """
         total = max(total or start + len(positions) - 1, 1)
         width = max(2, round(0.13 * self._tile), round(1.6 * OVERSAMPLING))
         for i, (here, there) in enumerate(itertools.pairwise(positions), start):
-            if math.dist(here, there) > JUMP:
+            if math.dist(here, there) > longest_step:
                 continue
             line = [self._pixel(*here), self._pixel(*there)]
             colour = blend(*PATH, i / total)

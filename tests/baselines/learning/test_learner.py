@@ -1,5 +1,6 @@
 """The training loop: bookkeeping across updates, many runs, partners, evaluation."""
 
+import dataclasses
 import functools
 from typing import Any
 
@@ -207,6 +208,14 @@ def test_random_clocks_end_episodes_at_different_times():
     times = np.asarray(run.init(KEY).actors.env_state.time)
     assert len(set(times.tolist())) > 1
     assert np.all((times >= 0) & (times < 50))
+    skipping = make_learner(
+        dataclasses.replace(env, frame_skip=4), params, Config(**SMALL, random_clocks=True)
+    )
+    actors = skipping.init(KEY).actors
+    lengths, times = np.asarray(actors.episode_length), np.asarray(actors.env_state.time)
+    np.testing.assert_array_equal(times, 4 * lengths)
+    assert len(set(lengths.tolist())) > 1
+    assert np.all((lengths >= 0) & (times < 50))
 
 
 class Foreign:

@@ -45,6 +45,7 @@ def test_what_is_given_reaches_the_experiment() -> None:
             "num_envs": 8,
             "learning_rate": 1,
             "horizon": 50,
+            "frame_skip": 4,
             "params": {"discount": 0.5},
             "settings": {"field_of_view": 90.0},
             "seed": 5,
@@ -57,7 +58,7 @@ def test_what_is_given_reaches_the_experiment() -> None:
     assert experiment.hparams["learning_rate"] == 1.0
     env, params = experiment.recipe.build()
     assert isinstance(env, FirstPerson)
-    assert (env.height, env.width, env.field_of_view) == (12, 16, 90)
+    assert (env.height, env.width, env.field_of_view, env.frame_skip) == (12, 16, 90, 4)
     assert (int(params.max_steps_in_episode), float(params.discount)) == (50, 0.5)
     assert experiment.seeds == (5, 6, 7)
     assert experiment.runs[3] == {"bonus_reward": 1.0, "rnd_loss": 0.5, "seed": 5}

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ...environment import Environment
 from ...errors import SettingError
 from ...pytree import PyTreeNode
 from ..bonuses.icm import ICM
@@ -93,7 +94,10 @@ class Learner:
             self.spec, actions, self.bonus.value_heads, config, config.compute_dtype
         )
         self._check()
-        slots = most_truncations(env_params, config.rollout) if config.bootstrap_truncation else 0
+        self._frame_skip = env.frame_skip if isinstance(env, Environment) else 1
+        slots = 0
+        if config.bootstrap_truncation:
+            slots = most_truncations(env_params, config.rollout, self._frame_skip)
         self.loop = Loop(config, self.simulator, self.network, self.bonus, slots)
         self._init = jax.jit(self._start)
         self._train = jax.jit(self._chunk, static_argnames="updates")
@@ -196,14 +200,17 @@ class Learner:
     def _start(self, data: jax.Array) -> TrainState:
         params_key, bonus_key, env_key, key = jax.random.split(wrap_key(data), 4)
         params, bonus = self.network.init(params_key), self.bonus.init(bonus_key)
-        horizon = self.env_params.max_steps_in_episode if self.config.random_clocks else None
+        clocks = None
+        if self.config.random_clocks:
+            clocks = self.env.most_steps(self.env_params), self._frame_skip
+        number = self.config.num_envs
         return TrainState(
             key=jax.random.key_data(key),
             update=jnp.int32(0),
             params=params,
             optimiser=optimiser.init(params),
             bonus=bonus,
-            actors=start(self.simulator, self.network, env_key, self.config.num_envs, horizon),
+            actors=start(self.simulator, self.network, env_key, number, clocks),
         )
 
     def _chunk(

@@ -105,7 +105,11 @@ class Episodes(PyTreeNode):
 
 
 def start(
-    simulator: Simulator, network: ActorCritic, key: jax.Array, batch: int, horizon: Any = None
+    simulator: Simulator,
+    network: ActorCritic,
+    key: jax.Array,
+    batch: int,
+    clocks: tuple[Any, int] | None = None,
 ) -> Actors:
     """Reset `batch` environments.
 
@@ -114,15 +118,16 @@ def start(
         network: for the shape of its memory.
         key: of the resets.
         batch: number of environments.
-        horizon: if given, states' clocks are drawn below it.
+        clocks: most steps of an episode, below which those taken are drawn, and steps of the
+            world in each, for the states' clocks; None lets all episodes begin.
     """
     reset_key, clock_key = jax.random.split(key)
     obs, state = simulator.reset(jax.random.split(reset_key, batch))
     length = jnp.zeros(batch, jnp.int32)
-    if horizon is not None:
-        limit = jnp.maximum(jnp.asarray(horizon, jnp.int32), 1)
-        length = jax.random.randint(clock_key, (batch,), 0, limit, jnp.int32)
-        state = state.replace(time=length)
+    if clocks is not None:
+        most, each = clocks
+        length = jax.random.randint(clock_key, (batch,), 0, jnp.maximum(most, 1), jnp.int32)
+        state = state.replace(time=length * each)
     return Actors(
         env_state=state,
         obs=obs,

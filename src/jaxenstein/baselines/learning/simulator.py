@@ -80,17 +80,18 @@ def make_simulator(env: Any, params: Any) -> Simulator:
     return GymnaxSimulator(env, params)
 
 
-def most_truncations(params: Any, steps: int) -> int:
+def most_truncations(params: Any, steps: int, frame_skip: int = 1) -> int:
     """How many time limits one environment can meet in `steps` steps.
 
     Args:
         params: with concrete `max_steps_in_episode`; without it, `steps` is the answer.
         steps: at least 1.
+        frame_skip: of the environment.
     """
     limit = getattr(params, "max_steps_in_episode", None)
     if limit is None:
         return steps
-    shortest = max(1, int(np.min(np.asarray(limit))))
+    shortest = max(1, -(-int(np.min(np.asarray(limit))) // frame_skip))
     return 1 + (steps - 1) // shortest
 
 

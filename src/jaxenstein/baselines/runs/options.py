@@ -64,7 +64,8 @@ OWN = (
     Option("height", _PLACE, "count", 64, "image height in pixels"),
     Option("width", _PLACE, "count", 64, "image width in pixels"),
     Option("observation", _PLACE, "choice", "rgb", "what the agent sees", OBSERVATIONS),
-    Option("horizon", _PLACE, "count", None, "most steps of an episode"),
+    Option("frame_skip", _PLACE, "count", 1, "steps of the world for which an action is taken"),
+    Option("horizon", _PLACE, "count", None, "most steps of the world in an episode"),
     Option("settings", _PLACE, "table", None, "other settings of jaxenstein.make"),
     Option("params", _PLACE, "table", None, "numbers of the environment's params"),
     Option("seed", _RUNS, "count", 0, "the first seed"),
@@ -268,7 +269,7 @@ def given_by(experiment: Experiment) -> dict[str, Any]:
     if recipe.id is None:
         given = {"map": settings.pop("text")}
         given |= {name: settings.pop(name) for name in MAP_TEXTS if name in settings}
-    for name in ("height", "width", "observation", "heading"):
+    for name in ("height", "width", "observation", "frame_skip", "heading"):
         if settings.get(name) is not None:
             given[name] = settings.pop(name)
     fields = [field.name for field in dataclasses.fields(Config) if field.name not in OF_RECIPE]
@@ -300,7 +301,7 @@ def recipe_from(given: Mapping[str, Any]) -> Recipe:
     settings = {
         "height": given.get("height", 64),
         "width": given.get("width", 64),
-        **({"observation": given["observation"]} if "observation" in given else {}),
+        **{name: given[name] for name in ("observation", "frame_skip") if name in given},
         **(given.get("settings") or {}),
     }
     settings = {name: as_tuples(value) for name, value in settings.items()}
