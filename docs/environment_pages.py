@@ -26,14 +26,6 @@ from jaxenstein.registry import ALIASES, ENTRIES, OWN_SETTINGS
 OUT = HERE / "environments"
 EPISODES = HERE / "_static" / "episodes"
 
-# What the numbers of a task pay, in words.
-REWARDS = {
-    "goal_reward": "{:+g} at the goal",
-    "apple_reward": "{:+g} an apple",
-    "living_reward": "{:+g} a step",
-    "death_penalty": "{:+g} at death",
-}
-
 
 def write_pages(folder: Path = OUT) -> list[Path]:
     """Write the overview and a page for each family; files that stay the same are left alone."""
@@ -154,20 +146,15 @@ def facts(name: str) -> list[tuple[str, str]]:
 def rewards(name: str) -> str:
     """What the numbers of an environment pay."""
     env, params = built(name)
-    paid = {field: float(getattr(params, field, 0)) for field in REWARDS}
-    paid["death_penalty"] *= -1
-    if not getattr(env, "apple_cells", ()):
-        paid["apple_reward"] = 0.0
-    return ", ".join(REWARDS[field].format(value) for field, value in paid.items() if value)
+    words = env.about().rewards
+    paid = {field: float(getattr(params, field)) for field in words}
+    return ", ".join(words[field].format(value) for field, value in paid.items() if value)
 
 
 def ending(name: str) -> str:
     """When an episode terminates and when it is truncated."""
-    env, _ = built(name)
-    if getattr(env, "respawn", False):
-        return "by time alone: the goal moves the agent to a new start"
-    what = "where the health is gone" if hasattr(env, "hud") else "at the goal"
-    return f"terminated {what}, truncated where time is up"
+    ends = built(name)[0].about().ends
+    return f"terminated {ends}, truncated where time is up" if ends else "by time alone"
 
 
 def params_table(family: Family) -> str:

@@ -118,11 +118,3 @@ moves the agent to a new start, so a memory of where it was is worth much.
 """,
     ),
 )
-
-PLAYERS = {
-    "idle": "does nothing",
-    "uniform": "draws every action uniformly",
-    "shortest_path": "walks the shortest path, by way of the key; sees the whole state",
-    "greedy_medkits": "goes to the nearest medkit; sees the whole state",
-}
-"""The scripted players of `jaxenstein.players`, in words."""

@@ -12,29 +12,21 @@ from typing import Any
 
 import jax
 
-from docs.families import PLAYERS, Family
+import jaxenstein
+from docs.families import Family
+from jaxenstein.players import players_of
 from jaxenstein.registry import ENTRIES
 
 HERE = Path(__file__).parent
 
-MEANINGS = {
+OF_ALL = {
     "position": "(x, y) in tiles: x along a row of the map, y down the rows",
     "heading": "radians, 0 along +x, growing clockwise on the map",
     "cell": "(column, row) of the tile",
     "episode_return": "undiscounted sum of the rewards since the reset",
     "episode_length": "steps since the reset",
-    "success": "this step reached the aim of the task",
-    "distance_to_goal": "tiles, in a straight line",
-    "reached_goal": "this step reached the goal",
-    "picked_key": "this step picked up a key",
-    "opened_door": "this step opened a door",
-    "ate_apple": "apples eaten in this step",
-    "respawned": "this step ended at a new start",
-    "took_medkit": "medkits taken in this step",
-    "died": "this step was the last one alive",
-    "health": "0 to 100",
 }
-"""What the entries of `info` say."""
+"""What the entries of `info` say that every task has."""
 
 SHOWN = {
     "../CHANGELOG.md": "changelog.md",
@@ -83,11 +75,24 @@ def info_table(env: Any, params: Any) -> str:
     """The entries of `info` with their types, from a trace of a step."""
     _, state = jax.eval_shape(env.reset, jax.random.key(0), params)
     info = jax.eval_shape(env.step, jax.random.key(0), state, 0, params)[5]
+    meanings = meanings_of(env)
     rows = [
-        (f"`{name}`", f"{leaf.dtype}{list(leaf.shape)}", MEANINGS.get(name, ""))
+        (f"`{name}`", f"{leaf.dtype}{list(leaf.shape)}", meanings[name])
         for name, leaf in info.items()
     ]
     return table(("`info`", "type", "what it says"), rows)
+
+
+def meanings_of(env: Any) -> dict[str, str]:
+    """What each entry of `info` says."""
+    about = env.about()
+    events = {
+        name: f"how often the agent {event.one} in this step"
+        if event.several
+        else f"the agent {event.one} in this step"
+        for name, event in about.events.items()
+    }
+    return {**OF_ALL, "success": f"the agent {about.aim} in this step", **events, **about.variables}
 
 
 @functools.cache
@@ -99,9 +104,10 @@ def stored_returns() -> dict[str, Any]:
 def returns(name: str) -> str:
     """The returns of the scripted players as a table."""
     stored = [row for row in stored_returns()["players"] if row["id"] == name]
+    players = players_of(jaxenstein.make(name)[0])
     rows = [
         (
-            PLAYERS[row["player"]],
+            players[row["player"]].summary,
             f"{row['mean']:.4g} +- {row['error']:.2g}",
             f"{row['least']:.4g} to {row['most']:.4g}",
             f"{row['length']:.0f}",

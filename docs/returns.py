@@ -19,7 +19,6 @@ import jax
 import jaxenstein
 from fidelity.players import measure
 from jaxenstein.files import atomic, check_writable
-from jaxenstein.players import expert
 from jaxenstein.registry import ENTRIES
 
 OUT = Path(__file__).parent / "returns.json"
@@ -28,7 +27,7 @@ EPISODES = 256
 
 def players_of(name: str) -> tuple[str, ...]:
     """The players that play an environment: chance, and the one that knows the way."""
-    return "uniform", expert(jaxenstein.make(name)[0])
+    return "uniform", jaxenstein.make(name)[0].about().expert
 
 
 def rows_of(name: str, episodes: int) -> list[dict[str, Any]]:

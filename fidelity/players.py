@@ -18,7 +18,7 @@ import numpy as np
 
 from jaxenstein import environment_ids, make
 from jaxenstein.environment import Environment
-from jaxenstein.players import PLAYERS, Choose, expert, play
+from jaxenstein.players import Choose, Player, play, player_of, players_of
 from jaxenstein.tasks.maze import far_starts
 from jaxenstein.tasks.navigation import Navigation
 from jaxenstein.tasks.steering import centres, draw_heading
@@ -46,7 +46,7 @@ def uniform_walk(env: Environment[Any, Any], params: Any) -> Choose:
     return choose
 
 
-_PLAYERS = {**PLAYERS, "uniform_walk": uniform_walk}
+UNIFORM_WALK = Player("draws turn left, turn right or forward", uniform_walk)
 
 
 def first_states(env: Any, params: Any, count: int, seed: int) -> Any:
@@ -84,7 +84,8 @@ def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[s
     if turn is not None:
         params = params.replace(turn_angle=np.float32(math.radians(turn)))
     states = first_states(env, params, episodes, seed=0)
-    result = play(env, _PLAYERS[player], params, jax.random.key(1), states)
+    chosen = UNIFORM_WALK if player == "uniform_walk" else player_of(env, player)
+    result = play(env, chosen, params, jax.random.key(1), states)
     returned = np.asarray(result.returned).tolist()
     mean, error = mean_and_error(returned)
     row = {
@@ -113,7 +114,7 @@ def solve(name: str, most: int) -> dict[str, Any]:
     """Walk the shortest path from every start, and print the longest walk as a row."""
     env, params = make(name, height=8, width=8)
     states, complete = all_starts(env, params, most)
-    result = play(env, PLAYERS["shortest_path"], params, jax.random.key(1), states)
+    result = play(env, player_of(env, "shortest_path"), params, jax.random.key(1), states)
     solved = np.asarray(result.successes) > 0
     row = {
         "id": name,
@@ -133,10 +134,16 @@ def solve(name: str, most: int) -> dict[str, Any]:
     return row
 
 
+def _ends_at_a_goal(name: str) -> bool:
+    """With respawns the episode goes on after the goal: its walk is that of the id without."""
+    env = make(name)[0]
+    return "shortest_path" in players_of(env) and bool(env.about().ends)
+
+
 def _players_of(name: str) -> list[str]:
     env = make(name)[0]
     walk = ["uniform_walk"] if env.num_actions > 3 else []
-    return ["idle", "uniform", *walk, expert(env)]
+    return ["idle", "uniform", *walk, env.about().expert]
 
 
 def main() -> None:
@@ -150,9 +157,7 @@ def main() -> None:
     options = parser.parse_args()
     began = time.perf_counter()
     print("| id | starts | solved | mean length | longest | horizon |\n" + "|---" * 6 + "|")
-    # With respawns the episode goes on after the goal: its walk is that of the id without.
-    ends = [n for n in options.ids if n != "health-gathering" and not n.endswith("-respawn")]
-    solved = [solve(name, options.starts) for name in ends]
+    solved = [solve(name, options.starts) for name in options.ids if _ends_at_a_goal(name)]
     print(
         "\n| id | player | return | least | most | length | success | goals | original |\n"
         "|---|---|---:|---:|---:|---:|---:|---:|---|"

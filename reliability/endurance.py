@@ -30,7 +30,7 @@ import numpy as np
 from jax.experimental import checkify
 
 import jaxenstein
-from jaxenstein.players import PLAYERS, expert
+from jaxenstein.players import UNIFORM, player_of
 from jaxenstein.registry import ENTRIES
 
 from . import invariants
@@ -40,6 +40,8 @@ SIZE = {"height": 8, "width": 16}
 BATCH, CALL = 40, 250
 # What the memory of the process may grow by after the first calls, in bytes.
 GROWTH = 64 << 20
+# Counted like an event, so that the frames are drawn.
+PIXELS = "pixels above 0"
 COMPILED = "/jax/core/compile/backend_compile_duration"
 # Modules, and what keeps stages apart in them, which checks cannot see through.
 STAGES = (
@@ -103,8 +105,7 @@ def players(env: Any, params: Any) -> list[Callable[[jax.Array, Any], jax.Array]
         used = jnp.where(state.time % 3 == 0, right, last)
         return jnp.where(walks, forward, used).astype(jnp.int32)
 
-    able = PLAYERS[expert(env)](env, params)
-    return [able, PLAYERS["uniform"](env, params), extreme, ram, fidget]
+    return [player_of(env)(env, params), UNIFORM(env, params), extreme, ram, fidget]
 
 
 def make_program(
@@ -125,10 +126,9 @@ def make_program(
         checks |= invariants.of_step(env, state, after, outcome, params)
         checks |= invariants.of_observation(obs)
         _, terminated, truncated, info = outcome
-        whole = {name: v for name, v in info.items() if v.dtype in (jnp.bool_, jnp.int32)}
-        events = {name: v.astype(jnp.int32) for name, v in whole.items() if name in EVENTS}
+        events = {name: info[name].astype(jnp.int32) for name in env.about().events}
         # Read, lest the frame be left out of the program.
-        events["pixels above 0"] = jnp.any(obs != 0).astype(jnp.int32)
+        events[PIXELS] = jnp.any(obs != 0).astype(jnp.int32)
         broken = {name: (~held).astype(jnp.int32) for name, held in checks.items()}
         return after, ((terminated | truncated).astype(jnp.int32), events, broken)
 
@@ -152,12 +152,6 @@ def make_program(
         return carry, jax.tree.map(lambda x: jnp.sum(x, axis=0, dtype=jnp.int32), counts)
 
     return jax.jit(start), play
-
-
-EVENTS = (
-    *("reached_goal", "picked_key", "opened_door", "ate_apple", "respawned"),
-    *("took_medkit", "died"),
-)
 
 
 def endure(
@@ -307,9 +301,7 @@ def table(reports: dict[str, Report]) -> str:
         "|---|---:|---:|---|---:|---:|---|",
     ]
     for name, report in reports.items():
-        happened = ", ".join(
-            f"{event} {count}" for event, count in report.events.items() if event in EVENTS
-        )
+        happened = ", ".join(f"{e} {count}" for e, count in report.events.items() if e != PIXELS)
         numbers = f"{report.grown / 2**20:.1f} | {report.seconds:.0f}"
         verdict = "; ".join(report.problems) or "ok"
         lines.append(

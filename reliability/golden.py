@@ -32,7 +32,7 @@ import numpy as np
 
 import jaxenstein
 from jaxenstein.files import atomic
-from jaxenstein.players import PLAYERS, expert
+from jaxenstein.players import player_of
 from jaxenstein.registry import ENTRIES
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -293,7 +293,7 @@ def wander(name: str, seed: int) -> list[int]:
 
 @functools.partial(jax.jit, static_argnums=0)
 def _choose(env: Any, keys: jax.Array, others: jax.Array, away: jax.Array, params: Any) -> Any:
-    choose = PLAYERS[expert(env)](env, params)
+    choose = player_of(env)(env, params)
 
     def step(state: Any, given: Any) -> Any:
         key, other, wandering = given

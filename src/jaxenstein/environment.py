@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .about import About
 from .batching import select, where_any
 from .errors import SettingError
 from .pytree import PyTreeNode
@@ -41,7 +42,7 @@ class Params(PyTreeNode):
 
 
 class State(PyTreeNode):
-    """What every state has.
+    """What every state has; `init_state` leaves the last three to the base.
 
     Attributes:
         position: float32[2], (x, y) in tiles: x along a row of the map, y down the rows.
@@ -54,9 +55,11 @@ class State(PyTreeNode):
 
     position: jax.Array
     heading: jax.Array
-    time: jax.Array
-    episode_return: jax.Array
-    done: jax.Array
+    time: jax.Array = dataclasses.field(default_factory=lambda: jnp.int32(0), kw_only=True)
+    episode_return: jax.Array = dataclasses.field(
+        default_factory=lambda: jnp.float32(0), kw_only=True
+    )
+    done: jax.Array = dataclasses.field(default_factory=lambda: jnp.bool_(0), kw_only=True)
 
 
 S = TypeVar("S", bound=State)
@@ -172,6 +175,10 @@ class Environment(abc.ABC, Generic[S, P]):
             "episode_return": state.episode_return,
             "episode_length": state.time,
         }
+
+    def about(self) -> About:
+        """What the task says of itself to people and players; every part may be left out."""
+        return About()
 
     def succeeded(
         self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,10 @@ from PIL import Image
 
 import jaxenstein
 from jaxenstein import SettingError
+from jaxenstein.about import Event
 from jaxenstein.cli import main, record
 from jaxenstein.cli.record import parse_actions
-from jaxenstein.episodes.policies import POLICIES, Forward, Script
+from jaxenstein.episodes.policies import GENERAL, Script, named_policy
 from jaxenstein.episodes.recorder import in_words, play
 from jaxenstein.episodes.session import Session
 from jaxenstein.maps.ascii import parse_ascii
@@ -142,13 +142,15 @@ def test_a_new_start_is_no_path() -> None:
 
 
 def test_events_in_words() -> None:
-    info = {"took_medkit": np.int32(2), "died": np.bool_(True), "ate_apple": False, "other": 1}
-    assert in_words(info) == ["took 2 medkits", "died"]
-    assert in_words({"took_medkit": np.int32(1)}) == ["took a medkit"]
-    assert in_words({"respawned": True, "reached_goal": True}) == [
-        "reached the goal",
-        "moved to a new start",
-    ]
+    events = {
+        "won": Event("won"),
+        "took": Event("took a medkit", "took {} medkits"),
+        "died": Event("died"),
+    }
+    info = {"took": np.int32(2), "died": np.bool_(True), "won": np.bool_(False), "other": 1}
+    assert in_words(events, info) == ["took 2 medkits", "died"]
+    assert in_words(events, {"took": np.int32(1)}) == ["took a medkit"]
+    assert in_words(events, {"died": True, "won": True}) == ["won", "died"]
 
 
 def test_files(
@@ -194,46 +196,25 @@ def test_actions_by_number_name_and_count() -> None:
     assert parse_actions("2,2, forward*3 ,interact,0 * 2", NAMES) == [2, 2, 2, 2, 2, 4, 0, 0]
 
 
-def at(x: float, y: float = 0.0) -> Any:
-    """A session as far as this policy looks at it."""
-    return SimpleNamespace(state=SimpleNamespace(position=np.array([x, y])))
-
-
-def test_forward_policy_walks_then_tries_the_door_then_turns() -> None:
-    policy = Forward(NAMES, np.random.default_rng(0))
-    policy.DRIFT = 0.0
-    moving = [policy(at(i)) for i in range(5)]
-    assert moving == [2] * 5
-    stuck = [policy(at(4)) for _ in range(12)]
-    assert stuck[:2] == [4, 2]
-    assert stuck[2] in (0, 1)
-    assert stuck.count(2) >= 2
-
-
-def test_forward_policy_needs_three_actions_only() -> None:
-    policy = Forward(NAMES[:3], np.random.default_rng(0))
-    taken = {policy(at(0)) for _ in range(100)}
-    assert taken == {0, 1, 2}
-
-
 def test_random_policy_takes_every_action(world: World) -> None:
     session = Session(*world)
-    played = play(session, POLICIES["random"].make(*world, 0), 60)
+    played = play(session, named_policy("random", *world, 0), 60)
     assert played.steps == 60
     assert set(session.actions) == set(range(5))
 
 
 def test_every_named_policy_acts_or_says_why_not(world: World) -> None:
-    for name, named in POLICIES.items():
-        if name == "greedy_medkits":
-            with pytest.raises(SettingError, match="plays health-gathering, not 'custom'"):
-                named.make(*world, 0)
-        else:
-            assert play(Session(*world), named.make(*world, 0), 3).steps == 3, name
+    for name in (*GENERAL, "shortest_path"):
+        assert play(Session(*world), named_policy(name, *world, 0), 3).steps == 3, name
+    known = ", ".join((*GENERAL, "shortest_path"))
+    with pytest.raises(SettingError, match=f"has no policy 'greedy_medkits'; it has {known}$"):
+        named_policy("greedy_medkits", *world, 0)
+    with pytest.raises(SettingError, match="did you mean 'shortest_path'"):
+        named_policy("shortest-path", *world, 0)
 
 
 def test_the_expert_does_the_task(world: World) -> None:
-    played = play(Session(*world), POLICIES["expert"].make(*world, 0), 100)
+    played = play(Session(*world), named_policy("expert", *world, 0), 100)
     assert played.ending == "terminated"
     assert played.returns[-1] == 1
 
@@ -241,8 +222,8 @@ def test_the_expert_does_the_task(world: World) -> None:
 @pytest.mark.slow
 def test_the_expert_of_health_gathering_looks_for_medkits() -> None:
     made = jaxenstein.make("health-gathering", height=8, width=8)
-    survived = play(Session(*made), POLICIES["expert"].make(*made, 0), 150)
-    idle = play(Session(*made), POLICIES["idle"].make(*made, 0), 150)
+    survived = play(Session(*made), named_policy("expert", *made, 0), 150)
+    idle = play(Session(*made), named_policy("idle", *made, 0), 150)
     assert survived.variables["health"].min() >= idle.variables["health"].min()
     assert any("medkit" in event for event in survived.events)
     assert not any("medkit" in event for event in idle.events)

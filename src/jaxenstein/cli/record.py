@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..episodes.policies import POLICIES, Policy, Script, named_policy
-from ..errors import nearest
+from ..episodes.policies import GENERAL, Policy, Script, named_policy
 from ..files import check_writable
 from ..progress import Progress
 from ..view.episode import SHEET_VIEWS, Episode, compose, save_sheet
@@ -47,7 +46,10 @@ examples:
 
 actions are numbers or names (see 'jaxenstein list'), separated by commas; 2*10 is ten times 2.
 policies:
-""" + "\n".join(f"  {name}: {policy.summary}" for name, policy in POLICIES.items())
+""" + "\n".join(f"  {name}: {summary}" for name, summary in GENERAL.items())
+EPILOG += """
+and the other players that an environment has, such as shortest_path where there is a goal; a name
+that it does not have is answered with those it has."""
 
 
 def add_command(commands: argparse._SubParsersAction) -> None:
@@ -155,14 +157,11 @@ def run(options: argparse.Namespace) -> None:
 
 def actor(text: str) -> str | Path:
     """An argument type: the name of a policy, or the path of a run directory."""
-    if text in POLICIES:
-        return text
-    if os.path.isdir(text):
+    if text not in GENERAL and os.path.isdir(text):
         return Path(text)
-    raise argparse.ArgumentTypeError(
-        f"must be one of {', '.join(POLICIES)}, or a run directory, not "
-        f"{text!r}{nearest(text, POLICIES)}"
-    )
+    if text.isidentifier():
+        return text
+    raise argparse.ArgumentTypeError(f"must be a policy or a run directory, not {text!r}")
 
 
 def load_agent(path: Path) -> TrainedPolicy:

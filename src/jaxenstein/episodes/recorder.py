@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -23,21 +23,9 @@ from .session import NOTHING, Session, check_seed, whole_action
 from .trajectory import Witness, witnessed
 
 if TYPE_CHECKING:
+    from ..about import Event
     from ..environment import Environment
     from ..maps.tilemap import TileMap
-
-# Events of `info` in words: for one, and for several where it is a count.
-EVENTS: dict[str, tuple[str, str]] = {
-    "picked_key": ("picked up a key", "picked up {} keys"),
-    "opened_door": ("opened a door", "opened {} doors"),
-    "ate_apple": ("ate an apple", "ate {} apples"),
-    "took_medkit": ("took a medkit", "took {} medkits"),
-    "reached_goal": ("reached the goal", "reached the goal"),
-    "respawned": ("moved to a new start", "moved to a new start"),
-    "died": ("died", "died"),
-}
-# What `describe` says of a state that the caption shows.
-VARIABLES = ("health",)
 
 
 def record(
@@ -124,7 +112,7 @@ def play(
         beyond: whether to take all steps, even after the end, where the old episode goes on.
         notify: called with the number of steps taken.
     """
-    tape, witness = Tape(), Witness()
+    tape, witness = Tape(session.env.about().events), Witness()
     look = watcher(session.env, session.params)
     env: Any = session.env
     tilemap = env.tilemap_of(session.state)
@@ -182,14 +170,15 @@ def _look(env: Any, state: Any, params: Any) -> dict[str, Any]:
         "sprites": scene.sprites.position,
         "labels": jnp.asarray(scene.theme.sprite_labels)[scene.sprites.look],
         "visible": scene.sprites.visible,
-        "variables": {name: told[name] for name in VARIABLES if name in told},
+        "variables": {name: told[name] for name in env.about().captions},
     }
 
 
 @dataclasses.dataclass
 class Tape:
-    """Collects an episode step by step."""
+    """Collects an episode step by step; `words` are the environment's events."""
 
+    words: Mapping[str, Event]
     frames: list[np.ndarray] = dataclasses.field(default_factory=list)
     seen: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     rewards: list[float] = dataclasses.field(default_factory=list)
@@ -203,7 +192,7 @@ class Tape:
     def act(self, reward: float, info: dict[str, Any], *, over: bool) -> None:
         """Add what a step brought."""
         self.rewards.append(reward)
-        self.events.append(", ".join(in_words(info) + ["time is up"] * over))
+        self.events.append(", ".join(in_words(self.words, info) + ["time is up"] * over))
 
     def episode(self, kind: str, tilemap: TileMap | None) -> Episode:
         """The finished episode; `kind` is the environment's `observation`."""
@@ -232,11 +221,12 @@ class Tape:
         )
 
 
-def in_words(info: dict[str, Any]) -> list[str]:
-    """The events of a step that `EVENTS` knows, each in words."""
-    words = []
-    for name, (one, several) in EVENTS.items():
-        count = int(info.get(name, 0))
-        if count:
-            words.append(one if count == 1 else several.format(count))
-    return words
+def in_words(events: Mapping[str, Event], info: Mapping[str, Any]) -> list[str]:
+    """What happened in a step, each event in words.
+
+    Args:
+        events: those of the environment, as its `about()` has them.
+        info: of the step.
+    """
+    counts = {name: int(info.get(name, 0)) for name in events}
+    return [events[name].in_words(count) for name, count in counts.items() if count]

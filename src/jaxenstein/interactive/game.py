@@ -80,6 +80,7 @@ class Game:
         self._note = note
         self._horizon = int(self.env.most_steps(params))
         self._longest_step = longest_step(self.env, params)
+        self._words = self.env.about().events
         self._controls = Controls(env.action_names, fps)
         self._fps = fps
         self._look = watcher(self.env, params)
@@ -135,7 +136,7 @@ class Game:
         session.step(action)
         self._seen = self._look(session.state)
         late = session.truncated and not session.terminated
-        words = in_words(session.info) + ["time is up"] * late
+        words = in_words(self._words, session.info) + ["time is up"] * late
         if words:
             self._event, self._event_step = ", ".join(words), len(session.actions)
         self._positions.append(self._seen["positions"])
@@ -230,7 +231,7 @@ class Game:
         self._event, self._event_step = "", 0
         self._controls.clear()
         if self._keep:
-            tape = Tape()
+            tape = Tape(self._words)
             tape.look(image_of(session.observation), self._seen)
             self._tapes.append((tape, self._tilemap))
 

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..about import About, Choose, Event, Player
 from ..engine.level import WORD, Level, compile_level, pack_bits
 from ..engine.scene import Scene, Sprites, Theme
 from ..engine.shade import ImageKind
@@ -22,6 +23,8 @@ from ..errors import SettingError
 from ..maps.ascii import parse_ascii
 from ..maps.things import MEDKIT, RGB
 from ..maps.tilemap import TileMap
+from ..players.chance import NOTHING
+from ..players.walking import gait, towards
 from ..spaces import Box
 from .appearance import build_theme
 from .draws import draw_unit
@@ -86,6 +89,26 @@ class HealthGatheringState(State):
     medkits: jax.Array
     present: jax.Array
     placed: jax.Array
+
+
+def greedy_medkits(env: HealthGathering, params: HealthGatheringParams) -> Choose:
+    """Go to the nearest medkit, wait there until all of it is needed, then take it."""
+    body = gait(env, params)
+
+    def choose(key: jax.Array, state: HealthGatheringState) -> jax.Array:
+        del key
+        offset = state.medkits - state.position[None]
+        distance = jnp.where(state.present, jnp.sum(offset**2, axis=-1), jnp.inf)
+        offset = offset[jnp.argmin(distance)]
+        in_reach = jnp.all(jnp.abs(offset) < params.pickup_reach)
+        needed = state.health <= FULL_HEALTH - params.heal
+        wait = ~jnp.any(state.present) | (in_reach & ~needed)
+        return jnp.where(wait, NOTHING, towards(body, env.scene(state, params), offset))
+
+    return choose
+
+
+GREEDY_MEDKITS = Player("goes to the nearest medkit; sees the whole state", greedy_medkits)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -156,9 +179,6 @@ class HealthGathering(FirstPerson[HealthGatheringState, HealthGatheringParams]):
         return HealthGatheringState(
             position=jnp.full(2, 1 + ROOM / 2, jnp.float32),
             heading=jnp.float32(0),
-            time=jnp.int32(0),
-            episode_return=jnp.float32(0),
-            done=jnp.bool_(False),
             health=FULL_HEALTH - params.damage,
             medkits=jnp.concatenate([_place(bits), rest]),
             present=jnp.arange(CAPACITY, dtype=jnp.int32) < placed,
@@ -201,6 +221,22 @@ class HealthGathering(FirstPerson[HealthGatheringState, HealthGatheringParams]):
         """Whether the time limit was reached alive."""
         del reward, events, params
         return state.done & ~terminated
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        return About(
+            aim="reached the time limit alive",
+            ends="where the health is gone",
+            rewards={"living_reward": "{:+g} a step", "death_penalty": "-{:g} at death"},
+            events={
+                "took_medkit": Event("took a medkit", "took {} medkits"),
+                "died": Event("died"),
+            },
+            variables={"health": "0 to 100"},
+            captions=("health",),
+            players={"greedy_medkits": GREEDY_MEDKITS},
+            expert="greedy_medkits",
+        )
 
     def scene(self, state: HealthGatheringState, params: HealthGatheringParams) -> Scene:
         """The room and the medkits in it."""

@@ -11,27 +11,23 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..engine.level import Level, level_from_walls
-from ..engine.motion import forward, touched_door
-from ..engine.scene import Scene, Sprites, Theme
-from ..environment import Info, State
+from ..engine.scene import Theme
+from ..environment import State
 from ..errors import SettingError
 from ..maps.symbols import DEFAULT_WALL, door_label
 from ..maps.things import COLOUR_NAMES, GOAL, KEY
 from ..maps.tilemap import Key, TileMap
-from ..spaces import Box
+from ..players.walking import flood
 from .appearance import build_theme
 from .draws import draw_index
-from .first_person import FirstPerson
+from .goals import GoalTask, NavigationParams
 from .levels import read_level
-from .navigation import DEFAULTS, NavigationParams
-from .steering import ACTION_NAMES, INTERACT, steer
 
 WEST, EAST = 0, 1
 _COLOURS = len(COLOUR_NAMES)
@@ -60,25 +56,21 @@ class KeyCorridorState(State):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
+class KeyCorridor(GoalTask[KeyCorridorState]):
     """Fetch the key in the west, open the locked door in the east, reach the goal behind it.
 
-    Actions and reward as in `Navigation`.
+    Actions and reward are those of `GoalTask`.
 
     Attributes:
         room_size: tiles from a room's wall to its opposite one, both included; at least 3.
         room_rows: rows of rooms, 1 to 3.
         layout_seed: None for a new layout at each reset, or the seed of the one layout; the
             start is drawn anew all the same.
-        defaults: the params that `params=None` stands for.
     """
 
     room_size: int = 4
     room_rows: int = 3
     layout_seed: int | None = None
-    defaults: NavigationParams = DEFAULTS
-
-    action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES
 
     def __post_init__(self) -> None:
         """Check the settings."""
@@ -94,11 +86,6 @@ class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
             raise SettingError(
                 f"layout_seed must be None or a whole number from 0 to 2**32 - 1, not {seed!r}"
             )
-
-    @property
-    def default_params(self) -> NavigationParams:
-        """The params that `params=None` stands for."""
-        return self.defaults
 
     @functools.cached_property
     def theme(self) -> Theme:
@@ -128,9 +115,6 @@ class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
         return KeyCorridorState(
             position=position,
             heading=heading,
-            time=jnp.int32(0),
-            episode_return=jnp.float32(0),
-            done=jnp.bool_(False),
             level=level,
             locked=locked,
             opened=jnp.zeros(places, bool),
@@ -140,61 +124,33 @@ class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
             goal=self._inside(bits[4], jnp.int32(2 * step), locked_row * step),
         )
 
-    def transition(
-        self, key: jax.Array, state: KeyCorridorState, action: jax.Array, params: NavigationParams
-    ) -> tuple[KeyCorridorState, jax.Array, jax.Array, Info]:
-        """Move, open a door, pick up the key, look whether the goal is reached."""
-        del key
-        pose = state.position, state.heading
-        position, heading = steer(state.level, ~state.opened, *pose, action, params)
-        arm = forward(heading) * params.interact_distance
-        touched = touched_door(state.level, ~state.opened, position, arm)
-        new = touched & (~state.locked | state.taken) & (action == INTERACT)
-        picked = _distance(position, state.key) <= params.pickup_radius
-        picked = picked & ~state.taken
-        state = state.replace(
-            position=position,
-            heading=heading,
-            opened=state.opened | new,
-            taken=state.taken | picked,
-        )
-        reached = _distance(position, state.goal) <= params.goal_radius
-        reward = params.living_reward + jnp.where(reached, params.goal_reward, 0)
-        events = {"reached_goal": reached, "picked_key": picked, "opened_door": jnp.any(new)}
-        return state, reward, reached, events
+    def level_of(self, state: KeyCorridorState) -> Level:
+        """The level of the layout."""
+        return state.level
 
-    def describe(self, state: KeyCorridorState, params: NavigationParams) -> Info:
-        """Add the straight-line distance to the goal, in tiles."""
-        distance = _distance(state.position, state.goal)
-        return super().describe(state, params) | {"distance_to_goal": distance}
+    def goal_of(self, state: KeyCorridorState) -> jax.Array:
+        """float32[2]: the place of the goal in tiles."""
+        return state.goal
 
-    def succeeded(
-        self,
-        state: KeyCorridorState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: NavigationParams,
-    ) -> jax.Array:
-        """Whether the goal was reached."""
-        del state, reward, terminated, params
-        return events["reached_goal"]
+    def keys_of(self, state: KeyCorridorState) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """The key: place, sprite look, colour index."""
+        return state.key[None], 1 + state.key_colour[None], state.key_colour[None]
 
-    def scene(self, state: KeyCorridorState, params: NavigationParams) -> Scene:
-        """The layout with its closed doors, the key and the goal."""
-        del params
-        return Scene(
-            level=state.level,
-            closed=~state.opened,
-            position=state.position,
-            heading=state.heading,
-            sprites=Sprites(
-                position=jnp.stack([state.goal, state.key]),
-                look=jnp.stack([jnp.int32(0), 1 + state.key_colour]),
-                visible=jnp.stack([jnp.bool_(True), ~state.taken]),
-            ),
-            theme=self.theme,
-        )
+    def locks_of(self, state: KeyCorridorState) -> tuple[jax.Array, jax.Array]:
+        """The doors: which is the locked one, the colour of the key."""
+        return state.locked, jnp.broadcast_to(state.key_colour, state.locked.shape)
+
+    def distance_field(self, state: KeyCorridorState) -> jax.Array:
+        """int32[rows, columns]: distances to the key, or to the goal once the key is taken."""
+        walls = jnp.asarray(state.level.walls)[0] != 0
+        columns, rows = state.level.doors[:, 0], state.level.doors[:, 1]
+        # An absent door stands on the map's border.
+        passable = (~state.locked | state.taken) & (columns > 0)
+        row, column = np.indices(walls.shape, np.int32)
+        here = (column[None] == columns[:, None, None]) & (row[None] == rows[:, None, None])
+        walkable = ~walls | jnp.any(here & passable[:, None, None], axis=0)
+        target = jnp.floor(jnp.where(state.taken, state.goal, state.key)).astype(jnp.int32)
+        return flood(walkable, (column == target[0]) & (row == target[1]))
 
     def tilemap_of(self, state: KeyCorridorState) -> TileMap:
         """The layout with its key, its goal, and the tile the agent is on as its start."""
@@ -211,15 +167,6 @@ class KeyCorridor(FirstPerson[KeyCorridorState, NavigationParams]):
             goals=(goal,),
             keys=(Key(column, row, int(state.key_colour)),),
         )
-
-    def variables(self, state: KeyCorridorState) -> dict[str, jax.Array]:
-        """`keys`: float32[6], which key colours are carried (red, green, blue, ... )."""
-        carried = (jnp.arange(_COLOURS, dtype=jnp.int32) == state.key_colour) & state.taken
-        return {"keys": carried.astype(jnp.float32)}
-
-    def variable_spaces(self) -> dict[str, Box]:
-        """The space of `keys`."""
-        return {"keys": Box(0.0, 1.0, (_COLOURS,), np.dtype(np.float32))}
 
     @property
     def _door_count(self) -> int:
@@ -326,7 +273,3 @@ def _bottleneck(to_hall: list[jax.Array], down: list[jax.Array]) -> jax.Array:
     for i in reversed(range(len(best) - 1)):
         best[i] = jnp.minimum(best[i], jnp.maximum(best[i + 1], down[i]))
     return functools.reduce(jnp.maximum, best)
-
-
-def _distance(a: jax.Array, b: jax.Array) -> jax.Array:
-    return jnp.sqrt(jnp.sum((a - b) ** 2))

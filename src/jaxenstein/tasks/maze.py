@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..about import About, Event
 from ..engine.scene import Scene
 from ..environment import Info
 from ..errors import SettingError
@@ -21,7 +22,8 @@ from ..maps.reach import open_tiles, walking_distances
 from ..maps.things import APPLE
 from ..maps.tilemap import Cell, TileMap
 from .draws import draw_index
-from .navigation import Navigation, NavigationParams, NavigationState
+from .goals import NavigationParams
+from .navigation import Navigation, NavigationState
 from .steering import centres, draw_heading
 
 
@@ -101,9 +103,6 @@ class Maze(Navigation):
         return MazeState(
             position=self._draw_start(bits[1], goal),
             heading=draw_heading(bits[2], self.heading),
-            time=jnp.int32(0),
-            episode_return=jnp.float32(0),
-            done=jnp.bool_(False),
             goal=goal,
             opened=jnp.zeros(len(self.tilemap.doors), bool),
             taken=jnp.zeros(len(self.tilemap.keys), bool),
@@ -136,6 +135,20 @@ class Maze(Navigation):
         )
         state = jax.tree.map(lambda a, b: jnp.where(reached, a, b), anew, state)
         return state, reward, jnp.zeros_like(reached), events | {"respawned": reached}
+
+    def about(self) -> About:
+        """What the task says of itself; apples and respawns where there are any."""
+        about = super().about()
+        events, rewards, ends = dict(about.events), dict(about.rewards), about.ends
+        reached = events.pop("reached_goal")
+        if self.apple_cells:
+            events["ate_apple"] = Event("ate an apple", "ate {} apples")
+            rewards["apple_reward"] = "{:+g} an apple"
+        events["reached_goal"] = reached
+        if self.respawn:
+            events["respawned"] = Event("moved to a new start")
+            ends = ""
+        return dataclasses.replace(about, events=events, rewards=rewards, ends=ends)
 
     def scene(self, state: Any, params: Any) -> Scene:
         """Add the apples that are left."""

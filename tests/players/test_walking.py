@@ -1,21 +1,12 @@
-"""Scripted players solve what they are meant to solve."""
+"""Walking players: they arrive, on ways that are hardly longer than need be."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxenstein import make
-from jaxenstein.errors import SettingError
-from jaxenstein.players import (
-    PLAYERS,
-    distance_tables,
-    greedy_medkits,
-    idle,
-    play,
-    shortest_path,
-    uniform,
-)
+from jaxenstein.players import play
+from jaxenstein.players.walking import SHORTEST_PATH, distance_tables
 from jaxenstein.tasks.navigation import Navigation
 
 SIZE = {"height": 8, "width": 8}
@@ -29,7 +20,7 @@ def starts(env, params, count):
 @pytest.mark.parametrize("name", ["simple", "key-door", "key-corridor-s3r2"])
 def test_shortest_path_reaches_every_goal(name):
     env, params = make(name, **SIZE)
-    episodes = play(env, shortest_path, params, jax.random.key(0), starts(env, params, 16))
+    episodes = play(env, SHORTEST_PATH, params, jax.random.key(0), starts(env, params, 16))
     assert episodes.terminated.all()
     assert (episodes.successes == 1).all()
     np.testing.assert_array_equal(episodes.returned, np.ones(16))
@@ -40,14 +31,14 @@ def test_shortest_path_reaches_every_goal(name):
 def test_players_find_their_way_with_a_frame_skip(name, skip):
     """Their turns of 15 degrees times the skip divide a right angle."""
     env, params = make(name, frame_skip=skip, **SIZE)
-    episodes = play(env, shortest_path, params, jax.random.key(0), starts(env, params, 16))
+    episodes = play(env, SHORTEST_PATH, params, jax.random.key(0), starts(env, params, 16))
     assert episodes.terminated.all()
 
 
 def test_shortest_path_is_hardly_longer_than_its_tiles():
     env, params = make("simple", **SIZE)
     state = starts(env, params, 16)
-    episodes = play(env, shortest_path, params, jax.random.key(0), state)
+    episodes = play(env, SHORTEST_PATH, params, jax.random.key(0), state)
     assert isinstance(env, Navigation)
     cell = np.floor(np.asarray(state.position[0])).astype(int)
     tiles = int(distance_tables(env.tilemap)[0, 0, cell[1], cell[0]])
@@ -68,33 +59,3 @@ def test_distances_lead_to_the_key_first():
     assert tables[0, 0, door.row, door.column] == 16384
     assert tables[1, 0, goal[1], goal[0]] == 0
     assert 0 < tables[1, 0, door.row, door.column] < tables[1, 0, row, column]
-
-
-def test_greedy_survives_where_idle_dies():
-    env, params = make("health-gathering", **SIZE)
-    params = params.replace(max_steps_in_episode=jnp.int32(500))
-    states = starts(env, params, 4)
-    greedy = play(env, greedy_medkits, params, jax.random.key(0), states)
-    lazy = play(env, idle, params, jax.random.key(0), states)
-    assert not greedy.terminated.any()
-    np.testing.assert_array_equal(greedy.returned, np.full(4, 500))
-    assert lazy.terminated.all()
-    np.testing.assert_array_equal(lazy.length, np.full(4, 384))
-    np.testing.assert_array_equal(lazy.returned, np.full(4, 284))
-
-
-def test_uniform_draws_every_action():
-    env, params = make("simple", **SIZE)
-    choose = uniform(env, params)
-    actions = jax.vmap(lambda key: choose(key, None))(jax.random.split(jax.random.key(0), 200))
-    assert actions.dtype == jnp.int32
-    assert set(np.asarray(actions).tolist()) == set(range(env.num_actions))
-
-
-@pytest.mark.parametrize(
-    ("player", "name"), [("greedy_medkits", "simple"), ("shortest_path", "health-gathering")]
-)
-def test_players_refuse_other_tasks(player, name):
-    env, params = make(name, **SIZE)
-    with pytest.raises(SettingError, match=name):
-        PLAYERS[player](env, params)

@@ -1,0 +1,42 @@
+"""The players that know nothing: one who does nothing, and chance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+
+from ..about import Choose, Player
+
+if TYPE_CHECKING:
+    from ..environment import Environment
+
+NOTHING = -1
+"""An action outside every action space."""
+
+
+def idle(env: Environment[Any, Any], params: Any) -> Choose:
+    """Never do anything."""
+    del env, params
+
+    def choose(key: jax.Array, state: Any) -> jax.Array:
+        del key, state
+        return jnp.int32(NOTHING)
+
+    return choose
+
+
+def uniform(env: Environment[Any, Any], params: Any) -> Choose:
+    """Draw each action uniformly."""
+    del params
+
+    def choose(key: jax.Array, state: Any) -> jax.Array:
+        del state
+        return jax.random.randint(key, (), 0, env.num_actions, jnp.int32)
+
+    return choose
+
+
+IDLE = Player("does nothing", idle)
+UNIFORM = Player("draws every action uniformly", uniform)

@@ -1,0 +1,72 @@
+"""Playing many episodes side by side to their ends, without drawing a picture."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+
+from ..about import Player
+from ..batching import select
+from ..pytree import PyTreeNode
+
+if TYPE_CHECKING:
+    from ..environment import Environment
+
+
+class Played(PyTreeNode):
+    """What came of B episodes.
+
+    Attributes:
+        returned: float32[B], undiscounted sums of rewards.
+        length: int32[B], steps.
+        terminated: bool[B], whether the task ended it; else the time limit did.
+        successes: int32[B], how often the task's aim was reached.
+    """
+
+    returned: jax.Array
+    length: jax.Array
+    terminated: jax.Array
+    successes: jax.Array
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def play(
+    env: Environment[Any, Any], player: Player, params: Any, key: jax.Array, states: Any
+) -> Played:
+    """Play one episode from each state to its end.
+
+    Args:
+        env: the environment; its `autoreset` does not matter.
+        player: who plays, such as `player_of(env)`.
+        params: its params.
+        key: the random key of all steps.
+        states: B first states, each leaf with a leading axis `B`.
+    """
+    choose = player(env, params)
+    batch = states.done.shape[0]
+
+    def advance(key: jax.Array, state: Any) -> tuple[Any, jax.Array, jax.Array]:
+        policy_key, step_key = jax.random.split(key)
+        action = choose(policy_key, state)
+        after, _, terminated, info = env.advance(step_key, state, action, params)
+        success = (info["success"] & ~state.done).astype(jnp.int32)
+        return select(state.done, state, after), terminated & ~state.done, success
+
+    def body(carry: tuple[Any, ...]) -> tuple[Any, ...]:
+        key, states, terminated, successes = carry
+        key, step_key = jax.random.split(key)
+        states, ended, reached = jax.vmap(advance)(jax.random.split(step_key, batch), states)
+        return key, states, terminated | ended, successes + reached
+
+    start = key, states, jnp.zeros(batch, bool), jnp.zeros(batch, jnp.int32)
+    end = jax.lax.while_loop(lambda carry: ~jnp.all(carry[1].done), body, start)
+    _, states, terminated, successes = end
+    return Played(
+        returned=states.episode_return,
+        length=states.time,
+        terminated=terminated,
+        successes=successes,
+    )

@@ -1,0 +1,250 @@
+"""Walking: fields of distances on foot, the next tile, and the action that brings nearer.
+
+A task whose aim is a place has a player for the price of a field: `shortest_path` follows what
+its `distance_field` gives. Paths are 4-connected.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..about import Choose, Player
+from ..engine.motion import forward, touched_door, walk
+from ..errors import SettingError
+from ..maps.reach import open_tiles, walking_distances
+from ..maps.tilemap import TileMap
+
+if TYPE_CHECKING:
+    from ..engine.scene import Scene
+
+FAR = 2**14
+"""The distance of what cannot be reached."""
+_MOST_KEYS = 8
+_BESIDE = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
+# Added to half a turn (radians), lest rounding turn a player to and fro for ever.
+_SLACK = 1e-3
+# A stride of more tiles than this may carry a player past a goal again and again, on the same way
+# to and fro; so at the goal's tile it acts by chance so often.
+_LONG_STRIDE, _CHANCE = 0.35, 0.25
+
+
+class Gait(NamedTuple):
+    """How a body moves: the numbers of its actions, and what one decision does.
+
+    Attributes:
+        left: the action that turns left.
+        right: the one that turns right.
+        forward: the one that walks.
+        angle: radians of a turn, which may be several steps of the world (`frame_skip`).
+        step: tiles of one step of the world.
+        stride: tiles of a decision.
+    """
+
+    left: int
+    right: int
+    forward: int
+    angle: Any
+    step: Any
+    stride: Any
+
+
+class OnFoot(Protocol):
+    """An environment whose aim is a place on the map."""
+
+    @property
+    def name(self) -> str:
+        """Its id or name."""
+        ...
+
+    @property
+    def action_names(self) -> Sequence[str]:
+        """Its actions, "turn left", "turn right" and "forward" among them."""
+        ...
+
+    def scene(self, state: Any, params: Any) -> Scene:
+        """What there is to see."""
+        ...
+
+    def distance_field(self, state: Any) -> jax.Array:
+        """int32[rows, columns]: tiles on foot to where to go next; `FAR` where there is no way."""
+        ...
+
+
+def gait(env: Any, params: Any) -> Gait:
+    """How an environment moves whose params have `turn_angle` and `move_distance`.
+
+    Raises:
+        SettingError: it has no actions to walk with.
+    """
+    angle, step = params.turn_angle * env.frame_skip, params.move_distance
+    return Gait(*walking_actions(env.action_names), angle, step, step * env.frame_skip)
+
+
+def walking_actions(names: Sequence[str]) -> tuple[int, int, int]:
+    """The numbers of the actions "turn left", "turn right" and "forward".
+
+    Raises:
+        SettingError: one of them is missing.
+    """
+    wanted = ("turn left", "turn right", "forward")
+    if missing := [name for name in wanted if name not in names]:
+        raise SettingError(
+            f"to walk needs the actions {', '.join(wanted)}; missing: {', '.join(missing)}"
+        )
+    left, right, ahead = (list(names).index(name) for name in wanted)
+    return left, right, ahead
+
+
+def shortest_path(env: OnFoot, params: Any) -> Choose:
+    """Walk down `env.distance_field`, and open the doors on the way by the action "interact"."""
+    body = gait(env, params)
+    interact = list(env.action_names).index("interact") if "interact" in env.action_names else None
+
+    def choose(key: jax.Array, state: Any) -> jax.Array:
+        field = env.distance_field(state)
+        scene = env.scene(state, params)
+        target, there = next_tile(field, state)
+        action = towards(body, scene, target.astype(jnp.float32) + 0.5 - scene.position)
+        chance_key, action_key = jax.random.split(key)
+        lost = there & (body.stride > _LONG_STRIDE) & jax.random.bernoulli(chance_key, _CHANCE)
+        some = jnp.array((body.left, body.right, body.forward), jnp.int32)
+        action = jnp.where(lost, jax.random.choice(action_key, some), action)
+        if interact is None:
+            return action
+        opens = faces_door(scene, target, params.interact_distance)
+        return jnp.where(opens, jnp.int32(interact), action)
+
+    return choose
+
+
+SHORTEST_PATH = Player("walks the shortest path; sees the whole state", shortest_path)
+
+
+def towards(body: Gait, scene: Scene, offset: jax.Array) -> jax.Array:
+    """int32[]: the next action on the way to a place that lies open before the player.
+
+    Forward if no turn brings the heading nearer to the place, else that turn. Where turns are
+    wide, that heading may lead into the wall beside the way; then it is the nearest one on the
+    other side of the way, so that the player comes off the wall.
+
+    Args:
+        body: how it moves.
+        scene: where it is, and what is solid.
+        offset: float32[2], from the player to the place, in tiles.
+    """
+    error = jnp.arctan2(offset[1], offset[0]) - scene.heading
+    error = jnp.mod(error + math.pi, 2 * math.pi) - math.pi
+    side = jnp.where(error > 0, 1.0, -1.0)
+    aligned = jnp.abs(error) <= 0.5 * body.angle + _SLACK
+    turns = jnp.where(aligned, 0.0, jnp.round(error / body.angle))
+    beyond = jnp.where(error > turns * body.angle, turns + 1, turns - 1)
+    astray = _blocked(body, scene, turns) & ~_blocked(body, scene, beyond)
+    side = jnp.where(astray, jnp.sign(beyond), side)
+    ahead = jnp.where(astray, beyond == 0, aligned)
+    turn = jnp.where(side > 0, jnp.int32(body.right), jnp.int32(body.left))
+    return jnp.where(ahead, jnp.int32(body.forward), turn)
+
+
+def _blocked(body: Gait, scene: Scene, turns: jax.Array) -> jax.Array:
+    """bool[]: whether a step would not move the player after so many turns to the right."""
+    step = forward(scene.heading + turns * body.angle) * body.step
+    after = walk(scene.level, scene.closed, scene.position, step)
+    return jnp.all(after == scene.position)
+
+
+def next_tile(field: jax.Array, state: Any) -> tuple[jax.Array, jax.Array]:
+    """int32[2], the tile to walk to; bool[], whether the player stands on the last one.
+
+    That is the neighbour nearest the target, or the target's own tile; among equally near ones,
+    that which takes the least turning.
+
+    Args:
+        field: int32[rows, columns], tiles on foot to the target.
+        state: with position and heading.
+    """
+    rows, columns = field.shape
+    cell = jnp.floor(state.position).astype(jnp.int32)
+    beside = cell[None] + _BESIDE
+    last = np.array((columns - 1, rows - 1), np.int32)
+    inside = jnp.all((beside >= 0) & (beside <= last[None]), axis=-1)
+    safe = jnp.clip(beside, 0, last[None])
+    steps = jnp.where(inside, field[safe[:, 1], safe[:, 0]], FAR)
+    offset = beside.astype(jnp.float32) + 0.5 - state.position[None]
+    ahead = jnp.sum(offset * forward(state.heading)[None], axis=-1)
+    cosine = ahead / jnp.sqrt(jnp.sum(offset**2, axis=-1))
+    best = jnp.argmin(steps.astype(jnp.float32) + 0.25 * (1 - cosine))
+    there = field[cell[1], cell[0]] == 0
+    return jnp.where(there, cell, beside[best]), there
+
+
+def faces_door(scene: Scene, tile: jax.Array, reach: Any) -> jax.Array:
+    """bool[]: whether an arm of `reach` tiles would touch a closed door on that tile."""
+    level = scene.level
+    if level.doors.shape[0] == 0:
+        return jnp.bool_(False)
+    arm = forward(scene.heading) * reach
+    touched = touched_door(level, scene.closed, scene.position, arm)
+    here = jnp.all(jnp.asarray(level.doors) - level.margin == tile[None], axis=-1)
+    return jnp.any(touched & here)
+
+
+@functools.lru_cache(maxsize=16)
+def distance_tables(tilemap: TileMap) -> np.ndarray:
+    """int16[2**K, goals, rows, columns]: tiles still to walk, for each set of K keys taken.
+
+    Bit k of the first index says whether key k is taken. From tiles that reach the goal through
+    the doors that these keys open, the distance is that to the goal; from others, that to the
+    nearest key left; `FAR` where neither can be reached.
+
+    Args:
+        tilemap: the map, with at most 8 keys.
+
+    Raises:
+        SettingError: there are more keys.
+    """
+    keys = tilemap.keys
+    if len(keys) > _MOST_KEYS:
+        raise SettingError(f"shortest_path can plan for {_MOST_KEYS} keys, not {len(keys)}")
+    tables = []
+    for taken in range(2 ** len(keys)):
+        carried = {key.colour for k, key in enumerate(keys) if taken >> k & 1}
+        walkable = open_tiles(tilemap, locked=False)
+        for door in tilemap.doors:
+            walkable[door.row, door.column] |= door.colour in carried
+        left = tuple((key.column, key.row) for k, key in enumerate(keys) if not taken >> k & 1)
+        to_key = np.full((1, *walkable.shape), FAR)
+        if left:
+            steps = walking_distances(walkable, left)
+            to_key = np.where(steps < 0, FAR, steps).min(axis=0, keepdims=True)
+        to_goal = walking_distances(walkable, tilemap.goals)
+        tables.append(np.where(to_goal < 0, to_key, to_goal).astype(np.int16))
+    return np.stack(tables)
+
+
+def flood(walkable: jax.Array, target: jax.Array) -> jax.Array:
+    """int32[rows, columns]: tiles on foot to the target, inside a map whose border is solid.
+
+    For maps that are drawn inside of a compiled program; `maps.reach.walking_distances` is for
+    those of the host.
+
+    Args:
+        walkable: bool[rows, columns].
+        target: bool[rows, columns], the tiles to go to.
+    """
+
+    def relax(carry: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        steps, _ = carry
+        beside = [jnp.roll(steps, shift, axis) for axis in (0, 1) for shift in (1, -1)]
+        nearer = jnp.minimum(steps, functools.reduce(jnp.minimum, beside) + 1)
+        nearer = jnp.where(walkable, nearer, FAR)
+        return nearer, jnp.any(nearer != steps)
+
+    start = jnp.where(target, 0, FAR).astype(jnp.int32)
+    return jax.lax.while_loop(lambda carry: carry[1], relax, (start, jnp.bool_(True)))[0]

@@ -1,0 +1,201 @@
+"""Reaching a goal: what such tasks have in common, whether their map is fixed or drawn at reset.
+
+Keys are picked up by walking over them, doors are opened by the action "interact", a locked one
+with a key of its colour.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import functools
+from typing import Any, ClassVar, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..about import About, Event
+from ..engine.level import Level
+from ..engine.motion import forward, touched_door
+from ..engine.scene import Scene, Sprites, Theme
+from ..environment import Info
+from ..maps.things import COLOUR_NAMES
+from ..players.walking import SHORTEST_PATH
+from ..spaces import Box
+from .first_person import FirstPerson
+from .steering import ACTION_NAMES, INTERACT, SteeringParams, steer
+
+
+class NavigationParams(SteeringParams):
+    """The numbers of the task.
+
+    Attributes:
+        goal_radius: tiles from the goal at which it is reached.
+        pickup_radius: tiles from a key at which it is picked up.
+        interact_distance: reach of the interact action in tiles; below 1.
+        goal_reward: reward of reaching the goal.
+        living_reward: reward of every step, that one included.
+    """
+
+    goal_radius: Any = 0.35
+    pickup_radius: Any = 0.35
+    interact_distance: Any = 0.9
+    goal_reward: Any = 1.0
+    living_reward: Any = 0.0
+
+
+DEFAULTS = NavigationParams()
+S = TypeVar("S", bound=Any)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GoalTask(FirstPerson[S, NavigationParams]):
+    """Base of tasks that end at a goal, perhaps behind doors that need keys.
+
+    Actions: turn left, turn right, move forward, move backward, interact. A move into anything
+    solid is cancelled. Keys are picked up by walking over them and kept; interact opens the door
+    in front, a locked one if a key of its colour is carried. Doors stay open.
+
+    Reward: `goal_reward` on reaching the goal, which terminates, and `living_reward` each step.
+
+    States have `opened`, bool[D], and `taken`, bool[K] (or bool[] of one key).
+
+    Attributes:
+        defaults: the params that `params=None` stands for.
+    """
+
+    defaults: NavigationParams = DEFAULTS
+
+    action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES
+
+    @property
+    def default_params(self) -> NavigationParams:
+        """The params that `params=None` stands for."""
+        return self.defaults
+
+    @functools.cached_property
+    @abc.abstractmethod
+    def theme(self) -> Theme:
+        """How the map looks; the first sprite look is the goal's."""
+
+    @abc.abstractmethod
+    def level_of(self, state: S) -> Level:
+        """The walls and doors of a state."""
+
+    @abc.abstractmethod
+    def goal_of(self, state: S) -> jax.Array:
+        """float32[2]: the place of the goal in tiles."""
+
+    @abc.abstractmethod
+    def keys_of(self, state: S) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """The keys: float32[K, 2] places, int32[K] sprite looks, int32[K] colour indices."""
+
+    @abc.abstractmethod
+    def locks_of(self, state: S) -> tuple[jax.Array, jax.Array]:
+        """The doors: bool[D], which are locked ones; int32[D], the colour of the key of each."""
+
+    @abc.abstractmethod
+    def distance_field(self, state: S) -> jax.Array:
+        """int32[rows, columns]: tiles on foot to where `shortest_path` goes next."""
+
+    def transition(
+        self, key: jax.Array, state: S, action: jax.Array, params: NavigationParams
+    ) -> tuple[S, jax.Array, jax.Array, Info]:
+        """Move, open a door, pick up keys, look whether the goal is reached."""
+        del key
+        before, level = state, self.level_of(state)
+        pose = state.position, state.heading
+        position, heading = steer(level, ~state.opened, *pose, action, params)
+        state = state.replace(position=position, heading=heading)
+        state = self._pick_up(self._open(state, level, action, params), params)
+        reached = self._distance(state) <= params.goal_radius
+        reward = params.living_reward + jnp.where(reached, params.goal_reward, 0)
+        events = {
+            "reached_goal": reached,
+            "picked_key": jnp.any(state.taken & ~before.taken),
+            "opened_door": jnp.any(state.opened & ~before.opened),
+        }
+        return state, reward, reached, events
+
+    def describe(self, state: S, params: NavigationParams) -> Info:
+        """Add the straight-line distance to the goal, in tiles."""
+        return super().describe(state, params) | {"distance_to_goal": self._distance(state)}
+
+    def succeeded(
+        self,
+        state: S,
+        reward: jax.Array,
+        terminated: jax.Array,
+        events: Info,
+        params: NavigationParams,
+    ) -> jax.Array:
+        """Whether the goal was reached, also where it does not end the episode."""
+        del state, reward, terminated, params
+        return events["reached_goal"]
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        return About(
+            aim="reached the goal",
+            ends="at the goal",
+            rewards={"goal_reward": "{:+g} at the goal", "living_reward": "{:+g} a step"},
+            events={
+                "picked_key": Event("picked up a key"),
+                "opened_door": Event("opened a door"),
+                "reached_goal": Event("reached the goal"),
+            },
+            variables={"distance_to_goal": "tiles to the goal, in a straight line"},
+            players={"shortest_path": SHORTEST_PATH},
+            expert="shortest_path",
+        )
+
+    def scene(self, state: S, params: NavigationParams) -> Scene:
+        """The map with its closed doors, the goal and the keys left."""
+        del params
+        keys, looks, _ = self.keys_of(state)
+        sprites = Sprites(
+            position=jnp.concatenate([self.goal_of(state)[None], keys]),
+            look=jnp.concatenate([jnp.zeros(1, jnp.int32), looks]),
+            visible=jnp.concatenate([jnp.ones(1, bool), ~state.taken.reshape(-1)]),
+        )
+        return Scene(
+            level=self.level_of(state),
+            closed=~state.opened,
+            position=state.position,
+            heading=state.heading,
+            sprites=sprites,
+            theme=self.theme,
+        )
+
+    def variables(self, state: S) -> dict[str, jax.Array]:
+        """`keys`: float32[6], which key colours are carried (red, green, blue, ... )."""
+        return {"keys": self._carried(state).astype(jnp.float32)}
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """The space of `keys`."""
+        return {"keys": Box(0.0, 1.0, (len(COLOUR_NAMES),), np.dtype(np.float32))}
+
+    def _open(self, state: S, level: Level, action: jax.Array, params: NavigationParams) -> S:
+        if not state.opened.shape[0]:
+            return state
+        arm = forward(state.heading) * params.interact_distance
+        touched = touched_door(level, ~state.opened, state.position, arm)
+        locked, colours = self.locks_of(state)
+        allowed = ~locked | self._carried(state)[colours]
+        return state.replace(opened=state.opened | (touched & allowed & (action == INTERACT)))
+
+    def _pick_up(self, state: S, params: NavigationParams) -> S:
+        if not state.taken.size:
+            return state
+        offset = self.keys_of(state)[0] - state.position[None]
+        near = jnp.sqrt(jnp.sum(offset**2, axis=-1)) <= params.pickup_radius
+        return state.replace(taken=state.taken | near.reshape(state.taken.shape))
+
+    def _carried(self, state: S) -> jax.Array:
+        """bool[6]: which key colours are carried."""
+        same = self.keys_of(state)[2][:, None] == np.arange(len(COLOUR_NAMES), dtype=np.int32)[None]
+        return jnp.any(same & state.taken.reshape(-1)[:, None], axis=0)
+
+    def _distance(self, state: S) -> jax.Array:
+        return jnp.sqrt(jnp.sum((self.goal_of(state) - state.position) ** 2))
