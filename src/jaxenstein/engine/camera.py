@@ -14,19 +14,27 @@ LANES = 8
 
 @dataclasses.dataclass(frozen=True)
 class Camera:
-    """A pinhole camera at half the wall height, looking horizontally.
+    """A pinhole camera that looks horizontally, and the height of what it looks at.
 
     Attributes:
         height: image rows, in pixels.
         width: image columns, in pixels.
-        field_of_view: horizontal angle of view in degrees, 30 to 120. Pixels are square.
+        field_of_view: horizontal angle of view in degrees, 30 to 120.
         extra: columns computed past the right edge of the image, and thrown away at the end.
+        eye: height of the eye above the floor in tiles.
+        wall: height of the walls in tiles.
+        row_focal_share: None if pixels are square. Else what the focal length down the rows would
+            be at a field of view of 90 degrees, as a share of the image's height: the image is
+            that of a screen of one shape, squeezed or stretched to any size.
     """
 
     height: int = 64
     width: int = 64
     field_of_view: float = 60.0
     extra: int = 0
+    eye: float = 0.5
+    wall: float = 1.0
+    row_focal_share: float | None = None
 
     @property
     def half_plane(self) -> float:
@@ -35,8 +43,20 @@ class Camera:
 
     @property
     def focal(self) -> float:
-        """Distance of the image plane in pixels: a wall at depth `d` is `focal / d` pixels high."""
+        """Distance of the image plane in columns."""
         return self.width / (2 * self.half_plane)
+
+    @property
+    def row_focal(self) -> float:
+        """Distance of the image plane in rows: a tile at depth `d` is `row_focal / d` rows high."""
+        if self.row_focal_share is None:
+            return self.focal
+        return self.row_focal_share * self.height / self.half_plane
+
+    @property
+    def wall_drop(self) -> float:
+        """How far the middle of a wall is below the eye, in halves of the wall."""
+        return 2 * self.eye / self.wall - 1
 
     def widened(self) -> Camera:
         """The camera with as many extra columns as fill the last vector of a row."""
@@ -59,5 +79,6 @@ class Camera:
         The row on the horizon (images of odd height) would be infinitely far; it gets the depth
         of a hundredth of a pixel, which a wall always hides.
         """
-        below = np.maximum(np.abs(self.row_offsets()), 0.01)
-        return (0.5 * self.focal / below).astype(np.float32)
+        below = self.row_offsets()
+        far = np.where(below > 0, self.eye, self.wall - self.eye) * self.row_focal
+        return far.astype(np.float32) / np.maximum(np.abs(below), np.float32(0.01))

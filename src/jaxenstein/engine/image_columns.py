@@ -11,16 +11,7 @@ from .camera import Camera
 from .level import WORD
 from .raycast import Hits, rays
 from .scene import Theme
-from .shade import (
-    SEAM_FADES,
-    SEAM_SHADE,
-    SEAM_WIDTH,
-    SIDE_LIGHT,
-    ImageKind,
-    brightness,
-    pack_rgb,
-    tone,
-)
+from .shade import ImageKind, pack_rgb, tone
 from .sprites import Layers, Spots, project
 
 # A panel's shadow plane has the wall's colour times this.
@@ -35,6 +26,7 @@ class ImageColumns(PyTreeNode):
 
     Attributes:
         half: float32[W], half the height of the wall in pixels.
+        drop: float32[W], how far its middle is below the horizon, or None if it is not.
         wall: paint[W].
         ray: float32[2, W], the ray's direction (x, y) on the map, scaled to depth one.
         panels: the panels on the walls, or None if no wall of the theme has one.
@@ -42,6 +34,7 @@ class ImageColumns(PyTreeNode):
     """
 
     half: jax.Array
+    drop: jax.Array | None
     wall: jax.Array
     ray: jax.Array
     panels: Panels | None
@@ -79,25 +72,19 @@ def prepare(
         camera: size and field of view of the image.
         kind: the kind of image.
     """
-    light = _wall_light(hits)
+    light = theme.light.wall(hits.depth, hits.horizontal, hits.along)
     index = hits.wall.astype(jnp.int32)
     table = jnp.asarray(theme.wall_colours)
     colour = [table[:, i].at[index].get(mode="promise_in_bounds") for i in range(3)]
+    half = jnp.float32(0.5 * camera.wall * camera.row_focal) / jnp.maximum(hits.depth, 1e-6)
     return ImageColumns(
-        half=jnp.float32(0.5 * camera.focal) / jnp.maximum(hits.depth, 1e-6),
+        half=half,
+        drop=half * jnp.float32(camera.wall_drop) if camera.wall_drop else None,
         wall=tone(kind, pack_rgb(colour, light), hits.wall, hits.depth),
         ray=jnp.stack(rays(heading, camera)),
         panels=_panels(index, hits, colour, light, theme, kind),
         layers=None if spots is None else project(spots, hits.depth, theme, camera, kind),
     )
-
-
-def _wall_light(hits: Hits) -> jax.Array:
-    """float32[W]: the factor on the colours of the walls that were hit."""
-    side = jnp.where(hits.horizontal, jnp.float32(SIDE_LIGHT), 1)
-    at_seam = jnp.abs(hits.along - 0.5) > 0.5 - SEAM_WIDTH
-    seam = jnp.where(at_seam, SEAM_SHADE * jnp.clip(1 - hits.depth / SEAM_FADES, 0, 1), 0)
-    return brightness(hits.depth) * side * (1 - seam)
 
 
 def _panels(

@@ -14,7 +14,7 @@ from .fusion import staged
 from .image_columns import ImageColumns
 from .level import WORD
 from .scene import CEILING, FLOOR, Scene, Theme
-from .shade import ImageKind, brightness, pack_rgb, tone
+from .shade import ImageKind, pack_rgb, tone
 from .sprites import Layers
 
 # Depths in tiles from which to which the floor's checker fades: beyond, it is finer than a pixel.
@@ -43,7 +43,9 @@ def paint_words(
     columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
     below = jnp.asarray(camera.row_offsets())[:, None]
     image = _background(columns, below, position, theme, camera, kind)
-    image = jnp.where(jnp.abs(below) < columns.half, _walls(columns, below), image)
+    # Rows are counted from the horizon, or from the walls' middle where that is lower or higher.
+    across = below if columns.drop is None else below - columns.drop
+    image = jnp.where(jnp.abs(across) < columns.half, _walls(columns, across), image)
     return image if columns.layers is None else _billboards(columns.layers, below, image)
 
 
@@ -82,6 +84,8 @@ def _background(
     ceiling, even, odd = _row_paints(theme, distance, kind)
     if kind == "labels":
         return jnp.where(below > 0, even, ceiling)
+    if np.array_equal(*np.asarray(theme.floor)):
+        return jnp.where(below > 0, even, ceiling)
     eye = position - jnp.float32(0.5)
     x, y = (_whole(eye[i] + distance * columns.ray[i]) for i in (0, 1))
     floor = jnp.where((x ^ y) & jnp.uint32(1) != 0, odd, even)
@@ -92,7 +96,7 @@ def _row_paints(
     theme: Theme, distance: np.ndarray, kind: ImageKind
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """paint[height, 1] of the ceiling and of the floor's even and odd tiles, on the host."""
-    light = brightness(distance)
+    light = theme.light.plain(distance)
     near, far = CHECKER_FADES
     contrast = np.clip((far - distance) / (far - near), 0, 1).astype(np.float32)
     floor = np.asarray(theme.floor)
@@ -107,13 +111,13 @@ def _row_paints(
     return first, second, third
 
 
-def _walls(columns: ImageColumns, below: jax.Array) -> jax.Array:
+def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:
     """paint[height or 1, width] of the walls, as if they filled the image."""
     panels = columns.panels
     if panels is None:
         return columns.wall
     scale = (WORD // 2) / columns.half
-    bit = _whole(below * scale + jnp.float32(WORD // 2 - 0.5))
+    bit = _whole(across * scale + jnp.float32(WORD // 2 - 0.5))
     image = jnp.where(_test(panels.planes[0], bit), panels.paint[0], columns.wall)
     return jnp.where(_test(panels.planes[1], bit), panels.paint[1], image)
 

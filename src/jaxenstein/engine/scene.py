@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import jax
 
-from ..pytree import PyTreeNode
+from ..pytree import PyTreeNode, static
 from .level import Array, Level
+from .shade import Light
 
 # Labels of what is neither wall nor sprite.
 CEILING = 0
@@ -28,6 +29,7 @@ class Theme(PyTreeNode):
         sprite_drop: float32[s], tiles from the eye's height down to the billboard's centre.
         sprite_labels: uint8[s], what the `labels` image says of each; of a wall it says the
             entry of `Level.walls`, of ceiling and floor `CEILING` and `FLOOR`.
+        light: how bright they are.
     """
 
     wall_colours: Array
@@ -41,6 +43,7 @@ class Theme(PyTreeNode):
     sprite_radius: Array
     sprite_drop: Array
     sprite_labels: Array
+    light: Light = static(default=Light())
 
 
 class Sprites(PyTreeNode):

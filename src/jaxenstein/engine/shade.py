@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Literal
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -27,6 +29,22 @@ def brightness(depth: Any) -> Any:
     """Factor on colours for surfaces at a depth in tiles; numpy in, numpy out."""
     xp = np if isinstance(depth, np.ndarray) else jnp
     return xp.maximum(np.float32(1) / (1 + np.float32(FALLOFF) * depth), np.float32(DIMMEST))
+
+
+@dataclass(frozen=True)
+class Light:
+    """How bright things are: factors from 0 to 1 on their colours. Tasks may have another."""
+
+    def wall(self, depth: jax.Array, horizontal: jax.Array, along: jax.Array) -> jax.Array:
+        """float32: of walls; the arguments are as in `raycast.Hits`."""
+        side = jnp.where(horizontal, jnp.float32(SIDE_LIGHT), 1)
+        at_seam = jnp.abs(along - 0.5) > 0.5 - SEAM_WIDTH
+        seam = jnp.where(at_seam, SEAM_SHADE * jnp.clip(1 - depth / SEAM_FADES, 0, 1), 0)
+        return brightness(depth) * side * (1 - seam)
+
+    def plain(self, depth: Any) -> Any:
+        """float32: of floor, ceiling and billboards, numpy in, numpy out."""
+        return brightness(depth)
 
 
 def pack_rgb(colour: Any, light: Any) -> Any:

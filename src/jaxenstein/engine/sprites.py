@@ -19,7 +19,7 @@ from .camera import Camera
 from .fusion import repeat, staged
 from .level import WORD, Array
 from .scene import Sprites, Theme
-from .shade import ImageKind, brightness, pack_rgb, tone
+from .shade import ImageKind, pack_rgb, tone
 
 # Billboards nearer than this are behind the eye or around it.
 NEAREST = 0.05
@@ -109,7 +109,7 @@ def project(
     drop, radius = (
         _of_look(table, spots.look) for table in (theme.sprite_drop, theme.sprite_radius)
     )
-    light = brightness(depth)
+    light = theme.light.plain(depth)
     palette = np.asarray(theme.sprite_colours)
     labels = _of_look(theme.sprite_labels, spots.look)
     paint = []
@@ -122,7 +122,7 @@ def project(
     tables = [np.append(art[:, i].reshape(-1), np.uint32(0)) for i in (0, 1)]
     return Layers(
         planes=jnp.stack([jnp.asarray(t).at[words].get(mode="promise_in_bounds") for t in tables]),
-        scale=spots.stretch / camera.focal,
+        scale=spots.stretch / camera.row_focal,
         offset=(WORD // 2) * (1 - drop / radius) - 0.5,
         paint=jnp.stack(paint),
     )
