@@ -70,6 +70,9 @@ CASES = [
     (Camera(1, 7, 120), (5, 7)),
     (Camera(5, 1, 30), (9, 12)),
     (Camera(64, 64, 60), (70, 66)),
+    # A low eye in a high room on a screen of other pixels; a high eye in a low one.
+    (Camera(24, 33, 90, eye=1.3, wall=3.25, row_focal_share=0.8), (33, 40)),
+    (Camera(33, 24, 60, eye=0.7, wall=0.8), (9, 12)),
 ]
 
 

@@ -78,14 +78,21 @@ def draw(
     width: int,
     field_of_view: float,
     layers: int,
+    room: tuple[float, float] = (0.5, 0.5),
+    row_focal: float | None = None,
 ) -> Picture:
-    """Draw a map uint8[rows, columns] whose outermost tiles are solid, with billboards in it."""
+    """Draw a map uint8[rows, columns] whose outermost tiles are solid, with billboards in it.
+
+    `room` is how far the floor is below the eye and the ceiling above it.
+    """
     rays = raycaster.directions(heading, width, field_of_view)
     eyes = np.repeat(eye[None].astype(np.float64), width, axis=0)
     sight = raycaster.march(solid, eyes, rays)
     focal = focal_length(width, field_of_view)
     shown = walls[sight.tile[:, 1], sight.tile[:, 0]].astype(int)
-    picture = _background(sight.depth, shown, row_offsets(height), focal)
+    if row_focal is not None:
+        focal = row_focal
+    picture = _background(sight.depth, shown, row_offsets(height), focal, room)
     rounding = raycaster.rounding_of_depth(eyes, rays, sight)
     picture.unsure[:, (sight.clearance < 0) | (rounding > 2e-5 * sight.depth)] = True
     for column in range(width):
@@ -96,18 +103,25 @@ def draw(
     return picture
 
 
-def _background(depth: np.ndarray, labels: np.ndarray, rows: np.ndarray, focal: float) -> Picture:
+def _background(
+    depth: np.ndarray,
+    labels: np.ndarray,
+    rows: np.ndarray,
+    focal: float,
+    room: tuple[float, float],
+) -> Picture:
     """Walls, floor and ceiling."""
     below = rows[:, None]
-    half = focal / (2 * np.maximum(depth, 1e-9))[None]
-    is_wall = np.abs(below) < half
+    bottom, top = (height * focal / np.maximum(depth, 1e-9)[None] for height in room)
+    is_wall = (below < bottom) & (-below < top)
     with np.errstate(divide="ignore"):
-        plane = focal / (2 * np.abs(below))
+        plane = focal * np.where(below > 0, *room) / np.abs(below)
+    nearest = np.minimum(np.abs(below - bottom), np.abs(below + top))
     return Picture(
         labels=np.where(is_wall, labels[None], np.where(below > 0, FLOOR, CEILING)),
         depth=np.where(is_wall, depth[None], plane),
         sprite=np.full(is_wall.shape, -1),
-        unsure=np.abs(np.abs(below) - half) < EDGE_ROUNDING * (1 + half),
+        unsure=nearest < EDGE_ROUNDING * (1 + bottom + top),
     )
 
 

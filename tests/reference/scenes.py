@@ -102,4 +102,6 @@ def picture_of(
         width=camera.width,
         field_of_view=camera.field_of_view,
         layers=layers,
+        room=(camera.eye, camera.wall - camera.eye),
+        row_focal=camera.row_focal,
     )
