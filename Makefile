@@ -111,7 +111,7 @@ $(VENV)/.docs: $(VENV)/.core
 	@touch $@
 
 $(VENV)/.baselines: $(VENV)/.core
-	@echo "Installing flax, optax, orbax and matplotlib for the baselines ..."
+	@echo "Installing flax, optax and matplotlib for the baselines ..."
 	@$(PIP) --editable '.[baselines]'
 	@touch $@
 

@@ -31,7 +31,7 @@ HERE = f"{sys.version_info.major}.{sys.version_info.minor}"
 TOOLS = ("pytest >= 8.3", "hypothesis >= 6.130", "pytest-xdist >= 3.6")
 # Extras that install beside each other with any Python, and what they must make importable.
 EXTRAS = ".[baselines,gymnasium,minigrid,play,video,dev]"
-MODULES = ("flax", "gymnasium", "matplotlib", "orbax", "minigrid")
+MODULES = ("flax", "gymnasium", "matplotlib", "minigrid")
 # What is worth running where 64-bit numbers are on.
 RULES = ("tests/contract", "tests/engine", "tests/tasks")
 

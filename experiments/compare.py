@@ -84,7 +84,7 @@ def main() -> None:
         if deadline is None or time.monotonic() < deadline:
             done.append(train(options, algo, deadline))
     folders = [options.out / algo for algo in options.algo]
-    folders = [folder for folder in folders if (folder / "metrics.csv").exists()]
+    folders = [folder for folder in folders if (folder / "metrics.jsonl").exists()]
     if not folders:
         raise SystemExit("nothing is trained yet: the same command goes on")
     try:

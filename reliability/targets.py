@@ -251,7 +251,7 @@ def runs() -> Target:
         curves_of(Path("run"), "return", 10)
 
     whole = trained_run()
-    last = {name: data for name, data in whole.files.items() if "/checkpoints/0/" not in name}
+    last = {name: data for name, data in whole.files.items() if not name.endswith("/0.npz")}
     lines = text_spoiler(LINES), text_spoiler(TOKENS)
     ways = {".json": (tree_spoiler(),) * 9, ".jsonl": lines, ".csv": lines}
     return Target([whole, Case(last)], read, ways, named=True)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from .errors import JAXensteinError
+from .errors import JAXensteinError, SettingError
+
+# How the names of files end that are being written.
+PART = ".part"
 
 
 class OutputError(JAXensteinError, OSError):
@@ -21,6 +25,17 @@ class OutputError(JAXensteinError, OSError):
     def __str__(self) -> str:
         """The message alone; `OSError` would prefix an error number where it has one."""
         return str(self.args[0])
+
+
+@contextlib.contextmanager
+def writing(path: str | Path) -> Iterator[None]:
+    """Turn what the system says against writing at `path` into an `OutputError`."""
+    try:
+        yield
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(path, _reason(error)) from error
 
 
 @contextlib.contextmanager
@@ -37,21 +52,52 @@ def atomic(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     check_writable(path)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    with writing(path):
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=PART, dir=path.parent)
         os.close(handle)
-    except OSError as error:
-        raise OutputError(path, _reason(error)) from error
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(_default_mode())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OutputError(path, _reason(error)) from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        temporary = Path(name)
+        try:
+            yield temporary
+            temporary.chmod(_default_mode())
+            _bring_to_disk(temporary)
+            os.replace(temporary, path)
+        finally:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def append(path: Path, text: str) -> None:
+    """Add a text to the end of a file, and bring it to the disk.
+
+    Raises:
+        OutputError: if it cannot be written; a part of it may have been.
+    """
+    with writing(path), path.open("a", encoding="utf-8", newline="") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def check_links(folder: str | Path) -> None:
+    """Find out before the first write whether what is written below a folder stays there.
+
+    Raises:
+        SettingError: something below it is a link that leads out of it, a file that has another
+            name somewhere else, or neither file nor folder.
+    """
+    root = Path(folder).resolve()
+    for parent, names, files in os.walk(folder):
+        for entry in (Path(parent) / name for name in (*names, *files)):
+            about = entry.lstat()
+            inside = Path(os.path.realpath(entry)).is_relative_to(root)
+            if (stat.S_ISLNK(about.st_mode) and not inside) or (
+                stat.S_ISREG(about.st_mode) and about.st_nlink > 1
+            ):
+                raise SettingError(
+                    f"{entry} is a link out of {folder}: put what it leads to in its place"
+                )
+            if not (entry.is_file() or entry.is_dir() or entry.is_symlink()):
+                raise SettingError(f"{entry} is neither a file nor a folder")
 
 
 def check_writable(path: str | Path) -> None:
@@ -86,13 +132,17 @@ def make_folder(path: str | Path) -> Path:
         OutputError: if that fails, or if something else has that name.
     """
     path = Path(path)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:
-        raise OutputError(path, "it exists and is not a folder") from error
-    except OSError as error:
-        raise OutputError(path, _reason(error)) from error
+    with writing(path):
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except FileExistsError as error:
+            raise OutputError(path, "it exists and is not a folder") from error
     return path
+
+
+def _bring_to_disk(path: Path) -> None:
+    with path.open("r+b") as file:
+        os.fsync(file.fileno())
 
 
 def _reason(error: OSError) -> str:

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import numpy as np
 
 from jaxenstein.baselines.runs.experiment import Experiment
+from jaxenstein.baselines.runs.folder import CHECKPOINTS, RunFolder
 from jaxenstein.baselines.runs.options import resolve
 
 OPTIONS: dict[str, Any] = {
@@ -34,6 +36,15 @@ UPDATES = 6
 def tiny(**changes: Any) -> Experiment:
     """The experiment of `OPTIONS` with some changed."""
     return resolve({**OPTIONS, **changes})
+
+
+def same_checkpoints(folder: RunFolder, other: RunFolder, update: int) -> bool:
+    """Whether two runs have the same bits in all arrays of their states at an update."""
+    paths = [run.path / CHECKPOINTS / f"{update}.npz" for run in (folder, other)]
+    with np.load(paths[0]) as one, np.load(paths[1]) as two:
+        return one.files == two.files and all(
+            one[name].tobytes() == two[name].tobytes() for name in one.files
+        )
 
 
 @contextlib.contextmanager

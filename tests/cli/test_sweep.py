@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 
 from jaxenstein.baselines.runs.experiment import Experiment
@@ -91,11 +90,11 @@ def test_command_trains_skips_and_lists(tmp_path: Path, capsys: pytest.CaptureFi
     shown = capsys.readouterr().out
     assert "ppo, clip 0.1" in shown
     assert "ppo, clip 0.2" in shown
-    before = (tmp_path / "s" / "ppo" / "metrics.csv").read_bytes()
+    before = (tmp_path / "s" / "ppo" / "metrics.jsonl").read_bytes()
     assert main(["sweep", *flags]) == 2
     assert "there is a run in" in capsys.readouterr().err
     assert main(["sweep", *flags, "--resume"]) == 0
-    assert (tmp_path / "s" / "ppo" / "metrics.csv").read_bytes() == before
+    assert (tmp_path / "s" / "ppo" / "metrics.jsonl").read_bytes() == before
     capsys.readouterr()
     assert main(["sweep", *flags, "--resume", "--epochs=3"]) == 2
     assert "config.epochs (3, not 2)" in capsys.readouterr().err

@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 
 from jaxenstein.baselines.runs import folder as runs
@@ -63,10 +62,10 @@ def test_trains_resumes_and_plots(
     assert "run [########################] 100%" in captured.err
     assert "success" in captured.err
     assert len(read_metrics(out)) == 2 * UPDATES
-    before = (out / "metrics.csv").read_bytes()
+    before = (out / "metrics.jsonl").read_bytes()
     # There is nothing left to do, and the same options may be given again.
     assert main(["train", *flags, "--out", str(out), "--resume"]) == 0
-    assert (out / "metrics.csv").read_bytes() == before
+    assert (out / "metrics.jsonl").read_bytes() == before
     capsys.readouterr()
     assert main(["train", *flags, "--out", str(out)]) == 2
     assert "there is a run in" in capsys.readouterr().err
@@ -180,7 +179,7 @@ assert main(["list"]) == 0
 def test_help_of_the_whole_imports_nothing_of_the_extra() -> None:
     code = (
         "import sys; from jaxenstein.cli import build_parser; build_parser().format_help(); "
-        "assert not {'flax', 'optax', 'orbax', 'matplotlib'} & set(sys.modules)"
+        "assert not {'flax', 'optax', 'matplotlib'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

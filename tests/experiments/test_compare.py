@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 

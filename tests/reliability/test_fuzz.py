@@ -28,7 +28,6 @@ SLOW = {"run": 15, "arguments": 60}
 def test_a_few_spoilt_inputs(name: str) -> None:
     if name in ("config", *SLOW):
         pytest.importorskip("flax")
-        pytest.importorskip("orbax.checkpoint")
         pytest.importorskip("matplotlib")
     cases = {**CASES, **SLOW}[name]
     reasons = fuzz(TARGETS[name](), cases, seed=1)

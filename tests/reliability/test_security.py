@@ -118,7 +118,6 @@ def test_a_trajectory_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> 
 
 
 def test_a_checkpoint_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> None:
-    pytest.importorskip("orbax.checkpoint")
     from jaxenstein.baselines.runs.checkpoints import Checkpoints
 
     state = {"a": np.arange(3), "b": np.ones((2, 2), np.float32)}
@@ -134,7 +133,6 @@ def test_a_checkpoint_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     """A run directory that has not been trained."""
-    pytest.importorskip("orbax.checkpoint")
     pytest.importorskip("flax")
     from jaxenstein.baselines.runs.folder import RunFolder
     from tests.baselines.tiny import tiny
@@ -144,25 +142,90 @@ def run(tmp_path: Path) -> Path:
     return folder.path
 
 
-@pytest.mark.parametrize(
-    "name",
-    [".lock", "metrics.csv", "timing.csv", "checkpoints", "checkpoints/7.part", "tensorboard"],
+PLACES = (
+    *(".lock", "metrics.jsonl", "timing.jsonl", "checkpoints", "tensorboard", ".probe"),
+    *("checkpoints/7.npz", "checkpoints/.0.npz.x.part", "tensorboard/seed-0"),
 )
-def test_links_out_of_a_run_are_not_followed(run: Path, tmp_path: Path, name: str) -> None:
+
+
+@pytest.fixture
+def treasure(tmp_path: Path) -> Iterator[Path]:
+    """A folder and a file that nothing may touch."""
+    folder = tmp_path / "treasure"
+    folder.mkdir()
+    (folder / "0").mkdir()
+    (folder / "file").write_text("gold")
+    yield folder
+    assert (folder / "file").read_text() == "gold"
+    assert sorted(path.name for path in folder.rglob("*")) == ["0", "file"]
+
+
+def link(path: Path, treasure: Path) -> None:
+    if path.is_dir():
+        path.rmdir()
+    path.unlink(missing_ok=True)
+    path.parent.mkdir(exist_ok=True)
+    path.symlink_to(treasure if "." not in path.name else treasure / "file")
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_links_out_of_a_run_are_not_followed(
+    run: Path, treasure: Path, watch: Watch, name: str
+) -> None:
+    """Neither where a run goes on nor where one begins: the check comes before the first write."""
+    from jaxenstein.baselines.runs.folder import RunFolder, train
+    from tests.baselines.tiny import tiny
+
+    link(run / name, treasure)
+    opened = RunFolder.open(run)
+    watch.on = True
+    with pytest.raises(SettingError, match="is a link out of"):
+        train(opened)
+    assert watch.seen == []
+    (run / "config.json").unlink()
+    with pytest.raises(SettingError, match="is a link out of"):
+        RunFolder.create(run, tiny())
+    assert watch.seen == []
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ("train", "tensorboard"),
+        ("train", ".probe"),
+        ("sweep", "ppo"),
+        ("sweep", "rnd/tensorboard"),
+        ("sweep", "summary.md"),
+    ],
+)
+def test_commands_write_nothing_outside_of_their_folder(
+    tmp_path: Path, treasure: Path, capsys: pytest.CaptureFixture[str], command: str, name: str
+) -> None:
+    pytest.importorskip("flax")
+    from jaxenstein.cli import main
+    from tests.baselines.tiny import OPTIONS
+
+    file = tmp_path / "tiny.toml"
+    file.write_text("\n".join(f"{name} = {json.dumps(value)}" for name, value in OPTIONS.items()))
+    out = tmp_path / "out"
+    out.mkdir()
+    link(out / name, treasure)
+    before = sorted(out.rglob("*"))
+    assert main([command, "--config", str(file), "--out", str(out)]) == 2
+    assert "is a link out of" in capsys.readouterr().err
+    assert sorted(out.rglob("*")) == before
+
+
+def test_other_names_of_a_file_and_pipes_are_refused(run: Path, treasure: Path) -> None:
     from jaxenstein.baselines.runs.folder import RunFolder, train
 
-    treasure = tmp_path / "treasure"
-    treasure.mkdir()
-    (treasure / "0").mkdir()
-    (treasure / "file").write_text("gold")
-    link = run / name
-    if link.is_dir():
-        link.rmdir()
-    link.symlink_to(treasure if "." not in link.name else treasure / "file")
-    with pytest.raises(SettingError, match="is a link out of the run directory"):
+    (run / "metrics.jsonl").hardlink_to(treasure / "file")
+    with pytest.raises(SettingError, match="is a link out of"):
         train(RunFolder.open(run))
-    assert (treasure / "file").read_text() == "gold"
-    assert sorted(path.name for path in treasure.iterdir()) == ["0", "file"]
+    (run / "metrics.jsonl").unlink()
+    os.mkfifo(run / "metrics.jsonl")
+    with pytest.raises(SettingError, match="is neither a file nor a folder"):
+        train(RunFolder.open(run))
 
 
 def test_links_within_a_run_are_followed(run: Path) -> None:

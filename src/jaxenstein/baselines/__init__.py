@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from .runs.folder import RunFolder, train
     from .runs.options import resolve
 
-# What reads and writes run directories needs orbax too, which takes its time to import.
+# What reads and writes run directories is imported where it is used.
 _LAZY = {
     "Experiment": ".runs.experiment",
     "RunFolder": ".runs.folder",

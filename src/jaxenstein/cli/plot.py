@@ -40,7 +40,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--metric",
         default="return",
         metavar="NAME",
-        help="a column of metrics.csv (default %(default)s)",
+        help="a column of metrics.jsonl (default %(default)s)",
     )
     parser.add_argument(
         "--points",

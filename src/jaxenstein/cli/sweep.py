@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..files import check_links
 from .arguments import Parser, UsageError, whole
 from .listing import format_table
 from .train import add_training, carry_out
@@ -80,6 +81,7 @@ def run(options: argparse.Namespace) -> int:
     given = given_options(options)
     algos = options.algo or ([given["algo"]] if "algo" in given else list(sweeps.PAPER))
     planned = sweeps.plan(given, algos, options.at_once)
+    check_links(options.out)
     folders = [_folder(options, name, planned[name]) for name in planned]
     for folder in folders:
         code = carry_out(folder, options)

@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import SettingError
 from ..progress import Progress
-from .arguments import Parser, UsageError, real, whole
+from .arguments import Parser, real, whole
 from .training import add_options, baselines, given_options
 
 if TYPE_CHECKING:
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 DESCRIPTION = """\
 Train recurrent PPO (--algo ppo), with random network distillation (rnd) or curiosity (icm), on
 any environment. All seeds are trained side by side in one compiled program. The run directory
-holds the resolved configuration, a row of metrics for each update and seed as CSV and JSON
-lines, and the last two checkpoints. Needs the extra 'baselines':
+holds the resolved configuration, a row of metrics for each update and seed as JSON lines, and
+the last two checkpoints. Needs the extra 'baselines':
 pip install 'jaxenstein[baselines]'.
 """
 EPILOG = """\
@@ -128,9 +129,13 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     experiment = folder.experiment
     total = experiment.config.updates
     many = experiment.config.steps_per_update * len(experiment.runs)
-    sinks = open_sinks(folder, options)
     recent: deque[Row] = deque(maxlen=RECENT * len(experiment.runs))
-    with Progress(total * many, folder.path.name) as progress, stopping() as stop:
+    with (
+        folder.locked(),
+        opened_sinks(folder, options) as sinks,
+        Progress(total * many, folder.path.name) as progress,
+        stopping() as stop,
+    ):
         progress.note = "compiling"
 
         def notify(update: int, rows: Sequence[Row]) -> None:
@@ -144,18 +149,14 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
                 progress.show()
             progress.update(update * many)
 
-        try:
-            done = runs.train(
-                folder,
-                chunk=options.chunk,
-                save_every=options.save_every,
-                sinks=sinks,
-                notify=notify,
-                stop=stop,
-            )
-        finally:
-            for sink in sinks:
-                sink.close()
+        done = runs.train(
+            folder,
+            chunk=options.chunk,
+            save_every=options.save_every,
+            sinks=sinks,
+            notify=notify,
+            stop=stop,
+        )
     where = f"{folder.path}: {done} of {total} updates"
     print("  ".join(filter(None, [where, note_of(recent)])))
     if done < total:
@@ -174,23 +175,26 @@ def note_of(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"return {total:.3g}  success {rate:.0%}"
 
 
-def open_sinks(folder: RunFolder, options: argparse.Namespace) -> list[Sink]:
-    """Where metrics go besides the files."""
+@contextlib.contextmanager
+def opened_sinks(folder: RunFolder, options: argparse.Namespace) -> Iterator[list[Sink]]:
+    """Where metrics go besides the files; closed at the end."""
     metrics, runs = baselines("metrics"), baselines("folder")
     names = runs.run_names(folder.experiment)
-    sinks: list[Sink] = []
-    if options.tensorboard is not False:
-        try:
-            sinks.append(metrics.TensorBoard(folder.path / "tensorboard", names))
-        except ImportError as error:
-            if options.tensorboard:
-                raise UsageError(
-                    f"jaxenstein: TensorBoard is not installed ({error}): pip install tensorboard"
-                ) from error
-    if options.wandb is not None:
-        plain = folder.experiment.to_json()
-        sinks.append(metrics.WeightsAndBiases(folder.path, names, options.wandb, plain))
-    return sinks
+    with contextlib.ExitStack() as stack:
+        sinks: list[Sink] = []
+        if options.wandb is not None:
+            plain = folder.experiment.to_json()
+            sinks.append(metrics.WeightsAndBiases(folder.path, names, options.wandb, plain))
+            stack.callback(sinks[-1].close)
+        if options.tensorboard is not False:
+            try:
+                sinks.append(metrics.TensorBoard(folder.path / "tensorboard", names))
+                stack.callback(sinks[-1].close)
+            except ImportError as error:
+                if options.tensorboard:
+                    hint = "pip install tensorboard"
+                    raise SettingError(f"TensorBoard is not installed ({error}): {hint}") from error
+        yield sinks
 
 
 @contextlib.contextmanager

@@ -10,7 +10,6 @@ from pathlib import Path
 import jax
 import pytest
 
-pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 
 from jaxenstein.baselines.learning.placement import place

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import errno
 import json
 import os
@@ -21,18 +20,17 @@ import jax
 import numpy as np
 import pytest
 
-pytest.importorskip("orbax.checkpoint")
 pytest.importorskip("flax")
 
 from jaxenstein import SettingError
 from jaxenstein.baselines.runs import checkpoints, metrics
+from jaxenstein.baselines.runs.checkpoints import Checkpoints
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.folder import CHECKPOINTS, CONFIG, RunFolder, run_names, train
-from jaxenstein.baselines.runs.metrics import MetricsFiles, read_metrics, rows_of
+from jaxenstein.baselines.runs.metrics import METRICS, MetricsFile, read_metrics, rows_of
 from jaxenstein.files import OutputError
-from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, tiny
+from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, same_checkpoints, tiny
 
-FILES = ("metrics.csv", "metrics.jsonl")
 TRAIN = """
 import sys
 from jaxenstein.baselines.runs.folder import RunFolder, train
@@ -62,16 +60,9 @@ def whole(experiment: Experiment, tmp_path_factory: pytest.TempPathFactory) -> R
     return folder
 
 
-def digest(folder: RunFolder) -> str:
-    """Of all bits of the final state."""
-    file = folder.path / CHECKPOINTS / str(folder.experiment.config.updates) / "checkpoint.json"
-    return json.loads(file.read_text())["digest"]
-
-
 def assert_same_result(folder: RunFolder, other: RunFolder) -> None:
-    for name in FILES:
-        assert (folder.path / name).read_bytes() == (other.path / name).read_bytes()
-    assert digest(folder) == digest(other)
+    assert (folder.path / METRICS).read_bytes() == (other.path / METRICS).read_bytes()
+    assert same_checkpoints(folder, other, folder.experiment.config.updates)
 
 
 def test_a_run_leaves_its_configuration_and_metrics(whole: RunFolder) -> None:
@@ -86,11 +77,6 @@ def test_a_run_leaves_its_configuration_and_metrics(whole: RunFolder) -> None:
     assert (rows[2]["episodes"] or 0) >= 4
     ended = [row for row in rows if row["episodes"]]
     assert all(0 < (row["length"] or 0) <= 10 for row in ended)
-    with (whole.path / "metrics.csv").open(newline="") as file:
-        table = list(csv.DictReader(file))
-    for line, row in zip(table, rows, strict=True):
-        read = {name: float(text) if text else None for name, text in line.items()}
-        assert read == row
     assert whole.checkpoints.updates()[-1] == UPDATES
     assert len(whole.checkpoints.updates()) <= checkpoints.KEEP
 
@@ -121,9 +107,8 @@ def test_stopped_and_resumed_is_the_same(
     )
     assert done == list(range(stop_after + 1))
     # What came after the checkpoint is cut off: whole rows, and half of one.
-    for name in FILES:
-        with (folder.path / name).open("a") as file:
-            file.write("8,1,2\n8,1")
+    with (folder.path / METRICS).open("a") as file:
+        file.write('{"update": 8}\n{"upd')
     assert train(RunFolder.open(folder.path)) == UPDATES
     assert_same_result(folder, whole)
     assert train(folder) == UPDATES
@@ -167,14 +152,14 @@ def test_killed_at_random_moments_and_resumed_is_the_same(
 
 
 def count_rows(folder: RunFolder) -> int:
-    path = folder.path / "metrics.jsonl"
+    path = folder.path / METRICS
     return path.read_bytes().count(b"\n") if path.exists() else 0
 
 
 def test_a_damaged_checkpoint_costs_time_and_nothing_else(whole: RunFolder, tmp_path: Path) -> None:
     shutil.copytree(whole.path, tmp_path / "run")
     folder = RunFolder.open(tmp_path / "run")
-    (folder.path / CHECKPOINTS / str(UPDATES) / "checkpoint.json").write_text("{")
+    (folder.path / CHECKPOINTS / f"{UPDATES}.npz").write_text("{")
     with pytest.warns(UserWarning, match="passed over a damaged checkpoint"):
         assert train(folder) == UPDATES
     assert_same_result(folder, whole)
@@ -198,7 +183,7 @@ def test_a_folder_holds_one_run_that_one_process_trains(whole: RunFolder) -> Non
     with pytest.raises(SettingError, match=r"there is a run in .* already"):
         RunFolder.create(whole.path, whole.experiment)
     with whole.locked(), pytest.raises(SettingError, match="another process is training"):
-        train(whole)
+        train(RunFolder.open(whole.path))
 
 
 def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
@@ -233,48 +218,134 @@ def test_a_folder_that_cannot_be_written_is_told_first(
     assert not (tmp_path / "run" / CONFIG).exists()
 
 
-@pytest.mark.parametrize("writer", ["metrics", "checkpoints"])
+@pytest.mark.parametrize("room", [6, 10])
 def test_a_disk_that_fills_up_stops_the_run_and_harms_nothing(
     whole: RunFolder,
     experiment: Experiment,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    writer: str,
+    room: int,
 ) -> None:
+    """Every file is brought to the disk as it is written; there is room for so many."""
     folder = RunFolder.create(tmp_path / "run", experiment)
     calls: list[int] = []
-    module, name = {
-        "metrics": (metrics.os, "fsync"),
-        "checkpoints": (checkpoints, "_write_arrays"),
-    }[writer]
-    real = getattr(module, name)
+    real = os.fsync
 
-    def full(*args: Any) -> Any:
+    def full(file: int) -> None:
         calls.append(1)
-        if len(calls) > 6 or (writer == "checkpoints" and len(calls) > 3):
+        if len(calls) > room:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return real(*args)
+        real(file)
 
     with monkeypatch.context() as patch:
-        patch.setattr(module, name, full)
+        patch.setattr(os, "fsync", full)
         with pytest.raises(OutputError, match="no space left on device"):
             train(folder, save_every=0.0)
     restored = folder.restore()
-    if restored is not None:
-        assert restored.update < UPDATES
-        assert restored.damaged == ()
+    assert restored is not None
+    assert 0 < restored.update < UPDATES
+    assert restored.damaged == ()
+    assert list((folder.path / CHECKPOINTS).glob(".*")) == []
     assert train(folder) == UPDATES
     assert_same_result(folder, whole)
 
 
-def test_metrics_files_of_another_run_are_refused(tmp_path: Path) -> None:
-    files = MetricsFiles(tmp_path)
-    files.write([{"update": 1, "a": 2}, {"update": 2, "a": None}])
-    assert (tmp_path / "metrics.csv").read_text() == "update,a\n1,2\n2,\n"
-    with pytest.raises(SettingError, match=r"metrics.csv has 3 whole lines where .* needs 4"):
-        MetricsFiles(tmp_path, rows=3)
-    MetricsFiles(tmp_path, rows=1).write([{"update": 5, "a": 0.5}])
+FULL = """
+import resource, sys
+from jaxenstein.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_disk_without_room_for_a_checkpoint_leaves_nothing(cache: Path, tmp_path: Path) -> None:
+    lines = [f"{name} = {json.dumps(value)}" for name, value in OPTIONS.items()]
+    (tmp_path / "tiny.toml").write_text("\n".join(lines))
+    command = ["train", "--config", "tiny.toml", "--out", "a/run", "--no-tensorboard"]
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, *command],
+        cwd=tmp_path,
+        env=os.environ | {"JAX_COMPILATION_CACHE_DIR": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    told = [line for line in done.stderr.splitlines() if not line.startswith("run [")]
+    assert told == ["jaxenstein: cannot write a/run/checkpoints/0.npz: file too large"]
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_training_that_never_began_leaves_what_was_there(
+    experiment: Experiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "notes.txt").write_text("mine")
+    folder = RunFolder.create(tmp_path / "run", experiment)
+
+    def full(*_: Any) -> None:
+        raise OutputError("x", "no space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Checkpoints, "save", full)
+        with pytest.raises(OutputError):
+            train(folder)
+    assert [path.name for path in folder.path.iterdir()] == ["notes.txt"]
+    # A run of before is never removed.
+    RunFolder.create(tmp_path / "run", experiment)
+    with monkeypatch.context() as patch:
+        patch.setattr(Checkpoints, "save", full)
+        with pytest.raises(OutputError):
+            train(RunFolder.open(tmp_path / "run"))
+    assert RunFolder.open(tmp_path / "run").experiment == experiment
+
+
+def test_metrics_of_another_run_are_refused(experiment: Experiment, tmp_path: Path) -> None:
+    file = MetricsFile(tmp_path)
+    file.write([{"update": 1, "a": 2}, {"update": 2, "a": None}])
+    assert (tmp_path / METRICS).read_text() == '{"update": 1, "a": 2}\n{"update": 2, "a": null}\n'
+    with pytest.raises(SettingError, match=r"metrics.jsonl has 2 whole rows where .* needs 3"):
+        MetricsFile(tmp_path, rows=3)
+    MetricsFile(tmp_path, rows=1).write([{"update": 5, "a": 0.5}])
     assert read_metrics(tmp_path) == [{"update": 1, "a": 2}, {"update": 5, "a": 0.5}]
+    with pytest.raises(SettingError, match="has metrics, but no checkpoint"):
+        train(RunFolder.create(tmp_path, experiment))
+    assert len(read_metrics(tmp_path)) == 2
+
+
+RACE = """
+import sys, time
+from pathlib import Path
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.errors import JAXensteinError
+from tests.baselines.tiny import tiny
+experiment = tiny()
+Path(sys.argv[1], sys.argv[2]).touch()
+while not Path(sys.argv[1], "go").exists():
+    pass
+for number in range(40):
+    try:
+        RunFolder.create(Path(sys.argv[1], str(number)), experiment)
+        print(number)
+    except JAXensteinError as error:
+        assert "there is a run" in str(error) or "another process" in str(error), error
+"""
+
+
+def test_of_two_processes_with_one_folder_one_wins(tmp_path: Path) -> None:
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", RACE, str(tmp_path), name], stdout=subprocess.PIPE, text=True
+        )
+        for name in ("a", "b")
+    ]
+    while not ((tmp_path / "a").exists() and (tmp_path / "b").exists()):
+        assert all(process.poll() is None for process in both)
+        time.sleep(0.05)
+    (tmp_path / "go").touch()
+    won = [process.communicate(timeout=300)[0].split() for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert sorted(map(int, won[0] + won[1])) == list(range(40))
 
 
 def test_rows_are_in_order_and_have_no_infinite_numbers() -> None:
@@ -293,6 +364,17 @@ def test_rows_are_in_order_and_have_no_infinite_numbers() -> None:
     assert [row["length"] for row in rows] == [None, 10, 4, 5]
     assert [row["success"] for row in rows] == [None, 0.5, 0.5, 1]
     assert [row["loss"] for row in rows] == [0.1, None, None, -1]
+
+
+def test_names_of_runs_are_exact_and_differ() -> None:
+    assert run_names(tiny(seed=20240601, seeds=3)) == [
+        "seed-20240601",
+        "seed-20240602",
+        "seed-20240603",
+    ]
+    close = [0.1, 0.1 + 1e-9, 1e-5, 1.00000001e-5]
+    names = run_names(tiny(grid={"learning_rate": close}, seeds=1))
+    assert [float(name.split("-seed")[0].removeprefix("learning_rate-")) for name in names] == close
 
 
 def test_a_grid_trains_every_point_with_every_seed(whole: RunFolder, tmp_path: Path) -> None:

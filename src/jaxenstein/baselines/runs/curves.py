@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import SettingError, nearest
 from ...files import atomic, check_writable
 from .bootstrap import band
-from .experiment import Experiment
+from .experiment import exact
 from .folder import RunFolder
 from .metrics import Row, read_metrics
 
@@ -67,13 +67,13 @@ def curves_of(path: str | Path, metric: str = "return", points: int = POINTS) ->
     by_run: dict[str, list[list[Row]]] = {}
     for number, run in enumerate(experiment.runs):
         of_run = rows[number :: len(experiment.runs)]
-        by_run.setdefault(_label(experiment, folder.path, grid, run), []).append(of_run)
+        by_run.setdefault(_label(folder.path, grid, run), []).append(of_run)
     return [_curve(label, runs, metric, points) for label, runs in by_run.items()]
 
 
-def _label(experiment: Experiment, path: Path, grid: Sequence[str], run: Any) -> str:
-    del experiment
-    return ", ".join([path.name or str(path.absolute().name), *(f"{n} {run[n]:g}" for n in grid)])
+def _label(path: Path, grid: Sequence[str], run: Mapping[str, float | int]) -> str:
+    name = path.name or path.absolute().name
+    return ", ".join([name, *(f"{number} {exact(run[number])}" for number in grid)])
 
 
 def _curve(label: str, runs: list[list[Row]], metric: str, points: int) -> Curve:

@@ -6,7 +6,6 @@ import dataclasses
 import functools
 import itertools
 import json
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -194,6 +193,7 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def finite(value: float) -> float | None:
-    """The number, or None for one that JSON does not know."""
-    return value if math.isfinite(value) else None
+def exact(value: float | int) -> str:
+    """A number as short as it can be written without becoming another one."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)

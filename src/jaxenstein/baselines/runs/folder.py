@@ -1,8 +1,8 @@
 """Run directories: everything about an experiment in one folder, and going on with it.
 
 RUN/config.json     what is trained, resolved: every option with its value, and the versions
-RUN/metrics.csv     a row for each update and run; the same in metrics.jsonl
-RUN/timing.csv      seconds and steps per second, which no two runs share
+RUN/metrics.jsonl   a row for each update and run
+RUN/timing.jsonl    seconds and steps per second, which no two runs share
 RUN/checkpoints/    the last two whole states
 """
 
@@ -17,22 +17,22 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import jax
 
 from ...errors import JAXensteinError, SettingError
-from ...files import OutputError, atomic, check_writable, make_folder
+from ...files import append, atomic, check_links, make_folder, writing
 from ...version import __version__
 from ..learning.config import HParams
 from ..learning.placement import place
 from ..learning.state import TrainState
 from .checkpoints import Checkpoints, Restored, check_space
-from .experiment import Experiment, check_seeds
-from .metrics import MetricsFiles, Row, Sink, rows_of
+from .experiment import Experiment, check_seeds, exact
+from .metrics import METRICS, MetricsFile, Row, Sink, read_metrics, rows_of
 from .options import check_grid
 
-CONFIG, CHECKPOINTS, TIMING, LOCK = "config.json", "checkpoints", "timing.csv", ".lock"
+CONFIG, CHECKPOINTS, TIMING, LOCK = "config.json", "checkpoints", "timing.jsonl", ".lock"
 # Seconds of training between two checkpoints.
 SAVE_EVERY = 60.0
 
@@ -53,28 +53,39 @@ class RunFolder:
         self.path = path
         self.experiment = experiment
         self.checkpoints = Checkpoints(path / CHECKPOINTS)
+        self._held = False
+        # What this object has made, which goes where no training comes of it.
+        self._made: list[Path] = []
 
     @classmethod
     def create(cls, path: str | Path, experiment: Experiment) -> RunFolder:
         """Make a run directory, with its configuration.
 
+        Of several processes that do so at the same moment one succeeds.
+
         Raises:
-            SettingError: there is a run in that folder.
+            SettingError: there is a run in that folder, or a link leads out of it.
             OutputError: it cannot be written.
         """
-        path = Path(path)
-        if os.path.exists(path / CONFIG):  # False for names that are too long, too.
+        folder = cls(Path(path), experiment)
+        folder._refuse_a_run()
+        missing = [place for place in (folder.path, *folder.path.parents) if not _exists(place)]
+        make_folder(folder.path)
+        folder._made = missing
+        with folder.locked():
+            folder._refuse_a_run()
+            folder._made = [folder.path / CONFIG, *missing]
+            with atomic(folder.path / CONFIG) as temporary:
+                text = json.dumps({**experiment.to_json(), "made_with": versions()}, indent=2)
+                temporary.write_text(text + "\n", encoding="utf-8")
+        return folder
+
+    def _refuse_a_run(self) -> None:
+        if _exists(self.path / CONFIG):
             raise SettingError(
-                f"there is a run in {path} already: --resume goes on with it, or choose another "
-                "folder"
+                f"there is a run in {self.path} already: --resume goes on with it, or choose "
+                "another folder"
             )
-        make_folder(path)
-        check_writable(path / CONFIG)
-        _probe(path)
-        with atomic(path / CONFIG) as temporary:
-            text = json.dumps({**experiment.to_json(), "made_with": versions()}, indent=2)
-            temporary.write_text(text + "\n", encoding="utf-8")
-        return cls(path, experiment)
 
     @classmethod
     def open(cls, path: str | Path) -> RunFolder:
@@ -126,28 +137,55 @@ class RunFolder:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes from training in this folder.
+        """Keep other processes from writing in this folder.
+
+        A new run directory is removed again where the block fails before its first checkpoint.
 
         Raises:
             SettingError: one does so already, or a link leads out of the folder, where nothing
                 may be written.
             OutputError: the lock cannot be written.
         """
-        _check_links(self.path)
-        try:
-            file = (self.path / LOCK).open("w")
-        except OSError as error:
-            raise OutputError(self.path, (error.strerror or str(error)).lower()) from error
-        with file:
-            # Elsewhere there is no such lock; the system ends it with the process.
-            with contextlib.suppress(ImportError):
-                import fcntl
-
-                try:
-                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                except OSError as error:
-                    raise SettingError(f"another process is training in {self.path}") from error
+        if self._held:
             yield
+            return
+        check_links(self.path)
+        with writing(self.path):
+            file = (self.path / LOCK).open("w")
+        with file:
+            if not _take(file):
+                raise SettingError(f"another process is training in {self.path}")
+            self._held = True
+            try:
+                yield
+            except Exception:
+                if self._made and not self.checkpoints.updates():
+                    self._discard()
+                raise
+            finally:
+                self._held = False
+
+    def _discard(self) -> None:
+        """Remove what a training that never began has made; what else is there stays."""
+        ours = [self.path / name for name in (CHECKPOINTS, LOCK)]
+        for path in (*ours, *self._made):
+            with contextlib.suppress(OSError):
+                path.rmdir() if path.is_dir() else path.unlink()
+
+
+def _take(file: IO[str]) -> bool:
+    """Lock a file for this process, until it ends or the file is closed."""
+    try:
+        import fcntl
+    except ImportError:
+        # Elsewhere there is no such lock.
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    # One that another process has removed in the meantime locks nothing.
+    return os.fstat(file.fileno()).st_nlink > 0
 
 
 def _checked(experiment: Experiment) -> Experiment:
@@ -170,20 +208,16 @@ def _checked(experiment: Experiment) -> Experiment:
     return experiment
 
 
-def _check_links(path: Path) -> None:
-    """Raise if something below a folder leads out of it: what is written there would go astray."""
-    root = path.resolve()
-    for folder, names, files in os.walk(path):
-        for entry in (Path(folder) / name for name in (*names, *files)):
-            if entry.is_symlink() and not entry.resolve().is_relative_to(root):
-                raise SettingError(
-                    f"{entry} is a link out of the run directory: put what it leads to in its place"
-                )
+def _exists(path: Path) -> bool:
+    """Whether there is something; False for names that are too long, too."""
+    return os.path.lexists(path)
 
 
 def run_names(experiment: Experiment) -> list[str]:
     """A name for each run, such as `seed-0` or `bonus_reward-0.1-seed-0`."""
-    return ["-".join(f"{name}-{value:g}" for name, value in run.items()) for run in experiment.runs]
+    return [
+        "-".join(f"{name}-{exact(value)}" for name, value in run.items()) for run in experiment.runs
+    ]
 
 
 def versions() -> dict[str, str]:
@@ -240,7 +274,7 @@ def _train(
     experiment, checkpoints = folder.experiment, folder.checkpoints
     many, runs, numbers = experiment.learner.many, experiment.runs, experiment.numbers()
     update, state = _begin(folder)
-    writers = [MetricsFiles(folder.path, rows=update * len(runs)), *sinks]
+    writers = [MetricsFile(folder.path, rows=update * len(runs)), *sinks]
     timing = Timing(folder.path / TIMING, experiment, update)
     saved, total = time.monotonic(), experiment.config.updates
     notify(update, [])
@@ -268,13 +302,15 @@ def _begin(folder: RunFolder) -> tuple[int, TrainState]:
         for reason in restored.damaged:
             warnings.warn(f"passed over a damaged checkpoint: {reason}", stacklevel=4)
         return restored.update, place(restored.state, folder.experiment)
+    if _exists(folder.path / METRICS) and read_metrics(folder.path):
+        raise SettingError(f"the run in {folder.path} has metrics, but no checkpoint to go on from")
     state = folder.experiment.learner.many.init(folder.experiment.keys())
     folder.checkpoints.save(0, state)
     return 0, place(state, folder.experiment)
 
 
 class Timing:
-    """Writes `timing.csv`: how long it took, apart from the metrics, which can be compared."""
+    """Writes `timing.jsonl`: how long it took, apart from the metrics, which can be compared."""
 
     def __init__(self, path: Path, experiment: Experiment, update: int) -> None:
         """Start the clock at an update."""
@@ -282,34 +318,14 @@ class Timing:
         self._steps = experiment.config.steps_per_update * len(experiment.runs)
         self._update, self._start = update, time.monotonic()
         self._before = self._start
-        if not path.exists():
-            self._append("update,seconds,steps_per_second\n")
 
     def write(self, update: int) -> None:
         """Append the seconds since this process began, and the rate since the last row."""
         now = time.monotonic()
         rate = (update - self._update) * self._steps / max(now - self._before, 1e-9)
-        self._append(f"{update},{now - self._start:.3f},{rate:.1f}\n")
+        row = {"update": update, "seconds": round(now - self._start, 3)}
+        append(self._path, json.dumps({**row, "steps_per_second": round(rate, 1)}) + "\n")
         self._update, self._before = update, now
-
-    def _append(self, text: str) -> None:
-        try:
-            with self._path.open("a", encoding="utf-8") as file:
-                file.write(text)
-        except OSError as error:
-            raise OutputError(self._path, (error.strerror or str(error)).lower()) from error
-
-
-def _probe(path: Path) -> None:
-    """Find out before anything is trained whether the disk takes what will be written."""
-    probe = path / ".probe"
-    try:
-        probe.write_bytes(b"\0" * 65536)
-    except OSError as error:
-        raise OutputError(path, (error.strerror or str(error)).lower()) from error
-    finally:
-        with contextlib.suppress(OSError):
-            probe.unlink(missing_ok=True)
 
 
 def final_state(folder: RunFolder) -> tuple[int, Any]:

@@ -1,23 +1,19 @@
-"""What a run reports: rows of numbers, written as CSV and JSON lines and sent to other tools."""
+"""What a run reports: rows of numbers, written as JSON lines and sent to other tools."""
 
 from __future__ import annotations
 
-import contextlib
-import csv
-import io
 import json
 import math
-import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from ...errors import SettingError
-from ...files import OutputError
+from ...files import append, writing
 
-CSV, JSONL = "metrics.csv", "metrics.jsonl"
+METRICS = "metrics.jsonl"
 Number = int | float | None
 Row = dict[str, Number]
 
@@ -87,29 +83,26 @@ class Sink(Protocol):
         ...
 
 
-class MetricsFiles:
-    """`metrics.csv` and `metrics.jsonl` of a run directory, with the same rows.
-
-    The columns are those of the first row. What is no finite number is an empty field of the CSV
-    file and null in the JSON lines.
-    """
+class MetricsFile:
+    """`metrics.jsonl` of a run directory; what is no finite number is null in it."""
 
     def __init__(self, folder: Path, rows: int = 0) -> None:
-        """Open the files to go on after `rows` rows; what follows them is cut off.
+        """Open the file to go on after `rows` rows; what follows them is cut off.
 
         Raises:
-            SettingError: the files have fewer rows.
-            OutputError: they cannot be written.
+            SettingError: it has fewer rows.
+            OutputError: it cannot be written.
         """
-        self._csv, self._jsonl = folder / CSV, folder / JSONL
-        self._columns: list[str] | None = None
-        with _told(self._csv):
-            _cut(self._csv, rows + 1 if rows else 0)
-        with _told(self._jsonl):
-            _cut(self._jsonl, rows)
-        if rows:
-            with self._csv.open(newline="", encoding="utf-8") as file:
-                self._columns = next(csv.reader(file))
+        self._path = folder / METRICS
+        with writing(self._path), self._path.open("a+b") as file:
+            file.seek(0)
+            for row in range(rows):
+                if not file.readline().endswith(b"\n"):
+                    raise SettingError(
+                        f"{self._path} has {row} whole rows where the checkpoint needs {rows}; "
+                        "it is not the file that the run wrote"
+                    )
+            file.truncate(file.tell())
 
     def write(self, rows: Sequence[Row]) -> None:
         """Append rows, and bring them to the disk.
@@ -117,15 +110,7 @@ class MetricsFiles:
         Raises:
             OutputError: they cannot be written.
         """
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        if self._columns is None:
-            self._columns = list(rows[0])
-            writer.writerow(self._columns)
-        for row in rows:
-            writer.writerow(["" if row[name] is None else row[name] for name in self._columns])
-        _append(self._csv, text.getvalue())
-        _append(self._jsonl, "".join(json.dumps(row) + "\n" for row in rows))
+        append(self._path, "".join(json.dumps(row) + "\n" for row in rows))
 
     def close(self) -> None:
         """Nothing is open between writes."""
@@ -139,7 +124,7 @@ def read_metrics(folder: Path) -> list[Row]:
     Raises:
         SettingError: there are none, or they cannot be read.
     """
-    path = folder / JSONL
+    path = folder / METRICS
     try:
         lines = path.read_text(encoding="utf-8").split("\n")[:-1]
         return [json.loads(line) for line in lines]
@@ -148,37 +133,6 @@ def read_metrics(folder: Path) -> list[Row]:
         raise SettingError(f"cannot read {path}: {reason}") from error
     except (ValueError, RecursionError) as error:
         raise SettingError(f"{path} is damaged: {error}") from error
-
-
-def _cut(path: Path, lines: int) -> None:
-    """Keep the first `lines` lines of a file, which is made if it is missing."""
-    with path.open("a+b") as file:
-        file.seek(0)
-        for line in range(lines):
-            if not file.readline().endswith(b"\n"):
-                raise SettingError(
-                    f"{path} has {line} whole lines where the checkpoint needs {lines}; "
-                    "it is not the file that the run wrote"
-                )
-        file.truncate(file.tell())
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def _append(path: Path, text: str) -> None:
-    with _told(path), path.open("a", encoding="utf-8", newline="") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-@contextlib.contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Turn errors of the system into `OutputError`."""
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(path, (error.strerror or str(error)).lower()) from error
 
 
 class TensorBoard:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .bootstrap import Interval, mean_interval
 from .curves import curves_of
-from .experiment import Experiment
+from .experiment import Experiment, exact
 from .options import resolve
 
 # The values that the paper swept for each algorithm, on five seeds; PPO has none.
@@ -57,7 +57,7 @@ def _split(name: str, experiment: Experiment, at_once: int | None) -> list[tuple
     for value in values:
         hparams = {**experiment.hparams, number: value}
         part = dataclasses.replace(experiment, hparams=hparams, grid=tuple(rest))
-        parts += _split(f"{name}-{number}-{value:g}", part, at_once)
+        parts += _split(f"{name}-{number}-{exact(value)}", part, at_once)
     return parts
 
 
