@@ -15,6 +15,7 @@ import argparse
 import contextlib
 import dataclasses
 import hashlib
+import math
 import os
 import re
 import shutil
@@ -127,7 +128,9 @@ def attempt(target: Target, case: Case, patience: float = PATIENCE) -> str:
         return refusal
 
 
-def fuzz(target: Target, cases: int, seed: int = 0, keep: Path | None = None) -> Counter[str]:
+def fuzz(
+    target: Target, cases: int, seed: int = 0, keep: Path | None = None, seconds: float = math.inf
+) -> Counter[str]:
     """Try some cases.
 
     Args:
@@ -135,6 +138,7 @@ def fuzz(target: Target, cases: int, seed: int = 0, keep: Path | None = None) ->
         cases: how many at most; Hypothesis tries none twice.
         seed: of the changes.
         keep: a folder for the files of the last defect, which is the smallest.
+        seconds: after which no more are tried.
 
     Returns:
         How many were refused for each reason; "" counts those that were accepted.
@@ -145,54 +149,58 @@ def fuzz(target: Target, cases: int, seed: int = 0, keep: Path | None = None) ->
     """
     for case in target.seeds:
         assert attempt(target, case) == "", f"a seed is not valid: {attempt(target, case)}"
-    later, reasons = list[Case](), Counter[str]()
+    search = _Search(target, keep, time.monotonic() + seconds)
     for number, done in enumerate(range(0, cases, ROUND)):
-        pool, count = [*target.seeds, *later], min(ROUND, cases - done)
-        later += _round(target, pool, count, 1000 * seed + number, keep, reasons)
-        del later[:-MOST]
+        if time.monotonic() > search.end:
+            break
+        search.round(min(ROUND, cases - done), seed * 1000 + number)
         jax.clear_caches()
-    return reasons
+    return search.reasons
 
 
-def _round(
-    target: Target,
-    pool: list[Case],
-    cases: int,
-    seed: int,
-    keep: Path | None,
-    reasons: Counter[str],
-) -> list[Case]:
-    """Spoil cases of a pool, count what came of them, and return those to be spoilt further."""
-    later: list[Case] = []
+@dataclasses.dataclass
+class _Search:
+    """What has been found out about a target; `later` are cases to be spoilt further."""
 
-    @hypothesis.seed(seed)
-    @hypothesis.settings(
-        max_examples=cases,
-        deadline=None,
-        database=None,
-        suppress_health_check=SLOW,
-        phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink),
-    )
-    @hypothesis.given(
-        strategies.sampled_from(pool), strategies.randoms(), strategies.integers(1, 4)
-    )
-    def once(case: Case, rng: Rng, changes: int) -> None:
+    target: Target
+    keep: Path | None
+    end: float
+    later: list[Case] = dataclasses.field(default_factory=list)
+    reasons: Counter[str] = dataclasses.field(default_factory=Counter)
+    failed: bool = False
+
+    def round(self, cases: int, seed: int) -> None:
+        """Spoil and try some of the cases that there are."""
+        options = hypothesis.settings(
+            max_examples=cases,
+            deadline=None,
+            database=None,
+            suppress_health_check=SLOW,
+            phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink),
+        )
+        pool = strategies.sampled_from([*self.target.seeds, *self.later])
+        spoilt = hypothesis.given(pool, strategies.randoms(), strategies.integers(1, 4))
+        hypothesis.seed(seed)(options(spoilt(self.once)))()
+        del self.later[:-MOST]
+
+    def once(self, case: Case, rng: Rng, changes: int) -> None:
+        """Try a case with some changes, but for when time is over."""
+        if time.monotonic() > self.end and not self.failed:
+            return
         for _ in range(changes):
-            case = target.spoil(case, rng)
+            case = self.target.spoil(case, rng)
         try:
-            reason = skeleton(attempt(target, case))
+            reason = skeleton(attempt(self.target, case))
         except BaseException:
-            if keep is not None:
-                shutil.rmtree(keep, ignore_errors=True)
-                case.write(keep)
-                (keep / "arguments").write_text(repr(case.args), encoding="utf-8")
+            self.failed = True
+            if self.keep is not None:
+                shutil.rmtree(self.keep, ignore_errors=True)
+                case.write(self.keep)
+                (self.keep / "arguments").write_text(repr(case.args), encoding="utf-8")
             raise
-        if not reason or reason not in reasons:
-            later.append(case)
-        reasons[reason] += 1
-
-    once()
-    return later
+        if not reason or reason not in self.reasons:
+            self.later.append(case)
+        self.reasons[reason] += 1
 
 
 @contextlib.contextmanager
@@ -255,12 +263,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     names, failed = options.target or list(TARGETS), False
     print(f"seed {options.seed}\n| target | tried | accepted | reasons |\n|---|---:|---:|---:|")
     for name in names:
-        target, reasons, seed = TARGETS[name](), Counter[str](), options.seed
-        end = time.monotonic() + 60 * options.minutes / len(names)
+        seconds, reasons = 60 * options.minutes / len(names), Counter[str]()
         try:
-            while time.monotonic() < end:
-                reasons += fuzz(target, 5 * ROUND, seed, options.out.resolve() / name)
-                seed += 1
+            kept = options.out.resolve() / name
+            reasons = fuzz(TARGETS[name](), sys.maxsize, options.seed, kept, seconds)
         except Exception as error:
             failed = True
             print(f"{name}: defect: {error!r}, kept in {options.out / name}")
