@@ -20,6 +20,7 @@ import functools
 import hashlib
 import itertools
 import json
+import platform
 import sys
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -46,9 +47,8 @@ KEPT, FEW = 6, 0.02
 # Numbers are rounded to this; in units of it, how far they keep from where rounding goes over,
 # and by how much the kept ones may differ on other kinds of processor.
 GRID, MARGIN, NEAR = 1e-2, 2e-3, 1.5
-# How often the generator leaves what the expert does, for one step and to walk into something;
-# how many episodes it looks at for one in which somebody was stopped by something.
-WANDERING, STRAYING, LOOKS = 0.12, 0.04, 8
+# How often the generator leaves what the expert does, for one step and to walk into something.
+WANDERING, STRAYING = 0.12, 0.04
 
 Table = dict[str, Any]
 
@@ -76,14 +76,13 @@ def trace(name: str, seed: int, actions: Sequence[int]) -> Trace:
     """Play the actions from the reset of a seed on."""
     env, params = jaxenstein.make(name, **SIZE)
     params = params.replace(max_steps_in_episode=LIMIT)
-    keys = episode_keys(seed, len(actions))
+    keys = _keys(seed)
     first, steps = jax.device_get(_play(env, keys, jnp.asarray(actions, jnp.int32), params))
     # It follows from the others, and is younger than the file.
     steps[-1].pop("success")
-    head = [jax.tree.map(lambda leaf: leaf[None], first[1])]
-    tail = [steps[1:]]
-    parts = [_rows(tree) for tree in (*head, *tail)]
-    poses = [np.concatenate([s.position, s.heading[:, None]], -1) for s in (*head, steps[1])]
+    begin = jax.tree.map(lambda leaf: leaf[None], first[1])
+    parts = _rows(begin), _rows(steps[1:])
+    poses = [np.concatenate([s.position, s.heading[:, None]], -1) for s in (begin, steps[1])]
     return Trace(
         layout="; ".join(part[0] for part in parts),
         whole=tuple(row for part in parts for row in part[1]),
@@ -93,9 +92,9 @@ def trace(name: str, seed: int, actions: Sequence[int]) -> Trace:
     )
 
 
-def episode_keys(seed: int, steps: int) -> jax.Array:
+def _keys(seed: int) -> jax.Array:
     """The keys of the reset and of each step."""
-    return jax.random.split(jax.random.key(seed, impl="threefry2x32"), steps + 1)
+    return jax.random.split(jax.random.key(seed, impl="threefry2x32"), STEPS + 1)
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -141,7 +140,7 @@ def describe(name: str, seed: int, actions: Sequence[int]) -> Table:
         "actions": [[value, len(list(group))] for value, group in itertools.groupby(actions)],
         "layout": digest([found.layout.encode()]),
         "whole": blocks(found.whole),
-        "rounded": blocks([np.rint(row / GRID).astype(np.int64) for row in found.real]),
+        "rounded": blocks(rounded(found.real)),
         "frames": blocks(found.frames),
         "poses": np.rint(found.poses[::KEPT] / GRID).astype(int).tolist(),
         "pictures": base64.b64encode(zlib.compress(kept.tobytes(), 9)).decode(),
@@ -158,16 +157,18 @@ def numbers_of(params: Any) -> dict[str, float]:
 
 def digest(parts: Iterable[bytes]) -> str:
     """Twelve hexadecimal digits for some bytes."""
-    sha = hashlib.sha256()
-    for part in parts:
-        sha.update(part)
-    return sha.hexdigest()[:12]
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:12]
 
 
 def blocks(rows: Sequence[np.ndarray] | np.ndarray) -> list[str]:
     """A digest for every so many rows; the same bytes on machines of either byte order."""
     little = [row.astype(row.dtype.newbyteorder("<"), copy=False).tobytes() for row in rows]
     return [digest(little[start : start + BLOCK]) for start in range(0, len(little), BLOCK)]
+
+
+def rounded(rows: Iterable[np.ndarray]) -> list[np.ndarray]:
+    """Numbers in whole units of the grid."""
+    return [np.rint(row / GRID).astype(np.int64) for row in rows]
 
 
 def problem(name: str, wanted: Mapping[str, Any]) -> str:
@@ -183,12 +184,9 @@ def problem(name: str, wanted: Mapping[str, Any]) -> str:
     found = trace(name, wanted["seed"], actions)
     if digest([found.layout.encode()]) != wanted["layout"]:
         return f"states or info have other parts: {found.layout}"
-    at = _differing(blocks(found.whole), wanted["whole"])
-    if at:
+    if at := _differing(blocks(found.whole), wanted["whole"]):
         return f"rewards, events or other whole parts of states differ from {at} on"
-    at = _differing(
-        blocks([np.rint(row / GRID).astype(np.int64) for row in found.real]), wanted["rounded"]
-    )
+    at = _differing(blocks(rounded(found.real)), wanted["rounded"])
     if at and not _near(found.poses, wanted["poses"]):
         return f"positions or other numbers of states differ from {at} on"
     return _frames_problem(found.frames, wanted)
@@ -204,20 +202,14 @@ def _differing(found: Sequence[str], wanted: Sequence[str]) -> str:
 
 def _near(poses: np.ndarray, wanted: Any) -> bool:
     """Whether this is no CPU as that of the file, and positions are the same up to rounding."""
-    if jax.default_backend() == "cpu" and _x86():
+    x86 = platform.machine().lower() in ("x86_64", "amd64", "i686")
+    if jax.default_backend() == "cpu" and x86:
         return False
     return bool(np.all(np.abs(poses[::KEPT] / GRID - np.array(wanted)) <= NEAR))
 
 
-def _x86() -> bool:
-    import platform
-
-    return platform.machine().lower() in ("x86_64", "amd64", "i686")
-
-
 def _frames_problem(frames: np.ndarray, wanted: Mapping[str, Any]) -> str:
-    at = _differing(blocks(frames), wanted["frames"])
-    if not at:
+    if not _differing(blocks(frames), wanted["frames"]):
         return ""
     kept = frames[::KEPT]
     data = zlib.decompress(base64.b64decode(wanted["pictures"]))
@@ -247,34 +239,15 @@ def load() -> dict[str, Table]:
 
 
 def choose(name: str, seeds: Iterable[int] = range(400)) -> Table:
-    """An episode for an environment, all of whose numbers can be rounded safely.
-
-    It is the first one with moves that were blocked, if there is one among the first few.
-    """
-    found: list[tuple[int, list[int]]] = []
+    """An episode for an environment, all of whose numbers can be rounded safely."""
     for seed in seeds:
         actions = wander(name, seed)
-        seen = trace(name, seed, actions)
-        real = np.concatenate(seen.real) / GRID
+        real = np.concatenate(trace(name, seed, actions).real) / GRID
         if not np.isfinite(real).all():
             raise ValueError(f"{name}: a number of a state is not finite")
         if (np.abs(real - np.floor(real) - 0.5) > MARGIN).all():
-            found.append((seed, actions))
-            if _blocked(seen.poses, actions):
-                return describe(name, seed, actions)
-            if len(found) == LOOKS:
-                break
-    if not found:
-        raise ValueError(f"{name}: no seed has numbers that can all be rounded safely")
-    return describe(name, *found[0])
-
-
-def _blocked(poses: np.ndarray, actions: Sequence[int]) -> bool:
-    """Whether moves forward were blocked, at a heading across the map's grid."""
-    still = (poses[1:, :2] == poses[:-1, :2]).all(axis=1)
-    quarter = np.pi / 2
-    oblique = np.abs((poses[1:, 2] + quarter / 2) % quarter - quarter / 2) > 0.1
-    return bool((still & oblique & (np.array(actions) == 2)).sum() >= 2)
+            return describe(name, seed, actions)
+    raise ValueError(f"{name}: no seed has numbers that can all be rounded safely")
 
 
 def wander(name: str, seed: int) -> list[int]:
@@ -288,7 +261,7 @@ def wander(name: str, seed: int) -> list[int]:
         stray = [int(rng.integers(2))] * int(rng.integers(1, 5)) + [2] * 7
         others[start : start + len(stray)] = stray[: STEPS - start]
         away[start : start + len(stray)] = True
-    return np.asarray(_choose(env, episode_keys(seed, STEPS), others, away, params)).tolist()
+    return np.asarray(_choose(env, _keys(seed), others, away, params)).tolist()
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -311,8 +284,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("ids", nargs="*", metavar="ID", help="some of them (default: all)")
     parser.add_argument("--check", action="store_true", help="write nothing")
     options = parser.parse_args(arguments)
-    unknown = [name for name in options.ids if name not in ENTRIES]
-    if unknown:
+    if unknown := [name for name in options.ids if name not in ENTRIES]:
         parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(ENTRIES)}")
     before = load() if FILE.exists() else {}
     table, wrong = {}, 0
