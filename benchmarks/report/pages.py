@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from benchmarks.report.plots import Bars
 from benchmarks.report.results import Result, Row
 from benchmarks.report.tables import TABLES, column, markdown, number, ratio, table_of, whole
 from benchmarks.suites.parts import NAMED, PARTS
-from benchmarks.training import THEIRS, TITLES
 
 ROOT = Path(__file__).resolve().parents[2]
 TEMPLATES = Path(__file__).parent / "templates"
 # More disturbed chunks than this, of all, are told at the top of the first page.
 DISTURBED_SHARE = 0.05
-# The number of environments above which ViZDoom is said to fail.
-CLAIMED = 64
 # Of the summary: subjects of the part `peers`, and what to call them.
 PEERS = {
     "vizdoom-gymnasium": "ViZDoom, resized to 64x64",
@@ -155,29 +152,6 @@ class Pages:
         left = ("part", "began", "versions", "processor")
         return markdown([column(key, left=key in left) for key in rows[0]], rows)
 
-    def claim(self) -> str:
-        """What became of ViZDoom where it is said to fail, and with what both sides ran."""
-        report, rows = self.results["training-compare"]
-        told: dict[str, list[str]] = {}
-        for row in rows:
-            side = row["sides"][THEIRS]
-            if row["envs"] > CLAIMED and not side.get("missing"):
-                told.setdefault("failed" if "failed" in side else "trained", []).append(row["envs"])
-        here = "; it ".join(f"{kind} with {' and '.join(map(str, n))}" for kind, n in told.items())
-        here = f"it {here} environments" if here else "that was not tried"
-        lines = [f"ViZDoom is said to fail above {CLAIMED} environments; here {here}.", ""]
-        cores = report["hardware"]["cores_allowed"] or report["hardware"]["cores"]
-        lines.append(f"{plural(cores, 'core')} of {report['hardware']['cpu']}.")
-        for side, title in TITLES.items():
-            found = [row["sides"][side] for row in rows if "rates" in row["sides"][side]]
-            if found:
-                versions = ", ".join(f"{name} {v}" for name, v in found[0]["versions"].items())
-                lines.append(
-                    f"{title}: {found[0]['parameters']:,} parameters, on {found[0]['device']}, "
-                    f"{versions}."
-                )
-        return "\n".join(lines)
-
     def bandwidth(self) -> str:
         """Of which accelerator the figures are."""
         report = self.results["device"].report
@@ -207,9 +181,7 @@ def command(file: str, result: Result, folder: Path) -> str:
     where = (folder.relative_to(ROOT) if ROOT in folder.parents else Path(folder.name)).as_posix()
     settings = result.report.get("settings", {})
     if file not in PARTS:
-        line = f"python -m benchmarks.{file.replace('-', '.')} --json {where}/{file}.json"
-        numbers = [str(row["envs"]) for row in result.rows if "envs" in row]
-        return " ".join([line, *(["--envs", *numbers] if numbers else [])])
+        return f"python -m benchmarks.{file} --json {where}/{file}.json"
     words = [f"python -m benchmarks {file} --json {where}", *["--quick"] * settings["quick"]]
     words += [] if settings["core"] is None else [f"--core {settings['core']}"]
     return " ".join([*words, f"--rounds {settings['rounds']} --seconds {settings['seconds']:g}"])
@@ -221,20 +193,14 @@ def plural(count: int, thing: str) -> str:
 
 
 def _told(rows: Iterable[Row], key: str) -> dict[str, list[str]]:
-    """What rows, or sides of them, say under a key, each with the titles of those that do."""
+    """What rows say under a key, each with the titles of those that do."""
     told: dict[str, list[str]] = {}
-    for title, found in _titled(rows):
-        said = found.get(key) or {}
-        for line in [said] if isinstance(said, str) else [f"{n} {v}" for n, v in said.items()]:
-            told.setdefault(line, []).append(title)
-    return told
-
-
-def _titled(rows: Iterable[Row]) -> Iterator[tuple[str, Row]]:
     for row in rows:
-        yield row.get("title") or f"{row.get('id')}, {row.get('batch')}", row
-        for side, found in row.get("sides", {}).items():
-            yield f"{TITLES[side]}, {row['envs']}", found
+        title, said = row.get("title") or f"{row.get('id')}, {row.get('batch')}", row.get(key) or {}
+        for line in [said] if isinstance(said, str) else [f"{n} {v}" for n, v in said.items()]:
+            if title not in told.setdefault(line, []):
+                told[line].append(title)
+    return told
 
 
 def _versions(found: Iterable[Mapping[str, str]]) -> dict[str, str]:

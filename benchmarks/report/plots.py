@@ -13,7 +13,6 @@ from jaxenstein.files import atomic
 
 OURS, PEERS, OTHER = "#1f6fb4", "#9a9a9a", "#d9652b"
 STEPS = "steps a second"
-Series = Mapping[str, Sequence[tuple[Any, Mapping[str, Any]]]]
 
 
 class Bars(NamedTuple):
@@ -54,40 +53,28 @@ class Bars(NamedTuple):
         return figure
 
 
-def by_id(axis: str) -> Callable[[Sequence[Row]], Series]:
-    """Lines over an axis of the rows, one for each id."""
-
-    def series(rows: Sequence[Row]) -> Series:
-        lines: dict[str, list[tuple[Any, Mapping[str, Any]]]] = {}
-        for row in rows:
-            if axis in row and "rates" in row:
-                lines.setdefault(str(row.get("id", "")), []).append((row[axis], row["rates"]))
-        return lines
-
-    return series
-
-
 class Lines(NamedTuple):
-    """Steps a second over an axis, with quartiles as bands.
+    """Steps a second over an axis, a line for each id, with quartiles as bands.
 
     Attributes:
         axis: the key of the rows that it goes along.
         label: of that axis.
         place: where a value of it lies.
-        series: makes the lines of the rows; one for each id by default.
         logarithmic: whether the speeds are; those of the axis always are.
     """
 
     axis: str
     label: str
     place: Callable[[Any], float] = float
-    series: Callable[[Sequence[Row]], Series] | None = None
     logarithmic: bool = False
 
     def draw(self, rows: Sequence[Row]) -> Any:
         """The figure; None if there is nothing to draw."""
-        lines = (self.series or by_id(self.axis))(rows)
-        lines = {name: points for name, points in lines.items() if points}
+        lines: dict[str, list[tuple[Any, Mapping[str, Any]]]] = {}
+        for row in rows:
+            if self.axis in row and "rates" in row:
+                line = lines.setdefault(str(row.get("id", "")), [])
+                line.append((row[self.axis], row["rates"]))
         if not lines:
             return None
         figure, axes = _figure(3.4)

@@ -65,17 +65,10 @@ def training_row(row: Row, product: float) -> Row:
     return {**row, "ratios": {"product": row["flops_per_second"] / product}}
 
 
-def comparison_row(row: Row) -> Row:
-    """Both sides of training with a number of environments."""
-    rates = [side.get("steps_per_second", {}).get("median") for side in row["sides"].values()]
-    return {**row, "ratios": {"ratio": rates[0] / rates[1]} if all(rates) else {}}
-
-
 OTHERS: Mapping[str, Callable[[Report], Iterator[Row]]] = {
     "device": lambda r: (device_row(row, r["copy_bytes_per_second"]) for row in r["rows"]),
     "spread": _spread,
     "training": lambda r: (training_row(row, r["matrix_rate"]) for row in r["rows"]),
-    "training-compare": lambda r: map(comparison_row, r["rows"]),
 }
 """Files of other commands, which a report includes where they lie beside the parts."""
 

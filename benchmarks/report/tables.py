@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from benchmarks.report.plots import Bars, Lines, pixels
 from benchmarks.report.results import Result, Row
 from benchmarks.suites.parts import ADAPTERS
-from benchmarks.training import OURS, THEIRS, TITLES
 
 
 class Column(NamedTuple):
@@ -95,14 +94,6 @@ def _steps(row: Row) -> str:
     return "not measured" if "failed" in row else whole(row["rates"]["median"])
 
 
-def _side(side: str) -> Column:
-    def show(row: Row) -> str:
-        found = row["sides"][side]
-        return "failed" if "failed" in found else whole(found["steps_per_second"]["median"])
-
-    return Column(f"{TITLES[side].partition(',')[0]} steps/s", show)
-
-
 def _with_axes(rows: Sequence[Row]) -> Sequence[Row]:
     """Without the subject that each group was measured beside, which has nothing of its own."""
     return [row for row in rows if row["axes"]]
@@ -123,15 +114,6 @@ def _adapters(rows: Sequence[Row]) -> Sequence[Row]:
             beside = rates.get((row["partner"], f"{native}-{batch}"))
             found.append({**row, "ratios": ratios, "native": beside})
     return found
-
-
-def _sides(rows: Sequence[Row]) -> dict[str, list[tuple[Any, Mapping[str, Any]]]]:
-    """For the plot of training: of both sides the numbers of environments and the rates."""
-    found = {name: [(row["envs"], row["sides"][name]) for row in rows] for name in TITLES}
-    return {
-        TITLES[name]: [(n, side["steps_per_second"]) for n, side in both if "failed" not in side]
-        for name, both in found.items()
-    }
 
 
 STEPS = Column("steps/s", _steps)
@@ -174,13 +156,11 @@ TABLES: Mapping[str, Table] = {
     ),
     "training-compare": Table(
         (
-            column("environments", "envs"), _side(OURS), _side(THEIRS), ratio("ratio"),
-            column("compile s", "sides", OURS, "compile_seconds", form=number),
-            column("ViZDoom start s", "sides", THEIRS, "creation_seconds", form=number),
-            column("JAXenstein MiB", "sides", OURS, "memory_bytes", form=whole, unit=MIB),
-            column("ViZDoom MiB", "sides", THEIRS, "memory_bytes", form=whole, unit=MIB),
+            ID, column("environments", "envs"), *RATES[:2], ratio("x RecurrentPPO"),
+            column("ready after s", "ready_seconds", form=number),
+            column("MiB", "memory_bytes", form=whole, unit=MIB),
         ),
-        {"training": Lines("envs", "environments", series=_sides)},
+        {"training": Lines("envs", "environments")},
     ),
     "training": Table(
         (

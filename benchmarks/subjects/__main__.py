@@ -6,8 +6,8 @@ seconds. End of input ends it. Any interpreter can run it that has what the subj
 
 A name is a kind, a number of environments where the kind has one, and options, such as
 `scan-64 id=key-door size=84x84`. The kinds are those of `own.py`, `peers.py` (`vizdoom-...`,
-`envpool-B`, `miniworld`) and `adapters.py` (`adapter-KIND-B`), with their options. Options that a
-subject does not know only make its name another one.
+`envpool-B`, `miniworld`), `adapters.py` (`adapter-KIND-B`) and `sb3.py`, with their options.
+Options that a subject does not know only make its name another one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ import time
 from benchmarks.subjects.common import Chunk
 
 # Of those kinds that are not in `own.py`: the module, by their first word.
-MODULES = {"vizdoom": "peers", "envpool": "peers", "miniworld": "peers", "adapter": "adapters"}
+MODULES = {"vizdoom": "peers", "envpool": "peers", "miniworld": "peers"}
+MODULES |= {"adapter": "adapters", "sb3": "sb3"}
 # Packages whose versions are told where they are loaded: by module.
 PACKAGES = {
     **{name: name for name in ("jax", "jaxlib", "numpy", "gymnasium", "vizdoom", "envpool")},
@@ -33,6 +34,7 @@ PACKAGES = {
     "cv2": "opencv-python-headless",
     "stoa": "stoa-env",
     "stable_baselines3": "stable-baselines3",
+    "sb3_contrib": "sb3-contrib",
 }
 
 

@@ -6,6 +6,7 @@ environment's frame: an adapter that only promised its frames would not be measu
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from benchmarks.subjects.common import (
     SIZE,
     STEPS_A_CALL,
+    Builder,
     Chunk,
     Options,
     Subjects,
@@ -26,31 +28,36 @@ from benchmarks.subjects.own import own_environment, repeat
 MIDDLE = SIZE // 2
 
 
-def loop_over(batch: int, first: Any, step: Callable[[Any], Any], count: int, turn: Any) -> Chunk:
-    """A loop on the host: `step` takes int32[B] and gives uint8[B, H, W, 3].
+def on_host(build: Callable[[Any, Any, int], tuple[Any, Any, Any]]) -> Builder:
+    """The subject of an adapter that is called from Python.
 
     Args:
-        batch: B.
-        first: the first frames.
-        step: of the adapter.
-        count: number of actions.
-        turn: makes the drawn actions, NumPy's, what `step` takes.
+        build: of environment, params and B: the first frames, what steps with int32[B] and gives
+            uint8[B, H, W, 3], and what makes NumPy's actions what that takes.
     """
-    drawn = map(turn, random_actions(count, batch))
-    observation, calls = first, max(8, 1024 // batch)
 
-    def chunk() -> int:
-        nonlocal observation
-        for _ in range(calls):
-            observation = step((next(drawn) + observation[:, MIDDLE, MIDDLE, 0]) % count)
-        return calls * batch
+    def prepared(batch: int, options: Options) -> Chunk:
+        # Waiting for each frame, one only pays for another thread; JAX must not run before.
+        jax.config.update("jax_cpu_enable_async_dispatch", False)
+        env, params = own_environment(options)
+        observation, step, turn = build(env, params, batch)
+        drawn = map(turn, random_actions(env.num_actions, batch))
+        calls = max(8, 1024 // batch)
 
-    return chunk
+        def chunk() -> int:
+            nonlocal observation
+            for _ in range(calls):
+                action = (next(drawn) + observation[:, MIDDLE, MIDDLE, 0]) % env.num_actions
+                observation = step(action)
+            return calls * batch
+
+        return chunk
+
+    return prepared
 
 
-def loop(batch: int, options: Options) -> Chunk:
+def loop(env: Any, params: Any, batch: int) -> Any:
     """The native environments under `jax.vmap`, one jitted call a step."""
-    env, params = own_environment(options)
 
     @jax.jit
     def step(key: jax.Array, state: Any, actions: Any) -> Any:
@@ -67,63 +74,52 @@ def loop(batch: int, options: Options) -> Chunk:
         key, observation, state, *_ = step(key, state, actions)
         return np.asarray(observation)
 
-    return loop_over(batch, np.asarray(observation), advance, env.num_actions, np.asarray)
+    return np.asarray(observation), advance, np.asarray
 
 
-def gymnasium_same_step(batch: int, options: Options, mode: str = "SameStep") -> Chunk:
+def gymnasium_vector(env: Any, params: Any, batch: int, mode: str = "SameStep") -> Any:
     """Gymnasium's vector interface."""
     from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
 
-    native, params = own_environment(options)
-    env = GymnasiumVectorEnv(native, params, batch, autoreset_mode=mode)
-    first, _ = env.reset(seed=0)
-    return loop_over(batch, first, lambda a: env.step(a)[0], native.num_actions, np.asarray)
+    adapter = GymnasiumVectorEnv(env, params, batch, autoreset_mode=mode)
+    return adapter.reset(seed=0)[0], lambda actions: adapter.step(actions)[0], np.asarray
 
 
-def gymnasium_next_step(batch: int, options: Options) -> Chunk:
-    """The same with resets in a step of their own."""
-    return gymnasium_same_step(batch, options, "NextStep")
-
-
-def gymnasium_single(batch: int, options: Options) -> Chunk:
+def gymnasium_single(env: Any, params: Any, batch: int) -> Any:
     """Gymnasium's plain interface: one environment, reset by the loop."""
     from jaxenstein.adapters.gymnasium import GymnasiumEnv
 
     assert batch == 1
-    native, params = own_environment(options)
-    env = GymnasiumEnv(native, params)
-    first, _ = env.reset(seed=0)
+    adapter = GymnasiumEnv(env, params)
 
     def step(actions: np.ndarray) -> np.ndarray:
-        observation, _, terminated, truncated, _ = env.step(int(actions[0]))
+        observation, _, terminated, truncated, _ = adapter.step(int(actions[0]))
         if terminated or truncated:
-            observation, _ = env.reset()
+            observation, _ = adapter.reset()
         return observation[None]
 
-    return loop_over(1, first[None], step, native.num_actions, np.asarray)
+    return adapter.reset(seed=0)[0][None], step, np.asarray
 
 
-def torch(batch: int, options: Options) -> Chunk:
+def torch(env: Any, params: Any, batch: int) -> Any:
     """Torch: the policy computes on tensors."""
     import torch as package  # pyright: ignore[reportMissingImports]
 
     from jaxenstein.adapters.torch import TorchBatch
 
     package.set_num_threads(1)
-    env = TorchBatch(*own_environment(options), batch)
-    first, _ = env.reset(0)
-    step = lambda actions: env.step(actions).observation  # noqa: E731
-    return loop_over(batch, first, step, env.num_actions, package.from_numpy)
+    adapter = TorchBatch(env, params, batch)
+    first, _ = adapter.reset(0)
+    return first, lambda actions: adapter.step(actions).observation, package.from_numpy
 
 
-def sb3(batch: int, options: Options) -> Chunk:
+def sb3(env: Any, params: Any, batch: int) -> Any:
     """Stable-Baselines3's `VecEnv`."""
     from jaxenstein.adapters.sb3 import SB3VecEnv
 
-    native, params = own_environment(options)
-    env = SB3VecEnv(native, params, batch)
-    env.seed(0)
-    return loop_over(batch, env.reset(), lambda a: env.step(a)[0], native.num_actions, np.asarray)
+    adapter = SB3VecEnv(env, params, batch)
+    adapter.seed(0)
+    return adapter.reset(), lambda actions: adapter.step(actions)[0], np.asarray
 
 
 def scan_over(
@@ -209,21 +205,11 @@ def brax(batch: int, options: Options) -> Chunk:
     return scan_over(batch, reset, step, inner.action_size)
 
 
-def on_host(build: Callable[[int, Options], Chunk]) -> Callable[[int, Options], Chunk]:
-    """The same without asynchronous dispatch, as for the plain loop; JAX must not run before."""
-
-    def prepared(batch: int, options: Options) -> Chunk:
-        jax.config.update("jax_cpu_enable_async_dispatch", False)
-        return build(batch, options)
-
-    return prepared
-
-
 SUBJECTS: Subjects = {
     "adapter-loop": on_host(loop),
     "adapter-gymnasium-single": on_host(gymnasium_single),
-    "adapter-gymnasium-same-step": on_host(gymnasium_same_step),
-    "adapter-gymnasium-next-step": on_host(gymnasium_next_step),
+    "adapter-gymnasium-same-step": on_host(gymnasium_vector),
+    "adapter-gymnasium-next-step": on_host(functools.partial(gymnasium_vector, mode="NextStep")),
     "adapter-torch": on_host(torch),
     "adapter-sb3": on_host(sb3),
     "adapter-gymnax": gymnax,

@@ -13,12 +13,15 @@ Chunk = Callable[[], int]
 """Makes some steps of the world and returns how many."""
 Options = Mapping[str, str]
 """The words of a subject's name behind its kind, such as `{"id": "key-door", "size": "84x84"}`."""
-Subjects = Mapping[str, Callable[[int, Options], Chunk]]
-"""By kind: what builds a subject of so many environments."""
+Builder = Callable[[int, Options], Chunk]
+"""Builds a subject of so many environments."""
+Subjects = Mapping[str, Builder]
 
 ENVIRONMENT_ID = "my-way-home"
 SIZE = 64
 STEPS_A_CALL = 2**15
+# Of the whole training, over which learning rates fall; only its beginning is run.
+TRAINED_STEPS = 10_000_000
 
 
 def random_actions(count: int, *shape: int) -> Iterator[Any]:

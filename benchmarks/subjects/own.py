@@ -5,7 +5,8 @@
 - `loop`, `loop-async`: one environment, one call a step;
 - `frames-B`, `keep-B`, `fill-B`: frames alone, frames kept, and only writing as many bytes;
 - `stage-B stage=NAME`: one stage of a step (`stages.py`);
-- `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`).
+- `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`);
+- `training-B`: whole updates of recurrent PPO; option `rollout`, steps of an update.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from benchmarks.subjects.common import (
     ENVIRONMENT_ID,
     SIZE,
     STEPS_A_CALL,
+    TRAINED_STEPS,
     Chunk,
     Options,
     Subjects,
@@ -36,6 +38,7 @@ from benchmarks.subjects.frames import FRAMES_KEPT, make_frames, make_keeping_ro
 from benchmarks.subjects.stages import make_stage
 from jaxenstein.speed.random_rollout import make_random_rollout
 
+notes: dict[str, str] = {}
 # Options that are settings of the environments, with their types.
 SETTINGS: dict[str, Callable[[str], Any]] = {"observation": str, "frame_skip": int, "buttons": str}
 
@@ -163,6 +166,29 @@ def loop(batch: int, options: Options, asynchronous: bool = False) -> Chunk:
     return chunk
 
 
+def training(batch: int, options: Options) -> Chunk:
+    """Recurrent PPO, from environment to update in one compiled program."""
+    from jaxenstein.baselines import Config, HParams, make_learner
+
+    config = Config(
+        env=ENVIRONMENT_ID,
+        env_settings=(("height", SIZE), ("width", SIZE)),
+        algo="ppo",
+        num_envs=batch,
+        rollout=int(options.get("rollout", "128")),
+        minibatches=min(4, batch),
+        total_steps=TRAINED_STEPS,
+    )
+    # On an accelerator if there is one, as PyTorch does; JAX must not run before.
+    jax.config.update("jax_platforms", None)
+    learner, numbers = make_learner(*config.make_env(), config), HParams().check()
+    state = learner.init(jax.random.key(0))
+    notes["device"] = jax.devices()[0].device_kind
+    notes["parameters"] = f"{sum(leaf.size for leaf in jax.tree.leaves(state.params)):,}"
+    update = jax.jit(lambda state: learner.train_chunk(state, numbers, 1)[0])
+    return repeat(update, state, config.steps_per_update)
+
+
 SUBJECTS: Subjects = {
     "scan": scan,
     "loop": loop,
@@ -172,4 +198,5 @@ SUBJECTS: Subjects = {
     "fill": fill,
     "stage": stage,
     "spread": spread,
+    "training": training,
 }

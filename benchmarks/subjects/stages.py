@@ -6,8 +6,7 @@ and the other way around, since the compiler fuses what stands together; they ne
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -15,8 +14,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxenstein.engine import columns, pixels, raycast, sprites
-from jaxenstein.engine.scene import Scene
+from jaxenstein.engine import image_columns, pixels, raycast, sprites
 
 # In the order of a step, with what each is.
 STAGES: Mapping[str, str] = {
@@ -50,83 +48,66 @@ def make_stage(env: Any, params: Any, batch: int, name: str) -> tuple[Any, tuple
     """
     if name not in STAGES:
         raise ValueError(f"unknown stage: {name!r}; known: {', '.join(STAGES)}")
-    stages = _Stages(env, params)
     keys = jax.random.split(jax.random.key(0), batch)
     _, state = jax.jit(jax.vmap(env.reset, (0, None)))(keys, params)
     ready: dict[str, Any] = {"key": keys, "state": state}
     if name == "keys":
         return jax.jit(partial(jax.random.split, num=batch)), (jax.random.key(0),)
-    # Each stage with what it takes, in an order in which that is there.
-    takes = {
-        "rules": ("key", "state"),
-        "aim": ("state",),
-        "march": ("aim",),
-        "look-up": ("aim", "march", "state"),
-        "sprites": ("state",),
-        "columns": ("state", "look-up", "sprites"),
-        "words": ("state", "columns"),
-        "bytes": ("words",),
-        "pixels": ("state", "columns"),
-    }
-    for stage, names in takes.items():
-        function = getattr(stages, stage.replace("-", "_"))
-        program, given = jax.jit(jax.vmap(function)), tuple(ready[each] for each in names)
+    for stage, (function, takes) in _stages(env, params).items():
+        program, given = jax.jit(jax.vmap(function)), tuple(ready[each] for each in takes)
         if stage == name:
             return program, given
         ready[stage] = program(*given)
     raise AssertionError("every stage is above")
 
 
-@dataclasses.dataclass(frozen=True)
-class _Stages:
-    """The stages of one environment, each of which takes what the ones before it gave."""
+def _stages(env: Any, params: Any) -> Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]]:
+    """The stages of one environment and what each takes, in an order in which that is there."""
+    camera, last = env.camera.widened(), jnp.int32(env.num_actions - 1)
 
-    env: Any
-    params: Any
+    def scene(state: Any) -> Any:
+        return env.scene(state, params)
 
-    def scene(self, state: Any) -> Scene:
-        return self.env.scene(state, self.params)
+    def aim(state: Any) -> Any:
+        seen = scene(state)
+        return raycast.aim(seen.position, seen.heading, seen.closed, seen.level, camera)
 
-    def rules(self, key: jax.Array, state: Any) -> Any:
-        return self.env.advance(key, state, jnp.int32(self.env.num_actions - 1), self.params)
-
-    def aim(self, state: Any) -> Any:
-        scene = self.scene(state)
-        return raycast.aim(
-            scene.position, scene.heading, scene.closed, scene.level, self.env.camera.widened()
-        )
-
-    def march(self, aims: Any) -> Any:
-        return raycast.march(aims)
-
-    def look_up(self, aims: Any, marched: Any, state: Any) -> Any:
-        return raycast.look_up(aims, marched, self.scene(state).level)
-
-    def sprites(self, state: Any) -> Any:
-        scene = self.scene(state)
-        if not scene.sprites.look.shape[0]:
+    def choose(state: Any) -> Any:
+        seen = scene(state)
+        if not seen.sprites.look.shape[0]:
             return None
         return sprites.choose(
-            scene.position, scene.heading, scene.sprites, scene.theme,
-            self.env.camera.widened(), self.env.sprite_layers,
-        )  # fmt: skip
+            seen.position, seen.heading, seen.sprites, seen.theme, camera, env.sprite_layers
+        )
 
-    def columns(self, state: Any, hits: Any, spots: Any) -> Any:
-        scene = self.scene(state)
-        return columns.prepare(
-            scene.heading, hits, spots,
-            theme=scene.theme, camera=self.env.camera.widened(), kind="rgb",
-        )  # fmt: skip
+    def prepare(state: Any, hits: Any, spots: Any) -> Any:
+        seen = scene(state)
+        return image_columns.prepare(
+            seen.heading, hits, spots, theme=seen.theme, camera=camera, kind="rgb"
+        )
 
-    def words(self, state: Any, prepared: Any) -> Any:
-        scene = self.scene(state)
+    def paint_words(state: Any, prepared: Any) -> Any:
+        seen = scene(state)
         return pixels.paint_words(
-            scene.position, prepared,
-            theme=scene.theme, camera=self.env.camera.widened(), kind="rgb",
-        )  # fmt: skip
+            seen.position, prepared, theme=seen.theme, camera=camera, kind="rgb"
+        )
 
-    def bytes(self, words: jax.Array) -> jax.Array:
-        return lax.bitcast_convert_type(words, jnp.uint8)[..., :3]
+    def paint(state: Any, prepared: Any) -> Any:
+        return pixels.paint(prepared, scene(state), camera, "rgb")
 
-    def pixels(self, state: Any, prepared: Any) -> Any:
-        return pixels.paint(prepared, self.scene(state), self.env.camera.widened(), "rgb")
+    return {
+        "rules": (lambda key, state: env.advance(key, state, last, params), ("key", "state")),
+        "aim": (aim, ("state",)),
+        "march": (raycast.march, ("aim",)),
+        "look-up": (
+            lambda aims, hits, state: raycast.look_up(aims, hits, scene(state).level),
+            ("aim", "march", "state"),
+        ),
+        "sprites": (choose, ("state",)),
+        "columns": (prepare, ("state", "look-up", "sprites")),
+        "words": (paint_words, ("state", "columns")),
+        "bytes": (
+            lambda words: lax.bitcast_convert_type(words, jnp.uint8)[..., :3], ("words",)
+        ),
+        "pixels": (paint, ("state", "columns")),
+    }  # fmt: skip

@@ -93,7 +93,8 @@ def measure_group(
 
     Returns:
         For each subject its name, title, axes and references, and either `failed`, the reason,
-        or `versions`, `notes`, `ready_seconds`, `steps_per_second` and `disturbed`.
+        or `versions`, `notes`, `ready_seconds`, `steps_per_second`, `disturbed` and
+        `memory_bytes` at its peak.
     """
     failed: dict[str, str] = {}
     workers: dict[str, Worker] = {}
@@ -109,16 +110,18 @@ def measure_group(
             except SubjectError as error:
                 failed[subject.name] = str(error)
         rates = run_rounds(workers, settings.rounds, settings.seconds, failed)
+        held = {name: workers[name].memory() for name in rates}
     finally:
         for worker in workers.values():
             worker.close()
-    return [_result(subject, workers, rates, failed) for subject in subjects]
+    return [_result(subject, workers, rates, held, failed) for subject in subjects]
 
 
 def _result(
     subject: Subject,
     workers: Mapping[str, Worker],
     rates: Mapping[str, list[float]],
+    held: Mapping[str, int | None],
     failed: Mapping[str, str],
 ) -> dict[str, Any]:
     kept = ("name", "title", "axes", "references", "pinned")
@@ -130,4 +133,5 @@ def _result(
         **worker.description,
         "steps_per_second": summarise(np.array(rates[subject.name])),
         "disturbed": worker.disturbed,
+        "memory_bytes": held[subject.name],
     }

@@ -16,20 +16,12 @@ from jaxenstein import environment_ids
 
 # Processes alive at once, each of which takes some 400 MB.
 GROUP = 8
-OWN = "JAXenstein"
+OWN, TRAINED = "JAXenstein", "RecurrentPPO, ViZDoom"
 RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
 
 
 class Adapter(NamedTuple):
-    """An adapter to measure.
-
-    Attributes:
-        kind: of the subject.
-        title: for people.
-        module: what has to be importable.
-        scan: whether it stays inside JAX, as the native scan does.
-        single: whether it has one environment alone.
-    """
+    """An adapter to measure: `scan` if it stays inside JAX, `single` if it has one environment."""
 
     kind: str
     title: str
@@ -54,34 +46,22 @@ ADAPTERS = (
 
 @dataclass(frozen=True)
 class Plan:
-    """Sizes of everything.
-
-    Attributes:
-        cores: how many this process may use.
-        batches: numbers of environments side by side.
-        batch: the number where it is not the question.
-        ids: environments.
-        tasks: those that the other parts take.
-        sizes: images, as WxH.
-        kinds: observations.
-        maps: tiles a side.
-        sprites: numbers of them.
-        skips: steps of the world that an action lasts.
-        adapter_envs: environments of each adapter.
-        partners: of the adapters' partners, whose environments to measure in.
-    """
+    """Sizes of everything: of the parts that have them in the plural, and `batch` of the others."""
 
     cores: int = 1
     batches: tuple[int, ...] = (1, 8, 64, 256, 1024, 4096)
     batch: int = 256
     ids: tuple[str, ...] = environment_ids()
+    # Those that the other parts take.
     tasks: tuple[str, ...] = ("my-way-home", "health-gathering")
     sizes: tuple[str, ...] = ("64x64", "84x84", "160x120", "320x240")
     kinds: tuple[str, ...] = ("rgb", "gray", "depth", "labels", "dict")
     maps: tuple[int, ...] = (9, 16, 32, 64, 128, 256)
     sprites: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128)
     skips: tuple[int, ...] = (1, 4)
+    trained: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256)
     adapter_envs: tuple[int, ...] = (64, 1024)
+    # Of the adapters' partners, whose environments to measure in.
     partners: tuple[str, ...] = ("gymnasium", "gymnax", "stoa", "brax", "sb3")
 
 
@@ -95,6 +75,7 @@ QUICK = Plan(
     kinds=("rgb", "depth"),
     maps=(9, 32),
     sprites=(1, 16),
+    trained=(2,),
     adapter_envs=(16,),
     partners=("gymnasium",),
 )
@@ -189,6 +170,20 @@ def batches(plan: Plan) -> Groups:
     return [[_own(batch, name, id=name) for batch in plan.batches] for name in plan.tasks]
 
 
+def training(plan: Plan) -> Groups:
+    """Recurrent PPO on My Way Home on all cores: this project's, and sb3-contrib's on ViZDoom."""
+    groups = []
+    for number in plan.trained:
+        theirs, axes = f"sb3-{number}", {"envs": number}
+        rows = [
+            Subject(f"training-{number}", OWN, axes | {"id": OWN}, flags=""),
+            _peer("training", theirs, TRAINED, id=TRAINED, **axes),
+        ]
+        rows = [dataclasses.replace(row, pinned=False) for row in rows]
+        groups.append(_compared(rows, {"x RecurrentPPO": theirs}))
+    return groups
+
+
 def limits(plan: Plan) -> Groups:
     """What a step is made of, and what it is bounded by."""
     batch, health = plan.batch, "id=health-gathering"
@@ -254,13 +249,13 @@ def adapters(plan: Plan) -> Groups:
     for partner in plan.partners:
         there = [each for each in ADAPTERS if each.module in PEERS[partner].modules]
         rows: list[tuple[str, str, int]] = []
-        for batch in plan.adapter_envs:
-            rows += [("scan", "native, in a scan", batch)]
-            rows += [("adapter-loop", "native, one jitted call a step from Python", batch)]
-            rows += [(each.kind, each.title, batch) for each in there if not each.single]
-        for each in there:
-            if each.single:
-                rows += [("adapter-loop", "native, one environment", 1), (each.kind, each.title, 1)]
+        for batch in (*plan.adapter_envs, 1):
+            kinds = [each for each in there if each.single == (batch == 1)]
+            if batch > 1:
+                rows.append(("scan", "native, in a scan", batch))
+            if batch > 1 or kinds:
+                rows.append(("adapter-loop", "native, one jitted call a step", batch))
+            rows += [(each.kind, each.title, batch) for each in kinds]
         names = {f"{kind}-{batch}" for kind, _, batch in rows}
         group = []
         for kind, title, batch in rows:
@@ -319,7 +314,8 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "observations": observations,
     "maps-and-sprites": maps_and_sprites,
     "adapters": adapters,
+    "training-compare": training,
     "compare": compare,
 }
-# Measured only where it is named: its rows are those of `peers`, and some more.
-NAMED = ("compare",)
+# Measured only where they are named: PyTorch is large; the rows of `compare` are those of `peers`.
+NAMED = ("training-compare", "compare")

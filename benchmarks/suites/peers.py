@@ -17,77 +17,52 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from reliability.partners import PARTNERS
 
-ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / ".venv-bench"
+FOLDER = Path(__file__).resolve().parents[2] / ".venv-bench"
 OUTCOME = "outcome.json"
-NEWEST_LAST = ("3.11", "3.12", "3.13", "3.14")
 
 
-@dataclass(frozen=True)
-class Peer:
-    """What one environment holds.
-
-    Attributes:
-        requirements: for pip.
-        modules: what must be importable.
-        quick: whether a quick run installs it too.
-        named: whether it is installed only where it is named.
-    """
+class Peer(NamedTuple):
+    """What one environment holds: pip's requirements, and what must be importable."""
 
     requirements: tuple[str, ...]
     modules: tuple[str, ...]
-    quick: bool = True
-    named: bool = False
+
+
+class Found(NamedTuple):
+    """Where a peer is: the interpreter that has it, or why there is none."""
+
+    python: str = ""
+    problem: str = ""
 
 
 # What this project needs, to be measured beside a partner of its adapters.
 _CORE = ("jax>=0.7", "numpy>=2.0", "pillow>=10.1")
-_OPENCV = "opencv-python-headless>=4.11"
-
-
-def _partner(name: str) -> Peer:
-    """A partner of the adapters, with the versions that its tests run beside."""
-    partner = PARTNERS[name]
-    return Peer((*_CORE, *partner.requirements), ("jax", *partner.modules), quick=False)
-
+_OPENCV, _VIZDOOM, _GYMNASIUM = "opencv-python-headless>=4.11", "vizdoom>=1.3", "gymnasium>=1.1"
+_TRAINING = ("torch>=2.6", "stable-baselines3>=2.4", "sb3-contrib>=2.4")
 
 PEERS: dict[str, Peer] = {
-    "vizdoom": Peer(("vizdoom>=1.3", "gymnasium>=1.1", _OPENCV), ("vizdoom", "gymnasium", "cv2")),
-    "envpool": Peer(("envpool>=1.2", "gymnasium>=1.1"), ("envpool", "gymnasium")),
+    "vizdoom": Peer((_VIZDOOM, _GYMNASIUM, _OPENCV), ("vizdoom", "gymnasium", "cv2")),
+    "envpool": Peer(("envpool>=1.2", _GYMNASIUM), ("envpool", "gymnasium")),
     "miniworld": Peer(("miniworld>=2.1", _OPENCV), ("miniworld", "cv2")),
-    "gymnasium": Peer((*_CORE, "gymnasium>=1.1"), ("jax", "gymnasium")),
-    **{name: _partner(name) for name in ("gymnax", "stoa", "brax", "sb3")},
+    "gymnasium": Peer((*_CORE, _GYMNASIUM), ("jax", "gymnasium")),
+    # With the versions that the adapters' tests run beside.
+    **{
+        name: Peer((*_CORE, *PARTNERS[name].requirements), ("jax", *PARTNERS[name].modules))
+        for name in ("gymnax", "stoa", "brax", "sb3")
+    },
     "training": Peer(
-        (
-            "torch>=2.6",
-            "stable-baselines3>=2.4",
-            "sb3-contrib>=2.4",
-            "vizdoom>=1.3",
-            "gymnasium>=1.1",
-            _OPENCV,
-        ),
+        (*_TRAINING, _VIZDOOM, _GYMNASIUM, _OPENCV),
         ("torch", "stable_baselines3", "sb3_contrib", "vizdoom", "gymnasium", "cv2"),
-        named=True,
     ),
 }
-
-
-@dataclass(frozen=True)
-class Found:
-    """Where a peer is.
-
-    Attributes:
-        python: the interpreter that has it; "" if there is none.
-        problem: why there is none, else "".
-    """
-
-    python: str = ""
-    problem: str = ""
+# Installed where nothing is named: of a quick run, and of a full one. PyTorch is large.
+QUICK = ("vizdoom", "envpool", "miniworld", "gymnasium")
+USUAL = tuple(name for name in PEERS if name != "training")
 
 
 def find(name: str, folder: Path = FOLDER) -> Found:
@@ -104,10 +79,7 @@ def _is_here(peer: Peer) -> bool:
 
 
 def install(name: str, folder: Path = FOLDER) -> Found:
-    """Make the environment of a peer if need be, with the first interpreter that can have it.
-
-    What this interpreter has already is measured under it.
-    """
+    """Make the environment of a peer if need be, with the first interpreter that can have it."""
     peer, home = PEERS[name], folder / name
     if _is_here(peer):
         return Found(sys.executable)
@@ -124,8 +96,7 @@ def install(name: str, folder: Path = FOLDER) -> Found:
         if not found.problem:
             break
     home.mkdir(parents=True, exist_ok=True)
-    outcome = {"requirements": wanted, "python": found.python, "problem": found.problem}
-    (home / OUTCOME).write_text(json.dumps(outcome))
+    (home / OUTCOME).write_text(json.dumps({"requirements": wanted, **found._asdict()}))
     return found
 
 
@@ -135,9 +106,8 @@ def interpreters() -> Iterator[str]:
     A peer without a wheel for this version may well have one for an older version.
     """
     yield sys.executable
-    own = f"{sys.version_info.major}.{sys.version_info.minor}"
-    for version in NEWEST_LAST:
-        other = "" if version == own else shutil.which(f"python{version}") or ""
+    for minor in (11, 12, 13, 14):
+        other = shutil.which(f"python3.{minor}") if minor != sys.version_info.minor else None
         # A shim on the path need not run anything.
         if other and not subprocess.run([other, "-c", "import venv"], capture_output=True).stderr:
             yield other
@@ -177,26 +147,17 @@ def _reason(text: str, home: str) -> str:
     return (errors or lines or ["it gave no reason"])[-1].replace(home, "")
 
 
-def _usual(quick: bool) -> Iterator[str]:
-    """What is installed where nothing is named."""
-    for name, peer in PEERS.items():
-        if not peer.named and (peer.quick or not quick):
-            yield name
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     """Install what the command line names, and print what came of each."""
     parser = argparse.ArgumentParser(description="Install the peers, each apart.")
-    parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"{', '.join(PEERS)} (default: all but training)"
-    )
+    known = f"{', '.join(PEERS)} (default: all but training)"
+    parser.add_argument("names", nargs="*", metavar="NAME", help=known)
     parser.add_argument("--quick", action="store_true", help="leave out the adapters' partners")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="(default .venv-bench)")
     options = parser.parse_args(argv)
     if unknown := [name for name in options.names if name not in PEERS]:
         parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(PEERS)}")
-    names = options.names or [*_usual(options.quick)]
-    for name in names:
+    for name in options.names or (QUICK if options.quick else USUAL):
         print(f"{name:10}", end=" ", flush=True)
         print(install(name, options.folder.resolve()).problem or "ok", flush=True)
 

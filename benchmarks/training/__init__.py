@@ -1,4 +1,1 @@
-"""Training: the speed of the baselines, and of RecurrentPPO on ViZDoom beside them."""
-
-OURS, THEIRS = "jaxenstein", "sb3"
-TITLES = {OURS: "JAXenstein", THEIRS: "RecurrentPPO, ViZDoom"}
+"""Training: the speed of the baselines."""

@@ -94,7 +94,7 @@ def test_the_pages_say_what_the_files_say(tmp_path):
         assert f"`python -m benchmarks {name} --json {tmp_path.name} --core 1" in text
     pictures = [(stem, picture) for stem, page in pages.items()
                 for picture in re.findall(r"!\[[^]]+\]\(([^)]+)\)", page)]  # fmt: skip
-    assert len(pictures) == 7
+    assert len(pictures) == 8
     for stem, picture in pictures:
         folder = out.parent if stem == "page" else out.parent / "benchmarks"
         assert (folder / picture).read_bytes().startswith(b"\x89PNG")
