@@ -43,7 +43,6 @@ def half(x: int | None, *, y=2) -> int | str:
         ("int | None", False),
         ("int | str", False),
         ("3 - 1", False),
-        ("*, ", False),
         ("2)", True),
         ("is None", True),
         ("x // 4", True),
@@ -63,4 +62,4 @@ def test_annotations_decorators_and_messages_are_left_out(
         start_pos=(lines[0], start),
         end_pos=(lines[0], start + len(text)),
     )
-    assert mutants._behaves(mutation) is behaves
+    assert mutants.behaves(mutation) is behaves
