@@ -22,7 +22,7 @@ from benchmarks.suites.processes import cores_allowed
 from benchmarks.suites.worker import tell
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import check_writable, make_folder
-from jaxenstein.speed.measuring import describe_machine
+from jaxenstein.machine import describe_machine
 
 # Rounds and seconds of a chunk: of a run for the record, and of a quick one.
 FULL_RUN, QUICK_RUN = (7, 1.0), (1, 0.05)

@@ -33,7 +33,8 @@ from jaxenstein.cli.arguments import size as image_size
 from jaxenstein.cli.arguments import whole
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import check_writable
-from jaxenstein.speed.measuring import describe_machine, summarise
+from jaxenstein.machine import describe_machine
+from jaxenstein.speed.measuring import summarise
 from jaxenstein.speed.random_rollout import make_random_rollout
 
 BATCHES = (64, 256, 1024, 4096, 16384, 65536)

@@ -28,7 +28,8 @@ from benchmarks.store import write
 from jaxenstein.cli.arguments import size, whole
 from jaxenstein.errors import JAXensteinError, SettingError
 from jaxenstein.files import check_writable
-from jaxenstein.speed.measuring import describe_machine, summarise
+from jaxenstein.machine import describe_machine
+from jaxenstein.speed.measuring import summarise
 from jaxenstein.speed.random_rollout import RolloutCarry, make_random_rollout
 
 AXIS = "env"

@@ -20,6 +20,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import jaxenstein
+from jaxenstein.episodes.recorder import snapshots
 from jaxenstein.files import check_writable, make_folder
 from jaxenstein.maps.symbols import DECAL_LABELS, DOOR_LABELS, FLOOR, LABEL_NAMES, WALL_LABELS
 from jaxenstein.maps.things import THING_OF
@@ -169,14 +170,14 @@ def block_size() -> tuple[int, int]:
 
 def map_picture(env: Env, params: Any, state: Any) -> Image.Image:
     """The map of a state with all that is there, and the agent."""
-    scene = jax.device_get(env.scene(state, params))
-    labels = np.asarray(scene.theme.sprite_labels)[scene.sprites.look]
-    tilemap, level = env.tilemap_of(state), scene.level
-    closed = closed_doors(tilemap, level.doors - level.margin, scene.closed)
-    picture = draw_map(tilemap, size=MAP_SIDE).doors(closed)
-    picture.sight(state.position, state.heading, env.field_of_view, closed)
-    picture.sprites(scene.sprites.position, labels, scene.sprites.visible)
-    return picture.agent(state.position, state.heading).image()
+    tilemap, seen = env.tilemap_of(state), snapshots(env, params)(state)
+    picture = draw_map(tilemap, size=MAP_SIDE).state(
+        pose=(seen["positions"], float(seen["headings"])),
+        field_of_view=env.field_of_view,
+        closed=closed_doors(tilemap, seen["doors"], seen["closed"]),
+        things=(seen["sprites"], seen["labels"], seen["visible"]),
+    )
+    return picture.image()
 
 
 def _write(draw: ImageDraw.ImageDraw, name: str, summary: str, width: int) -> None:

@@ -101,7 +101,7 @@ def trajectories() -> Target:
         jaxenstein.make("simple", height=12, width=16),
         jaxenstein.from_ascii("#####\n#S.G#\n#####", height=12, width=16, heading=0),
     )
-    to_text = importlib.import_module("jaxenstein.episodes.trajectory").to_text
+    to_text = importlib.import_module("jaxenstein.trajectory").to_text
     made = [record(env, params, [2, 0, -1, 2], seed=3).trajectory for env, params in worlds]
     known = ("simple", "health-gathering", "custom", "dict", "depth", [[2, 3]], [0, 255, 0])
     return Target(

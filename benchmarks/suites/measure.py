@@ -12,7 +12,8 @@ import numpy as np
 
 from benchmarks.suites.peers import Found, find
 from benchmarks.suites.worker import SubjectError, Worker, run_rounds, tell
-from jaxenstein.speed.measuring import ONE_THREAD, describe_machine, summarise
+from jaxenstein.machine import describe_machine
+from jaxenstein.speed.measuring import ONE_THREAD, summarise
 
 FORMAT = 1
 

@@ -29,7 +29,7 @@ from jaxenstein.baselines import Config, Experience, HParams, Learner, make_lear
 from jaxenstein.baselines.learning import ppo
 from jaxenstein.baselines.learning.rollout import final_values, rollout
 from jaxenstein.files import atomic, check_writable
-from jaxenstein.speed.measuring import describe_machine
+from jaxenstein.machine import describe_machine
 
 
 def measure(

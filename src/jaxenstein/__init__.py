@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from .episodes.recorder import record
     from .episodes.replaying import Replay, replay
     from .episodes.session import Session
-    from .episodes.trajectory import Trajectory
     from .episodes.trajectory_file import load_trajectory
+    from .trajectory import Trajectory
     from .view.episode import Episode
     from .view.frames import Frame, show
 
@@ -33,7 +33,7 @@ _LAZY = {
     "Frame": ".view.frames",
     "Replay": ".episodes.replaying",
     "Session": ".episodes.session",
-    "Trajectory": ".episodes.trajectory",
+    "Trajectory": ".trajectory",
     "load_trajectory": ".episodes.trajectory_file",
     "record": ".episodes.recorder",
     "replay": ".episodes.replaying",

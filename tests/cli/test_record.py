@@ -15,7 +15,7 @@ from jaxenstein.about import Event
 from jaxenstein.cli import main, record
 from jaxenstein.cli.record import parse_actions
 from jaxenstein.episodes.policies import GENERAL, Script, named_policy
-from jaxenstein.episodes.recorder import in_words, play
+from jaxenstein.episodes.recorder import event_words, play
 from jaxenstein.episodes.session import Session
 from jaxenstein.maps.ascii import parse_ascii
 from jaxenstein.maps.symbols import LABEL_COLOURS
@@ -148,9 +148,9 @@ def test_events_in_words() -> None:
         "died": Event("died"),
     }
     info = {"took": np.int32(2), "died": np.bool_(True), "won": np.bool_(False), "other": 1}
-    assert in_words(events, info) == ["took 2 medkits", "died"]
-    assert in_words(events, {"took": np.int32(1)}) == ["took a medkit"]
-    assert in_words(events, {"died": True, "won": True}) == ["won", "died"]
+    assert event_words(events, info) == ["took 2 medkits", "died"]
+    assert event_words(events, {"took": np.int32(1)}) == ["took a medkit"]
+    assert event_words(events, {"died": True, "won": True}) == ["won", "died"]
 
 
 def test_files(

@@ -10,7 +10,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.episodes.recorder import record
-from jaxenstein.episodes.trajectory import Trajectory
+from jaxenstein.trajectory import Trajectory
 from tests.episodes.world import FACES, MAP, World
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein import SettingError
-from jaxenstein.episodes.session import NOTHING, Session
+from jaxenstein.episodes.session import NO_OP, Session
 
 MAP = "######\n#S..G#\n#....#\n######\n"
 World = tuple[Any, Any]
@@ -78,8 +78,8 @@ def test_seeds_mean_the_same_whatever_generator_is_the_default(world: World) -> 
 def test_actions_outside_the_space_do_nothing(world: World, action: int) -> None:
     one, other = Session(*world), Session(*world)
     one.step(action)
-    other.step(NOTHING)
-    assert one.actions == other.actions == [NOTHING]
+    other.step(NO_OP)
+    assert one.actions == other.actions == [NO_OP]
     jax.tree.map(np.testing.assert_array_equal, one.state, other.state)
 
 

@@ -15,14 +15,15 @@ from hypothesis import strategies as st
 
 import jaxenstein
 from jaxenstein import SettingError
+from jaxenstein.episodes.digests import digest, trajectory_of
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.replaying import replay
 from jaxenstein.episodes.session import Session
-from jaxenstein.episodes.trajectory import Trajectory, digest, runs, trajectory_of
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import TrajectoryError
 from jaxenstein.recipe import recipe_of
 from jaxenstein.tasks.navigation import Navigation
+from jaxenstein.trajectory import Trajectory, runs
 from tests.episodes.world import MAP, World
 
 

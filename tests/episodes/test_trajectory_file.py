@@ -14,10 +14,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from jaxenstein import SettingError
-from jaxenstein.episodes.trajectory import Trajectory
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import TrajectoryError
 from jaxenstein.files import OutputError
+from jaxenstein.trajectory import Trajectory
 
 
 def put(path: Path, table: Any) -> Path:

@@ -168,13 +168,13 @@ class Batch:
             some = indices[first : first + together]
             # Filled up with the last one again, which writes the same values once more.
             padded = np.pad(some, (0, together - some.size), mode="edge").astype(np.int32)
-            self._keys, self.states, observation, final, told = _restart(
+            self._keys, self.states, observation, final, first_info = _restart(
                 self.env, self._keys, self.states, observation, padded, self.params
             )
             frames.append(jax.tree.map(lambda leaf, n=some.size: np.asarray(leaf)[:n], final))
-            for name, value in told.items():
+            for name, value in first_info.items():
                 info[name][some] = np.asarray(value)[: some.size]
-            for name in info.keys() - told.keys():
+            for name in info.keys() - first_info.keys():
                 info[name][some] = 0
         final = jax.tree.map(lambda *parts: np.concatenate(parts), *frames)
         return stepped._replace(

@@ -133,8 +133,8 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         chosen = np.ones(self.num_envs, bool) if mask is None else np.array(mask)
         self._described = set(info)
         self._over &= ~chosen
-        told = {name: np.asarray(value) for name, value in info.items()}
-        return self._numpy(self._observation), _spread(_taken(told, chosen), chosen)
+        arrays = {name: np.asarray(value) for name, value in info.items()}
+        return self._numpy(self._observation), _spread(_taken(arrays, chosen), chosen)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step all environments.
@@ -165,8 +165,8 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
             infos = _final(out.ended, began)
         every = np.ones(self.num_envs, bool)
         for name, value in out.info.items():
-            told = every if name in self._described else ~began
-            infos |= _spread({name: np.array(value)}, told)
+            shown = every if name in self._described else ~began
+            infos |= _spread({name: np.array(value)}, shown)
         rewards = np.array(out.reward, np.float64)
         return self._numpy(self._observation), rewards, terminated, truncated, infos
 

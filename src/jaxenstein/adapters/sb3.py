@@ -116,8 +116,8 @@ class SB3VecEnv(VecEnv):
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in reward]
         if stepped.ended is not None:
             cut = truncated & ~terminated
-            for i, told in self._endings(stepped.ended):
-                infos[i] = told | {"TimeLimit.truncated": bool(cut[i])}
+            for i, info in self._endings(stepped.ended):
+                infos[i] = info | {"TimeLimit.truncated": bool(cut[i])}
         return _writable(stepped.observation), reward, terminated | truncated, infos
 
     def close(self) -> None:
@@ -195,12 +195,12 @@ class SB3VecEnv(VecEnv):
         seconds = round(time.time() - self._began, 6)
         count = ended.indices.size
         last = _rows(_with_channel(ended.observation), count)
-        for i, told, observation in zip(
+        for i, info, observation in zip(
             ended.indices.tolist(), _rows(ended.info, count), last, strict=True
         ):
-            total, length = float(told["episode_return"]), int(told["episode_length"])
+            total, length = float(info["episode_return"]), int(info["episode_length"])
             episode = {"r": round(total, 6), "l": length, "t": seconds}
-            yield i, told | {"terminal_observation": observation, "episode": episode}
+            yield i, info | {"terminal_observation": observation, "episode": episode}
 
     def _chosen(self, indices: Indices) -> list[int]:
         chosen = list(self._get_indices(indices))

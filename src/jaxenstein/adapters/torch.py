@@ -127,8 +127,8 @@ class TorchBatch:
         """
         *values, info, ended = self.batch.step(self._to_jax(actions))
         observation, reward, terminated, truncated = self._tensors(values)
-        told = TensorInfo(info, self._tensor)
-        return Stepped(observation, reward, terminated, truncated, told, self._ended(ended))
+        tensors = TensorInfo(info, self._tensor)
+        return Stepped(observation, reward, terminated, truncated, tensors, self._ended(ended))
 
     def _to_jax(self, actions: torch.Tensor) -> jax.Array:
         if not isinstance(actions, torch.Tensor) or actions.dtype not in _INTEGERS:

@@ -101,7 +101,8 @@ def batches(text: str) -> list[int]:
 
 def run(options: argparse.Namespace) -> None:
     """Measure, print the table, write the JSON file."""
-    from ..speed.measuring import Settings, describe_machine, measure_apart, open_environment
+    from ..machine import describe_machine
+    from ..speed.measuring import Settings, measure_apart, open_environment
 
     ids = options.ids or ["my-way-home"]
     height, width = options.size

@@ -18,7 +18,7 @@ from ..progress import Progress
 from ..view.episode import Episode, compose
 from ..view.recording import check_animation, save_animation, scale_to
 from .arguments import UsageError, add_environment, add_seed, open_environment, real
-from .record import load_agent, stage_of
+from .record import load_agent, open_for
 
 if TYPE_CHECKING:
     from ..baselines.runs.agents import TrainedPolicy
@@ -119,11 +119,11 @@ def run(options: argparse.Namespace) -> None:
         env, params, name = open_environment(options, autoreset=None)
     else:
         agent = load_agent(options.policy)
-        env, params, name = _stage(agent, options)
-    from ..episodes.trajectory import check_trajectory
+        env, params, name = _open_for(agent, options)
     from ..interactive.game import Game, play, wait_for
-    from ..interactive.watching import Watched
+    from ..interactive.watching import AgentGame
     from ..recipe import recipe_of
+    from ..trajectory import check_trajectory
 
     if options.save is not None:
         check_trajectory(options.save)
@@ -133,7 +133,7 @@ def run(options: argparse.Namespace) -> None:
         keep, note = options.record is not None, _note(options)
         common: dict[str, Any] = {"seed": options.seed, "fps": options.fps, "keep": keep}
         if agent is not None:
-            return Watched(env, params, agent, note=f"watching {agent.name}", **common)
+            return AgentGame(env, params, agent, note=f"watching {agent.name}", **common)
         return Game(env, params, note=note, **common)
 
     game = None
@@ -147,7 +147,7 @@ def run(options: argparse.Namespace) -> None:
             _write(game, options, name)
 
 
-def _stage(
+def _open_for(
     agent: TrainedPolicy, options: argparse.Namespace
 ) -> tuple[FirstPerson[Any, Any], Any, str]:
     """The environment to watch an agent in; the picture is the one that it sees."""
@@ -159,9 +159,9 @@ def _stage(
         )
     elsewhere = options.id is not None or options.map_file is not None
     options.height, options.width = (height, width) if elsewhere else NATIVE
-    stage = stage_of(agent, options)
+    opened = open_for(agent, options)
     options.height, options.width = height, width
-    return stage
+    return opened
 
 
 def _open_terminal() -> Terminal:
@@ -236,7 +236,7 @@ def _write(game: Game, options: argparse.Namespace, name: str) -> None:
 
 
 def _save(session: Session, path: Path) -> None:
-    from ..episodes.trajectory import trajectory_of
+    from ..episodes.digests import trajectory_of
 
     trajectory_of(session).save(path)
     print(f"wrote {path}")

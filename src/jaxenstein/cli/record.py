@@ -83,7 +83,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     how = played.add_mutually_exclusive_group()
     how.add_argument(
         "--policy",
-        type=actor,
+        type=policy_or_run,
         default="forward",
         metavar="NAME",
         help="who acts, see below, or the run directory of a trained agent (default %(default)s)",
@@ -132,12 +132,12 @@ def add_pictures(out: argparse._ArgumentGroup) -> None:
 def run(options: argparse.Namespace) -> None:
     """Play the episode and write its pictures."""
     agent = load_agent(options.policy) if isinstance(options.policy, Path) else None
-    env, params, name = stage_of(agent, options)
+    env, params, name = open_for(agent, options)
     check_pictures(options)
     from ..episodes.recorder import play
     from ..episodes.session import Session
-    from ..episodes.trajectory import check_trajectory
     from ..recipe import recipe_of
+    from ..trajectory import check_trajectory
 
     if options.save is not None:
         check_trajectory(options.save)
@@ -155,7 +155,7 @@ def run(options: argparse.Namespace) -> None:
     print(f"{name}: {episode.steps} steps, return {episode.returns[-1]:.4g}, wrote {files}")
 
 
-def actor(text: str) -> str | Path:
+def policy_or_run(text: str) -> str | Path:
     """An argument type: the name of a policy, or the path of a run directory."""
     if text not in GENERAL and os.path.isdir(text):
         return Path(text)
@@ -171,10 +171,10 @@ def load_agent(path: Path) -> TrainedPolicy:
     return baselines("agents").load_policy(path)
 
 
-def stage_of(
+def open_for(
     agent: TrainedPolicy | None, options: argparse.Namespace
 ) -> tuple[FirstPerson[Any, Any], Any, str]:
-    """As `open_environment`; without an ID or map the one that the agent was trained in.
+    """The environment for an agent: as `open_environment`, or the one that it was trained in.
 
     Raises:
         UsageError: neither is given, or the picture is to be of another kind than the agent's.

@@ -18,9 +18,9 @@ from ..tasks.levels import closed_doors
 from ..view.episode import Episode
 from ..view.frames import image_of, picture
 from ..view.topdown import JUMP
+from .digests import Digests, make_trajectory
 from .policies import Policy, Script, named_policy
-from .session import NOTHING, Session, check_seed, whole_action
-from .trajectory import Witness, witnessed
+from .session import NO_OP, Session, check_seed, whole_action
 
 if TYPE_CHECKING:
     from ..about import Event
@@ -85,10 +85,10 @@ def _policy(
         return policy, None
     actions = [whole_action(action) for action in policy]
     for index, action in enumerate(actions):
-        if not NOTHING <= action < env.num_actions:
+        if not NO_OP <= action < env.num_actions:
             raise SettingError(
                 f"action {index} (from 0) is {action}; {env.name!r} has the actions 0 to "
-                f"{env.num_actions - 1}, and {NOTHING} for none"
+                f"{env.num_actions - 1}, and {NO_OP} for none"
             )
     return Script(actions), len(actions)
 
@@ -112,26 +112,25 @@ def play(
         beyond: whether to take all steps, even after the end, where the old episode goes on.
         notify: called with the number of steps taken.
     """
-    tape, witness = Tape(session.env.about().events), Witness()
-    look = watcher(session.env, session.params)
+    builder, digests = EpisodeBuilder(), Digests()
+    snapshot = snapshots(session.env, session.params)
     env: Any = session.env
     tilemap = env.tilemap_of(session.state)
 
-    def see() -> None:
-        tape.look(image_of(session.observation), look(session.state))
+    def add_frame() -> None:
+        builder.add_frame(image_of(session.observation), snapshot(session.state))
         if recipe is not None:
-            witness.look(session)
+            digests.add(session)
 
-    see()
+    add_frame()
     while len(session.actions) < steps and (beyond or not session.over):
         session.step(policy(session))
-        see()
-        over = session.truncated and not session.terminated
-        tape.act(session.rewards[-1], session.info, over=over)
+        add_frame()
+        builder.add_step(session)
         if notify is not None:
             notify(len(session.actions))
-    trajectory = None if recipe is None else witnessed(session, witness, recipe)
-    episode = tape.episode(env.observation, tilemap)
+    trajectory = None if recipe is None else make_trajectory(session, digests, recipe)
+    episode = builder.build(env.observation, tilemap)
     return dataclasses.replace(
         episode,
         name=env.name,
@@ -148,20 +147,20 @@ def longest_step(env: Environment[Any, Any], params: Any) -> float:
     return max(JUMP, 1.001 * env.frame_skip * float(getattr(params, "move_distance", 0)))
 
 
-def watcher(env: Any, params: Any) -> Callable[[Any], dict[str, Any]]:
+def snapshots(env: Any, params: Any) -> Callable[[Any], dict[str, Any]]:
     """A function of a state that gives what the map and the caption show of it, on the host.
 
     Its keys are those of `Episode` that it fills, by frame, and `"variables"`; `"closed"` in the
     order of `"doors"`, int32[D, 2], the places of the level's doors (`levels.closed_doors`).
     """
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
-    return lambda state: jax.device_get(_look(env, state, params))
+    return lambda state: jax.device_get(_snapshot(env, state, params))
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _look(env: Any, state: Any, params: Any) -> dict[str, Any]:
+def _snapshot(env: Any, state: Any, params: Any) -> dict[str, Any]:
     scene = env.scene(state, params)
-    told = env.describe(state, params)
+    described = env.describe(state, params)
     return {
         "positions": state.position,
         "headings": state.heading,
@@ -170,39 +169,38 @@ def _look(env: Any, state: Any, params: Any) -> dict[str, Any]:
         "sprites": scene.sprites.position,
         "labels": jnp.asarray(scene.theme.sprite_labels)[scene.sprites.look],
         "visible": scene.sprites.visible,
-        "variables": {name: told[name] for name in env.about().captions},
+        "variables": {name: described[name] for name in env.about().captions},
     }
 
 
 @dataclasses.dataclass
-class Tape:
-    """Collects an episode step by step; `words` are the environment's events."""
+class EpisodeBuilder:
+    """Collects an episode step by step."""
 
-    words: Mapping[str, Event]
     frames: list[np.ndarray] = dataclasses.field(default_factory=list)
-    seen: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    snapshots: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     rewards: list[float] = dataclasses.field(default_factory=list)
     events: list[str] = dataclasses.field(default_factory=list)
 
-    def look(self, image: Any, seen: dict[str, Any]) -> None:
-        """Add what the agent sees in a state, and what `watcher` tells of it."""
+    def add_frame(self, image: Any, snapshot: dict[str, Any]) -> None:
+        """Add what the agent sees in a state, and the state's snapshot."""
         self.frames.append(np.asarray(image))
-        self.seen.append(seen)
+        self.snapshots.append(snapshot)
 
-    def act(self, reward: float, info: dict[str, Any], *, over: bool) -> None:
-        """Add what a step brought."""
-        self.rewards.append(reward)
-        self.events.append(", ".join(in_words(self.words, info) + ["time is up"] * over))
+    def add_step(self, session: Session) -> None:
+        """Add what the last step of a session brought."""
+        self.rewards.append(session.rewards[-1])
+        self.events.append(event_text(session))
 
-    def episode(self, kind: str, tilemap: TileMap | None) -> Episode:
+    def build(self, kind: str, tilemap: TileMap | None) -> Episode:
         """The finished episode; `kind` is the environment's `observation`."""
 
         def over_time(name: str, dtype: type) -> np.ndarray:
-            return np.stack([np.asarray(seen[name]) for seen in self.seen]).astype(dtype)
+            return np.stack([np.asarray(shot[name]) for shot in self.snapshots]).astype(dtype)
 
-        names, closed = self.seen[0]["variables"], over_time("closed", bool)
+        names, closed = self.snapshots[0]["variables"], over_time("closed", bool)
         if tilemap is not None:
-            closed = closed_doors(tilemap, self.seen[0]["doors"], closed)
+            closed = closed_doors(tilemap, self.snapshots[0]["doors"], closed)
         return Episode(
             frames=picture(np.stack(self.frames), kind),
             positions=over_time("positions", np.float32),
@@ -215,13 +213,20 @@ class Tape:
             events=tuple(self.events),
             tilemap=tilemap,
             variables={
-                name: np.array([float(seen["variables"][name]) for seen in self.seen])
+                name: np.array([float(shot["variables"][name]) for shot in self.snapshots])
                 for name in names
             },
         )
 
 
-def in_words(events: Mapping[str, Event], info: Mapping[str, Any]) -> list[str]:
+def event_text(session: Session) -> str:
+    """What the last step brought, in words; "" for nothing."""
+    late = session.truncated and not session.terminated
+    words = event_words(session.env.about().events, session.info)
+    return ", ".join(words + ["time is up"] * late)
+
+
+def event_words(events: Mapping[str, Event], info: Mapping[str, Any]) -> list[str]:
     """What happened in a step, each event in words.
 
     Args:

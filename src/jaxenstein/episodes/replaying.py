@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 
+from ..trajectory import Trajectory
 from ..view.episode import Episode
 from .policies import Script
 from .recorder import play
 from .session import Session
-from .trajectory import Trajectory
 
 COMPARED = ("rewards", "states", "observations")
 

@@ -13,7 +13,7 @@ from ..environment import Environment
 from ..errors import SettingError
 
 # The action that does nothing, in place of all that are outside an action space.
-NOTHING = -1
+NO_OP = -1
 
 
 class Session:
@@ -89,7 +89,7 @@ class Session:
         """
         chosen = whole_action(action)
         if not 0 <= chosen < self.env.num_actions:
-            chosen = NOTHING
+            chosen = NO_OP
         # The third key is that of policies, lest a choice change what the environment draws.
         self._key, step_key, _ = jax.random.split(self._key, 3)
         self.observation, self.state, reward, terminated, truncated, info = self.env.step(

@@ -13,8 +13,8 @@ from typing import Any
 from ..environment import Environment
 from ..errors import JAXensteinError, TrajectoryError
 from ..recipe import TEXTS, Recipe
-from .session import NOTHING
-from .trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory
+from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory
+from .session import NO_OP
 
 # A run may claim any length; an episode of so many steps would take weeks.
 MOST_ACTIONS = 10_000_000
@@ -108,10 +108,10 @@ def _recipe(table: Table) -> Recipe:
 def _actions(table: Table, env: Environment[Any, Any]) -> tuple[int, ...]:
     actions = _runs(table, "actions", "", _whole(None, None))
     for index, action in enumerate(actions):
-        if not NOTHING <= action < env.num_actions:
+        if not NO_OP <= action < env.num_actions:
             raise TrajectoryError(
                 f"action {index} (from 0) is {action}, and {env.name!r} has the actions 0 to "
-                f"{env.num_actions - 1}, and {NOTHING} for none"
+                f"{env.num_actions - 1}, and {NO_OP} for none"
             )
     return actions
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from ..episodes.recorder import Tape, in_words, longest_step, watcher
+from ..episodes.recorder import EpisodeBuilder, event_text, longest_step, snapshots
 from ..episodes.session import Session
 from ..maps.things import COLOUR_NAMES
 from ..tasks.levels import closed_doors
@@ -75,15 +75,14 @@ class Game:
         self.params = params
         self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
         self.paused = self.mapped = self.helping = self.over = False
-        self._tapes: list[tuple[Tape, Any]] = []
+        self._builders: list[tuple[EpisodeBuilder, Any]] = []
         self._keep = keep
         self._note = note
         self._horizon = int(self.env.most_steps(params))
         self._longest_step = longest_step(self.env, params)
-        self._words = self.env.about().events
         self._controls = Controls(env.action_names, fps)
         self._fps = fps
-        self._look = watcher(self.env, params)
+        self._snapshot_of = snapshots(self.env, params)
         self._variables = jax.jit(self.env.variables)
         self._played: Session | None = None
         Session(self.env, params, seed).step(0)
@@ -97,9 +96,9 @@ class Game:
     def episodes(self) -> list[Episode]:
         """Everything played, if it was kept; episodes without an action are left out."""
         found = []
-        for tape, tilemap in self._tapes:
-            if tape.rewards or len(self._tapes) == 1:
-                episode = tape.episode(self.env.observation, tilemap)
+        for builder, tilemap in self._builders:
+            if builder.rewards or len(self._builders) == 1:
+                episode = builder.build(self.env.observation, tilemap)
                 angle = float(self.env.field_of_view)
                 found.append(
                     dataclasses.replace(
@@ -134,16 +133,14 @@ class Game:
             return False
         session = self.session
         session.step(action)
-        self._seen = self._look(session.state)
-        late = session.truncated and not session.terminated
-        words = in_words(self._words, session.info) + ["time is up"] * late
-        if words:
-            self._event, self._event_step = ", ".join(words), len(session.actions)
-        self._positions.append(self._seen["positions"])
+        self._snapshot = self._snapshot_of(session.state)
+        if text := event_text(session):
+            self._event, self._event_step = text, len(session.actions)
+        self._positions.append(self._snapshot["positions"])
         if self._keep:
-            tape, _ = self._tapes[-1]
-            tape.look(image_of(session.observation), self._seen)
-            tape.act(session.rewards[-1], session.info, over=late)
+            builder, _ = self._builders[-1]
+            builder.add_frame(image_of(session.observation), self._snapshot)
+            builder.add_step(session)
         return True
 
     def due(self, now: float) -> float | None:
@@ -159,7 +156,7 @@ class Game:
             f"step {len(session.actions)}/{self._horizon}",
             f"reward {_signed(reward)}",
             f"return {_signed(session.episode_return)}",
-            *(f"{name} {float(value):g}" for name, value in self._seen["variables"].items()),
+            *(f"{name} {float(value):g}" for name, value in self._snapshot["variables"].items()),
         ]
         keys = self._keys()
         if keys is not None:
@@ -208,13 +205,14 @@ class Game:
         new = np.array(self._positions[self._drawn :])
         self._ground.path(new, self._drawn, self._horizon, self._longest_step)
         self._drawn = len(self._positions) - 1
-        seen = self._seen
-        closed = closed_doors(tilemap, seen["doors"], seen["closed"])
-        shot = self._ground.copy().doors(closed)
-        pose = seen["positions"], float(seen["headings"])
-        shot.sight(*pose, self.env.field_of_view, closed)
-        shot.sprites(seen["sprites"], seen["labels"], seen["visible"])
-        return np.asarray(shot.agent(*pose).image())
+        seen = self._snapshot
+        shot = self._ground.copy().state(
+            pose=(seen["positions"], float(seen["headings"])),
+            field_of_view=self.env.field_of_view,
+            closed=closed_doors(tilemap, seen["doors"], seen["closed"]),
+            things=(seen["sprites"], seen["labels"], seen["visible"]),
+        )
+        return np.asarray(shot.image())
 
     @property
     def _playing(self) -> bool:
@@ -223,17 +221,17 @@ class Game:
     def _begin(self, seed: int) -> None:
         """Start the episode of a seed."""
         self.session = session = Session(self.env, self.params, seed)
-        self._seen = self._look(session.state)
+        self._snapshot = self._snapshot_of(session.state)
         self._tilemap = self.env.tilemap_of(session.state)
-        self._positions = [self._seen["positions"]]
+        self._positions = [self._snapshot["positions"]]
         self._ground: MapPicture | None = None
         self._drawn = 0
         self._event, self._event_step = "", 0
         self._controls.clear()
         if self._keep:
-            tape = Tape(self._words)
-            tape.look(image_of(session.observation), self._seen)
-            self._tapes.append((tape, self._tilemap))
+            builder = EpisodeBuilder()
+            builder.add_frame(image_of(session.observation), self._snapshot)
+            self._builders.append((builder, self._tilemap))
 
     def _press(self, key: str, now: float) -> bool:
         if key in QUIT_KEYS:

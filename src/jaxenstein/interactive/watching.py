@@ -30,7 +30,7 @@ class AgentControls(Controls):
         return self._choose()
 
 
-class Watched(Game):
+class AgentGame(Game):
     """A game that a policy plays; people pause it, look at the map, and begin the next episode."""
 
     def __init__(self, env: Any, params: Any, policy: Policy, **kwargs: Any) -> None:

@@ -181,8 +181,8 @@ class Window:
         if timeout > 0:
             first = pygame.event.wait(max(1, round(1000 * min(timeout, LONGEST_WAIT))))
             found = [first] if first.type != pygame.NOEVENT else []
-        told = [self._translate(event) for event in (*found, *pygame.event.get())]
-        return [event for event in told if event is not None]
+        translated = [self._translate(event) for event in (*found, *pygame.event.get())]
+        return [event for event in translated if event is not None]
 
     def close(self) -> None:
         """Close the window; closing it again does nothing."""

@@ -97,8 +97,8 @@ def problems(tilemap: TileMap) -> list[tuple[str, Cell]]:
     return found
 
 
-def _key_problems(tilemap: TileMap, told: set[Cell]) -> list[tuple[str, Cell]]:
-    """What `problems` finds if locked doors need their keys, without the cells told already."""
+def _key_problems(tilemap: TileMap, known: set[Cell]) -> list[tuple[str, Cell]]:
+    """What `problems` finds if locked doors need their keys, without the cells known already."""
     numbers = _numbered(open_tiles(tilemap, locked=False))
     groups = [
         (explore(tilemap, spawns[0]), spawns) for spawns in _by_number(tilemap, numbers).values()
@@ -114,7 +114,7 @@ def _key_problems(tilemap: TileMap, told: set[Cell]) -> list[tuple[str, Cell]]:
     goal_text = f"paths to this goal need {keys}"
     spawn_text = f"paths from here to a goal need {keys}"
     found = [(goal_text, goal) for goal in goals] + [(spawn_text, spawn) for spawn in spawns]
-    return [(text, cell) for text, cell in found if cell not in told]
+    return [(text, cell) for text, cell in found if cell not in known]
 
 
 def _unreached(tilemap: TileMap, groups: _Groups) -> tuple[list[Cell], list[Cell]]:

@@ -12,7 +12,7 @@ from ..about import Choose, Player
 if TYPE_CHECKING:
     from ..environment import Environment
 
-NOTHING = -1
+NO_OP = -1
 """An action outside every action space."""
 
 
@@ -22,7 +22,7 @@ def idle(env: Environment[Any, Any], params: Any) -> Choose:
 
     def choose(key: jax.Array, state: Any) -> jax.Array:
         del key, state
-        return jnp.int32(NOTHING)
+        return jnp.int32(NO_OP)
 
     return choose
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import platform
 import subprocess
 import sys
 import time
@@ -173,41 +172,6 @@ def summarise(rates: np.ndarray) -> dict[str, Any]:
         "upper_quartile": upper,
         "repeats": [float(rate) for rate in rates],
     }
-
-
-def describe_machine() -> dict[str, Any]:
-    """What a reader of the numbers needs to know: versions and hardware."""
-    import jax
-
-    from ..version import __version__
-
-    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
-    return {
-        "versions": {
-            "python": platform.python_version(),
-            "jax": jax.__version__,
-            "numpy": np.__version__,
-            "jaxenstein": __version__,
-        },
-        "hardware": {
-            "cpu": cpu_model(),
-            "cores": os.cpu_count(),
-            "cores_allowed": allowed,
-            "platform": platform.platform(),
-        },
-    }
-
-
-def cpu_model() -> str:
-    """The processor's name as the system tells it."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            name, _, value = line.partition(":")
-            if name.strip() == "model name":
-                return value.strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 def _peak_memory() -> int | None:

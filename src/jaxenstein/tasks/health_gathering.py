@@ -23,7 +23,7 @@ from ..errors import SettingError
 from ..maps.ascii import parse_ascii
 from ..maps.things import MEDKIT, RGB
 from ..maps.tilemap import TileMap
-from ..players.chance import NOTHING
+from ..players.chance import NO_OP
 from ..players.walking import gait, towards
 from ..spaces import Box
 from .appearance import build_theme
@@ -103,7 +103,7 @@ def greedy_medkits(env: HealthGathering, params: HealthGatheringParams) -> Choos
         in_reach = jnp.all(jnp.abs(offset) < params.pickup_reach)
         needed = state.health <= FULL_HEALTH - params.heal
         wait = ~jnp.any(state.present) | (in_reach & ~needed)
-        return jnp.where(wait, NOTHING, towards(body, env.scene(state, params), offset))
+        return jnp.where(wait, NO_OP, towards(body, env.scene(state, params), offset))
 
     return choose
 

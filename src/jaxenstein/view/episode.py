@@ -8,13 +8,13 @@ import html
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from ..errors import SettingError
 from ..maps.tilemap import TileMap
+from ..trajectory import Trajectory
 from .recording import (
     BACKGROUND,
     TEXT,
@@ -26,9 +26,6 @@ from .recording import (
     scale_to,
 )
 from .topdown import JUMP, MapPicture, draw_map
-
-if TYPE_CHECKING:
-    from ..episodes.trajectory import Trajectory
 
 CAPTION_HEIGHT = 30
 # The side of the map in pixels, and the least height of the first-person view.
@@ -241,11 +238,12 @@ def compose(
 
 def overview(ground: MapPicture, episode: Episode, step: int) -> MapPicture:
     """A map with the doors, the things and the agent of one frame added."""
-    position, heading = episode.positions[step], episode.headings[step]
-    shot = ground.copy().doors(episode.closed[step])
-    shot.sight(position, heading, episode.field_of_view, episode.closed[step])
-    shot.sprites(episode.sprites[step], episode.labels[step], episode.visible[step])
-    return shot.agent(position, heading)
+    return ground.copy().state(
+        pose=(episode.positions[step], float(episode.headings[step])),
+        field_of_view=episode.field_of_view,
+        closed=episode.closed[step],
+        things=(episode.sprites[step], episode.labels[step], episode.visible[step]),
+    )
 
 
 def compose_side_by_side(

@@ -175,6 +175,24 @@ class MapPicture:
         glyphs.arrow(self._draw, place, size, float(heading), AGENT)
         return self
 
+    def state(
+        self,
+        pose: tuple[np.ndarray, float],
+        field_of_view: float,
+        closed: np.ndarray | None,
+        things: tuple[np.ndarray, np.ndarray, np.ndarray | None],
+    ) -> Self:
+        """Draw one state: the doors, what is in sight, the things, and the agent.
+
+        Args:
+            pose: the agent's position and heading, as for `agent`.
+            field_of_view: as for `sight`.
+            closed: as for `doors`.
+            things: positions, labels and what is visible, as for `sprites`.
+        """
+        self.doors(closed).sight(*pose, field_of_view, closed)
+        return self.sprites(*things).agent(*pose)
+
     def _visible(
         self, x: float, y: float, heading: float, angle: float, closed: np.ndarray | None
     ) -> list[tuple[float, float]]:

@@ -23,7 +23,7 @@ from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
-from jaxenstein.interactive.watching import Watched
+from jaxenstein.interactive.watching import AgentGame
 from tests.baselines.tiny import compiled_into, tiny
 
 
@@ -150,7 +150,7 @@ def test_record_plays_a_trained_agent_where_it_was_trained(
 
 def test_a_watched_game_plays_itself_at_its_pace(folder: RunFolder) -> None:
     policy = load_policy(folder.path)
-    game = Watched(policy.env, policy.params, policy, seed=2, fps=10.0, note="watching")
+    game = AgentGame(policy.env, policy.params, policy, seed=2, fps=10.0, note="watching")
     expected = record(policy.env, policy.params, policy, seed=2)
     now = 5.0
     assert game.due(now) == 0

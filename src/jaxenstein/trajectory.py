@@ -7,25 +7,16 @@ below; actions and rewards are runs of [value, how often], the texts of a map li
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import hashlib
-import importlib.metadata
 import itertools
 import json
-import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import jax
-import numpy as np
-
-from ..errors import SettingError
-from ..files import atomic, check_writable
-from ..recipe import TEXTS, Recipe, recipe_of
-from ..version import __version__
-from .session import Session
+from .errors import SettingError
+from .files import atomic, check_writable
+from .recipe import TEXTS, Recipe
 
 FORMAT = "jaxenstein-trajectory"
 FORMAT_VERSION = 1
@@ -80,49 +71,6 @@ class Checks:
         return f"some step of {first} to {last}"
 
 
-class Witness:
-    """Sees every state and observation of a session, and keeps their digests."""
-
-    def __init__(self) -> None:
-        """Begin with nothing seen."""
-        self._states: list[bytes] = []
-        self._observations: list[bytes] = []
-
-    def look(self, session: Session) -> None:
-        """Take in what the session shows; call it after the reset and after each step."""
-        self._states.append(digest(session.state))
-        self._observations.append(digest(session.observation))
-
-    def checks(self, session: Session) -> Checks:
-        """What the session came to."""
-        every = -(-len(self._states) // MOST_DIGESTS)
-        return Checks(
-            rewards=tuple(session.rewards),
-            terminated=session.terminated,
-            truncated=session.truncated,
-            every=every,
-            states=_thinned(self._states, every),
-            observations=_thinned(self._observations, every),
-        )
-
-
-def digest(tree: Any) -> bytes:
-    """SHA-256 of the dtype, shape and bytes of each leaf of a pytree, in order."""
-    sha = hashlib.sha256()
-    for leaf in jax.tree.leaves(jax.device_get(tree)):
-        array = np.asarray(leaf)
-        little = array.astype(array.dtype.newbyteorder("<"), copy=False)
-        sha.update(f"{array.dtype.name}{array.shape}".encode())
-        sha.update(little.tobytes())
-    return sha.digest()
-
-
-def _thinned(digests: Sequence[bytes], every: int) -> tuple[str, ...]:
-    """One digest for every so many."""
-    groups = (digests[start : start + every] for start in range(0, len(digests), every))
-    return tuple(hashlib.sha256(b"".join(group)).hexdigest()[:DIGITS] for group in groups)
-
-
 @dataclasses.dataclass(frozen=True)
 class Trajectory:
     """An episode as seed and actions.
@@ -163,62 +111,6 @@ def check_trajectory(path: str | Path) -> None:
     if Path(path).suffix.lower() != ".json":
         raise SettingError(f"{path} should end in .json")
     check_writable(path)
-
-
-def trajectory_of(session: Session, recipe: Recipe | None = None) -> Trajectory:
-    """The trajectory of a session, found by playing its actions once more.
-
-    Args:
-        session: an episode, finished or not.
-        recipe: how its environment is built, if that is known.
-
-    Raises:
-        TrajectoryError: neither `make` nor `from_ascii` builds its environment.
-    """
-    recipe = recipe or recipe_of(session.env, session.params)
-    again = Session(session.env, session.params, session.seed)
-    witness = Witness()
-    witness.look(again)
-    for action in session.actions:
-        again.step(action)
-        witness.look(again)
-    return witnessed(again, witness, recipe)
-
-
-def witnessed(session: Session, witness: Witness, recipe: Recipe) -> Trajectory:
-    """The trajectory of a session that a witness has seen all of."""
-    return Trajectory(
-        environment=recipe,
-        seed=session.seed,
-        actions=tuple(session.actions),
-        checks=witness.checks(session),
-        made_by=running(),
-    )
-
-
-def running() -> dict[str, str]:
-    """What runs now: versions, and the hardware, on which the last bits of numbers depend."""
-    return {
-        "jaxenstein": __version__,
-        "jax": jax.__version__,
-        "jaxlib": importlib.metadata.version("jaxlib"),
-        "numpy": np.__version__,
-        "python": platform.python_version(),
-        "platform": jax.default_backend(),
-        "device": jax.devices()[0].device_kind,
-        "machine": f"{platform.system()} {platform.machine()}",
-        "processor": _processor(),
-    }
-
-
-def _processor() -> str:
-    """The model of the CPU; compiled code rounds by what instructions it has."""
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
-            name, _, model = line.partition(":")
-            if name.strip() == "model name":
-                return model.strip()
-    return platform.processor()
 
 
 def to_text(trajectory: Trajectory) -> str:

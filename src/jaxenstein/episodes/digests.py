@@ -1,0 +1,89 @@
+"""Digests of all states and observations of a session, and the trajectory with them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..machine import made_by
+from ..recipe import Recipe, recipe_of
+from ..trajectory import DIGITS, MOST_DIGESTS, Checks, Trajectory
+from .session import Session
+
+
+class Digests:
+    """Digests of every state and observation that a session has shown."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._states: list[bytes] = []
+        self._observations: list[bytes] = []
+
+    def add(self, session: Session) -> None:
+        """Add those of what the session shows; call it after the reset and after each step."""
+        self._states.append(digest(session.state))
+        self._observations.append(digest(session.observation))
+
+    def checks(self, session: Session) -> Checks:
+        """What the session came to."""
+        every = -(-len(self._states) // MOST_DIGESTS)
+        return Checks(
+            rewards=tuple(session.rewards),
+            terminated=session.terminated,
+            truncated=session.truncated,
+            every=every,
+            states=_thinned(self._states, every),
+            observations=_thinned(self._observations, every),
+        )
+
+
+def digest(tree: Any) -> bytes:
+    """SHA-256 of the dtype, shape and bytes of each leaf of a pytree, in order."""
+    sha = hashlib.sha256()
+    for leaf in jax.tree.leaves(jax.device_get(tree)):
+        array = np.asarray(leaf)
+        little = array.astype(array.dtype.newbyteorder("<"), copy=False)
+        sha.update(f"{array.dtype.name}{array.shape}".encode())
+        sha.update(little.tobytes())
+    return sha.digest()
+
+
+def _thinned(digests: Sequence[bytes], every: int) -> tuple[str, ...]:
+    """One digest for every so many."""
+    groups = (digests[start : start + every] for start in range(0, len(digests), every))
+    return tuple(hashlib.sha256(b"".join(group)).hexdigest()[:DIGITS] for group in groups)
+
+
+def trajectory_of(session: Session, recipe: Recipe | None = None) -> Trajectory:
+    """The trajectory of a session, found by playing its actions once more.
+
+    Args:
+        session: an episode, finished or not.
+        recipe: how its environment is built, if that is known.
+
+    Raises:
+        TrajectoryError: neither `make` nor `from_ascii` builds its environment.
+    """
+    recipe = recipe or recipe_of(session.env, session.params)
+    again = Session(session.env, session.params, session.seed)
+    digests = Digests()
+    digests.add(again)
+    for action in session.actions:
+        again.step(action)
+        digests.add(again)
+    return make_trajectory(again, digests, recipe)
+
+
+def make_trajectory(session: Session, digests: Digests, recipe: Recipe) -> Trajectory:
+    """The trajectory of a session, given the digests of all that it has shown."""
+    return Trajectory(
+        environment=recipe,
+        seed=session.seed,
+        actions=tuple(session.actions),
+        checks=digests.checks(session),
+        made_by=made_by(),
+    )
