@@ -272,8 +272,12 @@ class Environment(abc.ABC, Generic[S, P]):
         return Turn(following, final, reward, terminated & ~over, truncated & ~over, info)
 
     def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
-        """The first state of an episode where bool[] `over`, else `state`."""
-        return select(over, where_any(self.init_state)(over, key, params), state)
+        """The first state of an episode where bool[] `over`, else `state`.
+
+        To automatic differentiation first states are constants.
+        """
+        fresh = where_any(self.init_state)(over, key, jax.lax.stop_gradient(params))
+        return select(over, fresh, state)
 
     def time_is_up(self, state: S, params: P) -> jax.Array:
         """bool[]: whether the time limit ends the episode in this state."""

@@ -91,7 +91,7 @@ def test_spaces_are_those_of_gymnax() -> None:
     assert box.contains(env.reset(jax.random.key(0), params)[0])
     many = adapter.make("key-door", **SMALL, observation="dict")[0].observation_space()
     assert type(many) is spaces.Dict
-    assert set(many.spaces) == {"image", "keys"}
+    assert set(many.spaces) == {"image", "carried_keys"}
     assert all(isinstance(space, spaces.Space) for space in many.spaces.values())
 
 

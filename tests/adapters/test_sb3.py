@@ -169,7 +169,7 @@ def test_kinds_of_observation(made, kind):
         np.testing.assert_array_equal(observation["image"], first["image"])
         last = infos[0]["terminal_observation"]
         assert last["image"].shape == (12, 16, 3)
-        assert last["keys"].shape == (6,)
+        assert last["carried_keys"].shape == (6,)
         assert venv.observation_space.contains(last)
     else:
         assert observation.shape == (2, 12, 16, 1)
@@ -280,6 +280,14 @@ def test_ppo_trains(policy):
     assert {episode["r"] for episode in model.ep_info_buffer} <= {0.0, 1.0}
     mean, _ = evaluate_policy(model, venv, n_eval_episodes=16, deterministic=False)
     assert mean > 0.9
+
+
+@pytest.mark.slow
+def test_ppo_takes_dictionaries():
+    venv = SB3VecEnv("key-door", num_envs=4, observation="dict", height=36, width=36)
+    model = PPO("MultiInputPolicy", venv, n_steps=16, batch_size=32, n_epochs=1, seed=0)
+    model.learn(128)
+    assert all(bool(torch.isfinite(p).all()) for p in model.policy.parameters())
 
 
 def test_without_the_partner(monkeypatch):

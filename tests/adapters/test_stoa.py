@@ -115,7 +115,7 @@ def test_spaces_are_those_of_stoa(env: adapter.StoaEnvironment) -> None:
     assert (box.shape, box.dtype, box.minimum, box.maximum) == ((12, 16, 3), jnp.uint8, 0, 255)
     many = adapter.make("key-door", height=12, width=16, observation="dict").observation_space()
     assert type(many) is stoa.DictSpace
-    assert set(many.spaces) == {"image", "keys"}
+    assert set(many.spaces) == {"image", "carried_keys"}
     depth = adapter.make("simple", observation="depth").observation_space()
     assert depth.maximum == jnp.inf
     with pytest.raises(NotImplementedError, match="no space"):

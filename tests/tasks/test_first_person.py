@@ -76,6 +76,16 @@ def test_a_dict_without_variables_is_the_image_alone() -> None:
     assert jax.tree.all(jax.tree.map(np.array_equal, state, same))
 
 
+@pytest.mark.parametrize("name", ["keys", "items", "pop"])
+def test_variables_are_not_called_as_functions_of_dictionaries(name: str) -> None:
+    class Named(Bare):
+        def variable_spaces(self) -> dict[str, Box]:
+            return {name: Box(0.0, 1.0, (1,), np.dtype(np.float32))}
+
+    with pytest.raises(SettingError, match=f"may not be called '{name}'"):
+        Named(observation="dict").observation_space()
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

@@ -206,7 +206,7 @@ def test_the_key_is_picked_up_once_and_the_goal_ends():
     assert bool(after.taken)
     assert bool(info["picked_key"])
     assert not bool(terminated)
-    carried = np.array(env.variables(after)["keys"])
+    carried = np.array(env.variables(after)["carried_keys"])
     assert np.flatnonzero(carried).tolist() == [int(state.key_colour)]
     assert not bool(step(after, jnp.int32(-1))[3]["picked_key"])
     there = state.replace(position=jnp.asarray(state.goal))

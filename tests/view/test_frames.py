@@ -28,7 +28,9 @@ def shown(frame: Frame) -> np.ndarray:
         return np.asarray(png)
 
 
-@pytest.mark.parametrize("given", [RGB, jnp.asarray(RGB), {"image": RGB, "keys": np.zeros(6)}])
+@pytest.mark.parametrize(
+    "given", [RGB, jnp.asarray(RGB), {"image": RGB, "carried_keys": np.zeros(6)}]
+)
 def test_png_is_the_frame_in_sharp_pixels(given: Any) -> None:
     frame = show(given)
     assert frame.scale == 22

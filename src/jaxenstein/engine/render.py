@@ -13,6 +13,7 @@ from __future__ import annotations
 from functools import partial
 
 import jax
+from jax import lax
 
 from .camera import Camera
 from .fusion import staged
@@ -25,7 +26,7 @@ from .sprites import choose
 
 
 def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 4) -> jax.Array:
-    """Draw what the eye sees.
+    """Draw what the eye sees; to automatic differentiation a picture is a constant.
 
     Args:
         scene: what there is to see, and from where.
@@ -36,6 +37,12 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
         layers: how many billboards one column can show behind each other.
     """
     camera = camera.widened()
+    # Rays end where they hit, by loops and conditionals that cannot be differentiated.
+    scene = scene.replace(
+        position=lax.stop_gradient(scene.position),
+        heading=lax.stop_gradient(scene.heading),
+        sprites=lax.stop_gradient(scene.sprites),
+    )
     pose = scene.position, scene.heading
     spots = None
     if scene.sprites.look.shape[0]:

@@ -257,9 +257,9 @@ class Game:
 
     def _keys(self) -> list[str] | None:
         """The colours of the keys that are carried; None where there are no keys to carry."""
-        if "keys" not in self.env.variable_spaces():
+        if "carried_keys" not in self.env.variable_spaces():
             return None
-        carried = np.asarray(self._variables(self.session.state)["keys"])
+        carried = np.asarray(self._variables(self.session.state)["carried_keys"])
         return [name for name, here in zip(COLOUR_NAMES, carried, strict=True) if here]
 
 

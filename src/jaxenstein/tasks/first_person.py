@@ -133,5 +133,12 @@ class FirstPerson(Environment[S, P]):
         colour = self.observation in ("rgb", "dict")
         image = Box(0, 255, (*size, 3) if colour else size, np.dtype(np.uint8))
         if self.observation == "dict":
-            return Dict({"image": image, **self.variable_spaces()})
+            variables = self.variable_spaces()
+            taken = [name for name in variables if hasattr(dict, name)]
+            if taken:
+                raise SettingError(
+                    f"a variable may not be called {taken[0]!r}, as a function of dictionaries is: "
+                    "libraries whose modules have entries by these names could not take it"
+                )
+            return Dict({"image": image, **variables})
         return image

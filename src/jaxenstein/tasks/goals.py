@@ -169,12 +169,12 @@ class GoalTask(FirstPerson[S, NavigationParams]):
         )
 
     def variables(self, state: S) -> dict[str, jax.Array]:
-        """`keys`: float32[6], which key colours are carried (red, green, blue, ... )."""
-        return {"keys": self._carried(state).astype(jnp.float32)}
+        """`carried_keys`: float32[6], which key colours are carried (red, green, blue, ... )."""
+        return {"carried_keys": self._carried(state).astype(jnp.float32)}
 
     def variable_spaces(self) -> dict[str, Box]:
-        """The space of `keys`."""
-        return {"keys": Box(0.0, 1.0, (len(COLOUR_NAMES),), np.dtype(np.float32))}
+        """The space of `carried_keys`."""
+        return {"carried_keys": Box(0.0, 1.0, (len(COLOUR_NAMES),), np.dtype(np.float32))}
 
     def _open(self, state: S, level: Level, action: jax.Array, params: NavigationParams) -> S:
         if not state.opened.shape[0]:
