@@ -14,12 +14,12 @@ import jax
 
 import jaxenstein
 from jaxenstein import registry
-from jaxenstein.cli.arguments import read_map, read_text
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.ascii import layout_names, load_layout
 from jaxenstein.maps.importers.dmlab import build_tilemap, read_maze
+from jaxenstein.maps.map_files import read_map, read_text
 from jaxenstein.maps.reach import problems
 from jaxenstein.maps.symbols import SYMBOLS
 from tests.reference.labmaps import write_map

@@ -1,6 +1,7 @@
 """Ids, settings, and what a wrong one is answered with."""
 
 import dataclasses
+from pathlib import Path
 from typing import Any, cast, get_args
 
 import jax
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from jaxenstein import MapError
 from jaxenstein.registry import ALIASES, ENTRIES, SETTINGS
 
 MAP = "#####\n#S.G#\n#####"
@@ -177,6 +179,38 @@ def test_map_errors_come_through_with_their_place():
     with pytest.raises(jaxenstein.MapError, match="line 2, column 3") as caught:
         jaxenstein.from_ascii("####\n#S?G\n####")
     assert (caught.value.line, caught.value.column) == (2, 3)
+
+
+def test_a_map_file_is_read_with_what_lies_beside_it(tmp_path):
+    path = tmp_path / "maze.txt"
+    path.write_text(f"{MAP}\n")
+    env, params = jaxenstein.from_file(path, heading=90, height=8, width=8)
+    told, _ = jaxenstein.from_ascii(MAP, name="maze", heading=90, height=8, width=8)
+    assert (env, params.max_steps_in_episode) == (told, 1000)
+    (tmp_path / "maze.regions.txt").write_text("#####\n#222#\n#####")
+    painted, _ = jaxenstein.from_file(str(path), name="mine")
+    assert painted.name == "mine"
+    assert painted.tilemap.faces is not None
+    with pytest.raises(MapError, match=r"cannot read the map .*nowhere\.txt: no such file"):
+        jaxenstein.from_file(tmp_path / "nowhere.txt")
+
+
+@pytest.mark.parametrize("text", ["maze.txt", Path("maps/maze.txt")])
+def test_a_file_name_in_place_of_a_map_is_recognised(text):
+    with pytest.raises(MapError, match=r"maze\.txt' is the name of a file: from_file reads one"):
+        jaxenstein.from_ascii(text)
+    with pytest.raises(MapError, match=r"^line 1, column 3: unknown symbol .\?.; the symbols are"):
+        jaxenstein.from_ascii("#S?G")
+
+
+def test_an_environment_shows_itself_in_one_line():
+    env, _ = jaxenstein.make("my-way-home")
+    assert repr(env) == "Navigation('my-way-home')"
+    env, _ = jaxenstein.make("key-corridor-s3r1", height=32, observation="gray", autoreset=None)
+    shown = repr(env)
+    assert shown.startswith("KeyCorridor('key-corridor-s3r1', autoreset=None, height=32, ")
+    assert "observation='gray'" in shown
+    assert max(len(repr(jaxenstein.make(id)[0])) for id in jaxenstein.environment_ids()) < 100
 
 
 def test_warnings_point_at_the_caller():

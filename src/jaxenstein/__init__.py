@@ -13,7 +13,7 @@ from .errors import (
     TrajectoryError,
     UnknownEnvironmentError,
 )
-from .registry import EnvironmentId, environment_ids, from_ascii, make
+from .registry import EnvironmentId, environment_ids, from_ascii, from_file, make
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ __all__ = [
     "__version__",
     "environment_ids",
     "from_ascii",
+    "from_file",
     "load_trajectory",
     "make",
     "record",

@@ -121,6 +121,22 @@ class Environment(abc.ABC, Generic[S, P]):
 
     action_names: ClassVar[tuple[str, ...]] = ()
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Keep the decorator `dataclass` from writing a longer `__repr__`."""
+        super().__init_subclass__(**kwargs)
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Environment.__repr__
+
+    def __repr__(self) -> str:
+        """One line: the name, and the numbers and words among the settings that were changed."""
+        shown = [repr(self.name)]
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            plain = value is None or isinstance(value, int | float | str)
+            if plain and field.name not in ("name", "version") and value != field.default:
+                shown.append(f"{field.name}={value!r}")
+        return f"{type(self).__name__}({', '.join(shown)})"
+
     def __post_init__(self) -> None:
         """Check the settings; subclasses extend it."""
         if self.autoreset is not None and self.autoreset not in get_args(Autoreset):

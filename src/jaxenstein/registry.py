@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 from .environment import Environment
-from .errors import SettingError, UnknownEnvironmentError, nearest
+from .errors import MapError, SettingError, UnknownEnvironmentError, nearest
 from .maps.ascii import load_layout, parse_ascii
+from .maps.map_files import read_map
 from .tasks.first_person import FirstPerson
 from .tasks.health_gathering import HealthGathering
 from .tasks.key_corridor import KeyCorridor
@@ -307,11 +310,42 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
         Traceback (most recent call last):
         jaxenstein.errors.MapError: line 2, column 4: unknown symbol '?'; the symbols are ...
     """
+    try:
+        return _from_texts(text, settings)
+    except MapError as error:
+        if isinstance(text, Path) or (isinstance(text, str) and re.fullmatch(r"[^#]+\.\w+", text)):
+            hint = f"; if {str(text)!r} is the name of a file: from_file reads one"
+            raise MapError(f"{error}{hint}") from error
+        raise
+
+
+def from_file(path: str | Path, **settings: Any) -> tuple[Navigation, NavigationParams]:
+    """Build a navigation environment from the file of a map in ASCII characters.
+
+    Args:
+        path: the map. Of `maze.txt`, `maze.regions.txt` or `maze.faces.txt` beside it says how
+            the walls look.
+        **settings: those of `from_ascii`; the `name` is by default that of the file.
+
+    Returns:
+        As `from_ascii`.
+
+    Raises:
+        MapError: a file cannot be read, or is no map.
+        SettingError: there is no such setting, or its value is out of range.
+    """
+    path = Path(path)
+    texts = read_map(path)
+    return _from_texts(texts.pop("text"), {"name": path.stem, **texts, **settings})
+
+
+def _from_texts(text: str, settings: dict[str, Any]) -> tuple[Navigation, NavigationParams]:
+    """As `from_ascii`; warnings name the line of the caller's caller."""
     known = (*SETTINGS, "name", "heading", "regions", "faces", "floor", "ceiling")
     _check_names(settings, known, NavigationParams)
     name = settings.get("name", "custom")
     painted = {kind: settings.pop(kind, None) for kind in ("regions", "faces")}
-    tilemap = parse_ascii(text, name, **painted, stacklevel=3)
+    tilemap = parse_ascii(text, name, **painted, stacklevel=4)
     env = Navigation(tilemap=tilemap, **settings)
     return env, env.check_params()
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from jaxenstein.cli import main
-from jaxenstein.cli.arguments import read_map
 from jaxenstein.errors import SettingError
 from jaxenstein.maps import TileMap, parse_ascii
 from jaxenstein.maps.importers.dmlab import build_tilemap, read_maze
+from jaxenstein.maps.map_files import read_map
 from tests.reference import labmaps
 
 PICTURE = "3333333\n3S...@3\n3.3.333\n3.3G.a3\n3333333\n"

@@ -69,6 +69,13 @@ def test_help_shows_examples(command: str, capsys: pytest.CaptureFixture[str]) -
     assert max(len(line) for line in out.splitlines()) <= 100
 
 
+def test_without_a_command_there_is_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    out = capsys.readouterr().out
+    assert out == build_parser().format_help()
+    assert "  record " in out
+
+
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["--version"])
@@ -79,7 +86,6 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], "COMMAND"),
         (["fly"], "fly"),
         (["rollout"], "ID"),
         (["rollout", "simple", "--map-file", "x"], "either"),
@@ -93,10 +99,10 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["rollout", "simple", "--heading", "90"], "--map-file"),
         (["rollout", "--map-file", "x", "--heading", "north"], "'north'"),
         (["record", "--map-file", "x", "--out", "a.gif", "--heading", "90,45"], "LOW,HIGH"),
-        (["record", "simple"], "--out"),
-        (["record", "simple", "--out", "a.avi"], ".gif or .mp4"),
+        (["record", "simple"], "at least one of --out"),
+        (["record", "simple", "--out", "a.avi"], ".gif, .mp4 or .png"),
         (["record", "simple", "--out", "a.gif", "--save", "a.txt"], ".json"),
-        (["record", "simple", "--out", "a.gif", "--policy", "greedy_medkits"], "health-gathering"),
+        (["record", "simple", "--out", "a.gif", "--policy", "greedy_medkits"], "has no policy"),
         (["replay", "no/such.json"], "no/such.json: cannot be read"),
         (["replay"], "FILE"),
         (["record", "simple", "--out", "a.gif", "--sheet", "a.jpg"], ".png"),

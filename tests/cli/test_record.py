@@ -174,6 +174,30 @@ def test_files(
     assert len(list(tmp_path.iterdir())) == 2
 
 
+@pytest.mark.parametrize(
+    ("arguments", "written", "said"),
+    [
+        (["--out", "{}/a.png", "--steps", "2"], "a.png", "2 steps, return 0, stopped by --steps"),
+        (["--save", "{}/a.json", "--actions", "2*3"], "a.json", "return 0, stopped by --actions"),
+        (["--save", "{}/a.json", "--policy", "expert"], "a.json", "return 1, terminated, wrote"),
+        (["--save", "{}/a.json", "--policy", "idle"], "a.json", "1000 steps, return 0, truncated"),
+    ],
+)
+def test_each_file_alone_and_what_ended_the_episode(
+    world: World,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    written: str,
+    said: str,
+) -> None:
+    monkeypatch.setattr(record, "open_environment", lambda *_, **__: (*world, "map"))
+    assert main(["record", "simple", *(part.format(tmp_path) for part in arguments)]) == 0
+    assert said in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == [written]
+
+
 def test_full_disk_leaves_nothing(
     world: World,
     tmp_path: Path,

@@ -58,6 +58,11 @@ def test_keys_are_actions_and_show_what_the_agent_sees(game: Game, world: tuple[
     assert game.session.actions == [*actions, INTERACT]
 
 
+def test_keys_are_shown_only_where_there_are_some() -> None:
+    env, params = jaxenstein.from_ascii("#####\n#S.G#\n#####", heading=0, **SMALL)
+    assert "keys" not in Game(env, params).status()[0]
+
+
 def test_from_the_key_to_the_goal(game: Game) -> None:
     assert "keys: none" in game.status()[0]
     tap(game, *TO_THE_DOOR)

@@ -122,7 +122,11 @@ def test_files_by_suffix(tmp_path: Path) -> None:
         assert gif.info["duration"] == 100
     with Image.open(tmp_path / "a.PNG") as png:
         assert png.format == "PNG"
-    for path, words in (("a.json", "no trajectory"), ("a.avi", r"\.gif or \.mp4"), ("a", "end in")):
+    for path, words in (
+        ("a.json", "no trajectory"),
+        ("a.avi", r"\.gif, \.mp4, \.png or"),
+        ("a", "end in"),
+    ):
         with pytest.raises(SettingError, match=words):
             episode.save(tmp_path / path)
     assert sorted(os.listdir(tmp_path)) == ["a.PNG", "a.gif"]

@@ -197,6 +197,8 @@ def open_environment(
     """
     import jaxenstein
 
+    from ..maps.map_files import read_map
+
     if (options.id is None) == (options.map_file is None):
         raise UsageError("jaxenstein: give either the ID of an environment or --map-file FILE")
     settings = {
@@ -224,32 +226,3 @@ def open_environment(
     for warning in caught:
         print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)
     return env, params, name
-
-
-def read_map(path: Path) -> dict[str, str]:
-    """The settings of `from_ascii` that a map file gives.
-
-    They are `text`, and `regions` or `faces` where there is such a file beside it: of `maze.txt`,
-    `maze.regions.txt` or `maze.faces.txt`.
-    """
-    texts = {"text": read_text(path, "map")}
-    for kind in ("regions", "faces"):
-        if beside(path, kind).is_file():
-            texts[kind] = read_text(beside(path, kind), f"{kind} text")
-    return texts
-
-
-def beside(path: Path, kind: str) -> Path:
-    """The file that goes with a map file and says how its walls look."""
-    return path.with_name(f"{path.stem}.{kind}.txt")
-
-
-def read_text(path: Path, what: str) -> str:
-    """The text of a file."""
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise UsageError(f"jaxenstein: cannot read the {what} {path}: {reason}") from error
-    except UnicodeDecodeError as error:
-        raise UsageError(f"jaxenstein: cannot read the {what} {path}: it is not text") from error

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 from ..errors import MapWarning
 from ..files import atomic, check_writable
-from .arguments import UsageError, add_seed, beside, read_text
+from ..maps.map_files import beside, read_text
+from .arguments import UsageError, add_seed
 
 if TYPE_CHECKING:
     from ..maps.tilemap import TileMap

@@ -12,7 +12,7 @@ from ..episodes.policies import GENERAL, Policy, Script, named_policy
 from ..files import check_writable
 from ..progress import Progress
 from ..view.episode import SHEET_VIEWS, Episode, compose, save_sheet
-from ..view.recording import check_animation, save_animation
+from ..view.recording import ANIMATIONS, check_animation, save_animation
 from .arguments import (
     UsageError,
     add_environment,
@@ -62,23 +62,19 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     )
     add_environment(parser)
     out = parser.add_argument_group("what is written")
-    out.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="the animation: .gif or .mp4"
-    )
     add_pictures(out)
     out.add_argument(
         "--save",
         type=Path,
         metavar="FILE.json",
-        help="also write seed, settings and actions, for 'jaxenstein replay'",
+        help="seed, settings and actions, for 'jaxenstein replay'",
     )
     played = parser.add_argument_group("what is played")
     played.add_argument(
         "--steps",
         type=whole(),
-        default=300,
         metavar="T",
-        help="stop after T steps (default %(default)s)",
+        help="stop after T steps (default: at the horizon)",
     )
     how = played.add_mutually_exclusive_group()
     how.add_argument(
@@ -94,12 +90,18 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 
 def add_pictures(out: argparse._ArgumentGroup) -> None:
-    """Add the arguments that say what pictures of an episode look like."""
+    """Add the arguments that say what pictures of an episode are written, and their looks."""
+    out.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="the animation, .gif or .mp4; .png writes the contact sheet alone",
+    )
     out.add_argument(
         "--sheet",
         type=Path,
         metavar="FILE.png",
-        help=f"also write a contact sheet of up to {SHEET_VIEWS} views",
+        help=f"a contact sheet of up to {SHEET_VIEWS} views",
     )
     out.add_argument(
         "--map",
@@ -134,6 +136,8 @@ def run(options: argparse.Namespace) -> None:
     agent = load_agent(options.policy) if isinstance(options.policy, Path) else None
     env, params, name = open_for(agent, options)
     check_pictures(options)
+    if (options.out, options.sheet, options.save) == (None, None, None):
+        raise UsageError("jaxenstein record: give at least one of --out, --sheet and --save")
     from ..episodes.recorder import play
     from ..episodes.session import Session
     from ..recipe import recipe_of
@@ -151,8 +155,10 @@ def run(options: argparse.Namespace) -> None:
     if options.save is not None:
         episode.save(options.save)
         written.append(options.save)
-    files = " and ".join(map(str, written))
-    print(f"{name}: {episode.steps} steps, return {episode.returns[-1]:.4g}, wrote {files}")
+    facts = [f"{episode.steps} steps", f"return {episode.returns[-1]:.4g}"]
+    stopper = "--steps" if episode.steps == options.steps else "--actions"
+    facts.append(episode.ending or f"stopped by {stopper}")
+    print(f"{name}: {', '.join(facts)}, wrote {' and '.join(map(str, written))}")
 
 
 def policy_or_run(text: str) -> str | Path:
@@ -197,7 +203,12 @@ def open_for(
 
 def check_pictures(options: argparse.Namespace) -> None:
     """Find out before anything is played whether the pictures can be written."""
+    if options.out is not None and options.out.suffix.lower() == ".png" and not options.sheet:
+        options.out, options.sheet = None, options.out
     if options.out is not None:
+        if options.out.suffix.lower() not in ANIMATIONS:
+            formats = f"{', '.join(ANIMATIONS)} or .png"
+            raise UsageError(f"jaxenstein: {options.out} should end in {formats}")
         check_animation(options.out)
     if options.sheet is not None:
         if options.sheet.suffix.lower() != ".png":
@@ -226,12 +237,13 @@ def save_pictures(episode: Episode, options: argparse.Namespace) -> list[Path]:
 def _policy(
     env: FirstPerson[Any, Any], params: Any, options: argparse.Namespace, agent: Policy | None
 ) -> tuple[Policy, int]:
+    steps = options.steps or int(env.most_steps(params))
     if agent is not None:
-        return agent, options.steps
+        return agent, steps
     if options.actions is not None:
         script = parse_actions(options.actions, env.action_names)
-        return Script(script), min(len(script), options.steps)
-    return named_policy(options.policy, env, params, options.seed), options.steps
+        return Script(script), min(len(script), steps)
+    return named_policy(options.policy, env, params, options.seed), steps
 
 
 def parse_actions(text: str, names: Sequence[str]) -> list[int]:

@@ -33,7 +33,6 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("file", type=Path, metavar="FILE", help="a trajectory, .json")
     out = parser.add_argument_group("what is written")
-    out.add_argument("--out", type=Path, metavar="FILE", help="the animation: .gif or .mp4")
     add_pictures(out)
     parser.set_defaults(run=run)
 

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import Parser, UsageError, heading, read_map
+from ..maps.map_files import read_map
+from .arguments import Parser, UsageError, heading
 
 if TYPE_CHECKING:
     from ..baselines.runs.options import Option

@@ -223,6 +223,7 @@ class Game:
         self.session = session = Session(self.env, self.params, seed)
         self._snapshot = self._snapshot_of(session.state)
         self._tilemap = self.env.tilemap_of(session.state)
+        self._has_keys = bool(self._tilemap.keys) and "carried_keys" in self.env.variable_spaces()
         self._positions = [self._snapshot["positions"]]
         self._ground: MapPicture | None = None
         self._drawn = 0
@@ -257,7 +258,7 @@ class Game:
 
     def _keys(self) -> list[str] | None:
         """The colours of the keys that are carried; None where there are no keys to carry."""
-        if "carried_keys" not in self.env.variable_spaces():
+        if not self._has_keys:
             return None
         carried = np.asarray(self._variables(self.session.state)["carried_keys"])
         return [name for name, here in zip(COLOUR_NAMES, carried, strict=True) if here]

@@ -16,6 +16,7 @@ from ..errors import SettingError
 from ..maps.tilemap import TileMap
 from ..trajectory import Trajectory
 from .recording import (
+    ANIMATIONS,
     BACKGROUND,
     TEXT,
     contact_sheet,
@@ -118,8 +119,10 @@ class Episode:
             self.trajectory.save(path)
         elif suffix == ".png":
             save_sheet(self, path)
-        else:
+        elif suffix in ANIMATIONS:
             save_animation(compose(self, every=every), path, fps)
+        else:
+            raise SettingError(f"{path} should end in {', '.join(ANIMATIONS)}, .png or .json")
 
     def __repr__(self) -> str:
         """Its summary."""

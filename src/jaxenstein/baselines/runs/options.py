@@ -72,7 +72,7 @@ OWN = (
     Option("seeds", _RUNS, "count", 1, "number of runs with seeds of their own, side by side"),
     Option("grid", _RUNS, "table", None, "numbers that differ between runs, with their values"),
 )
-# Texts that come with a map file; see `jaxenstein.cli.arguments.read_map`.
+# Texts that come with a map file; see `jaxenstein.maps.map_files.read_map`.
 MAP_TEXTS = ("regions", "faces")
 
 

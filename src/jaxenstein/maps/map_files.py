@@ -1,0 +1,43 @@
+"""Files of text maps: `maze.txt`, and beside it what says how its walls look."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import MapError
+
+
+def read_map(path: Path) -> dict[str, str]:
+    """The settings of `from_ascii` that a map file gives.
+
+    They are `text`, and `regions` or `faces` where there is such a file beside it: of `maze.txt`,
+    `maze.regions.txt` or `maze.faces.txt`.
+
+    Raises:
+        MapError: a file cannot be read.
+    """
+    texts = {"text": read_text(path, "map")}
+    for kind in ("regions", "faces"):
+        if beside(path, kind).is_file():
+            texts[kind] = read_text(beside(path, kind), f"{kind} text")
+    return texts
+
+
+def beside(path: Path, kind: str) -> Path:
+    """The file that goes with a map file and says how its walls look."""
+    return path.with_name(f"{path.stem}.{kind}.txt")
+
+
+def read_text(path: Path, what: str) -> str:
+    """The text of a file.
+
+    Raises:
+        MapError: it cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise MapError(f"cannot read the {what} {path}: {reason}") from error
+    except UnicodeDecodeError as error:
+        raise MapError(f"cannot read the {what} {path}: it is not text") from error
