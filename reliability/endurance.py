@@ -7,7 +7,7 @@
 Players are the task's expert, chance, and some who are up to no good: who run into walls, spin and
 use everything, or choose numbers that are no actions. `--checked` looks at every operation for an
 index out of range, a division by zero and a NaN (`jax.experimental.checkify`), also while drawing;
-it is slower. Programs may not be compiled anew after the first call, and memory may not grow.
+it is slower. One compiled program takes its own states again and again, and memory may not grow.
 """
 
 from __future__ import annotations
@@ -42,7 +42,6 @@ BATCH, CALL = 40, 250
 GROWTH = 64 << 20
 # Counted like an event, so that the frames are drawn.
 PIXELS = "pixels above 0"
-COMPILED = "/jax/core/compile/backend_compile_duration"
 # Modules, and what keeps stages apart in them, which checks cannot see through.
 STAGES = (
     *((f"engine.{module}", "staged") for module in ("render", "raycast", "sprites", "pixels")),
@@ -61,7 +60,6 @@ class Report:
         episodes: that ended.
         events: how often each event of `info` happened.
         broken: how often each thing did not hold that must.
-        compiled: programs compiled after the first call.
         grown: bytes by which the memory of the process grew after the first calls.
         seconds: without compiling.
     """
@@ -70,7 +68,6 @@ class Report:
     episodes: int = 0
     events: dict[str, int] = dataclasses.field(default_factory=dict)
     broken: dict[str, int] = dataclasses.field(default_factory=dict)
-    compiled: int = 0
     grown: int = 0
     seconds: float = 0.0
 
@@ -78,17 +75,22 @@ class Report:
     def problems(self) -> list[str]:
         """What is wrong, in words."""
         found = [f"NOT SO in {count} steps: {name}" for name, count in self.broken.items() if count]
-        found += [f"{self.compiled} programs compiled anew"] * (self.compiled > 0)
         grown = f"memory grew by {self.grown / 2**20:.0f} MiB"
         return found + [grown] * (self.grown > GROWTH)
+
+    def count(self, counts: Any, steps: int) -> None:
+        """Add what came of some steps."""
+        ended, events, broken = jax.device_get(counts)
+        self.steps += steps
+        self.episodes += int(ended)
+        for table, found in ((self.events, events), (self.broken, broken)):
+            for name, number in found.items():
+                table[name] = table.get(name, 0) + int(number)
 
 
 def players(env: Any, params: Any) -> list[Callable[[jax.Array, Any], jax.Array]]:
     """Functions of key and state, each of which chooses an action."""
-    count = env.num_actions
-    names = env.action_names
-    forward, right = names.index("forward"), names.index("turn right")
-    last = count - 1
+    forward, right = map(env.action_names.index, ("forward", "turn right"))
 
     def extreme(key: jax.Array, state: Any) -> jax.Array:
         del state
@@ -102,7 +104,7 @@ def players(env: Any, params: Any) -> list[Callable[[jax.Array, Any], jax.Array]
     def fidget(key: jax.Array, state: Any) -> jax.Array:
         """Turn, use and walk by turns."""
         walks = jax.random.bernoulli(key, 0.3)
-        used = jnp.where(state.time % 3 == 0, right, last)
+        used = jnp.where(state.time % 3 == 0, right, env.num_actions - 1)
         return jnp.where(walks, forward, used).astype(jnp.int32)
 
     return [player_of(env)(env, params), UNIFORM(env, params), extreme, ram, fidget]
@@ -170,52 +172,25 @@ def endure(
     env, params = jaxenstein.make(name, observation=kind, **SIZE)
     calls = -(-steps // (batch * CALL)) if steps >= batch * CALL else 1
     length = min(CALL, -(-steps // batch))
+    report = Report()
     with plain_stages() if checked else contextlib.nullcontext():
         start, play = make_program(env, params, batch, length, in_turn=checked)
-        run = _checked(play) if checked else jax.jit(play)
         carry = start(jax.random.key(seed))
-        report, compiled = Report(), CompileCounter()
-        with compiled, _told(report):
-            jax.block_until_ready(run(carry))
-            compiled.count, begin, memory = 0, time.perf_counter(), resident()
-            for call in range(calls):
-                carry, counts = jax.block_until_ready(run(carry))
-                _count(report, counts)
-                report.steps += batch * length
-                if call == calls // 4:
-                    memory = resident()
-            report.seconds = time.perf_counter() - begin
-            report.compiled, report.grown = compiled.count, resident() - memory
+        errors = checkify.index_checks | checkify.nan_checks | checkify.div_checks
+        program = checkify.checkify(play, errors=errors if checked else frozenset())
+        # It takes its own output, so that no other program can be needed.
+        run = jax.jit(program).lower(carry).compile()
+        begin, memory = time.perf_counter(), resident()
+        for call in range(calls):
+            error, (carry, counts) = jax.block_until_ready(run(carry))
+            if error.get():
+                report.broken[" ".join(error.get().split())] = 1
+                break
+            report.count(counts, batch * length)
+            if call == calls // 4:
+                memory = resident()
+        report.seconds, report.grown = time.perf_counter() - begin, resident() - memory
     return report
-
-
-@contextlib.contextmanager
-def _told(report: Report) -> Iterator[None]:
-    """Note an operation that went wrong as something that must not happen."""
-    try:
-        yield
-    except checkify.JaxRuntimeError as error:
-        report.broken[" ".join(str(error).split())] = 1
-
-
-def _checked(play: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    errors = checkify.index_checks | checkify.nan_checks | checkify.div_checks
-    run = jax.jit(checkify.checkify(play, errors=errors))
-
-    def thrown(carry: Any) -> Any:
-        error, out = run(carry)
-        error.throw()
-        return out
-
-    return thrown
-
-
-def _count(report: Report, counts: Any) -> None:
-    ended, events, broken = jax.device_get(counts)
-    report.episodes += int(ended)
-    for table, found in ((report.events, events), (report.broken, broken)):
-        for name, count in found.items():
-            table[name] = table.get(name, 0) + int(count)
 
 
 @contextlib.contextmanager
@@ -237,52 +212,11 @@ def _repeat(body: Callable[..., Any]) -> Callable[..., Any]:
     return run
 
 
-def _where_any(function: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda needed, *args: function(*args)
-
-
 PLAIN: dict[str, Callable[..., Any]] = {
     "staged": lambda stage: stage,
     "repeat": _repeat,
-    "where_any": _where_any,
+    "where_any": lambda function: lambda needed, *args: function(*args),
 }
-
-
-class CompileCounter:
-    """Counts the programs that are compiled while it is open."""
-
-    def __init__(self) -> None:
-        """Begin at 0."""
-        self.count = 0
-
-    def __enter__(self) -> CompileCounter:
-        """Listen."""
-        _listen()
-        _OPEN.append(self)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Listen no more."""
-        _OPEN.remove(self)
-
-
-_OPEN: list[CompileCounter] = []
-_LISTENING: list[bool] = []
-
-
-def _listen() -> None:
-    """Tell the open counters of every compilation; JAX forgets no listener, hence one for all."""
-    if _LISTENING:
-        return
-    _LISTENING.append(True)
-
-    def heard(event: str, duration_secs: float, **_: Any) -> None:
-        del duration_secs
-        if event == COMPILED:
-            for counter in _OPEN:
-                counter.count += 1
-
-    jax.monitoring.register_event_duration_secs_listener(heard)
 
 
 def resident() -> int:
@@ -322,8 +256,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--checked", action="store_true", help="check every operation")
     options = parser.parse_args(arguments)
-    unknown = [name for name in options.ids if name not in ENTRIES]
-    if unknown:
+    if unknown := [name for name in options.ids if name not in ENTRIES]:
         parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(ENTRIES)}")
     names = options.ids or list(ENTRIES)
     reports: dict[str, Report] = {}
