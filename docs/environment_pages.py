@@ -20,8 +20,8 @@ from PIL import Image
 import jaxenstein
 from docs.families import FAMILIES, Family
 from docs.page_parts import HERE, attributes, fidelity, history, info_table, returns, table
+from jaxenstein.catalogue import ALIASES, ENTRIES, SETTINGS
 from jaxenstein.cli.listing import GENERATED, extent
-from jaxenstein.registry import ALIASES, ENTRIES, OWN_SETTINGS
 
 OUT = HERE / "environments"
 EPISODES = HERE / "_static" / "episodes"
@@ -169,7 +169,7 @@ def params_table(family: Family) -> str:
 
 def own_settings(name: str) -> str:
     """The settings that only these environments take."""
-    own = next((names for start, names in OWN_SETTINGS.items() if name.startswith(start)), ())
+    own = [setting for setting in ENTRIES[name].settings if setting not in SETTINGS]
     if not own:
         return ""
     env, _ = built(name)
@@ -194,7 +194,7 @@ def moving(name: str) -> str:
 
 
 def _card(name: str) -> str:
-    family = next(family.name for family in FAMILIES if name in family.ids)
+    family = ENTRIES[name].family
     return (
         f'<a class="card" href="{family}.html#{name}">{moving(name)}'
         f'<span class="name">{name}</span><span>{ENTRIES[name].summary}</span></a>'
@@ -203,7 +203,7 @@ def _card(name: str) -> str:
 
 def _overview_row(name: str) -> tuple[str, ...]:
     env, params = built(name)
-    family = next(family.name for family in FAMILIES if name in family.ids)
+    family = ENTRIES[name].family
     horizon, discount = int(params.max_steps_in_episode), float(params.discount)
     link = f"[`{name}`]({family}.md#{name})"
     return link, extent(env), rewards(name), str(horizon), f"{discount:g}"

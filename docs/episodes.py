@@ -20,7 +20,6 @@ import jaxenstein
 from examples.custom_task import TMaze
 from jaxenstein.files import atomic, make_folder
 from jaxenstein.progress import Progress
-from jaxenstein.registry import EnvironmentId
 from jaxenstein.view.episode import Episode, compose, overview
 from jaxenstein.view.recording import save_png
 from jaxenstein.view.topdown import draw_map
@@ -38,7 +37,7 @@ MOST_STEPS, PICTURES, FRAMES_A_SECOND = 480, 60, 10
 QUALITY = 60
 
 
-def play(name: EnvironmentId, seed: int = 1) -> Episode:
+def play(name: str, seed: int = 1) -> Episode:
     """The episode of an environment that is shown."""
     height, width = VIEW
     env, params = jaxenstein.make(name, height=height, width=width)
@@ -72,7 +71,7 @@ def animate(episode: Episode, name: str) -> int:
     return path.stat().st_size
 
 
-def draw(name: EnvironmentId) -> int:
+def draw(name: str) -> int:
     """Write the three files of an environment; returns the bytes of the animation."""
     episode = play(name)
     size = animate(episode, name)

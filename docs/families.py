@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from jaxenstein.registry import ENTRIES
+from jaxenstein.catalogue import ENTRIES
 
 
 class Family(NamedTuple):
@@ -14,19 +14,18 @@ class Family(NamedTuple):
         name: of the page.
         title: its heading.
         original: the word by which a heading of docs/fidelity.md names the task.
-        ids: the environments, in the order of the registry.
         text: what they are, in Markdown.
     """
 
     name: str
     title: str
     original: str
-    ids: tuple[str, ...]
     text: str
 
-
-def _starting(*beginnings: str) -> tuple[str, ...]:
-    return tuple(name for name in ENTRIES if name.startswith(beginnings))
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The environments, in the order of the catalogue."""
+        return tuple(name for name, entry in ENTRIES.items() if entry.family == self.name)
 
 
 FAMILIES = (
@@ -34,7 +33,6 @@ FAMILIES = (
         "simple",
         "simple, a ring corridor",
         "simple",
-        _starting("simple"),
         """
 The first thing to try: a ring corridor around a block. The agent starts in the north-western
 corner and faces east, the goal lies in the opposite corner, and both ways are equally long. A
@@ -45,7 +43,6 @@ learner that cannot do this has a bug.
         "key-door",
         "key-door, first the key",
         "key-door",
-        _starting("key-door"),
         """
 A corridor from west to east with a red key, a red locked door and the goal behind the door. The
 agent picks the key up by walking over it and opens the door with the action *interact* where it
@@ -56,7 +53,6 @@ is right in front. Only the goal pays, so the order of things has to be found ou
         "my-way-home",
         "my-way-home and its variants",
         "my-way-home",
-        _starting("my-way-home"),
         """
 The maze of ViZDoom's scenario *My Way Home*: eight rooms of different colours, brick corridors
 between them, and an armour as the goal, which is drawn as a star here. The dense variant starts at
@@ -68,7 +64,6 @@ exploration uses. Each step costs a little, so a faster way pays more.
         "health-gathering",
         "health-gathering, an acid floor",
         "health-gathering",
-        _starting("health-gathering"),
         """
 ViZDoom's *Health Gathering*: the floor of a square room hurts, and medkits, which appear at random
 places, give health back. The reward is for staying alive. The picture does not show the health;
@@ -79,7 +74,6 @@ places, give health back. The reward is for staying alive. The picture does not 
         "key-corridor",
         "key-corridor in six sizes",
         "key-corridor",
-        _starting("key-corridor"),
         """
 MiniGrid's *KeyCorridor* seen from inside. A hall runs from north to south with rooms on both
 sides. The goal is in a locked room in the east, the key of the door's colour in a room in the
@@ -92,7 +86,6 @@ starts are drawn anew at each reset by the rules of the original, in the compile
         "dmlab-static",
         "dmlab-static, a goal that stays",
         "dmlab",
-        _starting("dmlab-static"),
         """
 DeepMind Lab's navigation mazes `nav_maze_static_01` to `03`, converted from their map files. The
 walls have colours by side, and pictures that occur once are colours of their own: landmarks. The
@@ -107,7 +100,6 @@ the episode, so the return says how often the way was found.
         "dmlab-random-goal",
         "dmlab-random-goal, a goal to find again",
         "dmlab",
-        _starting("dmlab-random-goal"),
         """
 DeepMind Lab's navigation mazes `nav_maze_random_goal_01` to `03`. The goal is in another cell in
 every episode, and the start at least five cells from it on foot: knowing the maze helps, knowing

@@ -20,12 +20,12 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import jaxenstein
+from jaxenstein.catalogue import ENTRIES
 from jaxenstein.episodes.recorder import snapshots
 from jaxenstein.files import check_writable, make_folder
 from jaxenstein.maps.symbols import DECAL_LABELS, DOOR_LABELS, FLOOR, LABEL_NAMES, WALL_LABELS
 from jaxenstein.maps.things import THING_OF
 from jaxenstein.progress import Progress
-from jaxenstein.registry import ENTRIES, EnvironmentId
 from jaxenstein.tasks.first_person import FirstPerson
 from jaxenstein.tasks.levels import closed_doors
 from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT, save_png
@@ -140,7 +140,7 @@ def choose(images: np.ndarray, count: int) -> list[tuple[int, int]]:
     return chosen
 
 
-def block(name: EnvironmentId, seed: int = 0) -> Image.Image:
+def block(name: str, seed: int = 0) -> Image.Image:
     """The picture of one environment: title, map of the first view, views."""
     width, height = GLANCE
     small, params = jaxenstein.make(name, height=height, width=width, observation="labels")

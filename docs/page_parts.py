@@ -14,8 +14,8 @@ import jax
 
 import jaxenstein
 from docs.families import Family
+from jaxenstein.catalogue import ENTRIES
 from jaxenstein.players import players_of
-from jaxenstein.registry import ENTRIES
 
 HERE = Path(__file__).parent
 

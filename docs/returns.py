@@ -18,8 +18,8 @@ import jax
 
 import jaxenstein
 from fidelity.players import measure
+from jaxenstein.catalogue import ENTRIES
 from jaxenstein.files import atomic, check_writable
-from jaxenstein.registry import ENTRIES
 
 OUT = Path(__file__).parent / "returns.json"
 EPISODES = 256

@@ -56,9 +56,8 @@ class TMaze(FirstPerson[TMazeState, TMazeParams]):
 
     def init_state(self, key: jax.Array, params: TMazeParams) -> TMazeState:
         """Stand in the south, look north, and draw the arm."""
-        common = {"time": jnp.int32(0), "episode_return": jnp.float32(0), "done": jnp.bool_(False)}
         north, arm = jnp.float32(1.5 * math.pi), jax.random.randint(key, (), 0, 2, jnp.int32)
-        return TMazeState(position=centres(MAP.spawns)[0], heading=north, arm=arm, **common)
+        return TMazeState(position=centres(MAP.spawns)[0], heading=north, arm=arm)
 
     def transition(self, key: jax.Array, state: TMazeState, action: jax.Array, params: TMazeParams):
         """Move, and look whether an end is reached: next state, reward, terminated, events."""

@@ -30,8 +30,8 @@ import numpy as np
 from jax.experimental import checkify
 
 import jaxenstein
+from jaxenstein.catalogue import ENTRIES
 from jaxenstein.players import UNIFORM, player_of
-from jaxenstein.registry import ENTRIES
 
 from . import invariants
 

@@ -32,9 +32,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
+from jaxenstein.catalogue import ENTRIES
 from jaxenstein.files import atomic
 from jaxenstein.players import player_of
-from jaxenstein.registry import ENTRIES
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "tests" / "contract" / "golden.json"

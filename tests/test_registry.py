@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, cast
 
 import jax
 import numpy as np
@@ -10,7 +10,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein import MapError
-from jaxenstein.registry import ALIASES, ENTRIES, SETTINGS
+from jaxenstein.catalogue import ALIASES, ENTRIES, SETTINGS
 
 MAP = "#####\n#S.G#\n#####"
 
@@ -19,8 +19,9 @@ def make(name: Any, **settings: Any) -> Any:
     return jaxenstein.make(name, **settings)
 
 
-def test_ids_are_those_of_the_type():
-    assert jaxenstein.environment_ids() == get_args(jaxenstein.EnvironmentId) == tuple(ENTRIES)
+def test_ids_are_those_of_the_catalogue():
+    assert jaxenstein.environment_ids() == tuple(ENTRIES)
+    assert all(entry.family for entry in ENTRIES.values())
     assert not set(ALIASES) & set(ENTRIES)
 
 
@@ -113,6 +114,13 @@ def test_unknown_settings_name_the_nearest():
         make("simple", heigth=3)
     with pytest.raises(jaxenstein.SettingError, match=r"params\.replace\(goal_reward="):
         make("simple", goal_reward=3)
+    # A param of other tasks is none of this one.
+    with pytest.raises(jaxenstein.SettingError, match="unknown setting 'apple_reward'"):
+        make("simple", apple_reward=1)
+    with pytest.raises(jaxenstein.SettingError, match=r"params\.replace\(apple_reward="):
+        make("dmlab-static-01-respawn", apple_reward=1)
+    with pytest.raises(jaxenstein.SettingError, match="did you mean the param 'damage'"):
+        make("health-gathering", damag=1)
     with pytest.raises(jaxenstein.SettingError, match="unknown setting 'tilemap'"):
         make("simple", tilemap=None)
     with pytest.raises(jaxenstein.SettingError, match="'headings', did you mean 'heading'"):
@@ -149,6 +157,7 @@ def test_all_settings_are_taken():
         "observation": "gray",
         "autoreset": None,
         "final_observation": False,
+        "frame_skip": 2,
         "sprite_layers": 2,
     }
     assert set(given) == set(SETTINGS)

@@ -13,7 +13,7 @@ from .errors import (
     TrajectoryError,
     UnknownEnvironmentError,
 )
-from .registry import EnvironmentId, environment_ids, from_ascii, from_file, make
+from .registry import environment_ids, from_ascii, from_file, make, register
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -42,7 +42,6 @@ _LAZY = {
 
 __all__ = [
     "Environment",
-    "EnvironmentId",
     "Episode",
     "Frame",
     "JAXensteinError",
@@ -63,6 +62,7 @@ __all__ = [
     "load_trajectory",
     "make",
     "record",
+    "register",
     "replay",
     "show",
 ]

@@ -65,6 +65,7 @@ class About:
         captions: which of them the captions of pictures show.
         players: the scripted players that know the task, by name.
         expert: the name of the one who does it best; "" if there is none.
+        generated: whether every reset draws a new map.
     """
 
     aim: str = "ended the episode with a positive reward"
@@ -75,3 +76,4 @@ class About:
     captions: tuple[str, ...] = ()
     players: Mapping[str, Player] = dataclasses.field(default_factory=dict)
     expert: str = ""
+    generated: bool = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import warnings
 from collections.abc import Mapping
@@ -12,7 +13,13 @@ import numpy as np
 
 from . import registry
 from .environment import Environment
-from .errors import JAXensteinError, MapWarning, SettingError, TrajectoryError
+from .errors import (
+    JAXensteinError,
+    MapWarning,
+    SettingError,
+    TrajectoryError,
+    UnknownEnvironmentError,
+)
 from .tasks.navigation import Navigation
 
 # What does not matter to one episode that is stepped by hand.
@@ -103,16 +110,16 @@ def recipe_of(env: Environment[Any, Any], params: Any) -> Recipe:
 
 def _candidates(env: Any) -> list[tuple[str | None, dict[str, Any]]]:
     """The ids and settings that the environment may have been built from."""
-    common = [name for name in registry.SETTINGS if name not in _RESETTING and hasattr(env, name)]
-    for start, own in registry.OWN_SETTINGS.items():
-        common += own if env.name.startswith(start) else ()
+    fields = {field.name: _plain(getattr(env, field.name)) for field in dataclasses.fields(env)}
+    common = [name for name in registry.SETTINGS if name not in _RESETTING]
     found: list[tuple[str | None, dict[str, Any]]] = []
-    if env.name in registry.ENTRIES:
-        found.append((env.name, {name: _plain(getattr(env, name)) for name in common}))
+    with contextlib.suppress(UnknownEnvironmentError):
+        taken = registry.find(env.name)[1].settings
+        settings = {n: fields[n] for n in taken if n in fields and n not in _RESETTING}
+        found.append((registry.portable_id(env.name), settings))
     if type(env) is Navigation:
         own = ("name", "heading", "floor", "ceiling")
-        common = [name for name in registry.SETTINGS if name not in _RESETTING]
-        settings = {name: _plain(getattr(env, name)) for name in (*common, *own)}
+        settings = {name: fields[name] for name in (*common, *own)}
         settings["text"] = env.tilemap.tile_text()
         faces = env.tilemap.faces_text()
         found.append((None, settings if faces is None else settings | {"faces": faces}))

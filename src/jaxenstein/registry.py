@@ -1,253 +1,108 @@
-"""Ids, and how to build what they name."""
+"""Ids, how to build what they name, and how tasks of one's own get an id."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import importlib
+import inspect
 import re
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, get_args
+from types import ModuleType
+from typing import Any
 
+from . import catalogue
+from .catalogue import SETTINGS, Build, Entry
 from .environment import Environment
-from .errors import MapError, SettingError, UnknownEnvironmentError, nearest
-from .maps.ascii import load_layout, parse_ascii
+from .errors import JAXensteinError, MapError, SettingError, UnknownEnvironmentError, nearest
+from .maps.ascii import parse_ascii
 from .maps.map_files import read_map
-from .tasks.first_person import FirstPerson
-from .tasks.health_gathering import HealthGathering
-from .tasks.key_corridor import KeyCorridor
-from .tasks.maze import Maze, MazeParams
-from .tasks.navigation import Navigation, NavigationParams
+from .tasks.goals import NavigationParams
+from .tasks.navigation import Navigation
 
-EnvironmentId = Literal[
-    "simple",
-    "key-door",
-    "my-way-home",
-    "my-way-home-colorless",
-    "my-way-home-sparse",
-    "my-way-home-very-sparse",
-    "health-gathering",
-    "key-corridor",
-    "key-corridor-s3r1",
-    "key-corridor-s3r2",
-    "key-corridor-s3r3",
-    "key-corridor-s5r3",
-    "key-corridor-s6r3",
-    "dmlab-static-01",
-    "dmlab-static-02",
-    "dmlab-static-03",
-    "dmlab-random-goal-01",
-    "dmlab-random-goal-02",
-    "dmlab-random-goal-03",
-    "dmlab-static-01-respawn",
-    "dmlab-static-02-respawn",
-    "dmlab-static-03-respawn",
-    "dmlab-random-goal-01-respawn",
-    "dmlab-random-goal-02-respawn",
-    "dmlab-random-goal-03-respawn",
-]
+ENTRIES: dict[str, Entry] = dict(catalogue.ENTRIES)
+"""The environments by id, those that were registered by others behind those of the package."""
+ALIASES = catalogue.ALIASES
 
-# The settings that every environment takes.
-SETTINGS = tuple(
-    field.name for field in dataclasses.fields(FirstPerson) if field.name not in ("name", "version")
-)
+LISTENERS: list[Callable[[], None]] = []
+"""Called after each registration."""
 
-# Settings of some environments alone, by how their ids begin.
-OWN_SETTINGS = {"health-gathering": ("hud",), "key-corridor": ("layout_seed",)}
+_ID = re.compile(r"[A-Za-z0-9]+(?:[-_.][A-Za-z0-9]+)*")
+_VERSIONED = re.compile(r".*-v\d+")
 
 
-@dataclasses.dataclass(frozen=True)
-class Entry:
-    """One registered environment.
+def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> None:
+    """Give a task of one's own an id: `make`, every command and Gymnasium then know it.
 
-    Attributes:
-        summary: one line for people.
-        build: makes the environment from its settings.
-        version: of the environment, which grows when its behaviour changes.
+    An id lasts as long as the process. In others, write the module that registers it in front:
+    `make("my_module:my-task")`, `jaxenstein train --env my_module:my-task` and
+    `gymnasium.make("my_module:jaxenstein/my-task-v0")` import it first. The same module may
+    register an id anew, so a cell of a notebook can be run again.
+
+    Args:
+        id: letters, digits, and single "-", "_" or "." between them.
+        build: a subclass of `Environment`, or a function that returns one. Its parameters by name
+            are the settings that the id takes; `**settings` in a function stands for those that
+            all environments seen in first person take.
+        summary: one line for people; else the first line of the docstring of `build`.
+        version: to be raised when the behaviour changes.
+
+    Raises:
+        SettingError: the id is malformed or taken, `build` builds no environments, or the version
+            is no whole number.
+
     """
-
-    summary: str
-    build: Callable[..., Environment[Any, Any]]
-    version: int = 0
-
-
-def _corridors(layout: str, horizon: int) -> Callable[..., Navigation]:
-    """A small map whose agent starts facing east."""
-
-    def build(**settings: Any) -> Navigation:
-        defaults = NavigationParams(max_steps_in_episode=horizon)
-        return Navigation(tilemap=load_layout(layout), heading=0.0, defaults=defaults, **settings)
-
-    return build
-
-
-# ViZDoom's texture for both floor and ceiling, FLAT1_1, has the mean RGB (65, 46, 26).
-_HOME_FLOOR = ((104, 84, 62), (84, 66, 46))
-_HOME_CEILING = (52, 42, 34)
-
-
-def _my_way_home(
-    *,
-    coloured: bool = True,
-    spawn: tuple[int, int] | None = None,
-    heading: tuple[float, float] | None = None,
-) -> Callable[..., Navigation]:
-    """A variant of ViZDoom's My Way Home; `spawn` is the one start cell of the sparse ones."""
-
-    def build(**settings: Any) -> Navigation:
-        tilemap = load_layout("my-way-home", regions=coloured)
-        return Navigation(
-            tilemap=tilemap.with_spawns((spawn,)) if spawn else tilemap,
-            heading=heading,
-            floor=_HOME_FLOOR,
-            ceiling=_HOME_CEILING,
-            defaults=NavigationParams(
-                max_steps_in_episode=2100, discount=0.999, living_reward=-0.0001
-            ),
-            **settings,
+    module = str(sys._getframe(1).f_globals.get("__name__", ""))
+    if not isinstance(id, str) or not _ID.fullmatch(id) or _VERSIONED.fullmatch(id):
+        raise SettingError(
+            f"an id is letters, digits, and single '-', '_' or '.' between them, without a version "
+            f"'-v0' at its end, not {id!r}"
         )
-
-    return build
-
-
-# A move of one MiniGrid cell, or a turn of 90 degrees, is about 1 / 0.15 of our steps.
-_STEPS_A_MOVE = 1 / 0.15
-
-
-def _key_corridor(size: int, rows: int) -> Callable[..., KeyCorridor]:
-    """KeyCorridorS<size>R<rows>, whose budget of 30 moves a tile of room is rescaled."""
-    horizon = round(30 * size**2 * _STEPS_A_MOVE)
-
-    def build(**settings: Any) -> KeyCorridor:
-        defaults = NavigationParams(max_steps_in_episode=horizon)
-        return KeyCorridor(room_size=size, room_rows=rows, defaults=defaults, **settings)
-
-    return build
-
-
-# Floor (two colours of a checker) of the mazes 01, 02 and 03 of DeepMind Lab, after the names of
-# their textures, and the sky above them.
-_LAB_FLOORS = (
-    ((204, 118, 52), (184, 102, 42)),
-    ((70, 112, 188), (60, 98, 170)),
-    ((78, 150, 84), (66, 126, 150)),
-)
-_LAB_SKY = (142, 190, 228)
-_LAB_HORIZON, _LAB_DISCOUNT = (1800, 4500, 9000), (0.999, 0.9995, 0.9999)
-# Five cells of two tiles.
-_LAB_START_DISTANCE = 10
-
-
-def _dmlab(kind: str, number: int, *, respawn: bool) -> Callable[..., Maze]:
-    """A navigation maze; `kind` is "static" or "random-goal"."""
-
-    def build(**settings: Any) -> Maze:
-        tilemap = load_layout(f"dmlab-{kind}-{number:02}", goal_required=False)
-        cells = tilemap.apples
-        if kind == "random-goal":
-            tilemap = dataclasses.replace(tilemap, spawns=cells, goals=cells, apples=())
-        elif not respawn:
-            tilemap = dataclasses.replace(tilemap, apples=())
-        drawn = len(cells) // 10 if kind == "random-goal" and respawn else 0
-        return Maze(
-            tilemap=tilemap,
-            start_distance=_LAB_START_DISTANCE,
-            respawn=respawn,
-            drawn_apples=drawn,
-            floor=_LAB_FLOORS[number - 1],
-            ceiling=_LAB_SKY,
-            defaults=MazeParams(
-                max_steps_in_episode=_LAB_HORIZON[number - 1], discount=_LAB_DISCOUNT[number - 1]
-            ),
-            **settings,
+    if not (_builds(build) if isinstance(build, type) else callable(build)):
+        raise SettingError(
+            "build must be a subclass of jaxenstein.Environment with all that it needs, or a "
+            f"function that returns an environment, not {build!r}"
         )
-
-    return build
-
-
-def _dmlab_entries() -> dict[str, Entry]:
-    goals = {"static": "goal and starts fixed", "random-goal": "a new goal cell each episode"}
-    ends = {False: "+10 ends", True: "+10, apples +1, respawns until time is up"}
-    return {
-        f"dmlab-{kind}-{number:02}{'-respawn' if respawn else ''}": Entry(
-            f"DeepMind Lab's maze {number:02}: {goal}; {ends[respawn]}",
-            _dmlab(kind, number, respawn=respawn),
-        )
-        for respawn in (False, True)
-        for kind, goal in goals.items()
-        for number in (1, 2, 3)
-    }
+    if isinstance(version, bool) or not isinstance(version, int) or version < 0:
+        raise SettingError(f"version must be a whole number from 0, not {version!r}")
+    module = "" if module == "__main__" else module
+    if id in ALIASES or id in catalogue.ENTRIES:
+        raise SettingError(f"the id {id!r} is taken by an environment of the package")
+    if id in ENTRIES and ENTRIES[id].module != module:
+        raise SettingError(f"the id {id!r} is taken by the module {ENTRIES[id].module!r}")
+    ENTRIES[id] = Entry(summary or _first_line(build), build, version, module=module)
+    for listener in LISTENERS:
+        listener()
 
 
-def _key_corridor_entry(size: int, rows: int) -> Entry:
-    name = f"MiniGrid's KeyCorridorS{size}R{rows}"
-    return Entry(
-        f"{name}: key, locked door, goal; a new layout each time", _key_corridor(size, rows)
-    )
-
-
-# Doom's angles grow counter-clockwise, ours clockwise: 0 to 3.6 degrees there is -3.6 to 0 here.
-ENTRIES: dict[str, Entry] = {
-    "simple": Entry("a ring corridor, goal in the opposite corner", _corridors("simple", 300)),
-    "key-door": Entry(
-        "a corridor with a red key, a red locked door and the goal behind it",
-        _corridors("key-door", 300),
-    ),
-    "my-way-home": Entry(
-        "ViZDoom's eight-room maze: 17 starts, any heading, one goal", _my_way_home()
-    ),
-    "my-way-home-colorless": Entry(
-        "my-way-home with all walls in one colour", _my_way_home(coloured=False)
-    ),
-    "my-way-home-sparse": Entry(
-        "my-way-home from the western room, facing east",
-        _my_way_home(spawn=(3, 10), heading=(-3.6, 0.0)),
-    ),
-    "my-way-home-very-sparse": Entry(
-        "my-way-home from the end of the dead end, facing west",
-        _my_way_home(spawn=(12, 26), heading=(176.4, 183.6)),
-    ),
-    "health-gathering": Entry("ViZDoom's acid floor: medkits keep you alive", HealthGathering),
-    "key-corridor": _key_corridor_entry(4, 3),
-    "key-corridor-s3r1": _key_corridor_entry(3, 1),
-    "key-corridor-s3r2": _key_corridor_entry(3, 2),
-    "key-corridor-s3r3": _key_corridor_entry(3, 3),
-    "key-corridor-s5r3": _key_corridor_entry(5, 3),
-    "key-corridor-s6r3": _key_corridor_entry(6, 3),
-    **_dmlab_entries(),
-}
-
-ALIASES: dict[str, str] = {
-    "key-corridor-s4r3": "key-corridor",
-    **{name.replace("random-goal", "random"): name for name in ENTRIES if "random-goal" in name},
-}
-"""Other names of environments, each with the id it stands for."""
-
-
-def environment_ids() -> tuple[EnvironmentId, ...]:
+def environment_ids() -> tuple[str, ...]:
     """All ids that `make` knows.
 
     Examples:
         >>> environment_ids()[:3]
         ('simple', 'key-door', 'my-way-home')
     """
-    return get_args(EnvironmentId)
+    return tuple(ENTRIES)
 
 
-def make(id: EnvironmentId | str, **settings: Any) -> tuple[Environment[Any, Any], Any]:
+def make(id: str, **settings: Any) -> tuple[Environment[Any, Any], Any]:
     """Build an environment.
 
     Args:
-        id: one of `environment_ids()`.
+        id: one of `environment_ids()`; or "module:id" or "module:Class", which imports the module
+            and takes the id that it registers, or its subclass of `Environment`.
         **settings: static settings: `height`, `width` and `field_of_view` of the image,
             `observation`, `autoreset`, `final_observation`, `frame_skip`, `sprite_layers`; see
             `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. Besides,
-            `hud` of health-gathering and `layout_seed` of key-corridor.
+            those of the task, such as `hud` of health-gathering.
 
     Returns:
         The environment and its default params, whose numbers `params.replace(...)` changes.
 
     Raises:
-        UnknownEnvironmentError: there is no such id.
+        UnknownEnvironmentError: there is no such id, module or class.
         SettingError: there is no such setting, or its value is out of range.
 
     Examples:
@@ -260,26 +115,106 @@ def make(id: EnvironmentId | str, **settings: Any) -> tuple[Environment[Any, Any
         Traceback (most recent call last):
         jaxenstein.errors.UnknownEnvironmentError: unknown environment 'my-way-hom', did you...
     """
+    import_module_of(id)
     return make_with(id, settings)
 
 
 def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[Environment[Any, Any], Any]:
-    """As `make`, with settings of a file, which may have any names, `"id"` among them."""
-    name = ALIASES.get(id, id) if isinstance(id, str) else id
-    entry = ENTRIES.get(name) if isinstance(name, str) else None
-    if entry is None:
-        close = nearest(str(id), [*ENTRIES, *ALIASES])
-        raise UnknownEnvironmentError(
-            f"unknown environment {id!r}{close}; known: {', '.join(ENTRIES)}"
-        )
-    _check_names(settings, (*SETTINGS, *_own_settings(name)), MazeParams)
-    env = entry.build(name=name, version=entry.version, **settings)
+    """As `make`, with settings of a file, which may have any names, `"id"` among them.
+
+    Files run no code: the module of "module:id" must have been imported.
+    """
+    name, entry = find(id)
+    _check_names(settings, entry.settings, lambda: _param_names(entry, settings))
+    if missing := [one for one in entry.required if one not in settings]:
+        raise SettingError(f"{name!r} needs the setting {', '.join(missing)}")
+    env = entry.build(**settings)
+    if not isinstance(env, Environment):
+        raise SettingError(f"what {name!r} builds is no environment but {env!r}")
+    env = dataclasses.replace(env, name=name, version=entry.version)
     return env, env.check_params()
 
 
-def _own_settings(name: str) -> tuple[str, ...]:
-    lists = (own for start, own in OWN_SETTINGS.items() if name.startswith(start))
-    return next(lists, ())
+def import_module_of(id: Any) -> None:
+    """Import the module of "module:id"; nothing for an id alone.
+
+    Raises:
+        UnknownEnvironmentError: there is no such module.
+    """
+    module, colon, _ = id.rpartition(":") if isinstance(id, str) else ("", "", "")
+    if not colon:
+        return
+    if not all(part.isidentifier() for part in module.split(".")):
+        raise UnknownEnvironmentError(f"unknown environment {id!r}: {module!r} names no module")
+    try:
+        importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        # A module that the task's own asks for is missing: that is its own error.
+        if not f"{module}.".startswith(f"{error.name}."):
+            raise
+        raise UnknownEnvironmentError(
+            f"unknown environment {id!r}: there is no module {error.name!r} to import"
+        ) from error
+
+
+def find(id: Any) -> tuple[str, Entry]:
+    """The name and the entry that an id stands for: itself, or what an alias means.
+
+    Raises:
+        UnknownEnvironmentError: there is none, or its module has not been imported.
+    """
+    module, colon, rest = id.rpartition(":") if isinstance(id, str) else ("", "", id)
+    if colon and module not in sys.modules:
+        raise UnknownEnvironmentError(
+            f"the environment {id!r} is that of a module which has not been imported, and files "
+            f"run no code: import {module} first, or on the command line say --import {module}"
+        )
+    name = ALIASES.get(rest, rest) if isinstance(rest, str) else rest
+    entry = ENTRIES.get(name) if isinstance(name, str) else None
+    if entry is not None:
+        return name, entry
+    if colon:
+        return id, _entry_of_class(id, sys.modules[module], rest)
+    close = nearest(str(id), [*ENTRIES, *ALIASES])
+    raise UnknownEnvironmentError(f"unknown environment {id!r}{close}; known: {', '.join(ENTRIES)}")
+
+
+def portable_id(id: str) -> str:
+    """The id with which another process finds the same, with its module if it needs one."""
+    name, entry = find(id)
+    return f"{entry.module}:{name}" if entry.module and ":" not in name else name
+
+
+def _entry_of_class(id: str, module: ModuleType, name: str) -> Entry:
+    """The entry of "module:Class"."""
+    there = vars(module)
+    if name not in there:
+        classes = [key for key, value in there.items() if _builds(value)]
+        own = [key for key, entry in ENTRIES.items() if entry.module == module.__name__]
+        raise UnknownEnvironmentError(
+            f"{module.__name__} registers no environment {name!r} and has no class of that name"
+            f"{nearest(name, [*own, *classes])}"
+        )
+    if not _builds(there[name]):
+        raise UnknownEnvironmentError(
+            f"{id} is no subclass of jaxenstein.Environment that can be built, but "
+            f"{there[name]!r}; functions that build environments get an id by jaxenstein.register"
+        )
+    cls = there[name]
+    return Entry(_first_line(cls), cls, cls.version, module=module.__name__)
+
+
+def _builds(value: Any) -> bool:
+    """Whether a value is a class of environments that lacks nothing."""
+    return (
+        isinstance(value, type) and issubclass(value, Environment) and not inspect.isabstract(value)
+    )
+
+
+def _first_line(build: Build) -> str:
+    """What its docstring says of a class or function, in one line."""
+    text = inspect.getdoc(build.func if isinstance(build, functools.partial) else build) or ""
+    return text.partition("\n")[0].rstrip(".")
 
 
 def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams]:
@@ -342,7 +277,7 @@ def from_file(path: str | Path, **settings: Any) -> tuple[Navigation, Navigation
 def _from_texts(text: str, settings: dict[str, Any]) -> tuple[Navigation, NavigationParams]:
     """As `from_ascii`; warnings name the line of the caller's caller."""
     known = (*SETTINGS, "name", "heading", "regions", "faces", "floor", "ceiling")
-    _check_names(settings, known, NavigationParams)
+    _check_names(settings, known, lambda: _fields(NavigationParams))
     name = settings.get("name", "custom")
     painted = {kind: settings.pop(kind, None) for kind in ("regions", "faces")}
     tilemap = parse_ascii(text, name, **painted, stacklevel=4)
@@ -350,15 +285,31 @@ def _from_texts(text: str, settings: dict[str, Any]) -> tuple[Navigation, Naviga
     return env, env.check_params()
 
 
-def _check_names(settings: Mapping[str, Any], known: tuple[str, ...], params: type) -> None:
-    numbers = {field.name for field in dataclasses.fields(params)}
-    for name in settings:
-        if name in numbers and name not in known:
-            raise SettingError(
-                f"{name!r} is a param, not a setting: use params.replace({name}=...) on the "
-                "params that make returns"
-            )
-        if name not in known:
-            raise SettingError(
-                f"unknown setting {name!r}{nearest(name, known)}; known: {', '.join(known)}"
-            )
+def _check_names(
+    settings: Mapping[str, Any], known: Sequence[str], params: Callable[[], Sequence[str]]
+) -> None:
+    """Raise unless all settings are known; `params` gives the names of the params."""
+    unknown = [name for name in settings if name not in known]
+    if not unknown:
+        return
+    name, numbers = unknown[0], params()
+    if name in numbers:
+        raise SettingError(
+            f"{name!r} is a param, not a setting: use params.replace({name}=...) on the "
+            "params that make returns"
+        )
+    near = nearest(name, known) or nearest(name, numbers).replace("you mean", "you mean the param")
+    raise SettingError(f"unknown setting {name!r}{near}; known: {', '.join(known)}")
+
+
+def _param_names(entry: Entry, settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """The names of the params of what an entry builds, () if it cannot be built."""
+    known = {name: value for name, value in settings.items() if name in entry.settings}
+    try:
+        return _fields(type(entry.build(**known).default_params))
+    except (JAXensteinError, TypeError):
+        return ()
+
+
+def _fields(cls: type) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(cls))

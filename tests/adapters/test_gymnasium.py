@@ -250,7 +250,7 @@ def test_wrong_actions(env: Any, action: Any) -> None:
         ({"hight": 5}, "no setting or param 'hight', did you mean 'height'"),
         ({"autoreset": None}, "not for Gymnasium"),
         ({"final_observation": True}, "not for Gymnasium"),
-        ({"hud": True}, "unknown setting 'hud'"),
+        ({"hud": True}, "simple has no setting or param 'hud'"),
         ({"goal_reward": "much"}, "goal_reward must be a number"),
         ({"goal_reward": [1, 2]}, "goal_reward must be a number"),
         ({"damage": 3}, "no setting or param 'damage'"),

@@ -102,7 +102,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["record", "simple"], "at least one of --out"),
         (["record", "simple", "--out", "a.avi"], ".gif, .mp4 or .png"),
         (["record", "simple", "--out", "a.gif", "--save", "a.txt"], ".json"),
-        (["record", "simple", "--out", "a.gif", "--policy", "greedy_medkits"], "has no policy"),
+        (["record", "simple", "--out", "a.gif", "--policy", "greedy_medkits"], "shortest_path"),
         (["replay", "no/such.json"], "no/such.json: cannot be read"),
         (["replay"], "FILE"),
         (["record", "simple", "--out", "a.gif", "--sheet", "a.jpg"], ".png"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.registry import ENTRIES
+from jaxenstein.catalogue import ENTRIES
 from reliability import golden
 from tests.contract.ids import IDS
 

@@ -12,7 +12,7 @@ from PIL import Image
 import jaxenstein
 from docs import environment_pages, page_parts, returns
 from docs.families import FAMILIES
-from jaxenstein.registry import ENTRIES
+from jaxenstein.catalogue import ENTRIES
 
 DOCS = Path(__file__).parents[2] / "docs"
 IDS = jaxenstein.environment_ids()

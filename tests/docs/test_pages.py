@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import jaxenstein
+from jaxenstein import registry
 from jaxenstein.cli import build_parser
 from tests.docs.samples import PAGES, ROOT, Sample, commands, links, samples
 
@@ -36,6 +37,7 @@ def test_there_are_samples() -> None:
 def test_the_samples_of_a_page_run_in_order(page: Path, tmp_path, monkeypatch) -> None:
     """Those of the README, the first page, are run by tests/test_readme.py."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "ENTRIES", dict(registry.ENTRIES))
     names: dict = {"__name__": "sample"}
     for sample in samples(page):
         if not sample.partners:

@@ -14,7 +14,7 @@ import numpy as np
 from .. import spaces
 from ..environment import Environment
 from ..errors import SettingError, nearest
-from ..registry import OWN_SETTINGS, SETTINGS, make
+from ..registry import find, import_module_of, make
 from ..tasks.first_person import FirstPerson
 from .batch import Batch
 
@@ -170,7 +170,8 @@ def resolve(
                 f"{name!r} is not for Gymnasium: resets are the caller's, or those of "
                 "autoreset_mode in a vector environment"
             )
-    static = {*SETTINGS, *(name for own in OWN_SETTINGS.values() for name in own)}
+    import_module_of(env)
+    static = set(find(env)[1].settings)
     made, default = make(env, **{key: settings[key] for key in settings if key in static})
     numbers = {key: value for key, value in settings.items() if key not in static}
     _check_numbers(

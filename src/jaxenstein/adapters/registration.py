@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from types import ModuleType
 
-from ..registry import ALIASES, ENTRIES
+from ..registry import ALIASES, ENTRIES, LISTENERS
 
 NAMESPACE = "jaxenstein"
 _SINGLE = "jaxenstein.adapters.gymnasium:GymnasiumEnv"
@@ -44,6 +44,9 @@ def register_once_imported() -> None:
         register()
     elif gymnasium is None and not any(isinstance(finder, _Watch) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Watch())
+
+
+LISTENERS.append(register_once_imported)
 
 
 class _Watch(importlib.abc.MetaPathFinder):

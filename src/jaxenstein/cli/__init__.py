@@ -25,7 +25,7 @@ from . import (
     sweep,
     train,
 )
-from .arguments import Parser, UsageError
+from .arguments import Parser, UsageError, import_modules
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
 
@@ -73,6 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         options = build_parser().parse_args(argv)
+        if options.modules:
+            import_modules(options.modules)
         code = options.run(options)
         sys.stdout.flush()
     except UsageError as error:
@@ -108,6 +110,14 @@ def build_parser() -> Parser:
     parser.set_defaults(run=lambda _: parser.print_help())
     for command in COMMANDS:
         command.add_command(commands)
+    for command in commands.choices.values():
+        command.add_argument(
+            "--import",
+            dest="modules",
+            action="append",
+            metavar="MODULE",
+            help="import a module of tasks of your own, which a file names",
+        )
     return parser
 
 

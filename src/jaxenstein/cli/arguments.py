@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import math
+import os
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
@@ -120,7 +122,9 @@ def heading(text: str) -> float | tuple[float, float]:
 
 def add_environment(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say which environment, and how it is seen."""
-    parser.add_argument("id", nargs="?", metavar="ID", help="an environment, see 'jaxenstein list'")
+    parser.add_argument(
+        "id", nargs="?", metavar="ID", help="an environment, see 'jaxenstein list', or MODULE:NAME"
+    )
     parser.add_argument(
         "--map-file",
         metavar="FILE",
@@ -216,9 +220,10 @@ def open_environment(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", MapWarning)
         if options.map_file is None:
+            import_module_of(options.id)
             made, params = jaxenstein.make(options.id, **settings)
             env = cast("FirstPerson[Any, Any]", made)
-            name = options.id
+            name = options.id.rpartition(":")[2]
         else:
             texts = read_map(options.map_file)
             env, params = jaxenstein.from_ascii(**texts, heading=options.heading, **settings)
@@ -226,3 +231,28 @@ def open_environment(
     for warning in caught:
         print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)
     return env, params, name
+
+
+def import_modules(names: Iterable[str]) -> None:
+    """Import modules of tasks of one's own, also from the current folder.
+
+    Raises:
+        UsageError: there is no such module.
+    """
+    if os.getcwd() not in sys.path:
+        # At the end, so that nothing there takes the place of a library.
+        sys.path.append(os.getcwd())
+    for name in names:
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            # A module that the named one asks for is missing: that is its own error.
+            if not f"{name}.".startswith(f"{error.name}."):
+                raise
+            raise UsageError(f"jaxenstein: there is no module {error.name!r} to import") from error
+
+
+def import_module_of(id: str | None) -> None:
+    """Import the module of an ID such as my_module:my-task; of others there is none."""
+    module, colon, _ = (id or "").rpartition(":")
+    import_modules([module] * bool(colon and module))

@@ -10,7 +10,15 @@ from typing import Any
 
 from ..files import atomic, check_writable
 from ..progress import Progress, si
-from .arguments import OBSERVATIONS, UsageError, add_frame_skip, add_seed, size, whole
+from .arguments import (
+    OBSERVATIONS,
+    UsageError,
+    add_frame_skip,
+    add_seed,
+    import_module_of,
+    size,
+    whole,
+)
 from .listing import format_table
 
 DESCRIPTION = """\
@@ -125,6 +133,8 @@ def run(options: argparse.Namespace) -> None:
         for name in ids
         for batch in options.batch
     ]
+    for name in ids:
+        import_module_of(name)
     for settings in plan:
         # A wrong id or setting is told before anything is measured.
         open_environment(settings)

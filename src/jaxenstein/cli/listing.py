@@ -7,11 +7,14 @@ import textwrap
 from collections.abc import Mapping
 from typing import Any
 
+from .arguments import import_module_of
+
 DESCRIPTION = "List the environments, or with --symbols the characters of text maps."
 EPILOG = """\
 examples:
   jaxenstein list
   jaxenstein list --symbols
+  jaxenstein list my_module:my-task
 """
 
 
@@ -25,6 +28,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "list", help="list the environments", description=DESCRIPTION, epilog=EPILOG
+    )
+    parser.add_argument(
+        "ids", nargs="*", metavar="ID", help="which ones, also MODULE:NAME (default: all)"
     )
     parser.add_argument(
         "--symbols", action="store_true", help="explain the characters of text maps instead"
@@ -41,15 +47,17 @@ def run(options: argparse.Namespace) -> None:
         return
     from .. import registry
 
-    environments = {name: registry.make(name) for name in registry.environment_ids()}
+    for id in options.ids:
+        import_module_of(id)
+    found = dict(map(registry.find, options.ids or registry.environment_ids()))
+    environments = {name: registry.make(name) for name in found}
     table = [("ID", "MAP", "HORIZON", "DISCOUNT", "DESCRIPTION")]
     for name, (env, params) in environments.items():
         horizon, discount = str(params.max_steps_in_episode), f"{params.discount:g}"
-        summary = registry.ENTRIES[name].summary
-        table.append((name, extent(env), horizon, discount, summary))
+        table.append((name, extent(env), horizon, discount, found[name].summary))
     print(format_table(table, right=(1, 2, 3), width=LIST_WIDTH))
     print()
-    aliases = registry.ALIASES
+    aliases = {alias: name for alias, name in registry.ALIASES.items() if name in found}
     notes = ["map: columns x rows, in tiles; horizon: steps in an episode"]
     if any(row[1].endswith(GENERATED) for row in table):
         notes.append(f"{GENERATED} a new map is generated at every reset")
@@ -63,11 +71,12 @@ def run(options: argparse.Namespace) -> None:
 
 def extent(env: Any) -> str:
     """The size of an environment's map as columns x rows, marked if it is generated."""
-    tilemap = getattr(env, "tilemap", None)
-    if tilemap is not None:
-        return f"{tilemap.columns}x{tilemap.rows}"
+    from ..tasks.first_person import FirstPerson
+
+    if not isinstance(env, FirstPerson):
+        return "-"
     columns, rows = env.map_size
-    return f"{columns}x{rows}{GENERATED}"
+    return f"{columns}x{rows}{GENERATED if env.about().generated else ''}"
 
 
 def actions_of(names: Mapping[str, tuple[str, ...]]) -> list[str]:

@@ -160,7 +160,9 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     where = f"{folder.path}: {done} of {total} updates"
     print("  ".join(filter(None, [where, note_of(recent)])))
     if done < total:
-        again = f"jaxenstein train --out {folder.path} --resume"
+        module, colon, _ = (experiment.recipe.id or "").rpartition(":")
+        own = f" --import {module}" if colon else ""
+        again = f"jaxenstein train --out {folder.path} --resume{own}"
         print(f"stopped; '{again}' goes on", file=sys.stderr)
     return 0 if done == total else INTERRUPTED
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..maps.map_files import read_map
-from .arguments import Parser, UsageError, heading
+from .arguments import Parser, UsageError, heading, import_module_of
 
 if TYPE_CHECKING:
     from ..baselines.runs.options import Option
@@ -123,6 +123,7 @@ def given_options(options: argparse.Namespace) -> dict[str, Any]:
     for name in TABLES:
         if name in flags:
             flags[name] = dict(_entry(name, text) for text in flags[name])
+    import_module_of(flags.get("env"))
     given = parsing.merge(file, parsing.check(flags))
     if "map_file" in given:
         texts = read_map(Path(given.pop("map_file")))

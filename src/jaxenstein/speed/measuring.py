@@ -14,13 +14,12 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     from ..environment import Environment
-    from ..registry import EnvironmentId
 
 # XLA's CPU backend uses one thread with these; more would fight over one core.
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
@@ -131,7 +130,7 @@ def open_environment(settings: Settings) -> tuple[Environment[Any, Any], Any]:
 
     size = {"height": settings.height, "width": settings.width}
     return make(
-        cast("EnvironmentId", settings.id),
+        settings.id,
         observation=settings.observation,
         frame_skip=settings.frame_skip,
         **size,

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..about import About
 from ..engine.level import Level, level_from_walls
 from ..engine.scene import Theme
 from ..environment import State
@@ -123,6 +124,10 @@ class KeyCorridor(GoalTask[KeyCorridorState]):
             taken=jnp.bool_(False),
             goal=self._inside(bits[4], jnp.int32(2 * step), locked_row * step),
         )
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        return dataclasses.replace(super().about(), generated=self.layout_seed is None)
 
     def level_of(self, state: KeyCorridorState) -> Level:
         """The level of the layout."""

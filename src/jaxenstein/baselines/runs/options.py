@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 from ...errors import SettingError, nearest
 from ...recipe import Recipe
+from ...registry import portable_id
 from ..learning.config import Config, HParams
 from .experiment import OF_RECIPE, Experiment, as_tuples, check_seeds, config_of
 
@@ -327,8 +328,8 @@ def recipe_from(given: Mapping[str, Any]) -> Recipe:
                 f"unknown param {name!r}{nearest(name, names)}; known: {', '.join(names)}"
             )
     env, _ = recipe.build()
-    # An id may have been an alias.
-    name = None if recipe.id is None else env.name
+    # An id may have been an alias, or known to this process alone.
+    name = None if recipe.id is None else portable_id(recipe.id)
     return dataclasses.replace(recipe, id=name, version=env.version)
 
 
