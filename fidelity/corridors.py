@@ -11,20 +11,19 @@ clockwise from east.
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from jaxenstein.maps.reach import flood, open_tiles, problems
+from jaxenstein.maps.reach import flood, open_tiles, problems, walking_distances
 from jaxenstein.maps.symbols import DEFAULT_WALL, door_label
 from jaxenstein.maps.things import COLOUR_NAMES
 from jaxenstein.maps.tilemap import Cell, Door, Key, TileMap
 
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 HEADINGS = ("east", "south", "west", "north")
-_EMPTY, _WALL, _DOOR, _KEY, _BALL = 1, 2, 4, 5, 6
+_WALL, _DOOR, _KEY, _BALL = 2, 4, 5, 6
 _CLOSED, _LOCKED = 1, 2
 
 
@@ -182,22 +181,10 @@ def _in_front(layout: Layout) -> str:
 def _steps(layout: Layout) -> int:
     """Moves of the shortest way from start to key and on to the goal; -1 if there is none."""
     (key,), (goal,) = layout.tilemap.keys, layout.tilemap.goals
-    first = _distance(open_tiles(layout.tilemap, locked=False), layout.start, _cell(key))
-    second = _distance(open_tiles(layout.tilemap), _cell(key), goal)
+    to_key = walking_distances(open_tiles(layout.tilemap, locked=False), (_cell(key),))[0]
+    to_goal = walking_distances(open_tiles(layout.tilemap), (goal,))[0]
+    first, second = int(to_key[layout.start[::-1]]), int(to_goal[_cell(key)[::-1]])
     return first + second if min(first, second) >= 0 else -1
-
-
-def _distance(walkable: np.ndarray, start: Cell, end: Cell) -> int:
-    lines = np.pad(walkable, 1).tolist()
-    lengths, pending = {start: 0}, deque([start])
-    while pending and end not in lengths:
-        column, row = pending.popleft()
-        for dx, dy in STEPS:
-            step = column + dx, row + dy
-            if lines[step[1] + 1][step[0] + 1] and step not in lengths:
-                lengths[step] = lengths[column, row] + 1
-                pending.append(step)
-    return lengths.get(end, -1)
 
 
 def broken_rules(layout: Layout) -> list[str]:

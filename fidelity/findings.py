@@ -7,6 +7,8 @@ import statistics
 from collections.abc import Sequence
 from typing import Any
 
+from scipy import stats
+
 
 class Findings:
     """Measured facts in the order in which they were found; each is printed at once."""
@@ -49,14 +51,6 @@ def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
 
 
 def chi_square(counts: Sequence[float]) -> tuple[float, float]:
-    """Pearson's statistic of counts that should be equal, and the chance of a greater one.
-
-    The chance is by Wilson and Hilferty's normal approximation (1931) with one degree of freedom
-    fewer than there are counts.
-    """
-    expected = sum(counts) / len(counts)
-    statistic = sum((count - expected) ** 2 for count in counts) / expected
-    degrees = len(counts) - 1
-    spread = 2 / (9 * degrees)
-    z = ((statistic / degrees) ** (1 / 3) - (1 - spread)) / math.sqrt(spread)
-    return float(statistic), 0.5 * math.erfc(z / math.sqrt(2))
+    """Pearson's statistic of counts that should be equal, and the chance of a greater one."""
+    found = stats.chisquare(counts)
+    return float(found.statistic), float(found.pvalue)

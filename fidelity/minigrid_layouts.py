@@ -11,6 +11,7 @@ by more than chance explains (5 % for all tables of all sizes together).
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import warnings
 from collections import Counter
@@ -82,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"\ntables beyond chance (p < {limit:.4f}): {', '.join(beyond) or 'none'}")
         failed |= bool(beyond or broken[1])
         report["sizes"][size] = {
-            "tables": [table.as_dict() for table in found],
+            "tables": [dataclasses.asdict(table) for table in found],
             "rules broken": [dict(rules) for rules in broken],
         }
     if arguments.json:
