@@ -19,9 +19,10 @@ from PIL import Image
 
 import jaxenstein
 from docs.families import FAMILIES, Family
-from docs.page_parts import HERE, attributes, fidelity, history, info_table, returns, table
+from docs.page_parts import HERE, fidelity, history, info_table, returns, table
 from jaxenstein.catalogue import ALIASES, ENTRIES, SETTINGS
 from jaxenstein.cli.listing import GENERATED, extent
+from jaxenstein.docstrings import attributes
 
 OUT = HERE / "environments"
 EPISODES = HERE / "_static" / "episodes"

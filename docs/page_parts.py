@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import inspect
 import json
 import re
 from collections.abc import Iterable, Sequence
@@ -57,18 +56,6 @@ def turned(text: str) -> str:
         return f"[{words}]({SHOWN[target]}{anchor})" if target in SHOWN else words
 
     return re.sub(r"\[([^\]]+)\]\((\.\./[^)#]+\.md)(#[^)]*)?\)", turn, text)
-
-
-def attributes(cls: type) -> dict[str, str]:
-    """The documented attributes of a class with their meanings, those of its bases first."""
-    found: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        text = inspect.cleandoc(base.__dict__.get("__doc__") or "")
-        # Up to the next part of the docstring.
-        listed = re.split(r"^\S", text.partition("Attributes:\n")[2], flags=re.MULTILINE)[0]
-        entries = re.findall(r"^ {4}(\w+): (.*?)(?=^ {4}\w|\Z)", listed, re.MULTILINE | re.DOTALL)
-        found |= {name: " ".join(meaning.split()) for name, meaning in entries}
-    return found
 
 
 def info_table(env: Any, params: Any) -> str:

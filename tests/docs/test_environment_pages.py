@@ -13,6 +13,7 @@ import jaxenstein
 from docs import environment_pages, page_parts, returns
 from docs.families import FAMILIES
 from jaxenstein.catalogue import ENTRIES
+from jaxenstein.docstrings import attributes
 
 DOCS = Path(__file__).parents[2] / "docs"
 IDS = jaxenstein.environment_ids()
@@ -68,7 +69,7 @@ def test_numbers_are_those_of_the_tasks() -> None:
 def test_every_param_and_every_entry_of_info_is_explained(family, pages) -> None:
     _, params = jaxenstein.make(family.ids[0])
     fields = [field.name for field in dataclasses.fields(params)]
-    assert set(fields) == set(page_parts.attributes(type(params)))
+    assert set(fields) == set(attributes(type(params)))
     info = pages[family.name].partition("## What a step tells")[2].partition("## ")[0]
     rows = re.findall(r"^\| `(\w+)` \| (\S+) \| (.+) \|$", info, re.MULTILINE)
     assert len(rows) >= 5
@@ -95,7 +96,7 @@ def test_attributes_of_a_class_come_with_those_of_its_bases() -> None:
             ValueError: never.
         """
 
-    assert page_parts.attributes(Derived) == {
+    assert attributes(Derived) == {
         "one": "the first, over two lines.",
         "two": "another one.",
     }

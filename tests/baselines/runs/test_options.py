@@ -15,7 +15,14 @@ pytest.importorskip("flax")
 from jaxenstein import SettingError, UnknownEnvironmentError
 from jaxenstein.baselines.learning.config import Config, HParams
 from jaxenstein.baselines.runs.experiment import Experiment
-from jaxenstein.baselines.runs.options import all_options, given_by, merge, read_file, resolve
+from jaxenstein.baselines.runs.options import (
+    _help_texts,
+    all_options,
+    given_by,
+    merge,
+    read_file,
+    resolve,
+)
 from jaxenstein.tasks.first_person import FirstPerson
 from tests.baselines.tiny import OPTIONS, tiny
 
@@ -198,3 +205,11 @@ def test_yaml_is_read_where_there_is_pyyaml(
 
 def test_the_tests_options_are_an_experiment_of_two_runs() -> None:
     assert len(tiny().runs) == OPTIONS["seeds"] == 2
+
+
+def test_help_says_so_where_docstrings_are_stripped() -> None:
+    @dataclasses.dataclass
+    class Stripped:
+        size: int
+
+    assert _help_texts(Stripped) == {"size": "(python -OO strips the explanation)"}

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import inspect
 import math
-import re
 import tomllib
 import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+from ...docstrings import attributes
 from ...errors import SettingError, nearest
 from ...recipe import Recipe
 from ...registry import portable_id
@@ -81,14 +80,14 @@ MAP_TEXTS = ("regions", "faces")
 def all_options() -> dict[str, Option]:
     """Every option, by name."""
     found = {option.name: option for option in OWN}
-    helps = _documented(Config)
+    helps = _help_texts(Config)
     hints = typing.get_type_hints(Config)
     for field in dataclasses.fields(Config):
         if field.name not in OF_RECIPE:
             kind, choices = _kind(hints[field.name])
             text = helps.get(field.name, "")
             found[field.name] = Option(field.name, "training", kind, field.default, text, choices)
-    helps = _documented(HParams)
+    helps = _help_texts(HParams)
     for field in dataclasses.fields(HParams):
         text = helps.get(field.name, "")
         found[field.name] = Option(field.name, "numbers", "number", field.default, text)
@@ -105,18 +104,12 @@ def _kind(hint: Any) -> tuple[Kind, tuple[str, ...]]:
     return "layers", ()
 
 
-def _documented(cls: type) -> dict[str, str]:
-    """What the docstring says of each attribute."""
-    found: dict[str, str] = {}
-    name = ""
-    section = (inspect.getdoc(cls) or "").partition("Attributes:\n")[2]
-    for line in section.splitlines():
-        entry = re.match(r"    (\w+): (.*)", line)
-        if entry:
-            name, found[entry[1]] = entry[1], entry[2]
-        elif name and line.startswith("        "):
-            found[name] += " " + line.strip()
-    return {name: text.replace("`", "").rstrip(".") for name, text in found.items()}
+def _help_texts(cls: type) -> dict[str, str]:
+    """What the docstring says of each attribute; where docstrings are stripped it says so."""
+    texts = {name: text.replace("`", "").rstrip(".") for name, text in attributes(cls).items()}
+    return texts or {
+        field.name: "(python -OO strips the explanation)" for field in dataclasses.fields(cls)
+    }
 
 
 def read_file(path: Path) -> dict[str, Any]:
