@@ -41,6 +41,9 @@ PARTNERS: dict[str, Partner] = {
     "stoa": Partner(("stoa-env>=0.1.2",), ("test_stoa.py",), ("stoa",)),
     "brax": Partner(("brax>=0.14", "jax<0.10"), ("test_brax.py",), ("brax",)),
     "torch": Partner((_TORCH,), ("test_torch.py",), ("torch",), "3.11"),
+    "torchrl": Partner(
+        (_TORCH, "torchrl>=0.14", "gymnasium>=1.4"), ("test_torchrl.py",), ("torchrl",), "3.11"
+    ),
     "sb3": Partner(
         (_TORCH, "stable-baselines3>=2.4"),
         ("test_sb3.py",),

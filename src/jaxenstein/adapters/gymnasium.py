@@ -170,6 +170,9 @@ def resolve(
                 f"{name!r} is not for Gymnasium: resets are the caller's, or those of "
                 "autoreset_mode in a vector environment"
             )
+    if "frameskip" in settings:
+        # As the Atari games have it in Gymnasium, and so what TorchRL gives.
+        settings["frame_skip"] = settings.pop("frameskip")
     import_module_of(env)
     static = set(find(env)[1].settings)
     made, default = make(env, **{key: settings[key] for key in settings if key in static})

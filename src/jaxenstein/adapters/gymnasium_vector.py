@@ -43,6 +43,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
     Attributes:
         env: the environment.
         params: its params.
+        autoreset_mode: what follows the end of an episode.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
@@ -86,12 +87,12 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         """
         env, params = resolve(env, params, settings)
         check_render_mode(env, render_mode, self.metadata["render_modes"])
-        self._mode = _mode(autoreset_mode)
+        self.autoreset_mode = _mode(autoreset_mode)
         if max_episode_steps is not None:
             params = _shortened(params, max_episode_steps, env.frame_skip)
-        self._batch = Batch(env, params, num_envs, autoreset=_MODES[self._mode])
+        self._batch = Batch(env, params, num_envs, autoreset=_MODES[self.autoreset_mode])
         self.env, self.params = self._batch.env, self._batch.params
-        self.metadata = self.metadata | {"autoreset_mode": self._mode}
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.single_observation_space = gymnasium_space(self.env, params)
@@ -157,7 +158,11 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         out = self._batch.step(checked_actions(actions, self.num_envs, number))
         self._observation = out.observation
         terminated, truncated = np.array(out.terminated), np.array(out.truncated)
-        began = self._over if self._mode is AutoresetMode.NEXT_STEP else np.zeros_like(self._over)
+        began = (
+            self._over
+            if self.autoreset_mode is AutoresetMode.NEXT_STEP
+            else np.zeros_like(self._over)
+        )
         self._over = terminated | truncated
         infos: dict[str, Any] = {}
         if out.ended is not None:
@@ -179,7 +184,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
     def _check_order(self) -> None:
         if self._batch.states is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
-        if self._mode is AutoresetMode.DISABLED and self._over.any():
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._over.any():
             over = ", ".join(map(str, np.flatnonzero(self._over)))
             raise gymnasium.error.ResetNeeded(
                 f"the episodes of these environments are over: {over}; reset them with "
