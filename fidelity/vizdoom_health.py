@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,7 +28,6 @@ REACH = 36.0
 
 Places = dict[int, tuple[float, float]]
 """Where each medkit lies, by its number in the game."""
-Policy = Callable[["Snapshot"], list[int]]
 
 
 @dataclass(frozen=True)
@@ -91,36 +91,49 @@ def snapshot(game: Any) -> Snapshot:
     return Snapshot(health, x, y, angle, medkits)
 
 
-def idle_player(findings: Findings, episodes: int, seed: int) -> None:
-    """Length, return, damage and arrivals of medkits while nobody moves."""
-    runs: Counter[tuple[int, float, tuple[int, ...], tuple[int, ...], float, int]] = Counter()
-    places: list[tuple[float, float]] = []
-    under = 0
+def episodes_of(
+    choose: Callable[[Snapshot], list[int]], episodes: int, seed: int, skip: int = 1
+) -> Iterator[tuple[list[Snapshot], float]]:
+    """The states of each episode of a player, but for that of its end, and its return."""
     with running("health_gathering", seed=seed, variables=VARIABLES, prepare=_with_objects) as game:
         for _ in range(episodes):
             game.new_episode()
             seen = [snapshot(game)]
-            calls = 0
-            while not game.is_episode_finished():
-                game.make_action([0, 0, 0])
-                calls += 1
-                if not game.is_episode_finished():
-                    seen.append(snapshot(game))
-            health = [state.health for state in seen]
-            drops = tuple(i for i in range(1, len(seen)) if health[i] != health[i - 1])
-            counts = [len(state.medkits) for state in seen]
-            arrivals = tuple(i for i in range(1, len(seen)) if counts[i] > counts[i - 1])
-            key = calls, game.get_total_reward(), drops, arrivals, health[0], counts[0]
-            runs[key] += 1
-            places += seen[-1].medkits.values()
-            under += sum(seen[-1].distance(place) < REACH for place in seen[-1].medkits.values())
-    (calls, total, drops, arrivals, first, count), same = runs.most_common(1)[0]
-    findings.add("idle: calls until the end", calls, episodes, f"the same in {same}")
-    findings.add("idle: return", total, episodes)
-    findings.add("idle: health at the first observation", first, episodes)
-    findings.add("idle: calls after which health is lower", drops, episodes, "by 8 each")
-    findings.add("idle: medkits at the first observation", count, episodes)
-    findings.add("idle: calls after which one more lies there", arrivals, episodes)
+            while True:
+                game.make_action(choose(seen[-1]), skip)
+                if game.is_episode_finished():
+                    break
+                seen.append(snapshot(game))
+            yield seen, game.get_total_reward()
+
+
+def idle_player(findings: Findings, episodes: int, seed: int) -> None:
+    """Length, return, damage and arrivals of medkits while nobody moves."""
+    runs: Counter[tuple[Any, ...]] = Counter()
+    places: list[tuple[float, float]] = []
+    under = 0
+    for seen, total in episodes_of(lambda _: [0, 0, 0], episodes, seed):
+        pairs = list(enumerate(itertools.pairwise(seen), 1))
+        drops = tuple(i for i, (one, other) in pairs if other.health != one.health)
+        arrivals = tuple(i for i, (one, other) in pairs if len(other.medkits) > len(one.medkits))
+        runs[len(seen), total, seen[0].health, drops, len(seen[0].medkits), arrivals] += 1
+        places += seen[-1].medkits.values()
+        under += sum(seen[-1].distance(place) < REACH for place in seen[-1].medkits.values())
+    facts, same = runs.most_common(1)[0]
+    for what, value, note in zip(
+        (
+            "calls until the end",
+            "return",
+            "health at the first observation",
+            "calls after which health is lower",
+            "medkits at the first observation",
+            "calls after which one more lies there",
+        ),
+        facts,
+        (f"the same in {same}", "", "", "by 8 each", "", ""),
+        strict=True,
+    ):
+        findings.add(f"idle: {what}", value, episodes, note)
     findings.add(
         "idle: medkits within reach of the standing player at the end, not taken", under, episodes
     )
@@ -151,19 +164,12 @@ def random_player(findings: Findings, episodes: int, seed: int, *, idle: bool, s
     returns: list[float] = []
     ends: list[float] = []
     paths, tics = 0.0, 0
-    with running("health_gathering", seed=seed, variables=VARIABLES) as game:
-        for _ in range(episodes):
-            game.new_episode()
-            start = place = game.get_state().game_variables[1:3]
-            while not game.is_episode_finished():
-                game.make_action(draw.choice(actions), skip)
-                if not game.is_episode_finished():
-                    now = game.get_state().game_variables[1:3]
-                    paths += math.dist(place, now)
-                    tics += skip
-                    place = now
-            returns.append(game.get_total_reward())
-            ends.append(math.dist(start, place))
+    for seen, total in episodes_of(lambda _: draw.choice(actions), episodes, seed, skip):
+        places = [(state.x, state.y) for state in seen]
+        paths += sum(itertools.starmap(math.dist, itertools.pairwise(places)))
+        tics += skip * (len(seen) - 1)
+        returns.append(total)
+        ends.append(math.dist(places[0], places[-1]))
     mean, error = mean_and_error(returns)
     who = f"random, {'no-op and ' if idle else ''}3 buttons, frame skip {skip}"
     findings.add(
@@ -197,18 +203,10 @@ def towards_nearest(state: Snapshot) -> list[int]:
 def greedy_player(findings: Findings, episodes: int, seed: int) -> None:
     """Returns of the player that walks to the nearest medkit, and how medkits are taken."""
     returns, contacts = [], Contacts()
-    with running("health_gathering", seed=seed, variables=VARIABLES, prepare=_with_objects) as game:
-        for _ in range(episodes):
-            game.new_episode()
-            before, tic = snapshot(game), 0
-            while not game.is_episode_finished():
-                game.make_action(towards_nearest(before))
-                tic += 1
-                if not game.is_episode_finished():
-                    after = snapshot(game)
-                    note(contacts, before, after, damage=tic % DAMAGE_EVERY == 0)
-                    before = after
-            returns.append(game.get_total_reward())
+    for seen, total in episodes_of(towards_nearest, episodes, seed):
+        for tic, (before, after) in enumerate(itertools.pairwise(seen), 1):
+            note(contacts, before, after, damage=tic % DAMAGE_EVERY == 0)
+        returns.append(total)
     mean, error = mean_and_error(returns)
     spread = f"standard error {error:.1f}, {min(returns):g} to {max(returns):g}"
     findings.add("greedy (nearest medkit): mean return", round(mean, 1), episodes, spread)
@@ -251,40 +249,28 @@ def note(contacts: Contacts, before: Snapshot, after: Snapshot, *, damage: bool)
 
 def tell_contacts(findings: Findings, contacts: Contacts) -> None:
     """Add the findings about how medkits are taken."""
-    steps, taken = contacts.steps, contacts.taken
-    findings.add(
-        "taken: largest of |dx|, |dy| from the player afterwards",
-        round(max(contacts.taken_at), 3),
-        taken,
-        "36 units is the bound",
-    )
-    findings.add(
-        "not taken below full health: smallest of max(|dx|, |dy|) after a move",
-        round(min(contacts.left_nearest), 3),
-        len(contacts.left_nearest),
-        f"{contacts.left_in_reach} within reach",
-    )
-    findings.add(
-        "at full health: medkits taken in moves with one within reach",
-        contacts.full_taken,
-        contacts.full_in_reach,
-    )
-    for label, changes in (
-        ("without damage", contacts.heals),
-        ("in a step with damage", contacts.on_damage),
+    found = contacts
+    far, near = round(max(found.taken_at), 3), round(min(found.left_nearest), 3)
+    within = f"{found.left_in_reach} within reach"
+    for what, value, n, more in (
+        ("taken: largest of |dx|, |dy| from the player afterwards", far, found.taken, "bound 36"),
+        (
+            "not taken below full health: smallest of max(|dx|, |dy|) after a move",
+            *(near, len(found.left_nearest), within),
+        ),
+        (
+            "at full health: medkits taken in moves with one within reach",
+            *(found.full_taken, found.full_in_reach, ""),
+        ),
+        ("taken without damage: health after less before", *_gains(found.heals), ""),
+        ("taken in a step with damage: health after less before", *_gains(found.on_damage), ""),
+        (
+            "below full health, standing still: medkits taken, of those within reach a step",
+            *(found.still_taken, found.still_in_reach, ""),
+        ),
+        ("greedy: medkits taken", found.taken, found.steps, "steps counted"),
     ):
-        gains = Counter(_gain(change) for change in changes.elements())
-        findings.add(
-            f"taken {label}: health after less before",
-            dict(sorted(gains.items(), key=lambda item: -item[1])),
-            sum(gains.values()),
-        )
-    findings.add(
-        "below full health, standing still: medkits taken, of those within reach a step",
-        contacts.still_taken,
-        contacts.still_in_reach,
-    )
-    findings.add("greedy: medkits taken", taken, steps, "steps counted")
+        findings.add(what, value, n, more)
 
 
 def stacked(findings: Findings, episodes: int, seed: int, count: int = 4) -> None:
@@ -321,10 +307,13 @@ def stacked(findings: Findings, episodes: int, seed: int, count: int = 4) -> Non
         )
 
 
-def _gain(change: tuple[float, float]) -> str:
-    """The change of health, and whether it ended at the cap."""
-    before, after = change
-    return f"{after - before:+g}" + (" (to 100)" if after == FULL_HEALTH else "")
+def _gains(changes: Counter[tuple[float, float]]) -> tuple[dict[str, int], int]:
+    """How often health changed by how much, and whether it ended at the cap; and how often."""
+    gains = Counter(
+        f"{after - before:+g}" + (" (to 100)" if after == FULL_HEALTH else "")
+        for before, after in changes.elements()
+    )
+    return dict(gains.most_common()), gains.total()
 
 
 def _with_objects(game: Any) -> None:
