@@ -2,7 +2,7 @@
 
     config = Config(env="simple", algo="rnd", total_steps=3_000_000)
     env, params = config.make_env()
-    learner = make_learner(env, params, config)
+    learner = Learner(env, params, config)
     state = learner.init(jax.random.key(0))
     state, metrics = learner.train_chunk(state, HParams(), updates=10)
 
@@ -26,12 +26,18 @@ except ImportError as error:
         f"jaxenstein.baselines needs flax and optax ({error}): pip install 'jaxenstein[baselines]'"
     ) from error
 
-from .bonuses.icm import ICM
-from .bonuses.rnd import RND
-from .learning.bonus import Bonus, Experience, NoBonus
-from .learning.config import Config, HParams
+from .bonuses.e3b import E3B, E3BNumbers, E3BSettings
+from .bonuses.icm import ICM, ICMNumbers, ICMSettings
+from .bonuses.none import NoBonus
+from .bonuses.rnd import RND, RNDNumbers, RNDSettings
+from .bonuses.table import register_bonus
+from .learning.algorithms import BonusNumbers, BonusSettings
+from .learning.axes import PER_ENVIRONMENT
+from .learning.bonus import Bonus, Experience
+from .learning.config import Config
 from .learning.evaluation import Evaluation
-from .learning.learner import Learner, PolicyCarry, make_learner
+from .learning.hparams import HParams
+from .learning.learner import Learner, PolicyCarry
 from .learning.many import ManyRuns
 from .learning.state import TrainState
 
@@ -51,22 +57,32 @@ _LAZY = {
 }
 
 __all__ = [
+    "E3B",
     "ICM",
+    "PER_ENVIRONMENT",
     "RND",
     "Bonus",
+    "BonusNumbers",
+    "BonusSettings",
     "Config",
+    "E3BNumbers",
+    "E3BSettings",
     "Evaluation",
     "Experience",
     "Experiment",
     "HParams",
+    "ICMNumbers",
+    "ICMSettings",
     "Learner",
     "ManyRuns",
     "NoBonus",
     "PolicyCarry",
+    "RNDNumbers",
+    "RNDSettings",
     "RunFolder",
     "TrainState",
     "load_policy",
-    "make_learner",
+    "register_bonus",
     "resolve",
     "train",
 ]

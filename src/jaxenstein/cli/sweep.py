@@ -57,13 +57,12 @@ def fill(parser: Parser) -> None:
     )
     out.add_argument("--resume", action="store_true", help="go on with the sweep in DIR")
     out.add_argument("--config", type=Path, metavar="FILE", help="options from a file")
-    known = tuple(sweeps.PAPER)
     out.add_argument(
         "--algo",
         nargs="+",
-        choices=known,
+        choices=baselines("options").all_options()["algo"].choices,
         metavar="NAME",
-        help=f"the algorithms (default {' '.join(known)})",
+        help=f"the algorithms (default {' '.join(sweeps.swept())})",
     )
     out.add_argument(
         "--at-once",
@@ -79,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     """Train what is to be trained, one grid after the other, and list what it gave."""
     sweeps = baselines("sweeps")
     given = given_options(options)
-    algos = options.algo or ([given["algo"]] if "algo" in given else list(sweeps.PAPER))
+    algos = options.algo or ([given["algo"]] if "algo" in given else sweeps.swept())
     planned = sweeps.plan(given, algos, options.at_once)
     check_links(options.out)
     folders = [_folder(options, name, planned[name]) for name in planned]

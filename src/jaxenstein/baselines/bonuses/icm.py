@@ -9,19 +9,47 @@ import dataclasses
 import functools
 from typing import Any
 
-import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
 from ...pytree import PyTreeNode
 from ..learning import optimiser
-from ..learning.bonus import BonusScale, Experience, Metrics, initial_scale, scaled
-from ..learning.config import Config, HParams
-from ..learning.minibatches import passes, take
-from ..learning.networks import Eye, dense
+from ..learning.algorithms import BonusNumbers, BonusSettings
+from ..learning.bonus import Experience, Metrics
+from ..learning.config import Config
+from ..learning.hparams import HParams
 from ..learning.observations import ObservationSpec
-from ..learning.rollout import log_prob
-from .rnd import Embedding
+from .parts import InverseModel, Layers, inverse_loss, mean, train
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ICMSettings(BonusSettings):
+    """Static settings of ICM.
+
+    Attributes:
+        icm_latent: size of ICM's embedding.
+        icm_hidden: width of the hidden layers of ICM's two models.
+        icm_layers: their number.
+        icm_forward_trains_encoder: let the forward model's loss train the embedding too, as in
+            the original; if false the inverse model alone does.
+    """
+
+    icm_latent: int = 128
+    icm_hidden: int = 256
+    icm_layers: int = 2
+    icm_forward_trains_encoder: bool = False
+
+
+class ICMNumbers(BonusNumbers):
+    """Numbers of ICM.
+
+    Attributes:
+        icm_inverse: coefficient of the inverse model's loss.
+        icm_forward: coefficient of the forward model's loss.
+    """
+
+    icm_inverse: Any = 1.0
+    icm_forward: Any = 1.0
 
 
 class ICMState(PyTreeNode):
@@ -30,52 +58,23 @@ class ICMState(PyTreeNode):
     Attributes:
         params: of the embedding, the inverse and the forward model.
         optimiser: state of their Adam.
-        scale: of the bonus; only used with `normalise_bonus`.
     """
 
     params: Any
     optimiser: Any
-    scale: BonusScale
-
-
-class Latent(nn.Module):
-    """The last layer of the embedding."""
-
-    size: int
-    dtype: Any
-
-    @nn.compact
-    def __call__(self, features: jax.Array) -> jax.Array:
-        """Return dtype[..., size]."""
-        return dense(self.size, 1.0, self.dtype)(features)
-
-
-class Losses(PyTreeNode):
-    """The models' errors at each step; leading axes [T, N].
-
-    Attributes:
-        inverse: float32, cross-entropy of the action taken.
-        right: bool, whether the most likely action is the one taken.
-        forward: float32, mean squared error of the predicted embedding.
-    """
-
-    inverse: jax.Array
-    right: jax.Array
-    forward: jax.Array
 
 
 @dataclasses.dataclass(frozen=True)
 class ICM:
-    """The bonus mean_j (phi_j(o') - chi_j(phi(o), a))^2; 0 where a step ended its episode.
+    """The bonus mean_j (phi_j(o') - chi_j(phi(o), a))^2.
 
-    An inverse model learns to tell the action from phi(o) and phi(o'), and with it the
-    embedding phi; the forward model chi learns to predict phi(o'). The bonus is added to the
-    reward.
+    The forward model chi learns to predict phi(o'), the embedding of an `InverseModel`. The bonus
+    is added to the reward.
 
     Attributes:
         spec: what observations are.
         actions: their number.
-        config: sizes and switches.
+        config: with `ICMSettings`.
     """
 
     spec: ObservationSpec
@@ -85,29 +84,19 @@ class ICM:
 
     def init(self, key: jax.Array) -> ICMState:
         """Draw the networks."""
-        config = self.config
-        eye, latent, inverse, forward = jax.random.split(key, 4)
-        embedding = jnp.zeros((1, config.icm_latent), config.compute_dtype)
-        features = jnp.zeros((1, config.icm_hidden), config.compute_dtype)
-        action = jnp.zeros((1, self.actions), config.compute_dtype)
-        params = {
-            "encoder": self._eye.init(eye),
-            "latent": self._latent.init(latent, features),
-            "inverse": self._inverse.init(inverse, jnp.concatenate([embedding] * 2, axis=-1)),
-            "forward": self._forward.init(forward, jnp.concatenate([embedding, action], axis=-1)),
-        }
-        return ICMState(params, optimiser.init(params), initial_scale(config.num_envs))
+        *keys, forward = jax.random.split(key, 4)
+        width = self._settings.icm_latent + self.actions
+        inputs = jnp.zeros((1, width), self.config.compute_dtype)
+        params = self._model.init(*keys) | {"forward": self._forward.init(forward, inputs)}
+        return ICMState(params, optimiser.init(params))
 
     def reward(
         self, state: ICMState, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, ICMState, Metrics]:
-        """Compute the bonus of a rollout."""
-        losses = self.losses(state.params, experience.obs, experience.action)
-        bonus = jnp.where(experience.ended, 0, losses.forward)
-        if self.config.normalise_bonus:
-            bonus, scale = scaled(bonus, state.scale, hparams.bonus_gamma)
-            state = state.replace(scale=scale)
-        return hparams.bonus_reward * bonus, state, {"icm_error": jnp.mean(losses.forward)}
+        """The forward model's error."""
+        latent = self._model.embed(state.params, experience.obs)
+        error = self.forward_error(state.params, latent, experience.action)
+        return error, state, {"icm_error": jnp.mean(error)}
 
     def update(
         self,
@@ -118,77 +107,46 @@ class ICM:
         rate: jax.Array,
     ) -> tuple[ICMState, Metrics]:
         """Train all three networks, ends of episodes left out."""
-        data = (experience.obs, experience.action, ~experience.ended)
+        numbers = hparams.bonus_as(ICMNumbers)
 
-        def body(carry: Any, environments: jax.Array) -> tuple[Any, Metrics]:
-            params, adam = carry
-            obs, action, wanted = take(data, environments, 1)
+        def loss(params: Any, part: Experience) -> tuple[jax.Array, Metrics]:
+            latent, wanted = self._model.embed(params, part.obs), ~part.ended
+            logits = self._model.logits(params, latent[:-1], latent[1:])
+            inverse, metrics = inverse_loss("icm", logits, part.action, wanted)
+            forward = mean(self.forward_error(params, latent, part.action), wanted)
+            total = numbers.icm_inverse * inverse + numbers.icm_forward * forward
+            return total, metrics | {"icm_forward_loss": forward}
 
-            def loss(params: Any) -> tuple[jax.Array, Metrics]:
-                losses = self.losses(params, obs, action)
-                number = jnp.maximum(jnp.sum(wanted), 1).astype(jnp.float32)
-                inverse = jnp.sum(jnp.where(wanted, losses.inverse, 0)) / number
-                forward = jnp.sum(jnp.where(wanted, losses.forward, 0)) / number
-                right = jnp.sum(jnp.where(losses.right & wanted, 1.0, 0.0))
-                total = hparams.icm_inverse * inverse + hparams.icm_forward * forward
-                return total, {
-                    "icm_inverse_loss": inverse,
-                    "icm_inverse_accuracy": right / number,
-                    "icm_forward_loss": forward,
-                }
-
-            gradients, metrics = jax.grad(loss, has_aux=True)(params)
-            params, adam, size = optimiser.step(
-                gradients, adam, params, rate, hparams.gradient_norm
-            )
-            return (params, adam), metrics | {"icm_gradient_norm": size}
-
-        (params, adam), metrics = passes(
-            key, self.config, self.config.bonus_epochs, body, (state.params, state.optimiser)
+        params, adam, metrics = train(
+            "icm", key, self.config, hparams, rate, loss, experience, state.params, state.optimiser
         )
-        return state.replace(params=params, optimiser=adam), metrics
+        return ICMState(params, adam), metrics
 
-    def losses(self, params: Any, obs: Any, action: jax.Array) -> Losses:
-        """Errors of the models; `obs` [T + 1, N], `action` int32[T, N].
+    def forward_error(self, params: Any, latent: jax.Array, action: jax.Array) -> jax.Array:
+        """float32[T, N], of embeddings [T + 1, N] and actions int32[T, N].
 
-        Unless `icm_forward_trains_encoder`, the forward error has no gradient in the embedding.
+        Unless `icm_forward_trains_encoder`, it has no gradient in the embeddings.
         """
-        features = self._eye.encode_sequence(params["encoder"], obs)
-        latent = self._latent.apply(params["latent"], features)
-        before, after = latent[:-1], latent[1:]
-        logits = self._inverse.apply(
-            params["inverse"], jnp.concatenate([before, after], axis=-1)
-        ).astype(jnp.float32)
-        if not self.config.icm_forward_trains_encoder:
-            before, after = jax.lax.stop_gradient((before, after))
-        taken = jax.nn.one_hot(action, self.actions, dtype=before.dtype)
-        predicted = self._forward.apply(
-            params["forward"], jnp.concatenate([before, taken], axis=-1)
+        if not self._settings.icm_forward_trains_encoder:
+            latent = jax.lax.stop_gradient(latent)
+        taken = jax.nn.one_hot(action, self.actions, dtype=latent.dtype)
+        inputs = jnp.concatenate([latent[:-1], taken], axis=-1)
+        predicted = self._forward.apply(params["forward"], inputs)
+        error = predicted.astype(jnp.float32) - latent[1:].astype(jnp.float32)
+        return jnp.mean(error**2, axis=-1)
+
+    @property
+    def _settings(self) -> ICMSettings:
+        return self.config.bonus_as(ICMSettings)
+
+    @functools.cached_property
+    def _model(self) -> InverseModel:
+        own = self._settings
+        return InverseModel(
+            self.spec, self.actions, self.config, own.icm_hidden, own.icm_layers, own.icm_latent
         )
-        error = predicted.astype(jnp.float32) - after.astype(jnp.float32)
-        return Losses(
-            inverse=-log_prob(logits, action),
-            right=jnp.argmax(logits, axis=-1).astype(action.dtype) == action,
-            forward=jnp.mean(error**2, axis=-1),
-        )
 
     @functools.cached_property
-    def _eye(self) -> Eye:
-        config = self.config
-        return Eye(self.spec, config.icm_hidden, config, config.compute_dtype)
-
-    @functools.cached_property
-    def _latent(self) -> Latent:
-        return Latent(self.config.icm_latent, self.config.compute_dtype)
-
-    @functools.cached_property
-    def _inverse(self) -> Embedding:
-        config = self.config
-        return Embedding(config.icm_hidden, config.icm_layers, self.actions, config.compute_dtype)
-
-    @functools.cached_property
-    def _forward(self) -> Embedding:
-        config = self.config
-        return Embedding(
-            config.icm_hidden, config.icm_layers, config.icm_latent, config.compute_dtype
-        )
+    def _forward(self) -> Layers:
+        own = self._settings
+        return Layers(own.icm_hidden, own.icm_layers, own.icm_latent, self.config.compute_dtype)

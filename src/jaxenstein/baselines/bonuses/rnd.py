@@ -9,21 +9,50 @@ import dataclasses
 import functools
 from typing import Any
 
-import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
 from ...pytree import PyTreeNode
 from ..learning import optimiser, running_stats
-from ..learning.bonus import BonusScale, Experience, Metrics, initial_scale, scaled
-from ..learning.config import Config, HParams
-from ..learning.minibatches import passes, take
-from ..learning.networks import Eye, dense
+from ..learning.algorithms import BonusNumbers, BonusSettings
+from ..learning.bonus import Experience, Metrics
+from ..learning.config import Config
+from ..learning.fields import share
+from ..learning.hparams import HParams
+from ..learning.networks import Eye
 from ..learning.observations import ObservationSpec
 from ..learning.running_stats import RunningStats
+from .parts import Layers, number, train
 
 # Whitened pixels further out are clipped, as OpenAI's RND does.
 _FURTHEST = 5.0
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RNDSettings(BonusSettings):
+    """Static settings of RND.
+
+    Attributes:
+        rnd_hidden: width of RND's hidden layers.
+        rnd_output: size of RND's embedding.
+        rnd_layers: number of RND's hidden layers behind its image features.
+    """
+
+    rnd_hidden: int = 128
+    rnd_output: int = 128
+    rnd_layers: int = 2
+
+
+class RNDNumbers(BonusNumbers):
+    """Numbers of RND.
+
+    Attributes:
+        rnd_loss: coefficient of RND's loss.
+        rnd_fraction: share of the frames that RND's predictor is trained on.
+    """
+
+    rnd_loss: Any = 0.1
+    rnd_fraction: Any = share(1.0)
 
 
 class RNDState(PyTreeNode):
@@ -33,7 +62,6 @@ class RNDState(PyTreeNode):
         target: parameters of the random network; never trained.
         predictor: parameters of the one that learns to predict it.
         optimiser: state of the predictor's Adam.
-        scale: of the bonus; only used with `normalise_bonus`.
         pixels: statistics of each entry of `ObservationSpec.prepare`, as (images, vector); only
             used with `normalise_observations`.
     """
@@ -41,39 +69,24 @@ class RNDState(PyTreeNode):
     target: Any
     predictor: Any
     optimiser: Any
-    scale: BonusScale
     pixels: Any
-
-
-class Embedding(nn.Module):
-    """Hidden layers, then the embedding."""
-
-    hidden: int
-    layers: int
-    output: int
-    dtype: Any
-
-    @nn.compact
-    def __call__(self, features: jax.Array) -> jax.Array:
-        """Return dtype[..., output]."""
-        for _ in range(self.layers):
-            features = nn.relu(dense(self.hidden, 2.0**0.5, self.dtype)(features))
-        return dense(self.output, 1.0, self.dtype)(features)
 
 
 @dataclasses.dataclass(frozen=True)
 class RND:
-    """The bonus e(o) = mean_j (g_j(o) - f_j(o))^2 of what a step led to; 0 where it ended.
+    """The bonus e(o) = mean_j (g_j(o) - f_j(o))^2 of what a step led to.
 
     Target f and predictor g are networks of the same shape. The bonus has returns of its own,
     which go on through the ends of episodes.
 
     Attributes:
         spec: what observations are.
-        config: sizes and switches.
+        actions: their number, which it has no use for.
+        config: with `RNDSettings`.
     """
 
     spec: ObservationSpec
+    actions: int
     config: Config
     value_heads: int = 2
 
@@ -87,7 +100,6 @@ class RND:
             target=self._init_network(target_key),
             predictor=predictor,
             optimiser=optimiser.init(predictor),
-            scale=initial_scale(self.config.num_envs),
             pixels=(images, vector),
         )
 
@@ -99,21 +111,15 @@ class RND:
         Statistics of pixels change after their use, but for the first rollout, which there is
         nothing before.
         """
-        led_to = _led_to(experience)
-        merged = state.pixels
-        if self.config.normalise_observations:
-            merged = self._merge(state.pixels, led_to)
-            unseen = state.pixels[1].count == 0
-            used = jax.tree.map(lambda a, b: jnp.where(unseen, a, b), merged, state.pixels)
-            state = state.replace(pixels=used)
-        error = self.error(state, led_to)
-        bonus = jnp.where(experience.ended, 0, error)
-        metrics = {"rnd_error": jnp.mean(error)}
-        state = state.replace(pixels=merged)
-        if self.config.normalise_bonus:
-            bonus, scale = scaled(bonus, state.scale, hparams.bonus_gamma)
-            state = state.replace(scale=scale)
-        return hparams.bonus_reward * bonus, state, metrics
+        led_to = experience.led_to
+        if not self.config.normalise_observations:
+            error = self.error(state, led_to)
+            return error, state, {"rnd_error": jnp.mean(error)}
+        merged = self._merge(state.pixels, led_to)
+        unseen = state.pixels[1].count == 0
+        used = jax.tree.map(lambda a, b: jnp.where(unseen, a, b), merged, state.pixels)
+        error = self.error(state.replace(pixels=used), led_to)
+        return error, state.replace(pixels=merged), {"rnd_error": jnp.mean(error)}
 
     def update(
         self,
@@ -125,26 +131,20 @@ class RND:
     ) -> tuple[RNDState, Metrics]:
         """Train the predictor on what the steps led to, ends left out."""
         pass_key, chance_key = jax.random.split(key)
-        wanted = _wanted(chance_key, hparams, experience)
-        data = (_led_to(experience), wanted)
+        numbers = hparams.bonus_as(RNDNumbers)
+        kept = jax.random.uniform(chance_key, experience.ended.shape) < numbers.rnd_fraction
+        data = (experience.led_to, kept & ~experience.ended)
 
-        def body(carry: Any, environments: jax.Array) -> tuple[Any, Metrics]:
-            predictor, adam = carry
-            obs, wanted = take(data, environments, 1)
+        def loss(predictor: Any, part: Any) -> tuple[jax.Array, Metrics]:
+            obs, wanted = part
+            error = self.error(state.replace(predictor=predictor), obs)
+            value = numbers.rnd_loss * jnp.sum(jnp.where(wanted, error, 0)) / number(wanted)
+            return value, {"rnd_loss": value}
 
-            def loss(predictor: Any) -> jax.Array:
-                return self._loss(state.replace(predictor=predictor), hparams, obs, wanted)
-
-            value, gradients = jax.value_and_grad(loss)(predictor)
-            predictor, adam, size = optimiser.step(
-                gradients, adam, predictor, rate, hparams.gradient_norm
-            )
-            return (predictor, adam), {"rnd_loss": value, "rnd_gradient_norm": size}
-
-        carry = (state.predictor, state.optimiser)
-        (predictor, adam), metrics = passes(
-            pass_key, self.config, self.config.bonus_epochs, body, carry
-        )
+        predictor, adam, metrics = train(
+            "rnd", pass_key, self.config, hparams, rate, loss, data, state.predictor,
+            state.optimiser,
+        )  # fmt: skip
         return state.replace(predictor=predictor, optimiser=adam), metrics
 
     def error(self, state: RNDState, obs: Any) -> jax.Array:
@@ -155,19 +155,13 @@ class RND:
         target = jax.lax.stop_gradient(self._embed(state.target, obs, prepare))
         return jnp.mean((self._embed(state.predictor, obs, prepare) - target) ** 2, axis=-1)
 
-    def _loss(self, state: RNDState, hparams: HParams, obs: Any, wanted: jax.Array) -> jax.Array:
-        """The mean error of the observations wanted, bool[T, N], times its coefficient."""
-        error = self.error(state, obs)
-        number = jnp.maximum(jnp.sum(wanted), 1).astype(jnp.float32)
-        return hparams.rnd_loss * jnp.sum(jnp.where(wanted, error, 0)) / number
-
     def _embed(self, params: Any, obs: Any, prepare: Any) -> jax.Array:
         features = self._eye.encode_sequence(params["encoder"], obs, prepare)
         return self._embedding.apply(params["embedding"], features).astype(jnp.float32)
 
     def _init_network(self, key: jax.Array) -> dict[str, Any]:
         encoder_key, embedding_key = jax.random.split(key)
-        features = jnp.zeros((1, self.config.rnd_hidden), self.config.compute_dtype)
+        features = jnp.zeros((1, self._settings.rnd_hidden), self.config.compute_dtype)
         return {
             "encoder": self._eye.init(encoder_key),
             "embedding": self._embedding.init(embedding_key, features),
@@ -194,24 +188,16 @@ class RND:
         images = [whiten(*pair) for pair in zip(images, pixels[0], strict=True)]
         return images, whiten(vector, pixels[1])
 
+    @property
+    def _settings(self) -> RNDSettings:
+        return self.config.bonus_as(RNDSettings)
+
     @functools.cached_property
     def _eye(self) -> Eye:
         config = self.config
-        return Eye(self.spec, config.rnd_hidden, config, config.compute_dtype)
+        return Eye(self.spec, self._settings.rnd_hidden, config, config.compute_dtype)
 
     @functools.cached_property
-    def _embedding(self) -> Embedding:
-        config = self.config
-        return Embedding(
-            config.rnd_hidden, config.rnd_layers, config.rnd_output, config.compute_dtype
-        )
-
-
-def _wanted(key: jax.Array, hparams: HParams, experience: Experience) -> jax.Array:
-    """bool[T, N]: a random share of the steps, those that ended an episode left out."""
-    kept = jax.random.uniform(key, experience.ended.shape) < hparams.rnd_fraction
-    return kept & ~experience.ended
-
-
-def _led_to(experience: Experience) -> Any:
-    return jax.tree.map(lambda leaf: leaf[1:], experience.obs)
+    def _embedding(self) -> Layers:
+        own = self._settings
+        return Layers(own.rnd_hidden, own.rnd_layers, own.rnd_output, self.config.compute_dtype)

@@ -1,4 +1,4 @@
-"""Exploration bonuses as parts: what the training loop asks of them, and the one that gives none.
+"""Exploration bonuses as the training loop sees them.
 
 A bonus is computed once for each rollout, after it: its networks do not change while the agent
 plays, and one large call is faster than many small ones.
@@ -6,6 +6,7 @@ plays, and one large call is faster than many small ones.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, Protocol
 
 import jax
@@ -13,7 +14,8 @@ import jax.numpy as jnp
 
 from ...pytree import PyTreeNode
 from . import running_stats
-from .config import HParams
+from .axes import PER_ENVIRONMENT
+from .hparams import HParams
 from .running_stats import RunningStats
 
 Metrics = dict[str, jax.Array]
@@ -33,27 +35,44 @@ class Experience(PyTreeNode):
     action: jax.Array
     ended: jax.Array
 
+    @property
+    def led_to(self) -> Any:
+        """Observations [T, N] that the steps led to; see `obs` for those that ended an episode."""
+        return jax.tree.map(lambda leaf: leaf[1:], self.obs)
+
 
 class Bonus(Protocol):
-    """An exploration bonus."""
+    """An exploration bonus: made by an `Algorithm`, for observations, actions and a config.
+
+    The loop zeroes it where a step ended its episode, divides it by its running size with
+    `normalise_bonus`, and multiplies it by `bonus_reward`.
+    """
 
     @property
     def value_heads(self) -> int:
         """How many values the network has.
 
-        With 1, the bonus is added to the reward. With 2, it has returns of its own with the
-        second value, which do not stop at the ends of episodes.
+        With 1, the bonus is added to the reward. With more, it is of `value_heads - 1` parts,
+        each with returns of its own, which do not stop at the ends of episodes.
         """
         ...
 
     def init(self, key: jax.Array) -> Any:
-        """Draw the state: networks, optimiser, statistics; a pytree of arrays."""
+        """Draw the state: networks, optimiser, statistics; a pytree of arrays.
+
+        What there is once for each environment are fields of a record, declared with
+        `dataclasses.field(metadata=PER_ENVIRONMENT)`.
+        """
         ...
 
     def reward(
         self, state: Any, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, Any, Metrics]:
-        """Compute the bonus of each step: float32[T, N], the state, metrics."""
+        """Compute the bonus of each step.
+
+        Returns:
+            float32[T, N], or [T, N, value_heads - 1]; the state; metrics.
+        """
         ...
 
     def update(
@@ -68,47 +87,22 @@ class Bonus(Protocol):
         ...
 
 
-class NoBonus:
-    """No bonus: zero."""
-
-    value_heads: int = 1
-
-    def init(self, key: jax.Array) -> tuple[()]:
-        """Nothing."""
-        del key
-        return ()
-
-    def reward(
-        self, state: Any, hparams: HParams, experience: Experience
-    ) -> tuple[jax.Array, Any, Metrics]:
-        """Zeros."""
-        del hparams
-        return jnp.zeros(experience.ended.shape, jnp.float32), state, {}
-
-    def update(
-        self, key: jax.Array, state: Any, hparams: HParams, experience: Experience, rate: jax.Array
-    ) -> tuple[Any, Metrics]:
-        """Nothing to learn."""
-        del key, hparams, experience, rate
-        return state, {}
-
-
 class BonusScale(PyTreeNode):
     """The running size of discounted sums of the bonus, which it can be divided by.
 
     Attributes:
-        total: float32[N], the sum of each environment, discounted towards the past. It goes on
-            over rollouts and over the ends of episodes.
+        total: float32[N, ...], the sum of each environment, discounted towards the past. It goes
+            on over rollouts and over the ends of episodes.
         stats: of all its values.
     """
 
-    total: jax.Array
+    total: jax.Array = dataclasses.field(metadata=PER_ENVIRONMENT)
     stats: RunningStats
 
 
-def initial_scale(batch: int) -> BonusScale:
-    """Nothing seen yet."""
-    return BonusScale(jnp.zeros(batch, jnp.float32), running_stats.empty())
+def initial_scale(*shape: int) -> BonusScale:
+    """Nothing seen yet; shape [N, ...]."""
+    return BonusScale(jnp.zeros(shape, jnp.float32), running_stats.empty(shape[1:]))
 
 
 def scaled(bonus: jax.Array, scale: BonusScale, gamma: Any) -> tuple[jax.Array, BonusScale]:
@@ -117,7 +111,7 @@ def scaled(bonus: jax.Array, scale: BonusScale, gamma: Any) -> tuple[jax.Array, 
     No mean is subtracted. As OpenAI's RND (Burda et al. 2018), along time.
 
     Args:
-        bonus: float32[T, N].
+        bonus: float32[T, N, ...].
         scale: so far.
         gamma: discount of the sum.
     """

@@ -1,4 +1,4 @@
-"""The training loop: one update, chunks of updates in one compiled program, many runs at once."""
+"""Training on an environment: chunks of updates in one compiled program, evaluation, acting."""
 
 from __future__ import annotations
 
@@ -11,19 +11,16 @@ import jax.numpy as jnp
 from ...environment import Environment
 from ...errors import SettingError
 from ...pytree import PyTreeNode
-from ..bonuses.icm import ICM
-from ..bonuses.rnd import RND
-from . import optimiser
-from .bonus import Bonus, NoBonus
-from .config import Config, HParams
+from .bonus import Metrics
+from .config import Config
 from .evaluation import Evaluation, evaluate
+from .hparams import HParams
 from .loop import Loop
 from .many import ManyRuns
 from .networks import ActorCritic, layers_for
-from .observations import ObservationSpec, observation_spec
-from .rollout import start
+from .observations import observation_spec
 from .simulator import GymnaxSimulator, make_simulator, most_truncations
-from .state import Metrics, TrainState, key_data, wrap_key
+from .state import TrainState, key_data, wrap_key
 
 
 class PolicyCarry(PyTreeNode):
@@ -40,33 +37,8 @@ class PolicyCarry(PyTreeNode):
     first: jax.Array
 
 
-def make_bonus(config: Config, spec: ObservationSpec, actions: int) -> Bonus:
-    """The exploration bonus of an algorithm."""
-    if config.algo == "rnd":
-        return RND(spec, config)
-    if config.algo == "icm":
-        return ICM(spec, actions, config)
-    return NoBonus()
-
-
-def make_learner(env: Any, env_params: Any, config: Config, bonus: Bonus | None = None) -> Learner:
-    """Build the training loop of an environment.
-
-    Args:
-        env: an environment of `jaxenstein.make` with any `autoreset`, or one of gymnax' contract
-            of six values whose `info` has `final_observation`.
-        env_params: its params; fixed into the program.
-        config: the static settings.
-        bonus: an exploration bonus of one's own, in the place of the algorithm's.
-
-    Raises:
-        SettingError: the environment and the config do not fit.
-    """
-    return Learner(env, env_params, config, bonus)
-
-
 class Learner:
-    """Trains on one environment with one config; see `make_learner`.
+    """Trains on one environment with one config.
 
     All functions are pure and compiled on their first call for each shape. `many` has the same
     functions for many runs at once.
@@ -79,28 +51,46 @@ class Learner:
         bonus: the exploration bonus.
     """
 
-    def __init__(
-        self, env: Any, env_params: Any, config: Config, bonus: Bonus | None = None
-    ) -> None:
-        """Build; see `make_learner`."""
+    def __init__(self, env: Any, env_params: Any, config: Config) -> None:
+        """Build the training loop of an environment.
+
+        Args:
+            env: an environment of `jaxenstein.make` with any `autoreset`, or one of gymnax'
+                contract of six values whose `info` has `final_observation`.
+            env_params: its params; fixed into the program.
+            config: the static settings.
+
+        Raises:
+            SettingError: the environment and the config do not fit.
+        """
         self.env, self.env_params, self.config = env, env_params, config
         self.simulator = make_simulator(env, env_params)
         self.spec = observation_spec(env, env_params)
         for shape in self.spec.images:
             layers_for(shape, config.convolutions)
         actions = self.simulator.num_actions
-        self.bonus = bonus or make_bonus(config, self.spec, actions)
+        self.bonus = config.algorithm.bonus(self.spec, actions, config)
         self.network = ActorCritic(
             self.spec, actions, self.bonus.value_heads, config, config.compute_dtype
         )
         self._check()
-        self._frame_skip = env.frame_skip if isinstance(env, Environment) else 1
-        slots = 0
+        skip = env.frame_skip if isinstance(env, Environment) else 1
+        slots, clocks = 0, None
         if config.bootstrap_truncation:
-            slots = most_truncations(env_params, config.rollout, self._frame_skip)
-        self.loop = Loop(config, self.simulator, self.network, self.bonus, slots)
-        self._init = jax.jit(self._start)
-        self._train = jax.jit(self._chunk, static_argnames="updates")
+            slots = most_truncations(env_params, config.rollout, skip)
+        if config.random_clocks:
+            clocks = env.most_steps(env_params), skip
+        self.loop = Loop(
+            config=config,
+            simulator=self.simulator,
+            network=self.network,
+            bonus=self.bonus,
+            slots=slots,
+            discount=getattr(env_params, "discount", 0.99),
+            clocks=clocks,
+        )
+        self._start = jax.jit(self.loop.start)
+        self._train = jax.jit(self.loop.updates, static_argnames="number")
         self._evaluate = jax.jit(self._play, static_argnames=("episodes", "greedy"))
         self._policy = jax.jit(self._act)
 
@@ -115,8 +105,8 @@ class Learner:
         Raises:
             SettingError: a number is out of range.
         """
-        (hparams or HParams()).check()
-        return self._init(key_data(key))
+        self.loop.numbers(hparams)
+        return self._start(key_data(key))
 
     def train_chunk(
         self, state: TrainState, hparams: HParams | None, updates: int
@@ -135,7 +125,7 @@ class Learner:
             `return_sum`, `return_square_sum`, `length_sum`, `successes`), the losses, and what
             explains a run that fails; all are listed at `loop.Loop.update`.
         """
-        return self._train(state, (hparams or HParams()).check(), updates=updates)
+        return self._train(state, self.loop.numbers(hparams), number=updates)
 
     def evaluate(
         self, params: Any, key: jax.Array, episodes: int, greedy: bool = False
@@ -174,14 +164,7 @@ class Learner:
     @functools.cached_property
     def many(self) -> ManyRuns:
         """The same functions for many runs at once, along a leading axis of everything."""
-        return ManyRuns(self)
-
-    def discount(self, hparams: HParams) -> jax.Array:
-        """The discount of the rewards: `hparams.gamma`, or the environment's own."""
-        gamma = hparams.gamma
-        if gamma is None:
-            gamma = getattr(self.env_params, "discount", 0.99)
-        return jnp.asarray(gamma, jnp.float32)
+        return ManyRuns(self.loop)
 
     def _check(self) -> None:
         if not isinstance(self.simulator, GymnaxSimulator):
@@ -196,30 +179,6 @@ class Learner:
             raise SettingError(
                 "random_clocks needs an environment of this package: it sets the clock of states"
             )
-
-    def _start(self, data: jax.Array) -> TrainState:
-        params_key, bonus_key, env_key, key = jax.random.split(wrap_key(data), 4)
-        params, bonus = self.network.init(params_key), self.bonus.init(bonus_key)
-        clocks = None
-        if self.config.random_clocks:
-            clocks = self.env.most_steps(self.env_params), self._frame_skip
-        number = self.config.num_envs
-        return TrainState(
-            key=jax.random.key_data(key),
-            update=jnp.int32(0),
-            params=params,
-            optimiser=optimiser.init(params),
-            bonus=bonus,
-            actors=start(self.simulator, self.network, env_key, number, clocks),
-        )
-
-    def _chunk(
-        self, state: TrainState, hparams: HParams, updates: int
-    ) -> tuple[TrainState, Metrics]:
-        gamma = self.discount(hparams)
-        bonus_gamma = gamma if hparams.bonus_gamma is None else hparams.bonus_gamma
-        hparams = hparams.replace(gamma=gamma, bonus_gamma=bonus_gamma)
-        return jax.lax.scan(lambda s, _: self.loop.update(s, hparams), state, length=updates)
 
     def _play(self, params: Any, data: jax.Array, episodes: int, greedy: bool) -> Evaluation:
         return evaluate(self.simulator, self.network, params, wrap_key(data), episodes, greedy)

@@ -1,4 +1,4 @@
-"""One update: play, reward, estimate advantages, learn."""
+"""A run as pure functions: its start, and updates that play, reward, estimate and learn."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from . import gae, ppo
-from .bonus import Bonus, Experience
-from .config import Config, HParams
+from . import gae, optimiser, ppo
+from .bonus import Bonus, Experience, Metrics, initial_scale, scaled
+from .config import Config
+from .fields import values_of
+from .hparams import HParams
 from .networks import ActorCritic
-from .rollout import Actors, Finals, Steps, final_values, rollout
+from .rollout import Actors, Finals, Steps, final_values, rollout, start
 from .simulator import Simulator
-from .state import Metrics, TrainState, wrap_key
+from .state import TrainState, wrap_key
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,6 +30,9 @@ class Loop:
         bonus: the exploration bonus.
         slots: truncations of each environment that a rollout can hold; 0 counts the time limit
             as an end.
+        discount: the environment's own.
+        clocks: what the clocks of first episodes are drawn below and in steps of; None: they
+            begin at 0.
     """
 
     config: Config
@@ -35,22 +40,64 @@ class Loop:
     network: ActorCritic
     bonus: Bonus
     slots: int
+    discount: Any
+    clocks: tuple[Any, int] | None
+
+    def numbers(self, hparams: HParams | None) -> HParams:
+        """The numbers of a run, checked, with what is left to the environment and the bonus.
+
+        Raises:
+            SettingError: one is out of range, or those of the bonus are another's.
+        """
+        hparams, own = hparams or HParams(), self.config.algorithm.numbers
+        if hparams.bonus is None:
+            hparams = hparams.replace(bonus=own())
+        hparams.bonus_as(own)
+        gamma = self.discount if hparams.gamma is None else hparams.gamma
+        bonus_gamma = gamma if hparams.bonus_gamma is None else hparams.bonus_gamma
+        return hparams.replace(gamma=gamma, bonus_gamma=bonus_gamma).check()
+
+    def start(self, data: jax.Array) -> TrainState:
+        """The state of a run before its first update; `data` is that of its random key."""
+        params_key, bonus_key, env_key, key = jax.random.split(wrap_key(data), 4)
+        params, number = self.network.init(params_key), self.config.num_envs
+        scale = initial_scale(number, self.parts) if self.config.normalise_bonus else None
+        return TrainState(
+            key=jax.random.key_data(key),
+            update=jnp.int32(0),
+            params=params,
+            optimiser=optimiser.init(params),
+            bonus=self.bonus.init(bonus_key),
+            scale=scale,
+            actors=start(self.simulator, self.network, env_key, number, self.clocks),
+        )
+
+    def updates(
+        self, state: TrainState, hparams: HParams, number: int
+    ) -> tuple[TrainState, Metrics]:
+        """A number of updates; `hparams` as of `numbers`. The metrics are [number]."""
+        return jax.lax.scan(lambda s, _: self.update(s, hparams), state, length=number)
+
+    @property
+    def parts(self) -> int:
+        """Of how many parts the bonus is: one that is added to the reward, or one a value."""
+        return max(1, self.bonus.value_heads - 1)
 
     def update(self, state: TrainState, hparams: HParams) -> tuple[TrainState, Metrics]:
         """The whole of an update.
 
         Args:
             state: before it.
-            hparams: the run's numbers, with both discounts.
+            hparams: as of `numbers`.
 
         Returns:
-            The next state, and scalars: the sums of `Episodes`; `loss`, `policy_loss`,
+            The next state, and scalars: those of `EpisodeSums`; `loss`, `policy_loss`,
             `value_loss`, `entropy`, `approximate_kl`, `clip_fraction` and `gradient_norm` (before
             the clip), means over the minibatches;
             `advantage_mean`, `advantage_deviation`, `value_mean`, `reward_mean`, `bonus_mean`,
             `bonus_max` and `explained_variance` of the rollout, before any normalisation;
-            `learning_rate`; with RND `bonus_explained_variance`, and what the bonus itself
-            reports.
+            `learning_rate`; `bonus_explained_variance` where the bonus has a value of its own
+            (`bonus_explained_variance_1`, ... where several); and what the bonus itself reports.
         """
         key, play_key, train_key, bonus_key = jax.random.split(wrap_key(state.key), 4)
         actors, steps, finals, episodes = rollout(
@@ -62,7 +109,7 @@ class Loop:
             action=steps.action,
             ended=steps.ended,
         )
-        bonus, bonus_state, seen = self.bonus.reward(state.bonus, hparams, experience)
+        bonus, state, seen = self.reward(state, hparams, experience)
         advantages = self.advantages(state.params, hparams, actors, steps, finals, bonus)
         batch = self._batch(state.actors.memory, steps, advantages, hparams)
         left = self._left(state.update)
@@ -71,9 +118,9 @@ class Loop:
             hparams, hparams.learning_rate * left,
         )  # fmt: skip
         bonus_state, bonus_learnt = self.bonus.update(
-            bonus_key, bonus_state, hparams, experience, hparams.bonus_learning_rate * left
+            bonus_key, state.bonus, hparams, experience, hparams.bonus_learning_rate * left
         )
-        state = TrainState(
+        state = state.replace(
             key=jax.random.key_data(key),
             update=state.update + 1,
             params=params,
@@ -81,9 +128,24 @@ class Loop:
             bonus=bonus_state,
             actors=actors,
         )
-        sums = {name: getattr(episodes, name) for name in type(episodes).__dataclass_fields__}
+        sums = values_of(episodes)
         diagnosis = _diagnose(batch, bonus) | {"learning_rate": hparams.learning_rate * left}
         return state, sums | learnt | diagnosis | seen | bonus_learnt
+
+    def reward(
+        self, state: TrainState, hparams: HParams, experience: Experience
+    ) -> tuple[jax.Array, TrainState, Metrics]:
+        """The bonus of a rollout, as it is learned from: float32[T, N, parts].
+
+        Zero where a step ended its episode: of what the world was then nothing is kept.
+        """
+        bonus, own, metrics = self.bonus.reward(state.bonus, hparams, experience)
+        bonus = bonus.reshape(*experience.ended.shape, self.parts)
+        bonus = jnp.where(experience.ended[..., None], 0, bonus)
+        scale = state.scale
+        if scale is not None:
+            bonus, scale = scaled(bonus, scale, hparams.bonus_gamma)
+        return hparams.bonus_reward * bonus, state.replace(bonus=own, scale=scale), metrics
 
     def advantages(
         self,
@@ -98,15 +160,15 @@ class Loop:
 
         Args:
             params: of the network that played.
-            hparams: with both discounts.
+            hparams: as of `numbers`.
             actors: the environments after the rollout.
             steps: the rollout.
             finals: what the time limit cut off.
-            bonus: float32[T, N].
+            bonus: float32[T, N, parts].
 
         Returns:
             float32[T, N, V]: those of the rewards, to which the bonus is added if there is one
-            value, then those of a bonus with returns of its own.
+            value, then those of the parts of a bonus with returns of their own.
         """
         _, last, _ = self.network.step(
             params, actors.obs, actors.previous, actors.first, actors.memory
@@ -117,7 +179,7 @@ class Loop:
             terminated, truncated = steps.terminated, steps.truncated
             ends = final_values(self.simulator, self.network, params, finals, self.config.rollout)
         if self.bonus.value_heads == 1:
-            reward = reward + bonus
+            reward = reward + bonus[..., 0]
         values = steps.value[..., 0]
         following = gae.next_values(values, last[..., 0], terminated, truncated, ends[..., 0])
         result = gae.advantages(
@@ -125,19 +187,20 @@ class Loop:
         )
         if self.bonus.value_heads == 1:
             return result[..., None]
-        values, never = steps.value[..., 1], jnp.zeros_like(terminated)
-        following = gae.next_values(values, last[..., 1], never, never, values)
+        values = steps.value[..., 1:]
+        following = jnp.concatenate([values[1:], last[None, :, 1:]])
+        never = jnp.zeros(values.shape, bool)
         intrinsic = gae.advantages(
             bonus, values, following, never, hparams.bonus_gamma, hparams.gae_lambda
         )
-        return jnp.stack([result, intrinsic], axis=-1)
+        return jnp.concatenate([result[..., None], intrinsic], axis=-1)
 
     def _batch(
         self, memory: jax.Array, steps: Steps, advantages: jax.Array, hparams: HParams
     ) -> ppo.Batch:
         total = advantages[..., 0]
-        if self.bonus.value_heads == 2:
-            total = total + hparams.bonus_advantage * advantages[..., 1]
+        if self.bonus.value_heads > 1:
+            total = total + hparams.bonus_advantage * jnp.sum(advantages[..., 1:], axis=-1)
         return ppo.Batch(steps, memory, total, advantages + steps.value)
 
     def _left(self, update: jax.Array) -> jax.Array:
@@ -153,7 +216,9 @@ def _diagnose(batch: ppo.Batch, bonus: jax.Array) -> Metrics:
     error = jnp.var(batch.target - steps.value, axis=(0, 1))
     spread = jnp.maximum(jnp.var(batch.target, axis=(0, 1)), 1e-12)
     explained = 1 - error / spread
-    names = ("explained_variance", "bonus_explained_variance")
+    several = range(1, len(explained)) if len(explained) > 2 else ()
+    own = [f"bonus_explained_variance_{part}" for part in several] or ["bonus_explained_variance"]
+    names = ["explained_variance", *own]
     return {
         "advantage_mean": jnp.mean(batch.advantage),
         "advantage_deviation": jnp.std(batch.advantage),
@@ -161,5 +226,5 @@ def _diagnose(batch: ppo.Batch, bonus: jax.Array) -> Metrics:
         "reward_mean": jnp.mean(steps.reward),
         "bonus_mean": jnp.mean(bonus),
         "bonus_max": jnp.max(bonus),
-        **{name: explained[index] for index, name in enumerate(names[: explained.shape[0]])},
+        **{name: explained[index] for index, name in enumerate(names[: len(explained)])},
     }

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
-from .config import HParams
-from .evaluation import Evaluation
-from .state import Metrics, TrainState, key_data
-
-if TYPE_CHECKING:
-    from .learner import Learner
+from .bonus import Metrics
+from .evaluation import Evaluation, evaluate
+from .hparams import HParams
+from .loop import Loop
+from .state import TrainState, key_data, wrap_key
 
 
 class ManyRuns:
@@ -22,18 +21,19 @@ class ManyRuns:
     A run among others is the same as alone up to rounding.
     """
 
-    def __init__(self, learner: Learner) -> None:
-        """Take the learner of one run."""
-        self._learner = learner
+    def __init__(self, loop: Loop) -> None:
+        """Take the loop of one run."""
+        self._loop = loop
+        self._start = jax.jit(loop.start)
         self._evaluate = jax.jit(self._play, static_argnames=("episodes", "greedy"))
-        self._train = jax.jit(self._chunk, static_argnames="updates")
+        self._train = jax.jit(self._updates, static_argnames="updates")
 
     def init(self, keys: jax.Array, hparams: HParams | None = None) -> TrainState:
         """Begin a run for each of keys[R]; `hparams` as of `train_chunk`."""
-        _spread((hparams or HParams()).check(), keys.shape[0])
+        _spread(self._loop.numbers(hparams), keys.shape[0])
         # One after another, in one small program: a vmapped one of four runs never came to its
         # end on two CPU cores with JAX 0.10.2.
-        states = [self._learner._init(key) for key in key_data(keys)]
+        states = [self._start(key) for key in key_data(keys)]
         return jax.tree.map(lambda *leaves: jnp.stack(leaves), *states)
 
     def train_chunk(
@@ -44,7 +44,7 @@ class ManyRuns:
         Raises:
             SettingError: a number is out of range or of another shape.
         """
-        hparams = _spread((hparams or HParams()).check(), state.update.shape[0])
+        hparams = _spread(self._loop.numbers(hparams), state.update.shape[0])
         return self._train(state, hparams, updates=updates)
 
     def evaluate(
@@ -53,11 +53,16 @@ class ManyRuns:
         """Evaluate all runs on the same draws; results [R, episodes]."""
         return self._evaluate(params, key_data(key), episodes=episodes, greedy=greedy)
 
-    def _chunk(self, state: TrainState, hparams: HParams, updates: int) -> Any:
-        return jax.vmap(lambda s, h: self._learner._chunk(s, h, updates))(state, hparams)
+    def _updates(
+        self, state: TrainState, hparams: HParams, updates: int
+    ) -> tuple[TrainState, Metrics]:
+        return jax.vmap(lambda s, h: self._loop.updates(s, h, updates))(state, hparams)
 
-    def _play(self, params: Any, key_data: jax.Array, episodes: int, greedy: bool) -> Evaluation:
-        return jax.vmap(lambda p: self._learner._play(p, key_data, episodes, greedy))(params)
+    def _play(self, params: Any, data: jax.Array, episodes: int, greedy: bool) -> Evaluation:
+        loop, key = self._loop, wrap_key(data)
+        return jax.vmap(lambda p: evaluate(loop.simulator, loop.network, p, key, episodes, greedy))(
+            params
+        )
 
 
 def _spread(hparams: HParams, runs: int) -> HParams:

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 
 from ...pytree import PyTreeNode
 from . import optimiser
-from .config import Config, HParams
+from .bonus import Metrics
+from .config import Config
+from .hparams import HParams
 from .minibatches import passes, take
 from .networks import ActorCritic
 from .rollout import Steps, log_prob
-
-Metrics = dict[str, jax.Array]
 
 
 class Batch(PyTreeNode):

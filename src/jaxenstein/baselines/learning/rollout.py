@@ -86,7 +86,7 @@ class Finals(PyTreeNode):
     memory: jax.Array
 
 
-class Episodes(PyTreeNode):
+class EpisodeSums(PyTreeNode):
     """Sums over the episodes that ended: they add up over rollouts, runs and devices.
 
     Attributes:
@@ -148,7 +148,7 @@ def rollout(
     actors: Actors,
     length: int,
     slots: int,
-) -> tuple[Actors, Steps, Finals, Episodes]:
+) -> tuple[Actors, Steps, Finals, EpisodeSums]:
     """Play.
 
     Args:
@@ -223,14 +223,14 @@ def final_values(
 
 
 def _follow(
-    actors: Actors, episodes: Episodes, outcome: Outcome, action: jax.Array, memory: jax.Array
-) -> tuple[Actors, Episodes]:
+    actors: Actors, episodes: EpisodeSums, outcome: Outcome, action: jax.Array, memory: jax.Array
+) -> tuple[Actors, EpisodeSums]:
     """The actors after a step, and the sums with the episodes that it ended."""
     ended = outcome.terminated | outcome.truncated
     total = actors.episode_return + outcome.reward
     steps = actors.episode_length + 1
     reached = actors.reached | outcome.reached
-    episodes = Episodes(
+    episodes = EpisodeSums(
         episodes=episodes.episodes + jnp.sum(ended, dtype=jnp.int32),
         return_sum=episodes.return_sum + jnp.sum(jnp.where(ended, total, 0)),
         return_square_sum=episodes.return_square_sum + jnp.sum(jnp.where(ended, total**2, 0)),
@@ -250,9 +250,9 @@ def _follow(
     return actors, episodes
 
 
-def _no_episodes() -> Episodes:
+def _no_episodes() -> EpisodeSums:
     zero, none = jnp.float32(0), jnp.int32(0)
-    return Episodes(none, zero, zero, none, none)
+    return EpisodeSums(none, zero, zero, none, none)
 
 
 def _no_finals(simulator: Simulator, actors: Actors, length: int, slots: int) -> Finals:

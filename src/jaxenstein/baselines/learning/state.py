@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from ...pytree import PyTreeNode
+from .axes import PER_ENVIRONMENT
+from .bonus import BonusScale
 from .rollout import Actors
-
-Metrics = dict[str, jax.Array]
 
 
 class TrainState(PyTreeNode):
@@ -22,6 +23,7 @@ class TrainState(PyTreeNode):
         params: of the policy and value network.
         optimiser: its Adam's state.
         bonus: the exploration bonus' state.
+        scale: of the bonus; None without `normalise_bonus`.
         actors: the environments, and the policy's memory of them.
     """
 
@@ -30,7 +32,8 @@ class TrainState(PyTreeNode):
     params: Any
     optimiser: Any
     bonus: Any
-    actors: Actors
+    scale: BonusScale | None
+    actors: Actors = dataclasses.field(metadata=PER_ENVIRONMENT)
 
 
 def key_data(key: jax.Array) -> jax.Array:

@@ -14,8 +14,9 @@ import jax.numpy as jnp
 
 from ...errors import SettingError
 from ...recipe import Recipe
-from ..learning.config import Config, HParams
-from ..learning.learner import Learner, make_learner
+from ..learning.config import Config
+from ..learning.hparams import HParams
+from ..learning.learner import Learner
 
 FORMAT = 1
 # Seeds of one experiment, which are trained side by side; a mistyped number would fill the memory.
@@ -60,7 +61,7 @@ class Experiment:
         Raises:
             JAXensteinError: the environment cannot be built, or does not fit the config.
         """
-        return make_learner(*self.recipe.build(), self.config)
+        return Learner(*self.recipe.build(), self.config)
 
     def keys(self) -> jax.Array:
         """A typed random key for each run: that of its seed."""
@@ -74,14 +75,12 @@ class Experiment:
             name: jnp.asarray([run[name] for run in self.runs], jnp.float32)
             for name, _ in self.grid
         }
-        return HParams(**{**self.hparams, **varied})
+        return HParams.of(self.config.algorithm, {**self.hparams, **varied})
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values, which `from_json` reads."""
         config = {
-            field.name: getattr(self.config, field.name)
-            for field in dataclasses.fields(Config)
-            if field.name not in OF_RECIPE
+            name: value for name, value in self.config.flat().items() if name not in OF_RECIPE
         }
         plain = {
             "format": FORMAT,
@@ -114,7 +113,8 @@ class Experiment:
             )
             config = config_of(recipe, {name: as_tuples(v) for name, v in plain["config"].items()})
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
-            return cls(recipe, config, plain["hparams"], tuple(plain["seeds"]), grid)
+            hparams = HParams.of(config.algorithm, plain["hparams"]).flat()
+            return cls(recipe, config, hparams, tuple(plain["seeds"]), grid)
         except (KeyError, TypeError, AttributeError) as error:
             raise SettingError(f"not the configuration of a run: {error!r}") from error
 
@@ -142,13 +142,7 @@ def config_of(recipe: Recipe, fields: Mapping[str, Any]) -> Config:
         name, settings = str(recipe.settings.get("name", "custom")), ()
     else:
         name, settings = recipe.id, tuple(recipe.settings.items())
-    # First with the right names, then checked together: one alone need not fit the defaults.
-    Config().replace(**dict.fromkeys(set(fields) - set(_config_names())))
-    return Config(env=name, env_settings=settings, **fields)
-
-
-def _config_names() -> tuple[str, ...]:
-    return tuple(field.name for field in dataclasses.fields(Config))
+    return Config.of({**fields, "env": name, "env_settings": settings})
 
 
 def check_seeds(first: int, count: int) -> tuple[int, ...]:

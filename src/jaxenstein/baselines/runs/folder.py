@@ -24,7 +24,6 @@ import jax
 from ...errors import JAXensteinError, SettingError
 from ...files import append, atomic, check_links, make_folder, writing
 from ...version import __version__
-from ..learning.config import HParams
 from ..learning.placement import place
 from ..learning.state import TrainState
 from .checkpoints import Checkpoints, Restored, check_space
@@ -194,16 +193,13 @@ def _checked(experiment: Experiment) -> Experiment:
     Raises:
         JAXensteinError: it has an entry that `resolve` would not make.
     """
-    try:
-        HParams(**experiment.hparams).check()
-    except TypeError as error:
-        raise SettingError(f"'hparams': {error}") from error
+    experiment.numbers().check()
     whole = all(isinstance(s, int) and not isinstance(s, bool) for s in experiment.seeds)
     if not whole or not experiment.seeds:
         raise SettingError(f"'seeds' must be whole numbers, not {list(experiment.seeds)!r}")
     check_seeds(min(experiment.seeds), 1)
     check_seeds(max(experiment.seeds), 1)
-    check_grid(dict(experiment.grid))
+    check_grid(dict(experiment.grid), experiment.config.algorithm)
     experiment.recipe.try_out()
     return experiment
 
@@ -301,12 +297,12 @@ def _begin(folder: RunFolder) -> tuple[int, TrainState]:
     if restored is not None:
         for reason in restored.damaged:
             warnings.warn(f"passed over a damaged checkpoint: {reason}", stacklevel=4)
-        return restored.update, place(restored.state, folder.experiment)
+        return restored.update, place(restored.state, folder.experiment.config)
     if _exists(folder.path / METRICS) and read_metrics(folder.path):
         raise SettingError(f"the run in {folder.path} has metrics, but no checkpoint to go on from")
     state = folder.experiment.learner.many.init(folder.experiment.keys())
     folder.checkpoints.save(0, state)
-    return 0, place(state, folder.experiment)
+    return 0, place(state, folder.experiment.config)
 
 
 class Timing:

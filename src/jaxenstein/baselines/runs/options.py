@@ -1,7 +1,8 @@
 """What may be set: every option with its name, kind and default, from flags and from files.
 
-The options are the fields of `Config` and `HParams`, and a few that say which environment is
-trained on and how many runs. A file and the flags give the same names; flags win.
+The options are the fields of `Config` and `HParams`, those of every bonus' settings and numbers,
+and a few that say which environment is trained on and how many runs. A file and the flags give
+the same names; flags win.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from ...docstrings import attributes
 from ...errors import SettingError, nearest
 from ...recipe import Recipe
 from ...registry import portable_id
-from ..learning.config import Config, HParams
+from ..learning.algorithms import Algorithm, algorithms
+from ..learning.config import Config
+from ..learning.hparams import HParams
 from .experiment import OF_RECIPE, Experiment, as_tuples, check_seeds, config_of
 
 Kind = Literal["count", "number", "flag", "choice", "layers", "angle", "text", "table"]
@@ -49,6 +52,8 @@ class Option:
 
 
 _PLACE = "environment"
+_TRAINING = "training"
+_NUMBERS = "numbers"
 _RUNS = "runs"
 OWN = (
     Option("env", _PLACE, "text", "simple", "id of the environment, see 'jaxenstein list'"),
@@ -76,21 +81,31 @@ OWN = (
 MAP_TEXTS = ("regions", "faces")
 
 
-@functools.cache
 def all_options() -> dict[str, Option]:
     """Every option, by name."""
-    found = {option.name: option for option in OWN}
-    helps = _help_texts(Config)
-    hints = typing.get_type_hints(Config)
-    for field in dataclasses.fields(Config):
-        if field.name not in OF_RECIPE:
-            kind, choices = _kind(hints[field.name])
-            text = helps.get(field.name, "")
-            found[field.name] = Option(field.name, "training", kind, field.default, text, choices)
-    helps = _help_texts(HParams)
-    for field in dataclasses.fields(HParams):
+    return _options(tuple(algorithms().items()))
+
+
+@functools.cache
+def _options(rows: tuple[tuple[str, Algorithm], ...]) -> dict[str, Option]:
+    found = list(OWN)
+    for cls in (Config, *(row.settings for _, row in rows)):
+        found += _fields(cls, _TRAINING)
+    for cls in (HParams, *(row.numbers for _, row in rows)):
+        found += _fields(cls, _NUMBERS)
+    return {option.name: option for option in found}
+
+
+def _fields(cls: type, group: str) -> list[Option]:
+    """The options that the fields of settings or numbers are."""
+    helps, hints = _help_texts(cls), typing.get_type_hints(cls)
+    found = []
+    for field in dataclasses.fields(cls):
+        if field.name in (*OF_RECIPE, "bonus"):
+            continue
+        kind, choices = ("number", ()) if group == _NUMBERS else _kind(hints[field.name])
         text = helps.get(field.name, "")
-        found[field.name] = Option(field.name, "numbers", "number", field.default, text)
+        found.append(Option(field.name, group, kind, field.default, text, choices))
     return found
 
 
@@ -101,6 +116,8 @@ def _kind(hint: Any) -> tuple[Kind, tuple[str, ...]]:
         return "count", ()
     if typing.get_origin(hint) is Literal:
         return "choice", typing.get_args(hint)
+    if hint is str:
+        return "choice", tuple(algorithms())
     return "layers", ()
 
 
@@ -238,17 +255,15 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
     """
     given = check(given)
     recipe = recipe_from(given)
-    config = config_of(recipe, _picked(given, Config))
-    hparams = {
-        field.name: given.get(field.name, field.default) for field in dataclasses.fields(HParams)
-    }
-    HParams(**hparams).check()
+    config = config_of(recipe, _picked(given, _TRAINING))
+    hparams = HParams.of(config.algorithm, _picked(given, _NUMBERS))
+    hparams.check()
     experiment = Experiment(
         recipe,
         config,
-        hparams,
+        hparams.flat(),
         check_seeds(given.get("seed", 0), given.get("seeds", 1)),
-        check_grid(given.get("grid") or {}),
+        check_grid(given.get("grid") or {}, config.algorithm),
     )
     # A network that does not fit the image is told now.
     experiment.learner  # noqa: B018
@@ -266,8 +281,7 @@ def given_by(experiment: Experiment) -> dict[str, Any]:
     for name in ("height", "width", "observation", "frame_skip", "heading"):
         if settings.get(name) is not None:
             given[name] = settings.pop(name)
-    fields = [field.name for field in dataclasses.fields(Config) if field.name not in OF_RECIPE]
-    given |= {name: getattr(config, name) for name in fields}
+    given |= {name: value for name, value in config.flat().items() if name not in OF_RECIPE}
     given |= experiment.hparams
     given |= {
         "settings": settings,
@@ -279,8 +293,8 @@ def given_by(experiment: Experiment) -> dict[str, Any]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _picked(given: Mapping[str, Any], cls: type) -> dict[str, Any]:
-    names = {field.name for field in dataclasses.fields(cls)} - set(OF_RECIPE)
+def _picked(given: Mapping[str, Any], group: str) -> dict[str, Any]:
+    names = {option.name for option in all_options().values() if option.group == group}
     return {name: value for name, value in given.items() if name in names}
 
 
@@ -326,9 +340,11 @@ def recipe_from(given: Mapping[str, Any]) -> Recipe:
     return dataclasses.replace(recipe, id=name, version=env.version)
 
 
-def check_grid(table: Mapping[str, Any]) -> tuple[tuple[str, tuple[float, ...]], ...]:
-    """The numbers of a grid with their values; a `SettingError` for one that there is not."""
-    names = [field.name for field in dataclasses.fields(HParams)]
+def check_grid(
+    table: Mapping[str, Any], algorithm: Algorithm
+) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """The numbers of a grid with their values; a `SettingError` for one the algorithm has not."""
+    names = list(HParams.of(algorithm, {}).flat())
     grid = []
     for name, values in table.items():
         if name not in names:
@@ -340,6 +356,6 @@ def check_grid(table: Mapping[str, Any]) -> tuple[tuple[str, tuple[float, ...]],
         if not listed or not all(good) or len(set(listed)) < len(listed):
             raise SettingError(f"grid.{name} must be a list of different numbers, not {values!r}")
         for value in listed:
-            HParams(**{name: value}).check()
+            HParams.of(algorithm, {name: value}).check()
         grid.append((name, tuple(map(float, listed))))
     return tuple(grid)

@@ -9,20 +9,21 @@ from typing import Any
 
 import numpy as np
 
+from ..learning.algorithms import algorithm, algorithms
 from .bootstrap import Interval, mean_interval
 from .curves import curves_of
 from .experiment import Experiment, exact
 from .options import resolve
 
-# The values that the paper swept for each algorithm, on five seeds; PPO has none.
-PAPER: dict[str, dict[str, list[float]]] = {
-    "ppo": {},
-    "rnd": {"bonus_reward": [0.1, 1.0, 10.0], "rnd_loss": [0.01, 0.1]},
-    "icm": {"bonus_learning_rate": [3e-4, 1e-4], "bonus_reward": [0.1, 1.0, 10.0]},
-}
+# As many as the paper has at each point of its grids.
 SEEDS = 5
 # The share of the updates, at the end, that points of a grid are compared by.
 LAST = 0.1
+
+
+def swept() -> tuple[str, ...]:
+    """The algorithms that have a grid: those of the paper, and any other that came with one."""
+    return tuple(name for name, row in algorithms().items() if row.grid is not None)
 
 
 def plan(
@@ -41,7 +42,7 @@ def plan(
     """
     planned: dict[str, Experiment] = {}
     for algo in algos:
-        grid = given.get("grid") or PAPER.get(algo, {})
+        grid = given.get("grid") or algorithm(algo).grid or {}
         options = {"seeds": SEEDS, **given, "algo": algo, "grid": grid}
         for name, experiment in _split(algo, resolve(options), at_once):
             planned[name] = experiment

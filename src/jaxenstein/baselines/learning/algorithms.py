@@ -1,0 +1,85 @@
+"""The algorithms by name: PPO with one exploration bonus or another."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from ...pytree import PyTreeNode
+from .fields import check_choice, check_settings, names
+
+if TYPE_CHECKING:
+    from .bonus import Bonus
+    from .config import Config
+    from .observations import ObservationSpec
+
+
+@dataclasses.dataclass(frozen=True)
+class BonusSettings:
+    """What a bonus is told that shapes its program: frozen and hashable; here nothing.
+
+    Those of a bonus are fields of a subclass, each int (a count from 1), bool or a Literal of
+    words. Options of their names are flags and lines of files, so they begin with the bonus'.
+    """
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        check_settings(self)
+
+
+class BonusNumbers(PyTreeNode):
+    """Numbers of a bonus that may differ between runs of one program: here none.
+
+    Those of a bonus are fields of a subclass that is a `record` too, named as its settings are;
+    at least 0, or what `share` and `positive` say.
+    """
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Algorithm:
+    """PPO with a bonus.
+
+    Attributes:
+        bonus: makes it for observations, a number of actions and a config.
+        settings: the class of its settings.
+        numbers: the class of its numbers.
+        grid: values of numbers that the paper sweeps, by name; None if it has not the bonus.
+        summary: what it is, in a few words.
+    """
+
+    bonus: Callable[[ObservationSpec, int, Config], Bonus]
+    settings: type[BonusSettings]
+    numbers: type[BonusNumbers]
+    grid: Mapping[str, tuple[float, ...]] | None
+    summary: str
+
+
+_ALGORITHMS: dict[str, Algorithm] = {}
+
+
+def add(name: str, algorithm: Algorithm) -> None:
+    """Put an algorithm into the table; see `bonuses.register_bonus`."""
+    _ALGORITHMS[name] = algorithm
+
+
+def algorithms() -> Mapping[str, Algorithm]:
+    """All of them, by name."""
+    return _ALGORITHMS
+
+
+def algorithm(name: str) -> Algorithm:
+    """The algorithm of a name.
+
+    Raises:
+        SettingError: there is none.
+    """
+    check_choice("algo", name, tuple(_ALGORITHMS))
+    return _ALGORITHMS[name]
+
+
+def without_others(values: Mapping[str, Any], own: Algorithm) -> dict[str, Any]:
+    """The values but for settings and numbers of the bonuses of other algorithms."""
+    rows = [row for row in _ALGORITHMS.values() if row is not own]
+    others = {name for row in rows for cls in (row.settings, row.numbers) for name in names(cls)}
+    return {name: value for name, value in values.items() if name not in others}

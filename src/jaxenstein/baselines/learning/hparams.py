@@ -1,0 +1,90 @@
+"""Numbers of a run, which may differ between runs of one program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from ...errors import SettingError
+from ...pytree import PyTreeNode
+from .algorithms import Algorithm, BonusNumbers, without_others
+from .fields import check_known, check_numbers, names, positive, share, values_of
+
+_Numbers = TypeVar("_Numbers", bound=BonusNumbers)
+
+
+class HParams(PyTreeNode):
+    """Numbers of a run: a pytree of scalars, traced, so `jax.vmap` can run many at once.
+
+    Attributes:
+        learning_rate: of PPO's Adam, at the start.
+        gamma: discount; None: the environment's own.
+        gae_lambda: weight of longer returns in the advantages, 0 to 1.
+        clip: range of the probability ratio around 1.
+        value_clip: how far a value may move from its old one within an update.
+        entropy: coefficient of the entropy.
+        value: coefficient of the value loss.
+        gradient_norm: global norm that gradients are clipped to, PPO's and the bonus' alike.
+        advantage_floor: added to the advantages' deviation where they are divided by it.
+        bonus_learning_rate: of the bonus' Adam, at the start.
+        bonus_reward: factor of the exploration bonus.
+        bonus_advantage: weight of the intrinsic advantages beside the extrinsic ones, where the
+            bonus has values of its own (RND).
+        bonus_gamma: discount of the intrinsic returns; None: that of the extrinsic ones.
+        bonus: the bonus' own numbers; None: their defaults.
+    """
+
+    learning_rate: Any = 2.5e-4
+    gamma: Any = share(None)
+    gae_lambda: Any = share(0.95)
+    clip: Any = positive(0.2)
+    value_clip: Any = positive(0.2)
+    entropy: Any = 0.01
+    value: Any = 0.5
+    gradient_norm: Any = positive(0.5)
+    advantage_floor: Any = 1e-8
+    bonus_learning_rate: Any = 3e-4  # the paper prints none for RND
+    bonus_reward: Any = 1.0
+    bonus_advantage: Any = 1.0
+    bonus_gamma: Any = share(None)
+    bonus: BonusNumbers | None = None
+
+    @classmethod
+    def of(cls, algorithm: Algorithm, values: Mapping[str, Any]) -> HParams:
+        """The numbers by the names that options have: the bonus' among the others.
+
+        Numbers of the bonuses of other algorithms are left out.
+
+        Raises:
+            SettingError: there is no such number.
+        """
+        shared = without_others(values, algorithm)
+        own = names(algorithm.numbers)
+        check_known(shared, [name for name in (*names(cls), *own) if name != "bonus"])
+        bonus = algorithm.numbers(**{name: shared.pop(name) for name in own if name in shared})
+        return cls(bonus=bonus, **shared)
+
+    def flat(self) -> dict[str, Any]:
+        """The numbers by the names that options have."""
+        flat = values_of(self)
+        own = flat.pop("bonus")
+        return flat if own is None else flat | values_of(own)
+
+    def check(self) -> HParams:
+        """Check the values, and return them as float32 arrays; traced ones pass.
+
+        Raises:
+            SettingError: a value is no number, or out of range.
+        """
+        checked = check_numbers(self, skip=("bonus",))
+        return checked if self.bonus is None else checked.replace(bonus=check_numbers(self.bonus))
+
+    def bonus_as(self, cls: type[_Numbers]) -> _Numbers:
+        """The bonus' numbers, which are of that class.
+
+        Raises:
+            SettingError: they are another bonus'.
+        """
+        if not isinstance(self.bonus, cls):
+            raise SettingError(f"bonus of these numbers must be {cls.__name__}, not {self.bonus!r}")
+        return self.bonus
