@@ -25,7 +25,7 @@ from benchmarks.report.tables import table_of
 from benchmarks.suites.processes import memory
 from benchmarks.suites.worker import tell
 from benchmarks.training.flops import matrix_flops, matrix_rate
-from jaxenstein.baselines import Config, Experience, HParams, Learner, make_learner
+from jaxenstein.baselines import Config, Experience, Learner
 from jaxenstein.baselines.learning import ppo
 from jaxenstein.baselines.learning.rollout import final_values, rollout
 from jaxenstein.files import atomic, check_writable
@@ -55,7 +55,7 @@ def measure(
 def parts(learner: Learner, repeats: int) -> dict[str, float]:
     """Seconds of the parts of an update, each compiled by itself; the fastest counts."""
     config, bonus, network = learner.config, learner.bonus, learner.network
-    numbers = HParams(gamma=0.99, bonus_gamma=0.99).check()
+    numbers = learner.loop.numbers(None)
     state, key, found = learner.init(jax.random.key(0)), jax.random.key(1), {}
 
     def timed(name: str, function: Any, *args: Any) -> Any:
@@ -107,9 +107,9 @@ def parts(learner: Learner, repeats: int) -> dict[str, float]:
 def measure_training(config: Config, options: argparse.Namespace) -> dict[str, Any]:
     """One update of a configuration: its speed, its matrix products, and where the time goes."""
     tell(f"{config.algo}, {config.num_envs} environments")
-    learner = make_learner(*config.make_env(), config)
+    learner = Learner(*config.make_env(), config)
     state = learner.init(jax.random.key(0))
-    numbers = HParams().check()
+    numbers = learner.loop.numbers(None)
 
     def update(state: Any) -> Any:
         return learner.train_chunk(state, numbers, 1)

@@ -12,27 +12,32 @@ import pytest
 pytest.importorskip("flax")
 
 import jaxenstein
-from jaxenstein.baselines import Config, HParams, make_learner
+from jaxenstein.baselines import Config, E3BSettings, HParams, ICMSettings, Learner, RNDSettings
 from jaxenstein.baselines.learning.rollout import rollout
 from jaxenstein.errors import SettingError
 from tests.baselines.worlds import Countdown, Memory
 
 SMALL: dict[str, Any] = {
     "num_envs": 4, "rollout": 6, "minibatches": 2, "epochs": 2, "features": 8, "hidden": 8,
-    "head": 8, "rnd_hidden": 8, "rnd_output": 8, "icm_latent": 8, "icm_hidden": 8,
-    "total_steps": 24 * 10,
+    "head": 8, "total_steps": 24 * 10,
 }  # fmt: skip
+OWN: dict[str, Any] = {
+    "ppo": None,
+    "rnd": RNDSettings(rnd_hidden=8, rnd_output=8),
+    "icm": ICMSettings(icm_latent=8, icm_hidden=8),
+    "e3b": E3BSettings(e3b_latent=8, e3b_hidden=8),
+}
 KEY = jax.random.key(0)
 
 
 def learner_of(env, **settings):
-    return make_learner(env, env.default_params, Config(**(SMALL | settings)))
+    return Learner(env, env.default_params, Config(**(SMALL | settings)))
 
 
 @functools.cache
 def learner(algo="ppo"):
     """One for all tests."""
-    return learner_of(Countdown(), algo=algo)
+    return learner_of(Countdown(), algo=algo, bonus=OWN[algo])
 
 
 def equal(one, other, **tolerance):
@@ -45,7 +50,7 @@ def one_of(tree, index):
     return jax.tree.map(lambda leaf: leaf[index] if np.ndim(leaf) else leaf, tree)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "rnd", "icm"])
+@pytest.mark.parametrize("algo", list(OWN))
 def test_two_chunks_of_one_update_are_one_of_two(algo):
     run = learner(algo)
     start = run.init(KEY)
@@ -79,7 +84,7 @@ def test_seeds():
         equal(run.init(KEY).params, run.init(jax.random.key(1)).params)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "rnd", "icm"])
+@pytest.mark.parametrize("algo", list(OWN))
 def test_many_runs_are_the_runs_alone(algo):
     run = learner(algo)
     keys = jax.random.split(KEY, 2)
@@ -204,7 +209,7 @@ def test_policy_is_the_evaluations():
 def test_random_clocks_end_episodes_at_different_times():
     env, params = jaxenstein.from_ascii("####\n#SG#\n####", heading=180.0, height=8, width=8)
     params = params.replace(max_steps_in_episode=50)
-    run = make_learner(env, params, Config(**SMALL, random_clocks=True))
+    run = Learner(env, params, Config(**SMALL, random_clocks=True))
     times = np.asarray(run.init(KEY).actors.env_state.time)
     assert len(set(times.tolist())) > 1
     assert np.all((times >= 0) & (times < 50))
@@ -237,7 +242,7 @@ class Foreign:
 
 def test_an_environment_of_gymnax_contract_gives_the_same_run():
     own = learner()
-    run = make_learner(Foreign(), Countdown().default_params, own.config)
+    run = Learner(Foreign(), Countdown().default_params, own.config)
     one, other, numbers = own.init(KEY), run.init(KEY), HParams(gamma=0.9)
     for a, b in zip(
         own.train_chunk(one, numbers, 2), run.train_chunk(other, numbers, 2), strict=True
@@ -249,14 +254,14 @@ def test_environments_that_do_not_fit_are_refused():
     params = Countdown().default_params
     config = Config(**SMALL)
     with pytest.raises(SettingError, match="no info\\['final_observation'\\]"):
-        make_learner(Foreign(final=False), params, config)
-    make_learner(Foreign(final=False), params, config.replace(bootstrap_truncation=False))
+        Learner(Foreign(final=False), params, config)
+    Learner(Foreign(final=False), params, config.replace(bootstrap_truncation=False))
     with pytest.raises(SettingError, match="Foreign returns 5 values"):
-        make_learner(Foreign(values=5), params, config)
+        Learner(Foreign(values=5), params, config)
     with pytest.raises(SettingError, match="needs reset"):
-        make_learner(object(), params, config)
+        Learner(object(), params, config)
     with pytest.raises(SettingError, match="random_clocks"):
-        make_learner(Foreign(), params, config.replace(random_clocks=True))
+        Learner(Foreign(), params, config.replace(random_clocks=True))
     env, params = jaxenstein.make("simple", height=16, width=16)
     with pytest.raises(SettingError, match="do not fit images of 16x16"):
-        make_learner(env, params, config.replace(convolutions=((8, 4, 32), (4, 2, 64))))
+        Learner(env, params, config.replace(convolutions=((8, 4, 32), (4, 2, 64))))

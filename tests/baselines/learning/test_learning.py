@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("flax")
 
 import jaxenstein
-from jaxenstein.baselines import Config, HParams, make_learner
+from jaxenstein.baselines import Config, HParams, Learner
 from tests.baselines.worlds import Memory, bandit
 
 SMALL: dict[str, Any] = {"num_envs": 16, "rollout": 64, "features": 64, "hidden": 64, "head": 64}
@@ -25,7 +25,7 @@ ROOM = "####\n#S.#\n#G.#\n####"
 def train(env, params, updates, total, seeds=8, numbers=None, **settings):
     """Success rates and mean lengths [seeds] of the last ten of `updates` updates."""
     config = Config(**(SMALL | {"total_steps": total * 1024} | settings))
-    many = make_learner(env, params, config).many
+    many = Learner(env, params, config).many
     states = many.init(jax.random.split(jax.random.key(0), seeds), numbers)
     _, metrics = many.train_chunk(states, numbers, updates)
     last = {name: np.asarray(value)[:, -10:].sum(1) for name, value in metrics.items()}

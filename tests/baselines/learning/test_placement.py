@@ -28,7 +28,7 @@ for name, options in (("shards", {"seeds": 1, "shards": 2}), ("runs", {"seeds": 
     folder = RunFolder.create(Path(sys.argv[1]) / name, tiny(epochs=1, **options))
     many, keys = folder.experiment.learner.many, folder.experiment.keys()
     alone, _ = many.train_chunk(many.init(keys), folder.experiment.numbers(), 1)
-    placed = place(many.init(keys), folder.experiment)
+    placed = place(many.init(keys), folder.experiment.config)
     memory = placed.actors.memory.addressable_shards[0].data.shape
     assert memory == ((1, 4, 8) if name == "runs" else (1, 2, 8)), memory
     spread, _ = many.train_chunk(placed, folder.experiment.numbers(), 1)
@@ -46,15 +46,24 @@ print("equal")
 def test_one_device_takes_all() -> None:
     experiment = tiny()
     state = jax.eval_shape(experiment.learner.many.init, experiment.keys())
-    assert place(state, experiment, jax.devices()[:1]) is state
+    assert place(state, experiment.config, jax.devices()[:1]) is state
+
+
+def test_environments_on_four_devices_give_what_one_gives() -> None:
+    run_with_devices(4, "-m", "tests.baselines.learning.spread_run")
 
 
 @pytest.mark.slow
 def test_two_devices_give_what_one_gives(tmp_path: Path) -> None:
-    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=2"
+    run_with_devices(2, "-c", CODE, str(tmp_path))
+
+
+def run_with_devices(number: int, *arguments: str) -> None:
+    """Run a program that says "equal" on simulated devices."""
+    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={number}"
     path = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", CODE, str(tmp_path)],
+        [sys.executable, "-W", "error", *arguments],
         env={**os.environ, "XLA_FLAGS": flags, "PYTHONPATH": path, "JAX_PLATFORMS": "cpu"},
         cwd=ROOT,
         capture_output=True,

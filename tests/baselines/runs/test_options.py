@@ -13,7 +13,8 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein import SettingError, UnknownEnvironmentError
-from jaxenstein.baselines.learning.config import Config, HParams
+from jaxenstein.baselines import Config, HParams
+from jaxenstein.baselines.learning.algorithms import algorithms
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.options import (
     _help_texts,
@@ -32,13 +33,14 @@ QUICK: dict[str, Any] = {"height": 12, "width": 16, "convolutions": [[4, 4, 4]]}
 
 def test_every_field_is_an_option_with_its_default_and_a_help() -> None:
     options = all_options()
-    for cls in (Config, HParams):
+    own = [cls for row in algorithms().values() for cls in (row.settings, row.numbers)]
+    for cls in (Config, HParams, *own):
         for field in dataclasses.fields(cls):
-            if field.name not in ("env", "env_settings"):
+            if field.name not in ("env", "env_settings", "bonus"):
                 assert options[field.name].default == field.default
     without = [name for name, option in options.items() if not option.help]
     assert without == []
-    assert options["algo"].choices == ("ppo", "rnd", "icm")
+    assert options["algo"].choices == ("ppo", "rnd", "icm", "e3b")
     assert options["dtype"].choices == ("float32", "bfloat16")
     assert options["anneal"].kind == "flag"
 
@@ -107,7 +109,10 @@ def test_an_alias_is_the_same_experiment() -> None:
     ("given", "message"),
     [
         ({"leraning_rate": 1.0}, "unknown option 'leraning_rate', did you mean 'learning_rate'"),
-        ({"algo": "rdn"}, "algo must be one of 'ppo', 'rnd', 'icm', not 'rdn', did you mean"),
+        (
+            {"algo": "rdn"},
+            "one of 'ppo', 'rnd', 'icm', 'e3b', not 'rdn', did you mean",
+        ),
         ({"dtype": "float23"}, "must be one of 'float32', 'bfloat16', not 'float23', did you mean"),
         ({"rnd_hiden": 8}, "unknown option 'rnd_hiden', did you mean 'rnd_hidden"),
         ({"num_envs": 2.5}, "num_envs must be a whole number, not 2.5"),

@@ -44,7 +44,7 @@ class Loop:
     clocks: tuple[Any, int] | None
 
     def numbers(self, hparams: HParams | None) -> HParams:
-        """The numbers of a run, checked, with what is left to the environment and the bonus.
+        """The numbers of a run, checked, with those of the bonus.
 
         Raises:
             SettingError: one is out of range, or those of the bonus are another's.
@@ -53,15 +53,13 @@ class Loop:
         if hparams.bonus is None:
             hparams = hparams.replace(bonus=own())
         hparams.bonus_as(own)
-        gamma = self.discount if hparams.gamma is None else hparams.gamma
-        bonus_gamma = gamma if hparams.bonus_gamma is None else hparams.bonus_gamma
-        return hparams.replace(gamma=gamma, bonus_gamma=bonus_gamma).check()
+        return hparams.check()
 
     def start(self, data: jax.Array) -> TrainState:
         """The state of a run before its first update; `data` is that of its random key."""
         params_key, bonus_key, env_key, key = jax.random.split(wrap_key(data), 4)
         params, number = self.network.init(params_key), self.config.num_envs
-        scale = initial_scale(number, self.parts) if self.config.normalise_bonus else None
+        scale = initial_scale(number, *self.parts) if self.config.normalise_bonus else None
         return TrainState(
             key=jax.random.key_data(key),
             update=jnp.int32(0),
@@ -76,19 +74,24 @@ class Loop:
         self, state: TrainState, hparams: HParams, number: int
     ) -> tuple[TrainState, Metrics]:
         """A number of updates; `hparams` as of `numbers`. The metrics are [number]."""
+        gamma = hparams.gamma
+        if gamma is None:
+            gamma = jnp.asarray(self.discount, jnp.float32)
+        bonus_gamma = gamma if hparams.bonus_gamma is None else hparams.bonus_gamma
+        hparams = hparams.replace(gamma=gamma, bonus_gamma=bonus_gamma)
         return jax.lax.scan(lambda s, _: self.update(s, hparams), state, length=number)
 
     @property
-    def parts(self) -> int:
-        """Of how many parts the bonus is: one that is added to the reward, or one a value."""
-        return max(1, self.bonus.value_heads - 1)
+    def parts(self) -> tuple[int, ...]:
+        """The shape of the bonus of a step: (), or (value_heads - 1,) where it has own values."""
+        return () if self.bonus.value_heads == 1 else (self.bonus.value_heads - 1,)
 
     def update(self, state: TrainState, hparams: HParams) -> tuple[TrainState, Metrics]:
         """The whole of an update.
 
         Args:
             state: before it.
-            hparams: as of `numbers`.
+            hparams: as of `numbers`, with both discounts.
 
         Returns:
             The next state, and scalars: those of `EpisodeSums`; `loss`, `policy_loss`,
@@ -135,13 +138,14 @@ class Loop:
     def reward(
         self, state: TrainState, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, TrainState, Metrics]:
-        """The bonus of a rollout, as it is learned from: float32[T, N, parts].
+        """The bonus of a rollout, as it is learned from: float32[T, N, *parts].
 
         Zero where a step ended its episode: of what the world was then nothing is kept.
         """
         bonus, own, metrics = self.bonus.reward(state.bonus, hparams, experience)
-        bonus = bonus.reshape(*experience.ended.shape, self.parts)
-        bonus = jnp.where(experience.ended[..., None], 0, bonus)
+        batch = experience.ended.shape
+        ended = experience.ended.reshape(*batch, *(1 for _ in self.parts))
+        bonus = jnp.where(ended, 0, bonus.reshape(*batch, *self.parts))
         scale = state.scale
         if scale is not None:
             bonus, scale = scaled(bonus, scale, hparams.bonus_gamma)
@@ -160,11 +164,11 @@ class Loop:
 
         Args:
             params: of the network that played.
-            hparams: as of `numbers`.
+            hparams: as of `numbers`, with both discounts.
             actors: the environments after the rollout.
             steps: the rollout.
             finals: what the time limit cut off.
-            bonus: float32[T, N, parts].
+            bonus: float32[T, N, *parts].
 
         Returns:
             float32[T, N, V]: those of the rewards, to which the bonus is added if there is one
@@ -179,7 +183,7 @@ class Loop:
             terminated, truncated = steps.terminated, steps.truncated
             ends = final_values(self.simulator, self.network, params, finals, self.config.rollout)
         if self.bonus.value_heads == 1:
-            reward = reward + bonus[..., 0]
+            reward = reward + bonus
         values = steps.value[..., 0]
         following = gae.next_values(values, last[..., 0], terminated, truncated, ends[..., 0])
         result = gae.advantages(

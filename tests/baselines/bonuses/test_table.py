@@ -1,0 +1,245 @@
+"""The table of algorithms, and a bonus of a user's own in it."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+pytest.importorskip("flax")
+
+from jaxenstein.baselines import (
+    PER_ENVIRONMENT,
+    BonusNumbers,
+    BonusSettings,
+    Config,
+    Experience,
+    HParams,
+    RNDNumbers,
+    RNDSettings,
+    register_bonus,
+)  # fmt: skip
+from jaxenstein.baselines.learning import algorithms
+from jaxenstein.baselines.learning.axes import per_environment
+from jaxenstein.errors import SettingError
+from jaxenstein.pytree import PyTreeNode
+from tests.baselines.bonuses.rollouts import BATCH, KEY, STEPS, experience, loop_of, numbers_of
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class VisitsSettings(BonusSettings):
+    """Settings.
+
+    Attributes:
+        visits_power: what the second part of the bonus is raised to.
+        visits_kind: what is counted.
+    """
+
+    visits_power: int = 2
+    visits_kind: Literal["steps", "turns"] = "steps"
+
+
+class VisitsNumbers(BonusNumbers):
+    """Numbers.
+
+    Attributes:
+        visits_size: factor.
+    """
+
+    visits_size: Any = 1.0
+
+
+class VisitsState(PyTreeNode):
+    steps: jax.Array = dataclasses.field(metadata=PER_ENVIRONMENT)
+    updates: jax.Array
+
+
+class Visits:
+    """Of two parts: the steps so far in an environment, and a power of them."""
+
+    value_heads = 3
+
+    def __init__(self, spec: Any, actions: int, config: Config) -> None:
+        self._batch, self._own = config.num_envs, config.bonus_as(VisitsSettings)
+
+    def init(self, key: jax.Array) -> VisitsState:
+        return VisitsState(jnp.zeros(self._batch, jnp.float32), jnp.int32(0))
+
+    def reward(self, state: VisitsState, hparams: HParams, experience: Experience) -> Any:
+        length = experience.ended.shape[0]
+        steps = jnp.arange(1, length + 1, dtype=jnp.float32)[:, None] + state.steps[None]
+        steps = steps * hparams.bonus_as(VisitsNumbers).visits_size
+        both = jnp.stack([steps, steps**self._own.visits_power], axis=-1)
+        return both, state.replace(steps=state.steps + length), {}
+
+    def update(self, key: Any, state: VisitsState, hparams: Any, experience: Any, rate: Any) -> Any:
+        return state.replace(updates=state.updates + 1), {}
+
+
+@pytest.fixture
+def visits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(algorithms, "_ALGORITHMS", dict(algorithms.algorithms()))
+    register_bonus(
+        "visits", Visits, VisitsSettings, VisitsNumbers, grid={"visits_size": (1.0, 2.0)}
+    )
+
+
+@pytest.mark.usefixtures("visits")
+def test_a_bonus_of_ones_own_is_trained_stopped_and_resumed(tmp_path: Path) -> None:
+    pytest.importorskip("orbax.checkpoint")
+    from jaxenstein.baselines.runs.folder import RunFolder, train
+    from jaxenstein.baselines.runs.options import all_options, given_by, read_file, resolve
+    from jaxenstein.baselines.runs.sweeps import plan, swept
+    from tests.baselines.tiny import OPTIONS, tiny
+
+    assert "visits" in all_options()["algo"].choices
+    assert all_options()["visits_kind"].choices == ("steps", "turns")
+    assert all_options()["visits_power"].help == "what the second part of the bonus is raised to"
+    (tmp_path / "own.toml").write_text('algo = "visits"\nvisits_power = 3\nvisits_size = 0.5\n')
+    own = read_file(tmp_path / "own.toml")
+    experiment = tiny(**own, seeds=1, total_steps=2 * 4 * 8)
+    assert experiment.config.bonus == VisitsSettings(visits_power=3)
+    assert experiment.hparams["visits_size"] == 0.5
+    assert resolve(given_by(experiment)) == experiment
+    folder = RunFolder.create(tmp_path / "run", experiment)
+    done: list[int] = []
+    train(folder, notify=lambda update, _: done.append(update), stop=lambda: done[-1] >= 1)
+    assert done[-1] == 1
+    again = RunFolder.open(tmp_path / "run")
+    assert again.experiment == experiment
+    assert train(again) == 2
+    state = again.restore().state  # type: ignore[union-attr]
+    assert state.bonus.steps.tolist() == [[16.0] * 4]
+    assert state.bonus.updates.tolist() == [2]
+    assert swept() == ("ppo", "rnd", "icm", "visits")
+    planned = plan({**OPTIONS, "seeds": 1}, ["visits"])["visits"]
+    assert [run["visits_size"] for run in planned.runs] == [1.0, 2.0]
+
+
+@pytest.mark.usefixtures("visits")
+def test_every_part_of_a_bonus_has_returns_of_its_own() -> None:
+    rng = np.random.default_rng(0)
+    value = rng.normal(size=(STEPS + 1, BATCH, 3)).astype(np.float32)
+    reward = rng.normal(size=(STEPS, BATCH)).astype(np.float32)
+    bonus = rng.normal(size=(STEPS, BATCH, 2)).astype(np.float32)
+    ended = rng.random((STEPS, BATCH)) < 0.3
+    steps: Any = SimpleNamespace(
+        value=jnp.asarray(value[:-1]), reward=jnp.asarray(reward), ended=jnp.asarray(ended),
+        terminated=jnp.asarray(ended), truncated=jnp.zeros_like(ended),
+    )  # fmt: skip
+    network: Any = SimpleNamespace(step=lambda *_: (None, jnp.asarray(value[-1]), None))
+    actors: Any = SimpleNamespace(obs=None, previous=None, first=None, memory=None)
+    loop = dataclasses.replace(loop_of("visits"), network=network)
+    numbers = numbers_of("visits", gamma=0.8, gae_lambda=0.7)
+    nothing: Any = None
+    result = loop.advantages(nothing, numbers, actors, steps, nothing, jnp.asarray(bonus))
+    for head, (gains, gamma, go_on) in enumerate(
+        [(reward, 0.8, ~ended), *((bonus[..., part], 0.9, np.ones_like(ended)) for part in (0, 1))]
+    ):
+        expected, following = np.zeros((STEPS, BATCH)), np.zeros(BATCH)
+        for t in reversed(range(STEPS)):
+            after = np.where(go_on[t], value[t + 1, :, head], 0)
+            delta = gains[t] + gamma * after - value[t, :, head]
+            following = delta + gamma * 0.7 * go_on[t] * following
+            expected[t] = following
+        np.testing.assert_allclose(result[..., head], expected, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.usefixtures("visits")
+@pytest.mark.parametrize("algo", ["rnd", "icm", "e3b", "visits"])
+def test_the_loop_zeroes_scales_and_weighs_a_bonus(algo: str) -> None:
+    loop = loop_of(algo, normalise_bonus=True)
+    numbers, data = numbers_of(algo, bonus_reward=2.0), experience()
+    state: Any = before_the_first(loop)
+    totals, total = [], np.zeros((BATCH, *loop.parts))
+    for _ in range(2):
+        raw, _, _ = loop.bonus.reward(state.bonus, numbers, data)
+        ended = np.asarray(data.ended).reshape(STEPS, BATCH, *(1 for _ in loop.parts))
+        raw = np.asarray(raw).reshape(STEPS, BATCH, *loop.parts) * ~ended
+        result, state, _ = loop.reward(state, numbers, data)
+        for row in raw:
+            total = 0.9 * total + row
+            totals.append(total)
+        np.testing.assert_allclose(result, 2 * raw / np.std(totals, axis=(0, 1)), rtol=1e-3)
+    inside = per_environment(state)
+    assert all(leaf.shape[0] == BATCH for leaf in _picked(state, inside, True))
+    assert inside.scale.total
+    assert not inside.scale.stats.mean
+
+
+def before_the_first(loop: Any) -> Any:
+    """A state before the first update of which only the bonus' parts are there."""
+    from jaxenstein.baselines.learning.bonus import initial_scale
+    from jaxenstein.baselines.learning.state import TrainState
+
+    nothing: Any = None
+    scale = initial_scale(BATCH, *loop.parts)
+    return TrainState(nothing, nothing, nothing, nothing, loop.bonus.init(KEY), scale, nothing)
+
+
+def _picked(tree: Any, inside: Any, wanted: bool) -> list[Any]:
+    pairs = zip(jax.tree.leaves(tree), jax.tree.leaves(inside), strict=True)
+    return [leaf for leaf, where in pairs if where is wanted]
+
+
+def test_states_say_what_they_have_for_each_environment() -> None:
+    state = loop_of("e3b").bonus.init(KEY)
+    inside = per_environment({"bonus": (state, 1), "other": jnp.zeros(BATCH)})
+    assert inside["bonus"][0].inverse is True
+    assert inside["bonus"][1] is inside["other"] is False
+    assert len(_picked(inside, inside, True)) == 1
+    assert jax.tree.leaves(per_environment(loop_of("rnd").bonus.init(KEY)))
+    assert not any(jax.tree.leaves(per_environment(loop_of("rnd").bonus.init(KEY))))
+
+
+@pytest.mark.usefixtures("visits")
+@pytest.mark.parametrize(
+    ("name", "classes", "grid", "message"),
+    [
+        ("Own-One", (), None, "small letters, digits and underscores, not 'Own-One'"),
+        ("visits", (), None, "there is an algorithm 'visits' already"),
+        ("own", (VisitsSettings,), None, "must begin with 'own_', not 'visits_power'"),
+        ("own", (BonusSettings, VisitsNumbers), None, "must begin with 'own_', not 'visits_size'"),
+        ("own", (), {"bonus_rewrad": (1.0,)}, "unknown number 'bonus_rewrad' in the grid, did you"),
+    ],
+)
+def test_rows_that_cannot_be(name: str, classes: Any, grid: Any, message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        register_bonus(name, Visits, *classes, grid=grid)
+
+
+@pytest.mark.usefixtures("visits")
+def test_settings_and_numbers_are_checked_as_all_are() -> None:
+    with pytest.raises(SettingError, match="visits_power must be a whole number from 1, not 0"):
+        VisitsSettings(visits_power=0)
+    kind: Any = "turn"
+    with pytest.raises(SettingError, match="must be one of 'steps', 'turns', not 'turn', did you"):
+        VisitsSettings(visits_kind=kind)
+    own = HParams(bonus=VisitsNumbers(visits_size=-1))
+    with pytest.raises(SettingError, match="visits_size must be a finite number at least 0"):
+        own.check()
+    with pytest.raises(SettingError, match="must be RNDSettings, the settings of 'rnd', not Visi"):
+        Config(algo="rnd", bonus=VisitsSettings())
+    with pytest.raises(SettingError, match="must be RNDNumbers, not VisitsNumbers"):
+        own.bonus_as(RNDNumbers)
+    with pytest.raises(SettingError, match="must be RNDSettings, not VisitsSettings"):
+        Config(algo="visits").bonus_as(RNDSettings)
+
+
+def test_settings_of_other_bonuses_are_left_out() -> None:
+    config = Config.of({"algo": "rnd", "rnd_hidden": 3, "icm_hidden": 5})
+    assert config.bonus == RNDSettings(rnd_hidden=3)
+    assert config.replace(rnd_layers=4).bonus == RNDSettings(rnd_hidden=3, rnd_layers=4)
+    assert config.replace(algo="icm").flat()["icm_hidden"] == 256
+    assert "rnd_hidden" not in config.replace(algo="icm").flat()
+    with pytest.raises(SettingError, match="unknown setting 'rnd_hiden', did you mean 'rnd_hidd"):
+        Config.of({"algo": "rnd", "rnd_hiden": 3})
+    numbers = HParams.of(algorithms.algorithm("rnd"), {"rnd_loss": 2, "icm_forward": 3})
+    assert numbers.bonus == RNDNumbers(rnd_loss=2)
+    assert numbers.flat()["rnd_loss"] == 2
