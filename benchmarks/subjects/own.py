@@ -168,7 +168,7 @@ def loop(batch: int, options: Options, asynchronous: bool = False) -> Chunk:
 
 def training(batch: int, options: Options) -> Chunk:
     """Recurrent PPO, from environment to update in one compiled program."""
-    from jaxenstein.baselines import Config, HParams, make_learner
+    from jaxenstein.baselines import Config, Learner
 
     config = Config(
         env=ENVIRONMENT_ID,
@@ -181,11 +181,11 @@ def training(batch: int, options: Options) -> Chunk:
     )
     # On an accelerator if there is one, as PyTorch does; JAX must not run before.
     jax.config.update("jax_platforms", None)
-    learner, numbers = make_learner(*config.make_env(), config), HParams().check()
+    learner = Learner(*config.make_env(), config)
     state = learner.init(jax.random.key(0))
     notes["device"] = jax.devices()[0].device_kind
     notes["parameters"] = f"{sum(leaf.size for leaf in jax.tree.leaves(state.params)):,}"
-    update = jax.jit(lambda state: learner.train_chunk(state, numbers, 1)[0])
+    update = jax.jit(lambda state: learner.train_chunk(state, None, 1)[0])
     return repeat(update, state, config.steps_per_update)
 
 

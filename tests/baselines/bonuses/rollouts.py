@@ -66,7 +66,7 @@ def loop_of(algo: str, **settings: Any) -> Loop:
         bonus=algorithm(algo).bonus(SPEC, ACTIONS, config),
         slots=0,
         discount=0.99,
-        horizon=None,
+        clocks=None,
     )
 
 

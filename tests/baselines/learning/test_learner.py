@@ -213,7 +213,7 @@ def test_random_clocks_end_episodes_at_different_times():
     times = np.asarray(run.init(KEY).actors.env_state.time)
     assert len(set(times.tolist())) > 1
     assert np.all((times >= 0) & (times < 50))
-    skipping = make_learner(
+    skipping = Learner(
         dataclasses.replace(env, frame_skip=4), params, Config(**SMALL, random_clocks=True)
     )
     actors = skipping.init(KEY).actors

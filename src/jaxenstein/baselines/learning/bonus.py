@@ -122,4 +122,6 @@ def scaled(bonus: jax.Array, scale: BonusScale, gamma: Any) -> tuple[jax.Array, 
 
     total, totals = jax.lax.scan(add, scale.total, bonus)
     stats = running_stats.merge(scale.stats, totals)
-    return bonus / jnp.maximum(stats.deviation, 1e-8), BonusScale(total, stats)
+    deviation = jnp.maximum(stats.deviation, 1e-8)
+    # As of each part of a bonus of several.
+    return bonus / jnp.expand_dims(deviation, (0, 1)), BonusScale(total, stats)
