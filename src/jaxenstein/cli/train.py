@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from ..baselines.runs.metrics import Row, Sink
 
 DESCRIPTION = """\
-Train recurrent PPO (--algo ppo), with random network distillation (rnd) or curiosity (icm), on
-any environment. All seeds are trained side by side in one compiled program. The run directory
-holds the resolved configuration, a row of metrics for each update and seed as JSON lines, and
-the last two checkpoints. Needs the extra 'baselines':
-pip install 'jaxenstein[baselines]'.
+Train recurrent PPO on any environment, alone (--algo ppo) or with an exploration bonus: random
+network distillation (rnd), intrinsic curiosity (icm), an elliptical episodic bonus (e3b). All
+seeds are trained side by side in one compiled program. The run directory holds the resolved
+configuration, a row of metrics for each update and seed as JSON lines, and the last two
+checkpoints. Needs the extra 'baselines': pip install 'jaxenstein[baselines]'.
 """
 EPILOG = """\
 examples:
@@ -57,7 +57,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
     commands.add_parser(
         "train",
-        help="train recurrent PPO, RND or ICM, with checkpoints",
+        help="train recurrent PPO, RND, ICM or E3B, with checkpoints",
         description=DESCRIPTION,
         epilog=EPILOG,
         fill=fill,

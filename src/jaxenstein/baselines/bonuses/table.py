@@ -25,7 +25,6 @@ def register_bonus(
     numbers: type[BonusNumbers] = BonusNumbers,
     *,
     grid: Mapping[str, tuple[float, ...]] | None = None,
-    summary: str = "",
 ) -> None:
     """Give an exploration bonus a name, which `Config.algo` and `--algo` then know.
 
@@ -38,7 +37,6 @@ def register_bonus(
         numbers: the class of its numbers, named in the same way.
         grid: values of numbers for `jaxenstein sweep`, which trains those with a grid if no
             algorithm is named.
-        summary: what it is, in a few words, for the help.
 
     Raises:
         SettingError: the name is taken or cannot be one, or a field is wrongly named.
@@ -60,18 +58,17 @@ def register_bonus(
     for number in grid or ():
         if number not in known:
             raise SettingError(f"unknown number {number!r} in the grid{nearest(number, known)}")
-    add(name, Algorithm(bonus, settings, numbers, grid, summary))
+    add(name, Algorithm(bonus, settings, numbers, grid))
 
 
 _SIZES = (0.1, 1.0, 10.0)
 
-register_bonus("ppo", NoBonus, grid={}, summary="no bonus")
+register_bonus("ppo", NoBonus, grid={})
 register_bonus(
-    "rnd", RND, RNDSettings, RNDNumbers, summary="random network distillation",
-    grid={"bonus_reward": _SIZES, "rnd_loss": (0.01, 0.1)},
-)  # fmt: skip
+    "rnd", RND, RNDSettings, RNDNumbers, grid={"bonus_reward": _SIZES, "rnd_loss": (0.01, 0.1)}
+)
 register_bonus(
-    "icm", ICM, ICMSettings, ICMNumbers, summary="intrinsic curiosity",
+    "icm", ICM, ICMSettings, ICMNumbers,
     grid={"bonus_learning_rate": (3e-4, 1e-4), "bonus_reward": _SIZES},
 )  # fmt: skip
-register_bonus("e3b", E3B, E3BSettings, E3BNumbers, summary="elliptical episodic bonus")
+register_bonus("e3b", E3B, E3BSettings, E3BNumbers)

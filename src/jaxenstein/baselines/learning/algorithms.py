@@ -45,14 +45,12 @@ class Algorithm:
         settings: the class of its settings.
         numbers: the class of its numbers.
         grid: values of numbers that the paper sweeps, by name; None if it has not the bonus.
-        summary: what it is, in a few words.
     """
 
     bonus: Callable[[ObservationSpec, int, Config], Bonus]
     settings: type[BonusSettings]
     numbers: type[BonusNumbers]
     grid: Mapping[str, tuple[float, ...]] | None
-    summary: str
 
 
 _ALGORITHMS: dict[str, Algorithm] = {}
