@@ -184,6 +184,21 @@ def test_from_ascii_takes_names_regions_and_colours():
         jaxenstein.from_ascii(text, regions=regions)
 
 
+def test_lists_and_arrays_are_settings_as_tuples_are():
+    text, colours = "####\n#SG#\n####", [[1, 2, 3], [4, 5, 6]]
+    env, params = jaxenstein.from_ascii(
+        text, heading=[0, 90], floor=colours, ceiling=np.array([7, 8, 9]), height=8, width=8
+    )
+    same, _ = jaxenstein.from_ascii(
+        text, heading=(0, 90), floor=((1, 2, 3), (4, 5, 6)), ceiling=(7, 8, 9), height=8, width=8
+    )
+    assert (env, hash(env)) == (same, hash(same))
+    assert 0 <= env.reset(jax.random.key(0), params)[1].heading <= np.pi / 2
+    for wrong in ({0: 90}, {0, 90}, [0, {}]):
+        with pytest.raises(jaxenstein.SettingError, match=r"heading cannot be a (dict|set)"):
+            jaxenstein.from_ascii(text, heading=wrong)
+
+
 def test_map_errors_come_through_with_their_place():
     with pytest.raises(jaxenstein.MapError, match="line 2, column 3") as caught:
         jaxenstein.from_ascii("####\n#S?G\n####")

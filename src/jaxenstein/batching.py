@@ -111,6 +111,8 @@ def _spread(axis_size: int, in_batched: list[Any], args: tuple[Any, ...]) -> tup
 def _in_chunks(every: Callable[..., Any], needed: jax.Array, *args: Any) -> Any:
     """`every(*args)` for the needed rows, zero in the others."""
     count = needed.shape[0]
+    if not count:
+        return every(*args)
     size = min(max(CHUNK, -(-count // CHUNK_SHARE)), count)
     rank = jnp.cumsum(needed, dtype=jnp.int32) - 1
     # Rows past the last that is needed are no rows at all: what is set there is dropped.

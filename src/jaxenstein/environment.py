@@ -12,6 +12,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
+from collections.abc import Hashable
 from typing import Any, ClassVar, Generic, Literal, NamedTuple, TypeVar, get_args
 
 import jax
@@ -139,6 +140,9 @@ class Environment(abc.ABC, Generic[S, P]):
 
     def __post_init__(self) -> None:
         """Check the settings; subclasses extend it."""
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            object.__setattr__(self, field.name, _as_static(field.name, value))
         if self.autoreset is not None and self.autoreset not in get_args(Autoreset):
             modes = ", ".join(map(repr, (*get_args(Autoreset), None)))
             raise SettingError(f"autoreset must be one of {modes}, not {self.autoreset!r}")
@@ -403,6 +407,20 @@ class Environment(abc.ABC, Generic[S, P]):
         # Compared in the action's own type, before a cast could wrap it around.
         valid = (action >= 0) & (action < self.num_actions)
         return jnp.where(valid, action, 0).astype(jnp.int32) - (~valid).astype(jnp.int32)
+
+
+def _as_static(field: str, value: Any) -> Any:
+    """A setting that can be hashed: tuples in the place of lists and arrays."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return tuple(_as_static(field, part) for part in value)
+    if not isinstance(value, Hashable):
+        raise SettingError(
+            f"{field} cannot be a {type(value).__name__}: settings are part of compiled programs, "
+            "so they must be hashable, as numbers, words and tuples of them are"
+        )
+    return value
 
 
 def check_whole(field: str, value: Any, highest: int) -> None:

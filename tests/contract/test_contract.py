@@ -280,6 +280,15 @@ def test_step_renders_once():
     assert flops(twice.step) > 1.5 * once
 
 
+def test_a_batch_of_no_environments():
+    env, params = build("key-door")
+    obs, states = jax.vmap(env.reset, (0, None))(jax.random.split(jax.random.key(0), 0), params)
+    assert obs.shape == (0, 12, 16, 3)
+    keys, actions = jax.random.split(jax.random.key(0), 0), jnp.zeros(0, jnp.int32)
+    obs, _, reward, *_ = jax.vmap(env.step, (0, 0, 0, None))(keys, states, actions, params)
+    assert (obs.shape, reward.shape) == ((0, 12, 16, 3), (0,))
+
+
 def test_params_can_be_batched():
     env, params = jaxenstein.make("simple", **SIZE)
     batch = params.replace(

@@ -68,6 +68,12 @@ def test_under_vmap_of_some_arguments(axes) -> None:
     same(jax.vmap(staged(stage), axes)(*args), jax.vmap(stage, axes)(*args))
 
 
+def test_a_batch_of_none() -> None:
+    same(jax.jit(jax.vmap(staged(stage)))(*inputs(0)), jax.vmap(stage)(*inputs(0)))
+    looped_none = jax.vmap(looped)(jnp.zeros(0, jnp.int32), jnp.zeros(0, jnp.int32))
+    assert [leaf.shape for leaf in looped_none] == [(0,), (0,)]
+
+
 def test_under_nested_vmaps_of_different_arguments() -> None:
     position, _, flags = inputs(3)
     _, table, _ = inputs(4)

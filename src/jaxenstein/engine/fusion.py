@@ -69,7 +69,7 @@ def repeat(body: Callable[..., Any]) -> Callable[..., Any]:
         axis_size: int, in_batched: list[Any], rounds: jax.Array, carry: Any, constants: Any
     ) -> tuple[Any, Any]:
         if in_batched[0]:
-            rounds = jnp.max(rounds)
+            rounds = jnp.max(rounds) if axis_size else jnp.int32(0)
 
         def spread(leaf: jax.Array, batched: bool) -> jax.Array:
             return leaf if batched else jnp.broadcast_to(leaf, (axis_size, *leaf.shape))
@@ -97,7 +97,10 @@ def _behind_barrier(stage: Callable[..., Any]) -> Callable[..., Any]:
 
 def _behind_cond(stage: Callable[..., Any]) -> Callable[..., Any]:
     def run(*args: Any) -> Any:
-        witness = jnp.ravel(jax.tree.leaves(args)[0])[0].astype(jnp.float32)
+        first = jnp.ravel(jax.tree.leaves(args)[0])
+        if not first.size:
+            return stage(*args)  # a batch of none
+        witness = first[0].astype(jnp.float32)
         # True for every float32 but one signalling NaN; the compiler cannot rule that one out.
         always = lax.bitcast_convert_type(witness, jnp.uint32) != jnp.uint32(_NEVER)
         shapes = jax.eval_shape(stage, *args)
