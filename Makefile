@@ -81,7 +81,7 @@ mutants: $(VENV)/.mutation ## change the engine and the rules a little, and see 
 	$(BIN)/python -m reliability.mutants $(ARGS)
 
 clean: ## remove .venv and everything generated
-	rm -rf $(VENV) .nox $(BENCH) $(DEMO) fuzz docs/_build docs/environments build dist .coverage .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .nox $(BENCH) $(DEMO) fuzz docs/_build docs/environments docs/commands.md build dist .coverage .pytest_cache .ruff_cache .hypothesis
 	find src tests benchmarks docs experiments fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted one is done again.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,15 @@ HERE = Path(__file__).parent
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "src")]
 
+import jax  # noqa: E402
+
+from docs.commands import commands_page  # noqa: E402
 from docs.environment_pages import write_pages  # noqa: E402
 from docs.page_parts import turned  # noqa: E402
 from jaxenstein.version import __version__  # noqa: E402
+
+# Attributes are shown with their types; JAX tells where it keeps this one instead of its name.
+jax.Array.__module__, jax.Array.__qualname__ = "jax", "Array"
 
 project = "JAXenstein"
 author = "The JAXenstein developers"
@@ -28,6 +35,13 @@ highlight_language = "text"
 
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
+PROJECT = tomllib.loads((HERE.parent / "pyproject.toml").read_text("utf-8"))["project"]
+# `[words](repository:)` leads to the project's own address.
+myst_url_schemes = {
+    "http": None,
+    "https": None,
+    "repository": PROJECT["urls"]["Repository"] + "{{path}}",
+}
 
 autodoc_member_order = "bysource"
 # The docstrings say types, shapes and units.
@@ -52,7 +66,16 @@ def turn_links(app: Any, page: str, source: list[str]) -> None:
         source[0] = turned(source[0])
 
 
+def write_all(app: Any) -> None:
+    """Write the pages that are generated; those that stay the same are left alone."""
+    del app
+    write_pages(HERE / "environments")
+    page, text = HERE / "commands.md", commands_page()
+    if not page.exists() or page.read_text("utf-8") != text:
+        page.write_text(text, "utf-8")
+
+
 def setup(app: Any) -> None:
-    """Write the pages of the environments before the sources are read."""
-    app.connect("builder-inited", lambda app: write_pages(HERE / "environments"))
+    """Write the generated pages before the sources are read."""
+    app.connect("builder-inited", write_all)
     app.connect("source-read", turn_links)

@@ -19,7 +19,15 @@ from PIL import Image
 
 import jaxenstein
 from docs.families import FAMILIES, Family
-from docs.page_parts import HERE, fidelity, history, info_table, returns, table
+from docs.page_parts import (
+    HERE,
+    fidelity,
+    history,
+    info_table,
+    returns,
+    stored_rows,
+    table,
+)
 from jaxenstein.catalogue import ALIASES, ENTRIES, SETTINGS
 from jaxenstein.cli.listing import GENERATED, extent
 from jaxenstein.docstrings import attributes
@@ -31,7 +39,8 @@ EPISODES = HERE / "_static" / "episodes"
 def write_pages(folder: Path = OUT) -> list[Path]:
     """Write the overview and a page for each family; files that stay the same are left alone."""
     folder.mkdir(exist_ok=True)
-    pages = {"index": overview(), **{family.name: page(family) for family in FAMILIES}}
+    pages = {family.name: page(family) for family in FAMILIES}
+    pages |= {"index": overview(), "scoreboard": scoreboard()}
     for old in folder.glob("*.md"):
         if old.stem not in pages:
             old.unlink()
@@ -69,6 +78,32 @@ names: {aliases}.
 {pages}
 ```
 """
+
+
+def scoreboard() -> str:
+    """The two ends of the scale that an agent's return is read on, for every environment."""
+    rows = []
+    for name in ENTRIES:
+        chance, way = stored_rows(name)
+        told = [f"{row['mean']:.4g} ({100 * row['success']:.0f} %)" for row in (chance, way)]
+        rows.append((f"[`{name}`]({page_of(name)}.md#{name})", *told, way["player"]))
+    head = ("id", "random player", "player that knows the way", "which one")
+    return f"""# Scoreboard
+
+What an agent's return is worth: the mean return, and the share of episodes that reach the task's
+aim, of a player that draws every action uniformly and of one that knows the way and sees the whole
+state, over {stored_rows("simple")[0]["episodes"]} episodes each. The pages of the environments have
+the standard errors. What was trained so far, with seeds, curves and commands, is on the page of
+[results](../results.md); to measure an agent in the same way, `jaxenstein evaluate RUN`, or
+`jaxenstein.record` with a policy of your own.
+
+{table(head, rows, right=(1, 2))}
+"""
+
+
+def page_of(name: str) -> str:
+    """The page that an environment is on."""
+    return ENTRIES[name].family
 
 
 def page(family: Family) -> str:
@@ -195,18 +230,16 @@ def moving(name: str) -> str:
 
 
 def _card(name: str) -> str:
-    family = ENTRIES[name].family
     return (
-        f'<a class="card" href="{family}.html#{name}">{moving(name)}'
+        f'<a class="card" href="{page_of(name)}.html#{name}">{moving(name)}'
         f'<span class="name">{name}</span><span>{ENTRIES[name].summary}</span></a>'
     )
 
 
 def _overview_row(name: str) -> tuple[str, ...]:
     env, params = built(name)
-    family = ENTRIES[name].family
     horizon, discount = int(params.max_steps_in_episode), float(params.discount)
-    link = f"[`{name}`]({family}.md#{name})"
+    link = f"[`{name}`]({page_of(name)}.md#{name})"
     return link, extent(env), rewards(name), str(horizon), f"{discount:g}"
 
 

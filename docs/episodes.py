@@ -9,7 +9,6 @@ player that knows the way. The same versions of JAX, Pillow and this code give t
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,9 +16,9 @@ import numpy as np
 from PIL import Image
 
 import jaxenstein
+from docs.command import each, parser_of
 from examples.custom_task import TMaze
 from jaxenstein.files import atomic, make_folder
-from jaxenstein.progress import Progress
 from jaxenstein.view.episode import Episode, compose, overview
 from jaxenstein.view.recording import save_png
 from jaxenstein.view.topdown import draw_map
@@ -90,22 +89,13 @@ def draw_example() -> None:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Draw those that are asked for, or all."""
-    parser = argparse.ArgumentParser(prog="python -m docs.episodes", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all)")
-    names = parser.parse_args(argv).ids or jaxenstein.environment_ids()
+    ids = parser_of("docs.episodes", __doc__).parse_args(argv).ids
     make_folder(EPISODES)
     make_folder(MAPS)
-    if names == jaxenstein.environment_ids():
+    if not ids:
         draw_example()
-    total = 0
-    with Progress(len(names), "recording", unit="environments") as progress:
-        for i, name in enumerate(names, 1):
-            progress.label = name
-            progress.show()
-            total += draw(name)
-            progress.update(i)
-    print(f"wrote {len(names)} animations to {EPISODES}, {total / 1000:.0f} kB")
+    sizes = [draw(name) for name in each(ids, "recording")]
+    print(f"wrote {len(sizes)} animations to {EPISODES}, {sum(sizes) / 1000:.0f} kB")
 
 
 if __name__ == "__main__":

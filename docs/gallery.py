@@ -9,7 +9,6 @@ most of what there is to see. The same versions of JAX and of this code give the
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,12 +19,12 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import jaxenstein
+from docs.command import each, parser_of
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.episodes.recorder import snapshots
 from jaxenstein.files import check_writable, make_folder
 from jaxenstein.maps.symbols import DECAL_LABELS, DOOR_LABELS, FLOOR, LABEL_NAMES, WALL_LABELS
 from jaxenstein.maps.things import THING_OF
-from jaxenstein.progress import Progress
 from jaxenstein.tasks.first_person import FirstPerson
 from jaxenstein.tasks.levels import closed_doors
 from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT, save_png
@@ -203,24 +202,17 @@ def arrange(blocks: Sequence[Image.Image]) -> Image.Image:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Draw the sheet and write it."""
-    parser = argparse.ArgumentParser(prog="python -m docs.gallery", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all)")
+    parser = parser_of("docs.gallery", __doc__)
     parser.add_argument("--out", type=Path, metavar="FILE.png", help="the sheet alone, elsewhere")
     options = parser.parse_args(argv)
     out = options.out or IMAGES / "environments.png"
     check_writable(out)
     single = make_folder(IMAGES / "environments") if options.out is None else None
-    names = options.ids or jaxenstein.environment_ids()
     blocks = []
-    with Progress(len(names), "drawing", unit="environments") as progress:
-        for i, name in enumerate(names, 1):
-            progress.label = name
-            progress.show()
-            blocks.append(block(name))
-            if single is not None:
-                save_png(np.asarray(blocks[-1])[TITLE:], single / f"{name}.png")
-            progress.update(i)
+    for name in each(options.ids, "drawing"):
+        blocks.append(block(name))
+        if single is not None:
+            save_png(np.asarray(blocks[-1])[TITLE:], single / f"{name}.png")
     if options.out is not None or not options.ids:
         save_png(np.asarray(arrange(blocks)), out)
         print(f"wrote {out}, {out.stat().st_size / 1000:.0f} kB")

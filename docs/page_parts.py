@@ -88,9 +88,14 @@ def stored_returns() -> dict[str, Any]:
     return json.loads((HERE / "returns.json").read_text("utf-8"))
 
 
+def stored_rows(name: str) -> list[dict[str, Any]]:
+    """What was measured of an environment: chance first, then the player that knows the way."""
+    return [row for row in stored_returns()["players"] if row["id"] == name]
+
+
 def returns(name: str) -> str:
     """The returns of the scripted players as a table."""
-    stored = [row for row in stored_returns()["players"] if row["id"] == name]
+    stored = stored_rows(name)
     players = players_of(jaxenstein.make(name)[0])
     rows = [
         (

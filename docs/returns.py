@@ -8,7 +8,6 @@ ids, only their rows are measured anew.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 import jax
 
 import jaxenstein
+from docs.command import each, parser_of
 from fidelity.players import measure
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.files import atomic, check_writable
@@ -39,9 +39,7 @@ def rows_of(name: str, episodes: int) -> list[dict[str, Any]]:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure, and write the file."""
-    parser = argparse.ArgumentParser(prog="python -m docs.returns", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all)")
+    parser = parser_of("docs.returns", __doc__)
     parser.add_argument("--episodes", type=int, default=EPISODES, metavar="N")
     parser.add_argument("--out", type=Path, default=OUT, metavar="FILE.json")
     options = parser.parse_args(argv)
@@ -50,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     kept = []
     if options.ids and options.out.exists():
         kept = json.loads(options.out.read_text("utf-8"))["players"]
-    measured = [row for name in wanted for row in rows_of(name, options.episodes)]
+    measured = [row for n in each(options.ids, "playing") for row in rows_of(n, options.episodes)]
     rows = [*(row for row in kept if row["id"] not in wanted), *measured]
     rows.sort(key=lambda row: list(ENTRIES).index(row["id"]))
     result = {"command": "python -m docs.returns", "players": rows}

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import jax
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+GENERATED = ROOT / "docs" / "commands.md"
+PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").glob("*.md")} - {GENERATED})]
 PAGES += sorted((ROOT / "docs" / "benchmarks").glob("*.md"))
 # What every sample may import: all else is a partner that may not be installed.
 AT_HAND = {*sys.stdlib_module_names, "PIL", "examples", "jax", "jaxenstein", "numpy"}

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import jaxenstein
-from docs import environment_pages, page_parts, returns
+from docs import commands, environment_pages, page_parts, returns
 from docs.families import FAMILIES
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.docstrings import attributes
@@ -155,3 +155,23 @@ def test_links_to_pages_outside_of_the_site_lead_to_those_that_show_them() -> No
     assert page_parts.turned(text) == "[how](measuring.md#x), programs, [me](concepts.md)"
     for target, page in page_parts.SHOWN.items():
         assert f"{{include}} {target}" in (DOCS / page).read_text("utf-8")
+
+
+def test_the_scoreboard_has_both_ends_of_the_scale_for_each_id(pages) -> None:
+    rows = re.findall(r"^\| \[`(.+?)`\]\((.+?)\.md#\1\) \| (\S+) .* \|$", pages["scoreboard"], re.M)
+    assert [name for name, _, _ in rows] == list(IDS)
+    assert all(page in pages for _, page, _ in rows)
+    means = {row["id"]: row["mean"] for row in page_parts.stored_returns()["players"][::2]}
+    assert [float(mean) for _, _, mean in rows] == [
+        pytest.approx(means[name], rel=1e-3) for name in IDS
+    ]
+
+
+def test_the_page_of_the_command_line_has_every_command(monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    text = commands.commands_page()
+    told = re.findall(r"^## `jaxenstein (.+)`$", text, re.M)
+    assert {"list", "play", "record", "train", "evaluate"} <= set(told)
+    assert text.count("\nusage: jaxenstein ") == len(told)
+    # As wide as on a page, whatever the terminal is.
+    assert max(map(len, text.splitlines())) > 80

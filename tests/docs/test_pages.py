@@ -19,7 +19,7 @@ WITH_PARTNERS = [sample for sample in SAMPLES if sample.partners]
 # Its learning takes minutes, and its package excludes current versions of JAX.
 NOT_RUN = ("brax",)
 # Written when the site is built.
-GENERATED = ("environments/",)
+GENERATED = ("environments/", "commands.md")
 # Commands whose options come from the extra baselines.
 BASELINES = ("train", "sweep")
 
@@ -91,3 +91,13 @@ def test_commands_are_understood(page: Path) -> None:
             assert (ROOT / arguments[0]).is_file()
         for extras in re.findall(r"^\.\[(.+)\]$", " ".join(arguments[1:])) if name == "pip" else ():
             assert set(extras.split(",")) <= set(project["optional-dependencies"])
+
+
+def test_the_own_address_is_told_once() -> None:
+    """It is a placeholder until the project is published."""
+    pyproject = (ROOT / "pyproject.toml").read_text("utf-8")
+    address = tomllib.loads(pyproject)["project"]["urls"]["Repository"]
+    texts = {page: page.read_text("utf-8") for page in PAGES}
+    assert pyproject.count(address) == 1
+    assert not [page for page, text in texts.items() if address in text]
+    assert any("](repository:)" in text for text in texts.values())
