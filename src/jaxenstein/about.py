@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import jax
 
-    from .environment import Environment
+    from .environment import AnyEnvironment
 
 Choose = Callable[["jax.Array", Any], "jax.Array"]
 """(key, state) -> int32[], the next action; it keeps nothing from one step to the next."""
@@ -46,7 +46,7 @@ class Player:
     summary: str
     make: Callable[[Any, Any], Choose]
 
-    def __call__(self, env: Environment[Any, Any], params: Any) -> Choose:
+    def __call__(self, env: AnyEnvironment, params: Any) -> Choose:
         """What chooses the actions."""
         return self.make(env, params)
 

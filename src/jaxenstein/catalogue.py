@@ -8,7 +8,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from .environment import Environment
+from .environment import AnyEnvironment
 from .maps.ascii import load_layout
 from .tasks.first_person import FirstPerson
 from .tasks.goals import NavigationParams
@@ -17,7 +17,7 @@ from .tasks.key_corridor import KeyCorridor
 from .tasks.maze import Maze, MazeParams
 from .tasks.navigation import Navigation
 
-Build = Callable[..., Environment[Any, Any]]
+Build = Callable[..., AnyEnvironment]
 
 _NAMING = ("name", "version")
 SETTINGS = tuple(

@@ -409,6 +409,10 @@ class Environment(abc.ABC, Generic[S, P]):
         return jnp.where(valid, action, 0).astype(jnp.int32) - (~valid).astype(jnp.int32)
 
 
+AnyEnvironment = Environment[Any, Any]
+"""An environment of any task."""
+
+
 def _as_static(field: str, value: Any) -> Any:
     """A setting that can be hashed: tuples in the place of lists and arrays."""
     if isinstance(value, np.ndarray):

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from . import registry
-from .environment import Environment
+from .environment import AnyEnvironment
 from .errors import (
     JAXensteinError,
     MapWarning,
@@ -45,7 +45,7 @@ class Recipe:
     settings: Settings
     params: Mapping[str, bool | int | float]
 
-    def build(self) -> tuple[Environment[Any, Any], Any]:
+    def build(self) -> tuple[AnyEnvironment, Any]:
         """The environment, without automatic resets, and its params.
 
         Raises:
@@ -67,7 +67,7 @@ class Recipe:
                 raise TrajectoryError(f"param {name!r} cannot be {value!r}")
         return env, env.check_params(params.replace(**self.params))
 
-    def try_out(self) -> tuple[Environment[Any, Any], Any]:
+    def try_out(self) -> tuple[AnyEnvironment, Any]:
         """As `build`, for a recipe of somebody else's file: looks at the values of all settings.
 
         A reset is traced; nothing is compiled.
@@ -85,7 +85,7 @@ class Recipe:
         return env, params
 
 
-def recipe_of(env: Environment[Any, Any], params: Any) -> Recipe:
+def recipe_of(env: AnyEnvironment, params: Any) -> Recipe:
     """How an environment and its params can be built again.
 
     Raises:
@@ -142,7 +142,7 @@ def _fits(value: Any, dtype: np.dtype) -> bool:
     return isinstance(value, int | float) and abs(value) <= float(np.finfo(np.float32).max)
 
 
-def _changed(env: Environment[Any, Any], params: Any) -> dict[str, bool | int | float]:
+def _changed(env: AnyEnvironment, params: Any) -> dict[str, bool | int | float]:
     given, usual = env.check_params(params), env.check_params()
     changes = {}
     for field in dataclasses.fields(usual):

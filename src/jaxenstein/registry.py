@@ -15,7 +15,7 @@ from typing import Any
 
 from . import catalogue
 from .catalogue import SETTINGS, Build, Entry
-from .environment import Environment
+from .environment import AnyEnvironment, Environment
 from .errors import JAXensteinError, MapError, SettingError, UnknownEnvironmentError, nearest
 from .maps.ascii import parse_ascii
 from .maps.map_files import read_map
@@ -87,7 +87,7 @@ def environment_ids() -> tuple[str, ...]:
     return tuple(ENTRIES)
 
 
-def make(id: str, **settings: Any) -> tuple[Environment[Any, Any], Any]:
+def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
     """Build an environment.
 
     Args:
@@ -119,7 +119,7 @@ def make(id: str, **settings: Any) -> tuple[Environment[Any, Any], Any]:
     return make_with(id, settings)
 
 
-def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[Environment[Any, Any], Any]:
+def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[AnyEnvironment, Any]:
     """As `make`, with settings of a file, which may have any names, `"id"` among them.
 
     Files run no code: the module of "module:id" must have been imported.

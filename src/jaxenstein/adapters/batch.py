@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..batching import select
-from ..environment import Autoreset, Environment
+from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError
 
 # Environments that are reset and drawn in one call after a step in which some ended.
@@ -68,7 +68,7 @@ class Batch:
 
     def __init__(
         self,
-        env: Environment[Any, Any],
+        env: AnyEnvironment,
         params: Any = None,
         num_envs: int = 1,
         *,
@@ -228,7 +228,7 @@ _compiled = functools.partial(jax.jit, static_argnums=0)
 
 
 @_compiled
-def _reset(env: Environment[Any, Any], keys: jax.Array, params: Any) -> tuple[Any, ...]:
+def _reset(env: AnyEnvironment, keys: jax.Array, params: Any) -> tuple[Any, ...]:
     keys, used = _split(keys)
     observation, states = jax.vmap(env.reset, (0, None))(used, params)
     return keys, states, observation, jax.vmap(env.describe, (0, None))(states, params)
@@ -236,7 +236,7 @@ def _reset(env: Environment[Any, Any], keys: jax.Array, params: Any) -> tuple[An
 
 @_compiled
 def _reset_some(
-    env: Environment[Any, Any], keys: jax.Array, states: Any, mask: jax.Array, params: Any
+    env: AnyEnvironment, keys: jax.Array, states: Any, mask: jax.Array, params: Any
 ) -> tuple[Any, ...]:
     after, used = _split(keys)
     fresh = jax.vmap(env.init_state, (0, None))(used, params)
@@ -248,7 +248,7 @@ def _reset_some(
 
 @_compiled
 def _step(
-    env: Environment[Any, Any], keys: jax.Array, states: Any, actions: jax.Array, params: Any
+    env: AnyEnvironment, keys: jax.Array, states: Any, actions: jax.Array, params: Any
 ) -> tuple[Any, ...]:
     keys, used = _split(keys)
     step = jax.vmap(env.step, (0, 0, 0, None))
@@ -258,7 +258,7 @@ def _step(
 
 @_compiled
 def _step_or_reset(
-    env: Environment[Any, Any], keys: jax.Array, states: Any, actions: jax.Array, params: Any
+    env: AnyEnvironment, keys: jax.Array, states: Any, actions: jax.Array, params: Any
 ) -> tuple[Any, ...]:
     """Reset the environments whose last step ended, step the others."""
     keys, used = _split(keys)
@@ -271,7 +271,7 @@ def _step_or_reset(
 # The observations are given away, so that the frames of the others need not be copied.
 @functools.partial(jax.jit, static_argnums=0, donate_argnums=3)
 def _restart(
-    env: Environment[Any, Any],
+    env: AnyEnvironment,
     keys: jax.Array,
     states: Any,
     observation: Any,

@@ -34,7 +34,7 @@ import jax
 import jax.numpy as jnp
 
 from .. import registry
-from ..environment import Environment
+from ..environment import AnyEnvironment, Environment
 from ..errors import SettingError
 from .functional import check_resets, event_names
 
@@ -65,7 +65,7 @@ class BraxEnvironment(base.Env):
         params: its params.
     """
 
-    def __init__(self, env: Environment[Any, Any], params: Any = None) -> None:
+    def __init__(self, env: AnyEnvironment, params: Any = None) -> None:
         """Wrap `env`.
 
         Args:
@@ -239,7 +239,7 @@ def make(id: str, **settings: Any) -> BraxEnvironment:
     return from_env(*registry.make(id, **{"autoreset": None, **settings}))
 
 
-def from_env(env: Environment[Any, Any], params: Any = None) -> BraxEnvironment:
+def from_env(env: AnyEnvironment, params: Any = None) -> BraxEnvironment:
     """Put an environment, such as `jaxenstein.from_ascii` returns it, behind Brax' interface.
 
     Args:

@@ -7,11 +7,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..environment import Environment, Info
+from ..environment import AnyEnvironment, Info
 from ..errors import SettingError
 
 
-def check_resets(env: Environment[Any, Any], allowed: tuple[str | None, ...], partner: str) -> None:
+def check_resets(env: AnyEnvironment, allowed: tuple[str | None, ...], partner: str) -> None:
     """Refuse an environment whose automatic resets are not what the partner's loops expect.
 
     Raises:
@@ -22,7 +22,7 @@ def check_resets(env: Environment[Any, Any], allowed: tuple[str | None, ...], pa
         raise SettingError(f"{partner} needs an environment with {right}, not {env.autoreset!r}")
 
 
-def first_info(env: Environment[Any, Any], key: jax.Array, state: Any, params: Any) -> Info:
+def first_info(env: AnyEnvironment, key: jax.Array, state: Any, params: Any) -> Info:
     """What `info` says right after a reset: as of a step in which nothing happens.
 
     It has the entries, shapes and dtypes of a step's, so that both fit one `jax.lax.scan`.
@@ -33,7 +33,7 @@ def first_info(env: Environment[Any, Any], key: jax.Array, state: Any, params: A
     return zeros | env.describe(state, params)
 
 
-def event_names(env: Environment[Any, Any], key: jax.Array, state: Any, params: Any) -> list[str]:
+def event_names(env: AnyEnvironment, key: jax.Array, state: Any, params: Any) -> list[str]:
     """The entries of `info` that tell of a step rather than of a state, sorted."""
     of_step = jax.eval_shape(env.step_env, key, state, jnp.int32(0), params)[-1]
     of_state = jax.eval_shape(env.describe, state, params)

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from .. import spaces
-from ..environment import Environment
+from ..environment import AnyEnvironment, Environment
 from ..errors import SettingError, nearest
 from ..registry import find, import_module_of, make
 from ..tasks.first_person import FirstPerson
@@ -53,7 +53,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
 
     def __init__(
         self,
-        env: Environment[Any, Any] | str,
+        env: AnyEnvironment | str,
         params: Any = None,
         *,
         render_mode: str | None = None,
@@ -152,8 +152,8 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
 
 
 def resolve(
-    env: Environment[Any, Any] | str, params: Any, settings: dict[str, Any]
-) -> tuple[Environment[Any, Any], Any]:
+    env: AnyEnvironment | str, params: Any, settings: dict[str, Any]
+) -> tuple[AnyEnvironment, Any]:
     """The environment and params that the arguments of an adapter name."""
     if not isinstance(env, str):
         if not isinstance(env, Environment):
@@ -195,7 +195,7 @@ def _check_numbers(
             raise SettingError(f"{name} must be a number, not {value!r}")
 
 
-def gymnasium_space(env: Environment[Any, Any], params: Any) -> gymnasium.Space[Any]:
+def gymnasium_space(env: AnyEnvironment, params: Any) -> gymnasium.Space[Any]:
     """The space of observations in Gymnasium's terms, without infinite bounds.
 
     Nothing is farther away than the diagonal of the map; distances in other environments than
@@ -233,7 +233,7 @@ def checked_actions(actions: Any, count: int, number: int) -> np.ndarray:
     return array.astype(np.int32)
 
 
-def check_render_mode(env: Environment[Any, Any], mode: str | None, modes: list[str]) -> None:
+def check_render_mode(env: AnyEnvironment, mode: str | None, modes: list[str]) -> None:
     """Complain of a mode that there is not, or for an environment that cannot be drawn."""
     if mode is not None and mode not in modes:
         known = ", ".join(map(repr, (*modes, None)))

@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..environment import Environment
+from ..environment import AnyEnvironment
 from ..errors import SettingError
 from .batch import Batch, Ended
 from .gymnasium import (
@@ -54,7 +54,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
 
     def __init__(
         self,
-        env: Environment[Any, Any] | str,
+        env: AnyEnvironment | str,
         params: Any = None,
         num_envs: int = 1,
         *,

@@ -31,7 +31,7 @@ import jax.numpy as jnp
 
 from .. import registry
 from .. import spaces as own
-from ..environment import Environment, Info
+from ..environment import AnyEnvironment, Environment, Info
 from ..errors import SettingError
 from .functional import check_resets
 
@@ -60,7 +60,7 @@ class GymnaxEnvironment(base.Environment):
         env: the environment inside.
     """
 
-    def __init__(self, env: Environment[Any, Any]) -> None:
+    def __init__(self, env: AnyEnvironment) -> None:
         """Wrap `env`.
 
         Raises:
@@ -193,7 +193,7 @@ def make(id: str, **settings: Any) -> tuple[GymnaxEnvironment, Any]:
     return from_env(*registry.make(id, **settings))
 
 
-def from_env(env: Environment[Any, Any], params: Any = None) -> tuple[GymnaxEnvironment, Any]:
+def from_env(env: AnyEnvironment, params: Any = None) -> tuple[GymnaxEnvironment, Any]:
     """Put an environment, such as `jaxenstein.from_ascii` returns it, behind gymnax' contract.
 
     Args:

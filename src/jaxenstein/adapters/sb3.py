@@ -16,7 +16,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..environment import Environment
+from ..environment import AnyEnvironment
 from ..errors import SettingError, nearest
 from .batch import Batch, Ended
 
@@ -52,7 +52,7 @@ class SB3VecEnv(VecEnv):
 
     def __init__(
         self,
-        env: Environment[Any, Any] | str,
+        env: AnyEnvironment | str,
         params: Any = None,
         num_envs: int = 1,
         *,
@@ -210,7 +210,7 @@ class SB3VecEnv(VecEnv):
         return [i % self.num_envs for i in chosen]
 
 
-def _space(env: Environment[Any, Any], params: Any) -> spaces.Space:
+def _space(env: AnyEnvironment, params: Any) -> spaces.Space:
     """The space of observations, images of one channel with their channel."""
 
     def add(space: spaces.Space) -> spaces.Space:
@@ -253,5 +253,5 @@ def _rows(tree: Any, count: int) -> list[Any]:
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _observe(env: Environment[Any, Any], states: Any, params: Any) -> jax.Array:
+def _observe(env: AnyEnvironment, states: Any, params: Any) -> jax.Array:
     return jax.vmap(env.observe, (0, None))(states, params)

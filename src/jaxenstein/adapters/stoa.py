@@ -24,7 +24,7 @@ import jax.numpy as jnp
 
 from .. import registry
 from .. import spaces as own
-from ..environment import Environment
+from ..environment import AnyEnvironment, Environment
 from ..errors import SettingError
 from .functional import check_resets, first_info
 
@@ -50,10 +50,10 @@ class StoaEnvironment(stoa.Environment):
         params: the params that `env_params=None` stands for.
     """
 
-    env: Environment[Any, Any]
+    env: AnyEnvironment
     params: Any
 
-    def __init__(self, env: Environment[Any, Any], params: Any = None) -> None:
+    def __init__(self, env: AnyEnvironment, params: Any = None) -> None:
         """Wrap `env`.
 
         Args:
@@ -168,7 +168,7 @@ def make(id: str, **settings: Any) -> StoaEnvironment:
     return from_env(*registry.make(id, **{"autoreset": None, **settings}))
 
 
-def from_env(env: Environment[Any, Any], params: Any = None) -> StoaEnvironment:
+def from_env(env: AnyEnvironment, params: Any = None) -> StoaEnvironment:
     """Put an environment, such as `jaxenstein.from_ascii` returns it, behind Stoa's interface.
 
     Args:

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..environment import Autoreset, Environment
+from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError
 from .batch import Batch, Ended, Stepped
 
@@ -71,7 +71,7 @@ class TorchBatch:
 
     def __init__(
         self,
-        env: Environment[Any, Any],
+        env: AnyEnvironment,
         params: Any = None,
         num_envs: int = 1,
         *,

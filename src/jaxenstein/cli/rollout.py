@@ -19,7 +19,7 @@ from ..view.recording import contact_sheet, evenly, mosaic, save_gif, scale_to
 from .arguments import add_environment, add_seed, open_environment, whole
 
 if TYPE_CHECKING:
-    from ..environment import Environment
+    from ..environment import AnyEnvironment
 
 DESCRIPTION = """\
 Step many environments side by side with a uniform random policy, resetting each when its
@@ -131,7 +131,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def compile_rollout(
-    env: Environment[Any, Any], params: Any, envs: int, seed: int, watched: int
+    env: AnyEnvironment, params: Any, envs: int, seed: int, watched: int
 ) -> tuple[Callable[[Carry, Any], tuple[Carry, Any]], Carry]:
     """Reset the environments and compile their rollout.
 

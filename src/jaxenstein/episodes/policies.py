@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import SettingError, nearest
 
 if TYPE_CHECKING:
-    from ..environment import Environment
+    from ..environment import AnyEnvironment
     from ..players import Player
     from .session import Session
 
@@ -51,7 +51,7 @@ class Script:
 class Scripted:
     """Plays as a scripted player, which sees the whole state."""
 
-    def __init__(self, player: Player, env: Environment[Any, Any], params: Any) -> None:
+    def __init__(self, player: Player, env: AnyEnvironment, params: Any) -> None:
         """Take the player."""
         self._params = params
         self._choose = _compiled(player, env)
@@ -62,7 +62,7 @@ class Scripted:
 
 
 @functools.lru_cache(maxsize=32)
-def _compiled(player: Player, env: Environment[Any, Any]) -> Callable[..., Any]:
+def _compiled(player: Player, env: AnyEnvironment) -> Callable[..., Any]:
     """A function of params, key and state, compiled once for each player and environment."""
     import jax
 
@@ -78,7 +78,7 @@ GENERAL = {
 """The policies that there are in every environment, in words."""
 
 
-def named_policy(name: str, env: Environment[Any, Any], params: Any, seed: int) -> Policy:
+def named_policy(name: str, env: AnyEnvironment, params: Any, seed: int) -> Policy:
     """The policy of a name: one of `GENERAL`, or a player of the environment's own.
 
     Raises:

@@ -24,12 +24,12 @@ from .session import NO_OP, Session, check_seed, whole_action
 
 if TYPE_CHECKING:
     from ..about import Event
-    from ..environment import Environment
+    from ..environment import AnyEnvironment
     from ..maps.tilemap import TileMap
 
 
 def record(
-    env: Environment[Any, Any],
+    env: AnyEnvironment,
     params: Any = None,
     policy: str | Sequence[int] | Policy = "forward",
     *,
@@ -76,7 +76,7 @@ def record(
 
 
 def _policy(
-    policy: str | Sequence[int] | Policy, env: Environment[Any, Any], params: Any, seed: int
+    policy: str | Sequence[int] | Policy, env: AnyEnvironment, params: Any, seed: int
 ) -> tuple[Policy, int | None]:
     """The policy, and how many actions it has if that is known."""
     if isinstance(policy, str):
@@ -141,7 +141,7 @@ def play(
     )
 
 
-def longest_step(env: Environment[Any, Any], params: Any) -> float:
+def longest_step(env: AnyEnvironment, params: Any) -> float:
     """Tiles beyond which a step on the map from above is a new start."""
     # With some room for rounding.
     return max(JUMP, 1.001 * env.frame_skip * float(getattr(params, "move_distance", 0)))

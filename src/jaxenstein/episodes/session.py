@@ -9,7 +9,7 @@ from typing import Any, SupportsIndex
 import jax
 import numpy as np
 
-from ..environment import Environment
+from ..environment import AnyEnvironment
 from ..errors import SettingError
 
 # The action that does nothing, in place of all that are outside an action space.
@@ -44,7 +44,7 @@ class Session:
         (True, 1.0)
     """
 
-    def __init__(self, env: Environment[Any, Any], params: Any, seed: int = 0) -> None:
+    def __init__(self, env: AnyEnvironment, params: Any, seed: int = 0) -> None:
         """Reset `env` with `seed`; its `autoreset` and `final_observation` do not matter."""
         self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
         # As arrays: Python's numbers would be transferred, and compiled for, by themselves.

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..environment import Environment
+from ..environment import AnyEnvironment
 from ..errors import JAXensteinError, TrajectoryError
 from ..recipe import TEXTS, Recipe
 from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory
@@ -105,7 +105,7 @@ def _recipe(table: Table) -> Recipe:
     )
 
 
-def _actions(table: Table, env: Environment[Any, Any]) -> tuple[int, ...]:
+def _actions(table: Table, env: AnyEnvironment) -> tuple[int, ...]:
     actions = _runs(table, "actions", "", _whole(None, None))
     for index, action in enumerate(actions):
         if not NO_OP <= action < env.num_actions:

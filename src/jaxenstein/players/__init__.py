@@ -6,7 +6,7 @@ what such players are made of: `walking` has paths and steps, `playing` plays ma
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..about import Choose, Player
 from ..errors import SettingError, nearest
@@ -14,18 +14,18 @@ from .chance import IDLE, UNIFORM
 from .playing import Played, play
 
 if TYPE_CHECKING:
-    from ..environment import Environment
+    from ..environment import AnyEnvironment
 
 EXPERT = "expert"
 """Stands for the name of the player who does the task best."""
 
 
-def players_of(env: Environment[Any, Any]) -> dict[str, Player]:
+def players_of(env: AnyEnvironment) -> dict[str, Player]:
     """All players of an environment by name: nobody, chance, and those of its task."""
     return {"idle": IDLE, "uniform": UNIFORM, **env.about().players}
 
 
-def player_of(env: Environment[Any, Any], name: str = EXPERT) -> Player:
+def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
     """The player of a name; `"expert"` is the one who does the task best.
 
     Raises:

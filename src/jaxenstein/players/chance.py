@@ -10,13 +10,13 @@ import jax.numpy as jnp
 from ..about import Choose, Player
 
 if TYPE_CHECKING:
-    from ..environment import Environment
+    from ..environment import AnyEnvironment
 
 NO_OP = -1
 """An action outside every action space."""
 
 
-def idle(env: Environment[Any, Any], params: Any) -> Choose:
+def idle(env: AnyEnvironment, params: Any) -> Choose:
     """Never do anything."""
     del env, params
 
@@ -27,7 +27,7 @@ def idle(env: Environment[Any, Any], params: Any) -> Choose:
     return choose
 
 
-def uniform(env: Environment[Any, Any], params: Any) -> Choose:
+def uniform(env: AnyEnvironment, params: Any) -> Choose:
     """Draw each action uniformly."""
     del params
 

@@ -13,7 +13,7 @@ from ..batching import select
 from ..pytree import PyTreeNode
 
 if TYPE_CHECKING:
-    from ..environment import Environment
+    from ..environment import AnyEnvironment
 
 
 class Played(PyTreeNode):
@@ -33,9 +33,7 @@ class Played(PyTreeNode):
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
-def play(
-    env: Environment[Any, Any], player: Player, params: Any, key: jax.Array, states: Any
-) -> Played:
+def play(env: AnyEnvironment, player: Player, params: Any, key: jax.Array, states: Any) -> Played:
     """Play one episode from each state to its end.
 
     Args:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..environment import Environment
+    from ..environment import AnyEnvironment
 
 # XLA's CPU backend uses one thread with these; more would fight over one core.
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
@@ -124,7 +124,7 @@ def measure(settings: Settings) -> dict[str, Any]:
     }
 
 
-def open_environment(settings: Settings) -> tuple[Environment[Any, Any], Any]:
+def open_environment(settings: Settings) -> tuple[AnyEnvironment, Any]:
     """The environment and params that the settings name; wrong ones raise `JAXensteinError`."""
     from ..registry import make
 

@@ -16,7 +16,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..environment import Environment
+from ..environment import AnyEnvironment
 from ..errors import SettingError
 from ..pytree import PyTreeNode
 
@@ -43,7 +43,7 @@ class RolloutCarry(PyTreeNode):
 
 
 def make_random_rollout(
-    env: Environment[Any, Any], params: Any, batch: int, steps: int
+    env: AnyEnvironment, params: Any, batch: int, steps: int
 ) -> tuple[jax.stages.Wrapped, jax.stages.Wrapped]:
     """Make a rollout of a uniform random policy, and the function that starts it.
 
