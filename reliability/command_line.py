@@ -144,15 +144,15 @@ def short() -> Iterator[None]:
     def stop(*args: Any, **kwargs: Any) -> Any:
         raise SettingError(BEGINS)
 
-    def few(options: argparse.Namespace, given: Any = train.given_options) -> dict[str, Any]:
+    def few(options: argparse.Namespace, given: Any = train.given_training) -> dict[str, Any]:
         return targets.bounded(given(options))
 
     with contextlib.ExitStack() as stack:
         for where, name, value in (
             (play, "_open_terminal", stop),
             (play, "_open_window", stop),
-            (train, "given_options", few),
-            (sweep, "given_options", few),
+            (train, "given_training", few),
+            (sweep, "given_training", few),
             (train, "carry_out", lambda *_: 0),
             (sweep, "carry_out", stop),
             (bench, "table", lambda results: f"{len(results)} results"),

@@ -25,6 +25,7 @@ from benchmarks.report.tables import table_of
 from benchmarks.suites.processes import memory
 from benchmarks.suites.worker import tell
 from benchmarks.training.flops import matrix_flops, matrix_rate
+from jaxenstein import make
 from jaxenstein.baselines import Config, Experience, Learner
 from jaxenstein.baselines.learning import ppo
 from jaxenstein.baselines.learning.rollout import final_values, rollout
@@ -107,7 +108,7 @@ def parts(learner: Learner, repeats: int) -> dict[str, float]:
 def measure_training(config: Config, options: argparse.Namespace) -> dict[str, Any]:
     """One update of a configuration: its speed, its matrix products, and where the time goes."""
     tell(f"{config.algo}, {config.num_envs} environments")
-    learner = Learner(*config.make_env(), config)
+    learner = Learner(*make(options.env, height=options.size, width=options.size), config)
     state = learner.init(jax.random.key(0))
     numbers = learner.loop.numbers(None)
 
@@ -158,8 +159,6 @@ def main() -> None:
     rows = [
         measure_training(
             Config(
-                env=args.env,
-                env_settings=(("height", args.size), ("width", args.size)),
                 algo=algo,
                 num_envs=number,
                 rollout=args.rollout,

@@ -45,16 +45,19 @@ class Recipe:
     settings: Settings
     params: Mapping[str, bool | int | float]
 
-    def build(self) -> tuple[AnyEnvironment, Any]:
+    def build(self, *, warn: bool = False) -> tuple[AnyEnvironment, Any]:
         """The environment, without automatic resets, and its params.
+
+        Args:
+            warn: of what is odd about the map; whoever made it has been warned.
 
         Raises:
             JAXensteinError: an id, setting or param does not exist or has a wrong value.
         """
         settings = {**self.settings, "autoreset": None}
         with warnings.catch_warnings():
-            # Whoever made the map has been warned.
-            warnings.simplefilter("ignore", MapWarning)
+            if not warn:
+                warnings.simplefilter("ignore", MapWarning)
             if self.id is not None:
                 env, params = registry.make_with(self.id, settings)
             else:
@@ -124,6 +127,11 @@ def _candidates(env: Any) -> list[tuple[str | None, dict[str, Any]]]:
         faces = env.tilemap.faces_text()
         found.append((None, settings if faces is None else settings | {"faces": faces}))
     return found
+
+
+def as_tuples(value: Any) -> Any:
+    """The value with tuples for lists, at every depth."""
+    return tuple(map(as_tuples, value)) if isinstance(value, list | tuple) else value
 
 
 def _plain(value: Any) -> Any:

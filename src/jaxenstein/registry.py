@@ -296,7 +296,7 @@ def _check_names(
     if name in numbers:
         raise SettingError(
             f"{name!r} is a param, not a setting: use params.replace({name}=...) on the "
-            "params that make returns"
+            f"params that make returns, --param {name}=... in a command"
         )
     near = nearest(name, known) or nearest(name, numbers).replace("you mean", "you mean the param")
     raise SettingError(f"unknown setting {name!r}{near}; known: {', '.join(known)}")

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from jaxenstein.cli import main
+from jaxenstein.recipe import Recipe
+from jaxenstein.settings import recipe_from
 from jaxenstein.speed import measuring
 from jaxenstein.speed.measuring import BenchmarkError, Settings, measure_apart, summarise
 
 
 def fake(settings: Settings) -> dict[str, object]:
+    seen, rates = settings.recipe["settings"], np.array([1e3, 2e3, 3e3])
     return {
-        "id": settings.id,
-        "width": settings.width,
-        "height": settings.height,
+        "id": settings.name,
+        "width": seen["width"],
+        "height": seen["height"],
         "batch": settings.batch,
-        "steps_per_second": summarise(np.array([1e3, 2e3, 3e3])),
-        "world_steps_per_second": summarise(settings.frame_skip * np.array([1e3, 2e3, 3e3])),
+        "steps_per_second": summarise(rates),
+        "world_steps_per_second": summarise(seen["frame_skip"] * rates),
         "compile_seconds": {"reset": 1.0, "step": 1.0},
         "peak_memory_bytes": None,
     }
@@ -43,7 +46,7 @@ def test_table_and_json(
     assert "100%" in err
     assert all(line.split()[3:8:4] == ["2.00k", "6.00k"] for line in out.splitlines()[1:5])
     report = json.loads(path.read_text())
-    assert set(report["versions"]) == {"python", "jax", "numpy", "jaxenstein"}
+    assert set(report["versions"]) == {"python", "jax", "jaxlib", "numpy", "jaxenstein"}
     assert report["hardware"]["cores"] == os.cpu_count()
     assert [result["batch"] for result in report["results"]] == [4, 8, 4, 8]
 
@@ -58,15 +61,8 @@ def test_summary_is_median_and_quartiles() -> None:
 @pytest.mark.slow
 def test_measures_in_a_process_of_its_own() -> None:
     core = min(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
-    small: dict[str, Any] = {
-        "batch": 2,
-        "steps": 4,
-        "repeats": 3,
-        "height": 8,
-        "width": 8,
-        "frame_skip": 3,
-    }
-    settings = Settings("simple", **small, core=core)
+    small = recipe_from({"env": "simple", "height": 8, "width": 8, "frame_skip": 3})
+    settings = Settings("small", asdict(small), batch=2, steps=4, repeats=3, core=core)
     result = measure_apart(settings)
     rates = result["steps_per_second"]
     assert len(result["seconds"]) == len(rates["repeats"]) == 3
@@ -81,13 +77,15 @@ def test_measures_in_a_process_of_its_own() -> None:
     # A process with JAX in it has at least this, and this tiny configuration not more than that.
     assert 50e6 < result["peak_memory_bytes"] < 2e9
     assert result["core"] == core
+    assert (result["id"], result["height"], result["frame_skip"]) == ("small", 8, 3)
 
 
 def test_failing_process_is_told_in_one_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(BenchmarkError, match=r"^measuring nowhere with batch 2 failed: .*nowhere"):
-        measure_apart(Settings("nowhere", batch=2, steps=4, repeats=3))
+    nowhere = Settings("x", asdict(Recipe("nowhere", 0, {}, {})), batch=2, steps=4, repeats=3)
+    with pytest.raises(BenchmarkError, match=r"^measuring x with batch 2 failed: .*nowhere"):
+        measure_apart(nowhere)
 
     def fail(settings: Settings) -> None:
         raise BenchmarkError("measuring failed: Killed")

@@ -14,7 +14,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.cli import bench, build_parser, listing, main, rollout
-from jaxenstein.cli.arguments import open_environment
+from jaxenstein.cli.arguments import given_options, open_environment
 
 MAP = "#####\n#S.G#\n#####\n"
 
@@ -209,7 +209,7 @@ def test_heading_of_a_map_file(text: str, low: float, high: float, tmp_path: Pat
     path.write_text(MAP)
     given = ["--heading" + text] if text.startswith("=") else ["--heading", text]
     options = build_parser().parse_args(["rollout", "--map-file", str(path), *given])
-    env, params, _ = open_environment(options)
+    env, params, _ = open_environment(given_options(options))
     keys = jax.random.split(jax.random.key(0), 64)
     headings = np.rad2deg(jax.vmap(env.init_state, (0, None))(keys, params).heading)
     headings = (headings + 180) % 360 - 180
@@ -235,10 +235,11 @@ def test_bench_table_lines_up() -> None:
     rates = {"median": 99960.0, "lower_quartile": 1e5, "upper_quartile": 217_400.0}
     result = {
         "id": "simple", "width": 64, "height": 48, "batch": 256, "steps_per_second": rates,
+        "world_steps_per_second": rates,
         "compile_seconds": {"reset": 1.0, "step": 2.25}, "peak_memory_bytes": 300 * 2**20,
     }  # fmt: skip
     header, line = bench.table([result]).splitlines()
-    assert " ".join(line.split()) == "simple 64x48 256 100k 100k - 217k 3.2 s 300 MiB"
+    assert " ".join(line.split()) == "simple 64x48 256 100k 100k - 217k 100k 3.2 s 300 MiB"
     assert header.index("BATCH") + len("BATCH") == line.index("256") + len("256")
 
 

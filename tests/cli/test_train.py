@@ -22,7 +22,7 @@ from jaxenstein.baselines.runs.metrics import read_metrics
 from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.train import note_of
-from jaxenstein.cli.training import given_options
+from jaxenstein.cli.training import given_training
 from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, tiny
 
 ROOT = Path(__file__).parents[2]
@@ -49,7 +49,7 @@ def flags(tmp_path: Path) -> list[str]:
 
 
 def parse(*arguments: str) -> dict[str, Any]:
-    return given_options(build_parser().parse_args(["train", "--out", "x", *arguments]))
+    return given_training(build_parser().parse_args(["train", "--out", "x", *arguments]))
 
 
 def test_trains_resumes_and_plots(

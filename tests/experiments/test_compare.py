@@ -17,7 +17,7 @@ from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.metrics import read_metrics
 from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import build_parser
-from jaxenstein.cli.training import given_options
+from jaxenstein.cli.training import given_training
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = sorted((ROOT / "experiments").rglob("*.toml"))
@@ -40,7 +40,7 @@ convolutions = [[4, 4, 4]]
 
 def read(config: Path, algo: str) -> Experiment:
     flags = ["--config", str(config), "--algo", algo, *NUMBERS[algo]]
-    return resolve(given_options(build_parser().parse_args(["train", "--out", "x", *flags])))
+    return resolve(given_training(build_parser().parse_args(["train", "--out", "x", *flags])))
 
 
 @pytest.mark.parametrize("algo", NUMBERS)
@@ -52,7 +52,7 @@ def test_the_files_are_experiments(config: Path, algo: str) -> None:
         # What the paper says.
         found = experiment.config
         assert len(experiment.runs) == 5
-        assert dict(found.env_settings) == {"height": 64, "width": 64}
+        assert experiment.recipe.settings == {"height": 64, "width": 64}
         assert (found.rollout, found.epochs, found.hidden, found.features) == (128, 4, 256, 256)
 
 

@@ -1,8 +1,7 @@
 """Recurrent PPO with exploration bonuses, from environment to update in one compiled program.
 
-    config = Config(env="simple", algo="rnd", total_steps=3_000_000)
-    env, params = config.make_env()
-    learner = Learner(env, params, config)
+    env, params = jaxenstein.make("simple")
+    learner = Learner(env, params, Config(algo="rnd", total_steps=3_000_000))
     state = learner.init(jax.random.key(0))
     state, metrics = learner.train_chunk(state, HParams(), updates=10)
 

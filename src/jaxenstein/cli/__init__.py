@@ -107,7 +107,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"jaxenstein {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
-    parser.set_defaults(run=lambda _: parser.print_help())
+    parser.set_defaults(run=lambda _: parser.print_help(), modules=None)
     for command in COMMANDS:
         command.add_command(commands)
     for command in commands.choices.values():

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import math
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from ..errors import MapWarning, nearest
 
 if TYPE_CHECKING:
+    from ..recipe import Recipe
+    from ..settings import Option
     from ..tasks.first_person import FirstPerson
-
-OBSERVATIONS = ("rgb", "gray", "depth", "labels", "dict")
 
 
 class UsageError(Exception):
@@ -120,67 +121,139 @@ def heading(text: str) -> float | tuple[float, float]:
     raise argparse.ArgumentTypeError(f"must be DEGREES, or LOW,HIGH like -45,45, not {text!r}")
 
 
-def add_environment(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that say which environment, and how it is seen."""
-    parser.add_argument(
-        "id", nargs="?", metavar="ID", help="an environment, see 'jaxenstein list', or MODULE:NAME"
-    )
-    parser.add_argument(
-        "--map-file",
-        metavar="FILE",
-        type=Path,
-        help="a map as text instead of ID; 'jaxenstein list --symbols' explains the symbols",
-    )
-    parser.add_argument(
-        "--heading",
-        metavar="DEGREES",
-        type=heading,
-        help="first heading on the map of --map-file, 0 east, 90 south; --heading=-45,45 draws it "
-        "between the two (default: any)",
-    )
-    view = parser.add_argument_group("what the agent sees")
-    view.add_argument(
-        "--height",
-        type=whole(1, 4096),
-        default=64,
-        metavar="PX",
-        help="image height in pixels (default %(default)s)",
-    )
-    view.add_argument(
-        "--width",
-        type=whole(1, 4096),
-        default=64,
-        metavar="PX",
-        help="image width in pixels (default %(default)s)",
-    )
-    view.add_argument(
-        "--fov",
-        type=real(30, 120),
-        metavar="DEGREES",
-        help="horizontal field of view, 30 to 120 (default: the environment's own, mostly 60)",
-    )
-    view.add_argument(
-        "--observation",
-        choices=OBSERVATIONS,
-        default="rgb",
-        metavar="KIND",
-        help=f"one of {', '.join(OBSERVATIONS)} (default %(default)s)",
-    )
-    add_frame_skip(view)
+def count(text: str) -> int:
+    """An argument type: a whole number, also as 3e6 or 3_000_000."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if value != value or abs(value) >= 2**53 or value != int(value):
+        raise argparse.ArgumentTypeError(f"must be a whole number, not {text!r}")
+    return int(value)
 
 
-def add_frame_skip(parser: argparse._ActionsContainer) -> None:
-    """Add --frame-skip."""
-    parser.add_argument(
-        "--frame-skip",
-        type=whole(1, 64),
-        default=1,
-        metavar="N",
-        help="take each action for N steps of the world, and draw the last (default %(default)s)",
-    )
+def number(text: str) -> float:
+    """An argument type: a number; its range is checked with the others."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be a number, not {text!r}") from None
 
 
-def add_seed(parser: argparse.ArgumentParser) -> None:
+def layers(text: str) -> list[list[int]]:
+    """An argument type: convolutions like 8x4x32,4x2x64, kernel, stride and features of each."""
+    parts = [part.split("x") for part in text.lower().split(",")]
+    if not all(len(part) == 3 and all(n.isdecimal() for n in part) for part in parts):
+        raise argparse.ArgumentTypeError(
+            f"must be KERNELxSTRIDExFEATURES of each layer, like 8x4x32,4x2x64, not {text!r}"
+        )
+    return [[int(n) for n in part] for part in parts]
+
+
+# How arguments of each kind are read, and what the help calls them.
+CONVERT: dict[str, tuple[Callable[[str], Any], str]] = {
+    "count": (count, "N"),
+    "number": (number, "X"),
+    "layers": (layers, "KxSxF,..."),
+    "angle": (heading, "DEGREES"),
+    "text": (str, "TEXT"),
+}
+# Flags of options that are tables, and what one entry looks like; shorter names of others.
+TABLES = {
+    "settings": ("--set", "NAME=VALUE"),
+    "params": ("--param", "NAME=VALUE"),
+    "grid": ("--grid", "NAME=V,V"),
+}
+SHORTER = {"field_of_view": ("--fov",)}
+# Where the parsed arguments keep the options that were given.
+PREFIX = "option_"
+
+
+def add_options(
+    parser: argparse.ArgumentParser, options: Mapping[str, Option], without: Sequence[str] = ()
+) -> None:
+    """Add a flag for every option, but for those named; one that is not given leaves no trace."""
+    groups: dict[str, argparse._ArgumentGroup] = {}
+    for option in options.values():
+        # A map as text is for files.
+        if option.name not in (*without, "map"):
+            if option.group not in groups:
+                groups[option.group] = parser.add_argument_group(option.group)
+            _add_option(groups[option.group], option)
+
+
+def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
+    flags = (f"--{option.name.replace('_', '-')}", *SHORTER.get(option.name, ()))
+    default = f"{option.default:g}" if isinstance(option.default, float) else option.default
+    shown = "" if default is None else f" (default {default})"
+    common: dict[str, Any] = {
+        "dest": f"{PREFIX}{option.name}",
+        "default": argparse.SUPPRESS,
+        "help": (option.help + shown).replace("%", "%%"),
+    }
+    if option.kind == "table":
+        flag, metavar = TABLES[option.name]
+        group.add_argument(flag, action="append", metavar=metavar, **common)
+    elif option.kind == "flag":
+        group.add_argument(*flags, action=argparse.BooleanOptionalAction, **common)
+    elif option.kind == "choice":
+        group.add_argument(*flags, choices=option.choices, metavar="NAME", **common)
+    else:
+        convert, metavar = CONVERT[option.kind]
+        group.add_argument(*flags, type=convert, metavar=metavar, **common)
+
+
+def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()) -> None:
+    """Add ID, and the flags of everything that can be set of an environment."""
+    from ..settings import environment_options
+
+    if "env" not in without:
+        parser.add_argument(
+            "id",
+            nargs="?",
+            metavar="ID",
+            default=argparse.SUPPRESS,
+            help="an environment, see 'jaxenstein list', or MODULE:NAME",
+        )
+    add_options(parser, environment_options(), (*without, "env"))
+
+
+def given_options(options: argparse.Namespace) -> dict[str, Any]:
+    """The options that were given as arguments, by name; those of a map file are its texts."""
+    given = {
+        name.removeprefix(PREFIX): value
+        for name, value in vars(options).items()
+        if name.startswith(PREFIX)
+    }
+    if getattr(options, "id", None) is not None:
+        given["env"] = options.id
+    import_module_of(given.get("env"))
+    for name in TABLES:
+        if name in given:
+            given[name] = dict(_entry(name, text) for text in given[name])
+    return given
+
+
+def _entry(option: str, text: str) -> tuple[str, Any]:
+    """NAME and the value of NAME=VALUE, which is a number, true, false, a list or a text."""
+    flag, metavar = TABLES[option]
+    name, equals, value = text.partition("=")
+    if not equals or not name or not value:
+        raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {text!r}")
+    parts = [_value(part.strip()) for part in value.split(",")]
+    return name.replace("-", "_"), parts if option == "grid" or len(parts) > 1 else parts[0]
+
+
+def _value(text: str) -> Any:
+    if text in ("true", "false", "none"):
+        return {"true": True, "false": False, "none": None}[text]
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return kind(text)
+    return text
+
+
+def add_seed(parser: argparse._ActionsContainer) -> None:
     """Add --seed."""
     parser.add_argument(
         "--seed",
@@ -193,44 +266,62 @@ def add_seed(parser: argparse.ArgumentParser) -> None:
 
 
 def open_environment(
-    options: argparse.Namespace, **settings: Any
+    given: Mapping[str, Any], instead_of: Recipe | None = None
 ) -> tuple[FirstPerson[Any, Any], Any, str]:
-    """The environment that the arguments name, its default params, and a name for files.
+    """An environment, without automatic resets; warnings about its map are printed.
 
-    Warnings about the map are printed, one line each.
+    Args:
+        given: as `given_options` returns it.
+        instead_of: what is not given is as in this one.
+
+    Returns:
+        The environment, its params, and a name for files.
+
+    Raises:
+        UsageError: neither an ID nor a map is given.
+        JAXensteinError: it cannot be built.
     """
-    import jaxenstein
+    recipe, name = open_recipe(given, instead_of)
+    env, params = recipe.build()
+    return cast("FirstPerson[Any, Any]", env), params, name
 
-    from ..maps.map_files import read_map
 
-    if (options.id is None) == (options.map_file is None):
+def open_recipe(given: Mapping[str, Any], instead_of: Recipe | None = None) -> tuple[Recipe, str]:
+    """How to build that environment, and the name for files."""
+    from ..settings import changed, recipe_from
+
+    named = len({"env", "map_file"} & set(given))
+    if named == 2 or (named == 0 and instead_of is None):
         raise UsageError("jaxenstein: give either the ID of an environment or --map-file FILE")
-    settings = {
-        "height": options.height,
-        "width": options.width,
-        "observation": options.observation,
-        "frame_skip": options.frame_skip,
-        **({} if options.fov is None else {"field_of_view": options.fov}),
-        **settings,
-    }
-    if options.heading is not None and options.map_file is None:
-        raise UsageError(
-            "jaxenstein: --heading goes with --map-file; an ID has headings of its own"
-        )
+    name = (
+        Path(given["map_file"]).stem
+        if "map_file" in given
+        else given.get("env", "").rpartition(":")[2]
+    )
+    with telling_warnings():
+        options = with_map(given)
+        return (changed(instead_of, options) if instead_of else recipe_from(options)), name
+
+
+@contextlib.contextmanager
+def telling_warnings() -> Iterator[None]:
+    """Print the warnings about maps, one line each."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", MapWarning)
-        if options.map_file is None:
-            import_module_of(options.id)
-            made, params = jaxenstein.make(options.id, **settings)
-            env = cast("FirstPerson[Any, Any]", made)
-            name = options.id.rpartition(":")[2]
-        else:
-            texts = read_map(options.map_file)
-            env, params = jaxenstein.from_ascii(**texts, heading=options.heading, **settings)
-            name = options.map_file.stem
-    for warning in caught:
+        yield
+    for warning in {str(warning.message): warning for warning in caught}.values():
         print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)
-    return env, params, name
+
+
+def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
+    """The options with the texts of a map file, which may be relative to a folder, for its name."""
+    from ..maps.map_files import read_map
+
+    given = dict(given)
+    if "map_file" in given:
+        texts = read_map(folder / given.pop("map_file"))
+        given |= {"map" if name == "text" else name: text for name, text in texts.items()}
+    return given
 
 
 def import_modules(names: Iterable[str]) -> None:

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..files import atomic, check_writable
 from ..progress import Progress, si
 from .arguments import (
-    OBSERVATIONS,
+    Parser,
     UsageError,
-    add_frame_skip,
+    add_environment,
     add_seed,
+    given_options,
     import_module_of,
+    open_recipe,
     size,
     whole,
 )
 from .listing import format_table
+
+if TYPE_CHECKING:
+    from ..recipe import Recipe
 
 DESCRIPTION = """\
 Measure rollouts under a uniform random policy inside one compiled scan: policy draw, dynamics,
@@ -41,15 +47,21 @@ Close other programs first; where the quartiles lie far apart, something else wa
 
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
+    commands.add_parser(
         "bench",
         help="measure steps per second, compile time and memory",
         description=DESCRIPTION,
         epilog=EPILOG,
+        fill=fill,
     )
+
+
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "ids", nargs="*", metavar="ID", help="environments to measure (default my-way-home)"
     )
+    add_environment(parser, without=("env",))
     parser.add_argument(
         "--batch",
         type=batches,
@@ -74,18 +86,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--size",
         type=size,
-        default=(64, 64),
         metavar="WxH",
-        help="image size in pixels, width first (default 64x64)",
+        help="both --width and --height (default 64x64)",
     )
-    parser.add_argument(
-        "--observation",
-        choices=OBSERVATIONS,
-        default="rgb",
-        metavar="KIND",
-        help=f"one of {', '.join(OBSERVATIONS)} (default %(default)s)",
-    )
-    add_frame_skip(parser)
     parser.add_argument(
         "--core",
         type=whole(0),
@@ -110,38 +113,29 @@ def batches(text: str) -> list[int]:
 def run(options: argparse.Namespace) -> None:
     """Measure, print the table, write the JSON file."""
     from ..machine import describe_machine
-    from ..speed.measuring import Settings, measure_apart, open_environment
+    from ..speed.measuring import Settings, measure_apart
 
-    ids = options.ids or ["my-way-home"]
-    height, width = options.size
     _check_core(options.core)
     if options.json is not None:
         check_writable(options.json)
     plan = [
         Settings(
-            id=name,
+            name=name,
+            recipe=dataclasses.asdict(recipe),
             batch=batch,
             steps=options.steps,
             repeats=options.repeats,
-            height=height,
-            width=width,
-            observation=options.observation,
-            frame_skip=options.frame_skip,
             seed=options.seed,
             core=options.core,
         )
-        for name in ids
+        # A wrong id or setting is told before anything is measured.
+        for recipe, name in _environments(options)
         for batch in options.batch
     ]
-    for name in ids:
-        import_module_of(name)
-    for settings in plan:
-        # A wrong id or setting is told before anything is measured.
-        open_environment(settings)
     results = []
     with Progress(len(plan), "measuring", unit="runs") as progress:
         for done, settings in enumerate(plan, 1):
-            progress.label = f"{settings.id}, batch {settings.batch}"
+            progress.label = f"{settings.name}, batch {settings.batch}"
             progress.show()
             results.append(measure_apart(settings))
             progress.update(done)
@@ -151,6 +145,18 @@ def run(options: argparse.Namespace) -> None:
         with atomic(options.json) as temporary:
             temporary.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
         print(f"wrote {options.json}")
+
+
+def _environments(options: argparse.Namespace) -> list[tuple[Recipe, str]]:
+    """How to build what is measured, and its names."""
+    given = given_options(options)
+    for id in options.ids:
+        import_module_of(id)
+    if options.size is not None:
+        given = dict(zip(("height", "width"), options.size, strict=True)) | given
+    if "map_file" in given and not options.ids:
+        return [open_recipe(given)]
+    return [open_recipe({**given, "env": id}) for id in options.ids or ["my-way-home"]]
 
 
 def table(results: list[dict[str, Any]]) -> str:

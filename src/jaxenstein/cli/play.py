@@ -7,7 +7,7 @@ import contextlib
 import itertools
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -17,11 +17,18 @@ from ..interactive.display import DisplayError
 from ..progress import Progress
 from ..view.episode import Episode, compose
 from ..view.recording import check_animation, save_animation, scale_to
-from .arguments import UsageError, add_environment, add_seed, open_environment, real
+from .arguments import (
+    Parser,
+    UsageError,
+    add_environment,
+    add_seed,
+    given_options,
+    open_environment,
+    real,
+)
 from .record import load_agent, open_for
 
 if TYPE_CHECKING:
-    from ..baselines.runs.agents import TrainedPolicy
     from ..episodes.session import Session
     from ..interactive.game import Game
     from ..interactive.terminal import Terminal
@@ -61,14 +68,18 @@ STOPPING = ("SIGTERM", "SIGHUP")
 
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
+    commands.add_parser(
         "play",
         help="play with the keyboard, in a window or in the terminal",
         description=DESCRIPTION,
         epilog=EPILOG,
+        fill=fill,
     )
+
+
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     add_environment(parser)
-    parser.set_defaults(height=COMFORTABLE[0], width=COMFORTABLE[1])
     how = parser.add_argument_group("how it is played")
     how.add_argument(
         "--terminal",
@@ -115,11 +126,11 @@ def run(options: argparse.Namespace) -> None:
     terminal = _open_terminal() if options.terminal else None
     agent = None
     if options.policy is None:
-        _choose_size(options, terminal)
-        env, params, name = open_environment(options, autoreset=None)
+        given = given_options(options)
+        env, params, name = open_environment(_size(given, options.native, terminal) | given)
     else:
         agent = load_agent(options.policy)
-        env, params, name = _open_for(agent, options)
+        env, params, name = open_for(agent, options)
     from ..interactive.game import Game, play, wait_for
     from ..interactive.watching import AgentGame
     from ..recipe import recipe_of
@@ -130,7 +141,7 @@ def run(options: argparse.Namespace) -> None:
         recipe_of(env, params)
 
     def load() -> Game:
-        keep, note = options.record is not None, _note(options)
+        keep, note = options.record is not None, _note(env)
         common: dict[str, Any] = {"seed": options.seed, "fps": options.fps, "keep": keep}
         if agent is not None:
             return AgentGame(env, params, agent, note=f"watching {agent.name}", **common)
@@ -138,30 +149,13 @@ def run(options: argparse.Namespace) -> None:
 
     game = None
     try:
-        with _stopping(), terminal or _open_window(options, name) as display:
+        with _stopping(), terminal or _open_window(env, name) as display:
             game = wait_for(display, load)
             if game is not None:
                 play(display, game)
     finally:
         if game is not None:
             _write(game, options, name)
-
-
-def _open_for(
-    agent: TrainedPolicy, options: argparse.Namespace
-) -> tuple[FirstPerson[Any, Any], Any, str]:
-    """The environment to watch an agent in; the picture is the one that it sees."""
-    height, width = agent.env.height, agent.env.width
-    if (options.height, options.width) not in (COMFORTABLE, (height, width)):
-        raise UsageError(
-            f"jaxenstein play: {agent.name} sees {width}x{height} pixels; leave out --height and "
-            "--width"
-        )
-    elsewhere = options.id is not None or options.map_file is not None
-    options.height, options.width = (height, width) if elsewhere else NATIVE
-    opened = open_for(agent, options)
-    options.height, options.width = height, width
-    return opened
 
 
 def _open_terminal() -> Terminal:
@@ -173,13 +167,13 @@ def _open_terminal() -> Terminal:
         raise UsageError(f"jaxenstein play --terminal: {error}") from error
 
 
-def _open_window(options: argparse.Namespace, name: str) -> Window:
+def _open_window(env: FirstPerson[Any, Any], name: str) -> Window:
     """A window in which the view is about 480 pixels high."""
     from ..interactive.window import GAP, LINE, Window
 
-    scale = scale_to(options.height, VIEW_HEIGHT)
-    width = max(options.width * scale, VIEW_HEIGHT) + 2 * GAP
-    height = options.height * scale + 3 * GAP + STATUS_LINES * LINE
+    scale = scale_to(env.height, VIEW_HEIGHT)
+    width = max(env.width * scale, VIEW_HEIGHT) + 2 * GAP
+    height = env.height * scale + 3 * GAP + STATUS_LINES * LINE
     try:
         return Window(f"{name} - JAXenstein", (width, height))
     except DisplayError as error:
@@ -188,26 +182,26 @@ def _open_window(options: argparse.Namespace, name: str) -> Window:
         ) from error
 
 
-def _choose_size(options: argparse.Namespace, terminal: Terminal | None) -> None:
-    """Set the size of the picture, unless it was given."""
-    given = (options.height, options.width) != COMFORTABLE
-    if given and options.native:
+def _size(given: Mapping[str, Any], native: bool, terminal: Terminal | None) -> dict[str, int]:
+    """The size of the picture where none was given."""
+    chosen = {"height", "width"} & set(given)
+    if chosen and native:
         raise UsageError("jaxenstein play: give either --native or --height and --width")
-    if options.native:
-        options.height, options.width = NATIVE
-    elif terminal is not None and not given:
+    height, width = NATIVE if native else COMFORTABLE
+    if terminal is not None and not chosen and not native:
         columns, rows = terminal.size
         most_high, most_wide = TERMINAL
         height = min(most_high, 2 * (rows - STATUS_LINES), columns * most_high // most_wide)
-        options.height = max(height, 6)
-        options.width = options.height * most_wide // most_high
+        height = max(height, 6)
+        width = height * most_wide // most_high
+    return {"height": height, "width": width}
 
 
-def _note(options: argparse.Namespace) -> str:
+def _note(env: FirstPerson[Any, Any]) -> str:
     """What to say of the size of the picture."""
-    here = f"{options.width}x{options.height} pixels"
+    here = f"{env.width}x{env.height} pixels"
     high, wide = NATIVE
-    if (options.height, options.width) == NATIVE:
+    if (env.height, env.width) == NATIVE:
         return f"{here}, as agents see by default"
     return f"{here}; agents see {wide}x{high} by default (--native)"
 

@@ -14,9 +14,11 @@ from ..progress import Progress
 from ..view.episode import SHEET_VIEWS, Episode, compose, save_sheet
 from ..view.recording import ANIMATIONS, check_animation, save_animation
 from .arguments import (
+    Parser,
     UsageError,
     add_environment,
     add_seed,
+    given_options,
     open_environment,
     real,
     whole,
@@ -54,12 +56,17 @@ that it does not have is answered with those it has."""
 
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
+    commands.add_parser(
         "record",
         help="write one episode as a GIF or MP4, with the map from above",
         description=DESCRIPTION,
         epilog=EPILOG,
+        fill=fill,
     )
+
+
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     add_environment(parser)
     out = parser.add_argument_group("what is written")
     add_pictures(out)
@@ -180,25 +187,20 @@ def load_agent(path: Path) -> TrainedPolicy:
 def open_for(
     agent: TrainedPolicy | None, options: argparse.Namespace
 ) -> tuple[FirstPerson[Any, Any], Any, str]:
-    """The environment for an agent: as `open_environment`, or the one that it was trained in.
+    """As `open_environment`; what is not given is that of the agent's own environment.
 
     Raises:
-        UsageError: neither is given, or the picture is to be of another kind than the agent's.
+        UsageError: there is no agent, and neither an ID nor a map is given.
         SettingError: the agent cannot act there.
     """
-    if agent is None or options.id is not None or options.map_file is not None:
-        env, params, name = open_environment(options, autoreset=None)
-        if agent is not None:
-            agent.check(env, params)
-        return env, params, name
-    seen = {"height": 64, "width": 64, "fov": None, "observation": "rgb", "frame_skip": 1}
-    for setting, default in seen.items():
-        if getattr(options, setting) != default:
-            flag = f"--{setting.replace('_', '-')}"
-            raise UsageError(
-                f"jaxenstein: {flag} goes with an ID; {agent.name} sees what it was trained on"
-            )
-    return agent.env, agent.params, agent.name
+    given = given_options(options)
+    if agent is None:
+        return open_environment(given)
+    if not given:
+        return agent.env, agent.params, agent.name
+    env, params, name = open_environment(given, agent.recipe)
+    agent.check(env, params)
+    return env, params, name if {"env", "map_file"} & set(given) else agent.name
 
 
 def check_pictures(options: argparse.Namespace) -> None:

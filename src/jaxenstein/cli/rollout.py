@@ -16,7 +16,14 @@ from ..files import check_writable, make_folder
 from ..progress import Progress, si
 from ..view.frames import image_of, picture
 from ..view.recording import contact_sheet, evenly, mosaic, save_gif, scale_to
-from .arguments import add_environment, add_seed, open_environment, whole
+from .arguments import (
+    Parser,
+    add_environment,
+    add_seed,
+    given_options,
+    open_environment,
+    whole,
+)
 
 if TYPE_CHECKING:
     from ..environment import AnyEnvironment
@@ -48,12 +55,17 @@ Carry = dict[str, Any]
 
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
+    commands.add_parser(
         "rollout",
         help="run many environments with a random policy, and picture what they see",
         description=DESCRIPTION,
         epilog=EPILOG,
+        fill=fill,
     )
+
+
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     add_environment(parser)
     parser.add_argument(
         "--envs",
@@ -68,12 +80,6 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         default=500,
         metavar="T",
         help="steps of each environment (default %(default)s)",
-    )
-    parser.add_argument(
-        "--horizon",
-        type=whole(),
-        metavar="T",
-        help="steps in an episode (default: the environment's own)",
     )
     add_seed(parser)
     parser.add_argument(
@@ -108,9 +114,8 @@ class Tally:
 
 def run(options: argparse.Namespace) -> None:
     """Run the rollout, print its figures, write its pictures."""
-    env, params, name = open_environment(options)
-    if options.horizon is not None:
-        params = params.replace(max_steps_in_episode=options.horizon)
+    env, params, name = open_environment(given_options(options))
+    env = dataclasses.replace(env, autoreset="same-step")
     targets: tuple[Path, ...] = ()
     if options.out is not None:
         folder = make_folder(options.out)
@@ -126,7 +131,7 @@ def run(options: argparse.Namespace) -> None:
     tally.compiling = compiling
     _report(options, tally)
     if targets:
-        write_pictures(picture(np.stack(frames), options.observation), *targets)
+        write_pictures(picture(np.stack(frames), env.observation), *targets)
         print(f"pictures      {targets[0]}, {targets[1]}")
 
 

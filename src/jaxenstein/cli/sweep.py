@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..files import check_links
-from .arguments import Parser, UsageError, whole
+from .arguments import Parser, UsageError, telling_warnings, whole
 from .listing import format_table
 from .train import add_training, carry_out
-from .training import add_options, baselines, given_options
+from .training import add_training_options, baselines, given_training
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
@@ -71,15 +71,16 @@ def fill(parser: Parser) -> None:
         help="train at most N runs side by side, where memory is short (default: all of a grid)",
     )
     add_training(parser)
-    add_options(parser, without=("algo",))
+    add_training_options(parser, without=("algo",))
 
 
 def run(options: argparse.Namespace) -> int:
     """Train what is to be trained, one grid after the other, and list what it gave."""
     sweeps = baselines("sweeps")
-    given = given_options(options)
+    given = given_training(options)
     algos = options.algo or ([given["algo"]] if "algo" in given else sweeps.swept())
-    planned = sweeps.plan(given, algos, options.at_once)
+    with telling_warnings():
+        planned = sweeps.plan(given, algos, options.at_once)
     check_links(options.out)
     folders = [_folder(options, name, planned[name]) for name in planned]
     for folder in folders:

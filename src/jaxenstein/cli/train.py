@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingError
 from ..progress import Progress
-from .arguments import Parser, real, whole
-from .training import add_options, baselines, given_options
+from .arguments import Parser, real, telling_warnings, whole
+from .training import add_training_options, baselines, given_training
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
@@ -76,7 +76,7 @@ def fill(parser: Parser) -> None:
         "--config", type=Path, metavar="FILE", help="options from a file: .toml, .yaml"
     )
     add_training(parser)
-    add_options(parser)
+    add_training_options(parser)
 
 
 def add_training(parser: Parser) -> None:
@@ -107,19 +107,23 @@ def add_training(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Train, and say how it went."""
-    return carry_out(open_folder(options), options)
+    with telling_warnings():
+        folder = open_folder(options)
+    return carry_out(folder, options)
 
 
 def open_folder(options: argparse.Namespace) -> RunFolder:
     """A new run directory, or the one to go on with."""
     runs, parsing = baselines("folder"), baselines("options")
-    given = given_options(options)
+    from ..settings import merge
+
+    given = given_training(options)
     if not options.resume:
         return runs.RunFolder.create(options.out, parsing.resolve(given))
     folder = runs.RunFolder.open(options.out)
     if given:
         before = parsing.given_by(folder.experiment)
-        folder.check_same(parsing.resolve(parsing.merge(before, given)))
+        folder.check_same(parsing.resolve(merge(before, given)))
     return folder
 
 

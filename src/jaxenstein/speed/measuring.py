@@ -13,13 +13,11 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from ..environment import AnyEnvironment
 
 # XLA's CPU backend uses one thread with these; more would fight over one core.
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
@@ -30,26 +28,20 @@ class Settings:
     """One configuration.
 
     Attributes:
-        id: the environment.
+        name: of the environment, for people.
+        recipe: how it is built: the fields of a `Recipe`, which JSON can hold.
         batch: environments side by side.
         steps: steps of each environment in one repeat.
         repeats: measured repeats, after one that warms up.
-        height: image height in pixels.
-        width: image width in pixels.
-        observation: kind of observation.
-        frame_skip: steps of the world in one step.
         seed: of the resets and the policy.
         core: the processor core to stay on with a single thread, or None for all.
     """
 
-    id: str
+    name: str
+    recipe: Mapping[str, Any]
     batch: int
     steps: int
     repeats: int
-    height: int = 64
-    width: int = 64
-    observation: str = "rgb"
-    frame_skip: int = 1
     seed: int = 0
     core: int | None = None
 
@@ -76,7 +68,7 @@ def measure_apart(settings: Settings) -> dict[str, Any]:
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     if done.returncode:
         lines = done.stderr.strip().splitlines() or [f"ended with code {done.returncode}"]
-        where = f"{settings.id} with batch {settings.batch}"
+        where = f"{settings.name} with batch {settings.batch}"
         raise BenchmarkError(f"measuring {where} failed: {lines[-1]}")
     return json.loads(done.stdout.strip().splitlines()[-1])
 
@@ -85,8 +77,9 @@ def measure(settings: Settings) -> dict[str, Any]:
     """Measure one configuration in this process.
 
     Returns:
-        the settings and: `seconds`, of every repeat; `steps_per_second` with `median`,
-        `lower_quartile`, `upper_quartile`, and `repeats`, of every one; the same of
+        `id`, the settings, those of the environment, and: `seconds`, of every repeat;
+        `steps_per_second` with `median`, `lower_quartile`, `upper_quartile`, and `repeats`, of
+        every one; the same of
         `world_steps_per_second`, each `frame_skip` of which are a step; `compile_seconds` of
         `reset`, `step` and the whole `rollout`; `peak_memory_bytes` of the process;
         `device_peak_bytes` where the device tells; `device`.
@@ -95,9 +88,15 @@ def measure(settings: Settings) -> dict[str, Any]:
         os.sched_setaffinity(0, {settings.core})
     import jax
 
+    from .. import registry
+    from ..recipe import Recipe, as_tuples
     from .random_rollout import make_random_rollout
 
-    env, params = open_environment(settings)
+    # The command line named it, so its module may be imported.
+    registry.import_module_of(settings.recipe["id"])
+    texts = {name: as_tuples(value) for name, value in settings.recipe["settings"].items()}
+    env, params = Recipe(**{**settings.recipe, "settings": texts}).build()
+    env = dataclasses.replace(env, autoreset="same-step")
     compiling = _compile_times(env, params, settings.batch)
     rollout, start = make_random_rollout(env, params, settings.batch, settings.steps)
     carry = jax.block_until_ready(start(jax.random.key(settings.seed)))
@@ -113,6 +112,8 @@ def measure(settings: Settings) -> dict[str, Any]:
         counts.append(_count(carry))
     device = jax.devices()[0]
     return {
+        "id": settings.name,
+        **{name: getattr(env, name) for name in registry.SETTINGS},
         **dataclasses.asdict(settings),
         "steps_per_second": summarise(settings.batch * settings.steps / np.array(seconds)),
         "world_steps_per_second": summarise(np.diff(counts) / np.array(seconds)),
@@ -122,19 +123,6 @@ def measure(settings: Settings) -> dict[str, Any]:
         "device_peak_bytes": (device.memory_stats() or {}).get("peak_bytes_in_use"),
         "device": f"{device.platform}: {device.device_kind}",
     }
-
-
-def open_environment(settings: Settings) -> tuple[AnyEnvironment, Any]:
-    """The environment and params that the settings name; wrong ones raise `JAXensteinError`."""
-    from ..registry import make
-
-    size = {"height": settings.height, "width": settings.width}
-    return make(
-        settings.id,
-        observation=settings.observation,
-        frame_skip=settings.frame_skip,
-        **size,
-    )
 
 
 def _count(carry: Any) -> int:

@@ -16,14 +16,8 @@ from jaxenstein import SettingError, UnknownEnvironmentError
 from jaxenstein.baselines import Config, HParams
 from jaxenstein.baselines.learning.algorithms import algorithms
 from jaxenstein.baselines.runs.experiment import Experiment
-from jaxenstein.baselines.runs.options import (
-    _help_texts,
-    all_options,
-    given_by,
-    merge,
-    read_file,
-    resolve,
-)
+from jaxenstein.baselines.runs.options import all_options, given_by, read_file, resolve
+from jaxenstein.settings import merge, options_of
 from jaxenstein.tasks.first_person import FirstPerson
 from tests.baselines.tiny import OPTIONS, tiny
 
@@ -36,7 +30,7 @@ def test_every_field_is_an_option_with_its_default_and_a_help() -> None:
     own = [cls for row in algorithms().values() for cls in (row.settings, row.numbers)]
     for cls in (Config, HParams, *own):
         for field in dataclasses.fields(cls):
-            if field.name not in ("env", "env_settings", "bonus"):
+            if field.name != "bonus":
                 assert options[field.name].default == field.default
     without = [name for name, option in options.items() if not option.help]
     assert without == []
@@ -62,7 +56,7 @@ def test_what_is_given_reaches_the_experiment() -> None:
             "grid": {"bonus_reward": [0.1, 1], "rnd_loss": [0.5]},
         }
     )
-    assert (experiment.config.env, experiment.config.algo) == ("key-door", "rnd")
+    assert (experiment.recipe.id, experiment.config.algo) == ("key-door", "rnd")
     assert experiment.config.num_envs == 8
     assert experiment.hparams["learning_rate"] == 1.0
     env, params = experiment.recipe.build()
@@ -127,6 +121,8 @@ def test_an_alias_is_the_same_experiment() -> None:
         ({"params": {"discout": 3}}, "unknown param 'discout', did you mean 'discount'"),
         ({"horizon": 0}, "horizon must be a whole number from 1, not 0"),
         ({"settings": {"fov": 90}}, "unknown setting 'fov'"),
+        ({"settings": {"move_distance": 2}}, r"--param move_distance=\.\.\. in a command"),
+        ({"params": {"sprite_layers": 2}}, "is a setting, not a param: --set sprite_layers=2"),
         ({"settings": {"id": "simple"}}, "unknown setting 'id'"),
         ({"height": 0}, "height"),
         ({"seeds": 0}, "seeds must be a whole number from 1, not 0"),
@@ -217,4 +213,6 @@ def test_help_says_so_where_docstrings_are_stripped() -> None:
     class Stripped:
         size: int
 
-    assert _help_texts(Stripped) == {"size": "(python -OO strips the explanation)"}
+    assert [option.help for option in options_of(Stripped, "x")] == [
+        "(python -OO strips the explanation)"
+    ]

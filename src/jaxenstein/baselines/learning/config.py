@@ -25,8 +25,6 @@ class Config:
     The defaults are those of the paper where it prints them; the comments name the rest.
 
     Attributes:
-        env: id of the environment, for `make_env`.
-        env_settings: its settings as (name, value) pairs; a dictionary is taken as well.
         algo: `"ppo"`, or the name of the exploration bonus that PPO has.
         total_steps: environment steps of the whole run, over all environments. The learning rate
             falls to zero over it, so it is part of the experiment.
@@ -59,8 +57,6 @@ class Config:
         bonus: the bonus' own settings; None: their defaults.
     """
 
-    env: str = "simple"
-    env_settings: tuple[tuple[str, Any], ...] = ()
     algo: str = "ppo"
     total_steps: int = 10_000_000  # not printed; pobax uses 1e7 for its mazes
     num_envs: int = 64  # not printed
@@ -86,8 +82,6 @@ class Config:
 
     def __post_init__(self) -> None:
         """Check every field by itself, then those that must fit each other."""
-        if isinstance(self.env_settings, dict):
-            object.__setattr__(self, "env_settings", tuple(self.env_settings.items()))
         settings = self.algorithm.settings
         if self.bonus is None:
             object.__setattr__(self, "bonus", settings())
@@ -188,9 +182,3 @@ class Config:
         """The settings by the names that options have."""
         flat = values_of(self)
         return flat | values_of(flat.pop("bonus"))
-
-    def make_env(self) -> tuple[Any, Any]:
-        """The environment and its params, as `jaxenstein.make` returns them."""
-        from ...registry import make_with
-
-        return make_with(self.env, dict(self.env_settings))

@@ -27,6 +27,7 @@ class TrainedPolicy:
     Attributes:
         env: the environment that it was trained in.
         params: its params.
+        recipe: how that environment is built.
         name: which agent it is, for people.
         greedy: whether it takes the most likely action instead of drawing one.
     """
@@ -37,6 +38,7 @@ class TrainedPolicy:
         self._weights = params
         self._carry = self._learner.initial_carry()
         self.env, self.params = self._learner.env, self._learner.env_params
+        self.recipe = folder.experiment.recipe
         self.name = name
         self.greedy = greedy
 

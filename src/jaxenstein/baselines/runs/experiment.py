@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
-from ...recipe import Recipe
+from ...recipe import Recipe, as_tuples
 from ..learning.config import Config
 from ..learning.hparams import HParams
 from ..learning.learner import Learner
@@ -21,8 +21,6 @@ from ..learning.learner import Learner
 FORMAT = 1
 # Seeds of one experiment, which are trained side by side; a mistyped number would fill the memory.
 MOST_SEEDS = 100_000
-# Fields of `Config` that the recipe of the environment replaces.
-OF_RECIPE = ("env", "env_settings")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,9 +77,6 @@ class Experiment:
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values, which `from_json` reads."""
-        config = {
-            name: value for name, value in self.config.flat().items() if name not in OF_RECIPE
-        }
         plain = {
             "format": FORMAT,
             "environment": {
@@ -90,7 +85,7 @@ class Experiment:
                 "settings": dict(self.recipe.settings),
                 "params": dict(self.recipe.params),
             },
-            "config": config,
+            "config": self.config.flat(),
             "hparams": dict(self.hparams),
             "seeds": list(self.seeds),
             "grid": {name: list(values) for name, values in self.grid},
@@ -111,7 +106,7 @@ class Experiment:
             recipe = Recipe(
                 place["id"], place["version"], _tuples(place["settings"]), place["params"]
             )
-            config = config_of(recipe, {name: as_tuples(v) for name, v in plain["config"].items()})
+            config = Config.of({name: as_tuples(v) for name, v in plain["config"].items()})
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
             hparams = HParams.of(config.algorithm, plain["hparams"]).flat()
             return cls(recipe, config, hparams, tuple(plain["seeds"]), grid)
@@ -132,19 +127,6 @@ class Experiment:
         return hash(json.dumps(self.to_json(), sort_keys=True))
 
 
-def config_of(recipe: Recipe, fields: Mapping[str, Any]) -> Config:
-    """A config for an environment; of a custom map it has the name alone.
-
-    Raises:
-        SettingError: there is no such field, or its value is out of range.
-    """
-    if recipe.id is None:
-        name, settings = str(recipe.settings.get("name", "custom")), ()
-    else:
-        name, settings = recipe.id, tuple(recipe.settings.items())
-    return Config.of({**fields, "env": name, "env_settings": settings})
-
-
 def check_seeds(first: int, count: int) -> tuple[int, ...]:
     """`count` seeds from `first` on.
 
@@ -161,11 +143,6 @@ def check_seeds(first: int, count: int) -> tuple[int, ...]:
             f"{first!r}"
         )
     return tuple(range(first, first + count))
-
-
-def as_tuples(value: Any) -> Any:
-    """The value with tuples for lists, at every depth."""
-    return tuple(map(as_tuples, value)) if isinstance(value, list | tuple) else value
 
 
 def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:

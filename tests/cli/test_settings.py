@@ -1,0 +1,111 @@
+"""What can be set of an environment is a flag of every command that takes one."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from jaxenstein import registry
+from jaxenstein.cli import build_parser, main
+from jaxenstein.cli.arguments import given_options
+from jaxenstein.settings import RESETTING, changed, given_by, recipe_from
+
+# Each with what it needs besides, and how it is told the environment.
+COMMANDS = {
+    "play": ["simple"],
+    "record": ["simple", "--out", "a.gif"],
+    "rollout": ["simple"],
+    "bench": [],
+    "train": ["--env", "simple", "--out", "x"],
+    "sweep": ["--env", "simple", "--out", "x"],
+}
+
+
+@pytest.fixture(params=COMMANDS)
+def command(request: pytest.FixtureRequest) -> str:
+    if request.param in ("train", "sweep"):
+        pytest.importorskip("flax")
+    return request.param
+
+
+def test_every_setting_is_a_flag_of_every_command(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    shown = capsys.readouterr().out
+    common = [name for name in registry.SETTINGS if name not in RESETTING]
+    assert {"height", "observation", "frame_skip"} <= set(common)
+    for name in (*common, "map_file", "heading", "horizon", "set", "param", "seed"):
+        assert f"--{name.replace('_', '-')}" in shown
+
+
+def test_flags_become_settings_and_params(command: str) -> None:
+    arguments = [
+        *("--fov", "90", "--frame-skip=2", "--observation", "depth", "--horizon", "7"),
+        *("--set", "sprite_layers=2", "--param", "discount=0.5", "--param", "goal-reward=3"),
+    ]
+    options = build_parser().parse_args([command, *COMMANDS[command], *arguments])
+    env, params = recipe_from({"env": "simple", **given_options(options)}).build()
+    settings = {"field_of_view": 90, "frame_skip": 2, "observation": "depth", "sprite_layers": 2}
+    assert {name: getattr(env, name) for name in settings} == settings
+    numbers = {"discount": 0.5, "goal_reward": 3, "max_steps_in_episode": 7}
+    assert {name: float(getattr(params, name)) for name in numbers} == numbers
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["--set", "move_distance=2"],
+            "that make returns, --param move_distance=...",
+        ),
+        (["--param", "height=8"], "is a setting, not a param: --set height=8"),
+        (["--param", "discout=1"], "unknown param 'discout', did you mean 'discount'"),
+        (["--set", "hieght=8"], "unknown setting 'hieght', did you mean 'height'"),
+        (["--set", "height"], "--set must be NAME=VALUE, not 'height'"),
+        (["--height", "0"], "height"),
+        (["--frame-skip", "x"], "must be a whole number, not 'x'"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(
+    command: str,
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([command, *COMMANDS[command], *arguments]) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recipe_comes_back_from_its_options() -> None:
+    given = {
+        "map": "####\n#SG#\n####",
+        "regions": "####\n#12#\n####",
+        "heading": 90,
+        "height": 8,
+        "settings": {"ceiling": [1, 2, 3]},
+        "params": {"discount": 0.5},
+    }
+    recipe = recipe_from(given)
+    assert recipe_from(given_by(recipe)) == recipe
+    other = recipe_from({"env": "health-gathering", "settings": {"hud": True}, "width": 9})
+    assert recipe_from(given_by(other)) == other
+
+
+def test_a_changed_recipe_keeps_how_it_is_seen() -> None:
+    recipe = recipe_from(
+        {"env": "health-gathering", "settings": {"hud": True}, "height": 9, "horizon": 5}
+    )
+    longer = changed(recipe, {"horizon": 6})
+    assert longer == dataclasses.replace(recipe, params={"max_steps_in_episode": 6})
+    elsewhere = changed(recipe, {"env": "simple"})
+    assert (elsewhere.id, elsewhere.settings, elsewhere.params) == ("simple", {"height": 9}, {})
