@@ -28,6 +28,8 @@ from .spaces import Discrete, Space
 Autoreset = Literal["same-step", "next-step"]
 MOST_FRAME_SKIP = 64
 Info = dict[str, Any]
+Scalar = bool | int | float | jax.Array
+"""A number that may be traced, and of a batch an array of numbers."""
 
 
 class Params(PyTreeNode):
@@ -38,8 +40,8 @@ class Params(PyTreeNode):
         discount: the task's discount factor, for the learner; the environment does not use it.
     """
 
-    max_steps_in_episode: Any = 1000
-    discount: Any = 0.99
+    max_steps_in_episode: Scalar = 1000
+    discount: Scalar = 0.99
 
 
 class State(PyTreeNode):
@@ -369,7 +371,8 @@ class Environment(abc.ABC, Generic[S, P]):
 
     def most_steps(self, params: P) -> jax.Array:
         """int32[...]: the most steps an episode can have, each `frame_skip` of the world."""
-        return -(-self.check_params(params).max_steps_in_episode // self.frame_skip)
+        limit = jnp.asarray(self.check_params(params).max_steps_in_episode)
+        return -(-limit // self.frame_skip)
 
     def check_params(self, params: P | None = None) -> P:
         """The params as arrays of the default's kinds, the default ones for None.

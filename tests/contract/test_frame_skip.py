@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.players import PLAYERS, expert
+from jaxenstein.players import player_of
 
 SIZE = {"height": 8, "width": 8}
 STEPS = 60
@@ -67,7 +67,7 @@ CASES = [
 def test_a_step_is_so_many_of_the_world(name, autoreset, skip, limit, changes):
     env, params = build(name, autoreset, skip, max_steps_in_episode=limit, **changes)
     single = dataclasses.replace(env, frame_skip=1)
-    choose = jax.jit(PLAYERS[expert(env)](env, params))
+    choose = jax.jit(player_of(env)(env, params))
     draw, describe, begin = map(jax.jit, (env.observe, env.describe, env.init_state))
     _, state = env.reset(jax.random.key(3), params)
     ends = 0

@@ -19,7 +19,7 @@ from ..about import About, Event
 from ..engine.level import Level
 from ..engine.motion import forward, touched_door
 from ..engine.scene import Scene, Sprites, Theme
-from ..environment import Info
+from ..environment import Info, Scalar
 from ..maps.things import COLOUR_NAMES
 from ..players.walking import SHORTEST_PATH
 from ..spaces import Box
@@ -38,11 +38,11 @@ class NavigationParams(SteeringParams):
         living_reward: reward of every step, that one included.
     """
 
-    goal_radius: Any = 0.35
-    pickup_radius: Any = 0.35
-    interact_distance: Any = 0.9
-    goal_reward: Any = 1.0
-    living_reward: Any = 0.0
+    goal_radius: Scalar = 0.35
+    pickup_radius: Scalar = 0.35
+    interact_distance: Scalar = 0.9
+    goal_reward: Scalar = 1.0
+    living_reward: Scalar = 0.0
 
 
 DEFAULTS = NavigationParams()

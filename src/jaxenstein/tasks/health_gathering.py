@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ from ..about import About, Choose, Event, Player
 from ..engine.level import WORD, Level, compile_level, pack_bits
 from ..engine.scene import Scene, Sprites, Theme
 from ..engine.shade import ImageKind
-from ..environment import Info, State
+from ..environment import Info, Scalar, State
 from ..errors import SettingError
 from ..maps.ascii import parse_ascii
 from ..maps.things import MEDKIT, RGB
@@ -59,16 +59,16 @@ class HealthGatheringParams(SteeringParams):
         death_penalty: taken off the reward of the step that dies.
     """
 
-    max_steps_in_episode: Any = 2100
-    discount: Any = 0.99
-    damage: Any = 8
-    damage_period: Any = 32
-    heal: Any = 25
-    medkits: Any = 17
-    medkit_period: Any = 30
-    pickup_reach: Any = 36 / 32
-    living_reward: Any = 1.0
-    death_penalty: Any = 100.0
+    max_steps_in_episode: Scalar = 2100
+    discount: Scalar = 0.99
+    damage: Scalar = 8
+    damage_period: Scalar = 32
+    heal: Scalar = 25
+    medkits: Scalar = 17
+    medkit_period: Scalar = 30
+    pickup_reach: Scalar = 36 / 32
+    living_reward: Scalar = 1.0
+    death_penalty: Scalar = 100.0
 
 
 DEFAULTS = HealthGatheringParams()
@@ -179,7 +179,7 @@ class HealthGathering(FirstPerson[HealthGatheringState, HealthGatheringParams]):
         return HealthGatheringState(
             position=jnp.full(2, 1 + ROOM / 2, jnp.float32),
             heading=jnp.float32(0),
-            health=FULL_HEALTH - params.damage,
+            health=FULL_HEALTH - jnp.asarray(params.damage),
             medkits=jnp.concatenate([_place(bits), rest]),
             present=jnp.arange(CAPACITY, dtype=jnp.int32) < placed,
             placed=placed,

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..about import About, Event
 from ..engine.scene import Scene
-from ..environment import Info
+from ..environment import Info, Scalar
 from ..errors import SettingError
 from ..maps.reach import open_tiles, walking_distances
 from ..maps.things import APPLE
@@ -34,8 +34,8 @@ class MazeParams(NavigationParams):
         apple_reward: reward of each apple.
     """
 
-    goal_reward: Any = 10.0
-    apple_reward: Any = 1.0
+    goal_reward: Scalar = 10.0
+    apple_reward: Scalar = 1.0
 
 
 class MazeState(NavigationState):

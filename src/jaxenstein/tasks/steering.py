@@ -11,7 +11,7 @@ import numpy as np
 
 from ..engine.level import Level
 from ..engine.motion import forward, turn, walk
-from ..environment import Params
+from ..environment import Params, Scalar
 from ..errors import SettingError
 from .draws import draw_unit
 
@@ -30,7 +30,7 @@ class SteeringParams(Params):
     """
 
     turn_angle: Any = math.radians(15)
-    move_distance: Any = 0.15
+    move_distance: Scalar = 0.15
 
 
 def steer(
