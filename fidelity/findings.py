@@ -1,4 +1,4 @@
-"""A list of measured facts, each with its sample size, as a table and as JSON; its statistics."""
+"""Measured facts, each with its sample size, as a table; their statistics."""
 
 from __future__ import annotations
 
@@ -11,14 +11,11 @@ from scipy import stats
 
 
 class Findings:
-    """Measured facts in the order in which they were found; each is printed at once."""
+    """A table of measured facts, each printed as it is found."""
 
-    def __init__(self, *, quiet: bool = False) -> None:
-        """Start with none; `quiet` keeps them from being printed."""
-        self.items: list[dict[str, Any]] = []
-        self._quiet = quiet
-        if not quiet:
-            print("| what | measured | n | note |\n|---|---|---:|---|", flush=True)
+    def __init__(self, title: str) -> None:
+        """Begin a table."""
+        print(f"\n{title}\n\n| what | measured | n | note |\n|---|---|---:|---|", flush=True)
 
     def add(self, what: str, value: Any, n: int, note: str = "") -> None:
         """Add a fact.
@@ -29,9 +26,7 @@ class Findings:
             n: of how many episodes, steps or things.
             note: what else there is to say.
         """
-        self.items.append({"what": what, "value": value, "n": n, "note": note})
-        if not self._quiet:
-            print(f"| {what} | {shown(value)} | {n} | {note} |", flush=True)
+        print(f"| {what} | {shown(value)} | {n} | {note} |", flush=True)
 
 
 def shown(value: Any) -> str:

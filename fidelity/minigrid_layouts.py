@@ -1,6 +1,6 @@
 """KeyCorridor's layouts, MiniGrid's and ours, compared by their statistics.
 
-    python -m fidelity.minigrid_layouts [--resets N] [--sizes s4r3 ...] [--json FILE]
+    python -m fidelity.minigrid_layouts [--resets N] [--sizes s4r3 ...]
 
 Needs the `minigrid` extra. Every layout of both sides is also checked against the rules of the
 task and solved by search. `--null` compares MiniGrid with itself, under another seed: what a
@@ -11,17 +11,13 @@ by more than chance explains (5 % for all tables of all sizes together).
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import json
 import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 from fidelity.corridors import Layout, broken_rules, from_minigrid, from_tilemap, observe
 from fidelity.frequencies import Comparison, compare, details, summary
-from jaxenstein.files import atomic, check_writable
 
 SIZES = ("s3r1", "s3r2", "s3r3", "s4r3", "s5r3", "s6r3")
 SIGNIFICANCE = 0.05
@@ -65,10 +61,7 @@ def our_layouts(size: str, resets: int, seed: int) -> list[Layout]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Compare and print; returns the exit status."""
     arguments = _parser().parse_args(argv)
-    if arguments.json:
-        check_writable(arguments.json)
     title, draw = ("MiniGrid again", minigrid_layouts) if arguments.null else ("ours", our_layouts)
-    report: dict[str, Any] = {"resets": arguments.resets, "second sample": title, "sizes": {}}
     failed = False
     for size in arguments.sizes:
         found, broken = _compare_size(size, arguments.resets, arguments.seed, draw)
@@ -82,13 +75,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         beyond = [table.table for table in found if table.p < limit]
         print(f"\ntables beyond chance (p < {limit:.4f}): {', '.join(beyond) or 'none'}")
         failed |= bool(beyond or broken[1])
-        report["sizes"][size] = {
-            "tables": [dataclasses.asdict(table) for table in found],
-            "rules broken": [dict(rules) for rules in broken],
-        }
-    if arguments.json:
-        with atomic(arguments.json) as path:
-            path.write_text(json.dumps(report, indent=1))
     return int(failed)
 
 
@@ -117,7 +103,6 @@ def _parser() -> argparse.ArgumentParser:
         "--most", type=int, default=12, help="print tables of at most so many categories"
     )
     parser.add_argument("--null", action="store_true", help="MiniGrid against itself")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all tables here")
     return parser
 
 

@@ -1,15 +1,13 @@
 """What scripted players get in each task, beside the figures of the originals.
 
-`python -m fidelity.players [--episodes N] [--ids ...] [--starts N] [--json FILE]`
+`python -m fidelity.players [--episodes N] [--ids ...] [--starts N]`
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import time
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -110,28 +108,16 @@ def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[s
     return row
 
 
-def solve(name: str, most: int) -> dict[str, Any]:
+def solve(name: str, most: int) -> None:
     """Walk the shortest path from every start, and print the longest walk as a row."""
     env, params = make(name, height=8, width=8)
     states, complete = all_starts(env, params, most)
     result = play(env, player_of(env, "shortest_path"), params, jax.random.key(1), states)
     solved = np.asarray(result.successes) > 0
-    row = {
-        "id": name,
-        "starts": len(solved),
-        "complete": complete,
-        "solved": int(solved.sum()),
-        "mean": float(np.mean(result.length)),
-        "longest": int(np.max(result.length)),
-        "horizon": int(params.max_steps_in_episode),
-    }
-    kind = "all" if complete else "sample"
-    print(
-        f"| {name} | {row['starts']} ({kind}) | {row['solved']} | {row['mean']:.1f} | "
-        f"{row['longest']} | {row['horizon']} |",
-        flush=True,
-    )
-    return row
+    starts = f"{len(solved)} ({'all' if complete else 'sample'})"
+    length = f"{np.mean(result.length):.1f} | {np.max(result.length)}"
+    horizon = int(params.max_steps_in_episode)
+    print(f"| {name} | {starts} | {solved.sum()} | {length} | {horizon} |", flush=True)
 
 
 def _ends_at_a_goal(name: str) -> bool:
@@ -153,24 +139,20 @@ def main() -> None:
     parser.add_argument("--starts", type=int, default=4096, help="most starts to solve an id from")
     parser.add_argument("--ids", nargs="+", default=list(environment_ids()), metavar="ID")
     parser.add_argument("--turn", type=float, metavar="DEGREES", help="another turn a step")
-    parser.add_argument("--json", type=Path, help="write the figures to this file as well")
     options = parser.parse_args()
     began = time.perf_counter()
     print("| id | starts | solved | mean length | longest | horizon |\n" + "|---" * 6 + "|")
-    solved = [solve(name, options.starts) for name in options.ids if _ends_at_a_goal(name)]
+    for name in options.ids:
+        if _ends_at_a_goal(name):
+            solve(name, options.starts)
     print(
         "\n| id | player | return | least | most | length | success | goals | original |\n"
         "|---|---|---:|---:|---:|---:|---:|---:|---|"
     )
-    rows = [
-        measure(name, player, options.episodes, options.turn)
-        for name in options.ids
-        for player in _players_of(name)
-    ]
+    for name in options.ids:
+        for player in _players_of(name):
+            measure(name, player, options.episodes, options.turn)
     print(f"\n{time.perf_counter() - began:.0f} s")
-    if options.json:
-        text = json.dumps({"solved": solved, "players": rows}, indent=1)
-        options.json.write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
