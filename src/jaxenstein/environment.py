@@ -12,8 +12,9 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
-from collections.abc import Hashable
-from typing import Any, ClassVar, Generic, Literal, NamedTuple, TypeVar, get_args
+import inspect
+from collections.abc import Callable, Hashable
+from typing import Any, ClassVar, Generic, Literal, NamedTuple, ParamSpec, TypeVar, cast, get_args
 
 import jax
 import jax.numpy as jnp
@@ -21,27 +22,15 @@ import numpy as np
 
 from .about import About
 from .batching import select, where_any
-from .errors import SettingError
+from .errors import SettingError, nearest
+from .params import Params as Params
+from .params import Scalar as Scalar
 from .pytree import PyTreeNode
 from .spaces import Discrete, Space
 
 Autoreset = Literal["same-step", "next-step"]
 MOST_FRAME_SKIP = 64
 Info = dict[str, Any]
-Scalar = bool | int | float | jax.Array
-"""A number that may be traced, and of a batch an array of numbers."""
-
-
-class Params(PyTreeNode):
-    """Numbers that may differ between environments of one batch: traced, never static.
-
-    Attributes:
-        max_steps_in_episode: steps after which an episode is truncated.
-        discount: the task's discount factor, for the learner; the environment does not use it.
-    """
-
-    max_steps_in_episode: Scalar = 1000
-    discount: Scalar = 0.99
 
 
 class State(PyTreeNode):
@@ -67,8 +56,36 @@ class State(PyTreeNode):
 
 S = TypeVar("S", bound=State)
 P = TypeVar("P", bound=Params)
+Q = ParamSpec("Q")
+R = TypeVar("R")
 
-_jit = functools.partial(jax.jit, static_argnums=0, inline=True)
+
+def _jit(function: Callable[Q, R]) -> Callable[Q, R]:
+    """Compile what a training loop calls; wrong keys and actions are told in words before.
+
+    Outside of compiled code an action may be given by its name.
+    """
+    compiled = jax.jit(function, static_argnums=0, inline=True)
+    signature = inspect.signature(function)
+    places = {name: place for place, name in enumerate(signature.parameters)}
+    keys = [place for name, place in places.items() if name.endswith("key")]
+    action = places.get("action", 0)
+    least = len(places) - 1  # params may be left out
+
+    @functools.wraps(compiled)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        told_apart = kwargs or len(args) < least
+        given = list(signature.bind(*args, **kwargs).args if told_apart else args)
+        for place in keys:
+            _check_key(given[place])
+        if action and isinstance(given[action], str):
+            given[action] = given[0].index_of(given[action])
+        # In a step they would be read over and over.
+        if not action and isinstance(given[-1], Params):
+            given[-1].check()
+        return compiled(*given)
+
+    return cast(Callable[Q, R], call)
 
 
 class Turn(NamedTuple, Generic[S]):
@@ -374,6 +391,19 @@ class Environment(abc.ABC, Generic[S, P]):
         limit = jnp.asarray(self.check_params(params).max_steps_in_episode)
         return -(-limit // self.frame_skip)
 
+    def index_of(self, action: str) -> int:
+        """The number of an action.
+
+        Raises:
+            SettingError: there is none of that name.
+        """
+        if action not in self.action_names:
+            known = ", ".join(map(repr, self.action_names))
+            raise SettingError(
+                f"unknown action {action!r}{nearest(action, self.action_names)}; known: {known}"
+            )
+        return self.action_names.index(action)
+
     def check_params(self, params: P | None = None) -> P:
         """The params as arrays of the default's kinds, the default ones for None.
 
@@ -387,16 +417,18 @@ class Environment(abc.ABC, Generic[S, P]):
             Params of float32, int32 and bool arrays.
 
         Raises:
-            SettingError: they are of another kind of environment.
+            SettingError: they are of another kind of environment, or one has a value that it
+                cannot have.
         """
         default = self.default_params
         if params is None:
-            params = default
+            return jax.tree.map(_as_kind, default, default)
         if type(params) is not type(default):
             raise SettingError(
                 f"params of {self.name!r} must be a {type(default).__name__}, as `make` returns "
                 f"it, not {type(params).__name__}"
             )
+        params.check()
         return jax.tree.map(_as_kind, params, default)
 
     def _check_action(self, action: Any) -> jax.Array:
@@ -414,6 +446,17 @@ class Environment(abc.ABC, Generic[S, P]):
 
 AnyEnvironment = Environment[Any, Any]
 """An environment of any task."""
+
+
+def _check_key(key: Any) -> None:
+    """Complain of what is no random key, typed or old, of one environment."""
+    shape = getattr(key, "shape", None)
+    typed = shape is not None and jnp.issubdtype(key.dtype, jax.dtypes.prng_key)
+    if shape == () if typed else shape is not None and key.dtype == np.uint32 and len(shape) == 1:
+        return
+    what = repr(key) if shape is None else f"{key.dtype}{list(shape)}"
+    batch = "; for a batch use jax.vmap" if typed else ""
+    raise SettingError(f"a key must be a random key such as jax.random.key(0), not {what}{batch}")
 
 
 def _as_static(field: str, value: Any) -> Any:

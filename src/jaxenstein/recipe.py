@@ -62,12 +62,6 @@ class Recipe:
                 env, params = registry.make_with(self.id, settings)
             else:
                 env, params = registry.from_ascii(**settings)
-        names = [field.name for field in dataclasses.fields(params)]
-        for name, value in self.params.items():
-            if name not in names:
-                raise TrajectoryError(f"unknown param {name!r}; known: {', '.join(names)}")
-            if not _fits(value, getattr(params, name).dtype):
-                raise TrajectoryError(f"param {name!r} cannot be {value!r}")
         return env, env.check_params(params.replace(**self.params))
 
     def try_out(self) -> tuple[AnyEnvironment, Any]:
@@ -139,15 +133,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     return tuple(map(_plain, value)) if isinstance(value, tuple | list) else value
-
-
-def _fits(value: Any, dtype: np.dtype) -> bool:
-    """Whether a number can be a param of a dtype: bool, int32 or float32."""
-    if isinstance(value, bool) or dtype.kind == "b":
-        return isinstance(value, bool) and dtype.kind == "b"
-    if dtype.kind == "i":
-        return isinstance(value, int) and -(2**31) <= value < 2**31
-    return isinstance(value, int | float) and abs(value) <= float(np.finfo(np.float32).max)
 
 
 def _changed(env: AnyEnvironment, params: Any) -> dict[str, bool | int | float]:

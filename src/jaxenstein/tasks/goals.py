@@ -21,6 +21,7 @@ from ..engine.motion import forward, touched_door
 from ..engine.scene import Scene, Sprites, Theme
 from ..environment import Info, Scalar
 from ..maps.things import COLOUR_NAMES
+from ..params import number
 from ..players.walking import SHORTEST_PATH
 from ..spaces import Box
 from .first_person import FirstPerson
@@ -31,8 +32,8 @@ class NavigationParams(SteeringParams):
     """The numbers of the task.
 
     Attributes:
-        goal_radius: tiles from the goal at which it is reached.
-        pickup_radius: tiles from a key at which it is picked up.
+        goal_radius: tiles from the goal at which it is reached; below 0 it never is.
+        pickup_radius: tiles from a key at which it is picked up, likewise.
         interact_distance: reach of the interact action in tiles; below 1.
         goal_reward: reward of reaching the goal.
         living_reward: reward of every step, that one included.
@@ -40,7 +41,7 @@ class NavigationParams(SteeringParams):
 
     goal_radius: Scalar = 0.35
     pickup_radius: Scalar = 0.35
-    interact_distance: Scalar = 0.9
+    interact_distance: Scalar = number(0.9, 0, below=1)
     goal_reward: Scalar = 1.0
     living_reward: Scalar = 0.0
 

@@ -23,6 +23,7 @@ from ..errors import SettingError
 from ..maps.ascii import parse_ascii
 from ..maps.things import MEDKIT, RGB
 from ..maps.tilemap import TileMap
+from ..params import number
 from ..players.chance import NO_OP
 from ..players.walking import gait, towards
 from ..spaces import Box
@@ -61,12 +62,12 @@ class HealthGatheringParams(SteeringParams):
 
     max_steps_in_episode: Scalar = 2100
     discount: Scalar = 0.99
-    damage: Scalar = 8
-    damage_period: Scalar = 32
-    heal: Scalar = 25
-    medkits: Scalar = 17
-    medkit_period: Scalar = 30
-    pickup_reach: Scalar = 36 / 32
+    damage: Scalar = number(8, 0)
+    damage_period: Scalar = number(32, 1)
+    heal: Scalar = number(25, 1)
+    medkits: Scalar = number(17, 0, MOST_AT_FIRST)
+    medkit_period: Scalar = number(30, 1)
+    pickup_reach: Scalar = number(36 / 32, 0)
     living_reward: Scalar = 1.0
     death_penalty: Scalar = 100.0
 

@@ -13,6 +13,7 @@ from ..engine.level import Level
 from ..engine.motion import forward, turn, walk
 from ..environment import Params, Scalar
 from ..errors import SettingError
+from ..params import number
 from .draws import draw_unit
 
 TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
@@ -29,8 +30,8 @@ class SteeringParams(Params):
         move_distance: tiles moved by one action; below 1.
     """
 
-    turn_angle: Any = math.radians(15)
-    move_distance: Scalar = 0.15
+    turn_angle: Scalar = number(math.radians(15), 0, 2 * math.pi)
+    move_distance: Scalar = number(0.15, 0, below=1)
 
 
 def steer(
