@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import jax
@@ -30,10 +30,9 @@ _MOST_KEYS = 8
 _BESIDE = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
 # Added to half a turn (radians), lest rounding turn a player to and fro for ever.
 _SLACK = 1e-3
-# Headings that are looked at, this many turns either way; and what a stride must gain, in tiles.
-_TURNS, _LEAST_GAIN = 6, 1e-3
-# How often a player acts by chance where its strides may carry it past the place.
-_CHANCE = 0.25
+# A stride of more tiles than this may carry a player past a goal again and again, on the same way
+# to and fro; so at the goal's tile it acts by chance so often.
+_LONG_STRIDE, _CHANCE = 0.35, 0.25
 
 
 class Gait(NamedTuple):
@@ -45,7 +44,7 @@ class Gait(NamedTuple):
         forward: the one that walks.
         angle: radians of a turn, which may be several steps of the world (`frame_skip`).
         step: tiles of one step of the world.
-        steps: steps of the world in a decision.
+        stride: tiles of a decision.
     """
 
     left: int
@@ -53,7 +52,7 @@ class Gait(NamedTuple):
     forward: int
     angle: Any
     step: Any
-    steps: int
+    stride: Any
 
 
 class OnFoot(Protocol):
@@ -84,8 +83,8 @@ def gait(env: Any, params: Any) -> Gait:
     Raises:
         SettingError: it has no actions to walk with.
     """
-    angle = params.turn_angle * env.frame_skip
-    return Gait(*walking_actions(env.action_names), angle, params.move_distance, env.frame_skip)
+    angle, step = params.turn_angle * env.frame_skip, params.move_distance
+    return Gait(*walking_actions(env.action_names), angle, step, step * env.frame_skip)
 
 
 def walking_actions(names: Sequence[str]) -> tuple[int, int, int]:
@@ -111,9 +110,12 @@ def shortest_path(env: OnFoot, params: Any) -> Choose:
     def choose(key: jax.Array, state: Any) -> jax.Array:
         field = env.distance_field(state)
         scene = env.scene(state, params)
-        target, _ = next_tile(field, state)
-        place = target.astype(jnp.float32) + 0.5
-        action = towards(body, scene, place, functools.partial(remaining, field), key)
+        target, there = next_tile(field, state)
+        action = towards(body, scene, target.astype(jnp.float32) + 0.5 - scene.position)
+        chance_key, action_key = jax.random.split(key)
+        lost = there & (body.stride > _LONG_STRIDE) & jax.random.bernoulli(chance_key, _CHANCE)
+        some = jnp.array((body.left, body.right, body.forward), jnp.int32)
+        action = jnp.where(lost, jax.random.choice(action_key, some), action)
         if interact is None:
             return action
         opens = faces_door(scene, target, params.interact_distance)
@@ -125,93 +127,36 @@ def shortest_path(env: OnFoot, params: Any) -> Choose:
 SHORTEST_PATH = Player("walks the shortest path; sees the whole state", shortest_path)
 
 
-def towards(
-    body: Gait,
-    scene: Scene,
-    place: jax.Array,
-    left_to_go: Callable[[jax.Array], jax.Array],
-    key: jax.Array,
-) -> jax.Array:
+def towards(body: Gait, scene: Scene, offset: jax.Array) -> jax.Array:
     """int32[]: the next action on the way to a place that lies open before the player.
 
-    Forward if no turn brings the heading nearer to the place, else that turn. Where turns or
-    strides are wide, that way may end at the wall beside it, or farther off: then of all headings
-    the one that gains most a decision. Every stride leaves less to go, so nobody walks to and fro
-    for ever; where none does, the player acts by chance. So it does now and then where a decision
-    is several steps and may go past the place, which counts if it lies on the way.
+    Forward if no turn brings the heading nearer to the place, else that turn. Where turns are
+    wide, that heading may lead into the wall beside the way; then it is the nearest one on the
+    other side of the way, so that the player comes off the wall.
 
     Args:
         body: how it moves.
         scene: where it is, and what is solid.
-        place: float32[2], (x, y) in tiles.
-        left_to_go: from float32[2], a position, to float32[], how far it is from there.
-        key: of what is left to chance.
+        offset: float32[2], from the player to the place, in tiles.
     """
-    offset = place - scene.position
     error = jnp.arctan2(offset[1], offset[0]) - scene.heading
     error = jnp.mod(error + math.pi, 2 * math.pi) - math.pi
+    side = jnp.where(error > 0, 1.0, -1.0)
     aligned = jnp.abs(error) <= 0.5 * body.angle + _SLACK
-    nearest = jnp.where(aligned, 0.0, jnp.round(error / body.angle))
-    # A turn too many rather than none: what is not aligned turns.
-    nearest = jnp.where(~aligned & (nearest == 0), jnp.sign(error), nearest)
-    turns = jnp.concatenate([nearest[None], np.arange(-_TURNS, _TURNS + 1, dtype=np.float32)])
-    here = left_to_go(scene.position)
-    after, passed = jax.vmap(functools.partial(_stride, body, scene, left_to_go))(turns)
-    close = here < 1
-    gains = here - jnp.where(close, passed, after)
-    rates = jnp.where(gains > _LEAST_GAIN, gains / (jnp.abs(turns) + 1), -jnp.inf)
-    # With single steps the plain rule decides, unless it gains nothing.
-    plain = (gains[0] > _LEAST_GAIN) & (body.steps == 1)
-    chosen = jnp.where(plain, nearest, turns[jnp.argmax(rates)])
-    turn = jnp.where(chosen > 0, jnp.int32(body.right), jnp.int32(body.left))
-    action = jnp.where(chosen == 0, jnp.int32(body.forward), turn)
-    some = jnp.array((body.left, body.right, body.forward), jnp.int32)
-    chance_key, action_key = jax.random.split(key)
-    lost = close & (body.steps > 1) & jax.random.bernoulli(chance_key, _CHANCE)
-    lost = lost | jnp.all(jnp.isneginf(rates))
-    return jnp.where(lost, jax.random.choice(action_key, some), action)
+    turns = jnp.where(aligned, 0.0, jnp.round(error / body.angle))
+    beyond = jnp.where(error > turns * body.angle, turns + 1, turns - 1)
+    astray = _blocked(body, scene, turns) & ~_blocked(body, scene, beyond)
+    side = jnp.where(astray, jnp.sign(beyond), side)
+    ahead = jnp.where(astray, beyond == 0, aligned)
+    turn = jnp.where(side > 0, jnp.int32(body.right), jnp.int32(body.left))
+    return jnp.where(ahead, jnp.int32(body.forward), turn)
 
 
-def _stride(
-    body: Gait, scene: Scene, left_to_go: Callable[[jax.Array], jax.Array], turns: jax.Array
-) -> tuple[jax.Array, jax.Array]:
-    """What is left to go after a decision to walk, so many turns to the right; the least on it."""
+def _blocked(body: Gait, scene: Scene, turns: jax.Array) -> jax.Array:
+    """bool[]: whether a step would not move the player after so many turns to the right."""
     step = forward(scene.heading + turns * body.angle) * body.step
-
-    def one(_: int, carry: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
-        position, _, least = carry
-        position = walk(scene.level, scene.closed, position, step)
-        now = left_to_go(position)
-        return position, now, jnp.minimum(least, now)
-
-    far = jnp.float32(jnp.inf)
-    _, after, least = jax.lax.fori_loop(0, body.steps, one, (scene.position, far, far))
-    return after, least
-
-
-def remaining(field: jax.Array, position: jax.Array) -> jax.Array:
-    """float32[]: tiles to walk from a position to where a field leads, by the tile beside it.
-
-    Args:
-        field: int32[rows, columns], tiles on foot to the target.
-        position: float32[2], (x, y) in tiles.
-    """
-    cell = jnp.floor(position).astype(jnp.int32)
-    tiles, steps = _beside(field, cell)
-    offset = tiles.astype(jnp.float32) + 0.5 - position[None]
-    ways = steps.astype(jnp.float32) + jnp.sqrt(jnp.sum(offset**2, axis=-1))
-    own = jnp.sqrt(jnp.sum((cell.astype(jnp.float32) + 0.5 - position) ** 2))
-    return jnp.where(field[cell[1], cell[0]] == 0, own, jnp.min(ways))
-
-
-def _beside(field: jax.Array, cell: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """int32[4, 2], the tiles beside one; int32[4], what the field says of them."""
-    rows, columns = field.shape
-    beside = cell[None] + _BESIDE
-    last = np.array((columns - 1, rows - 1), np.int32)
-    inside = jnp.all((beside >= 0) & (beside <= last[None]), axis=-1)
-    safe = jnp.clip(beside, 0, last[None])
-    return beside, jnp.where(inside, field[safe[:, 1], safe[:, 0]], FAR)
+    after = walk(scene.level, scene.closed, scene.position, step)
+    return jnp.all(after == scene.position)
 
 
 def next_tile(field: jax.Array, state: Any) -> tuple[jax.Array, jax.Array]:
@@ -224,8 +169,13 @@ def next_tile(field: jax.Array, state: Any) -> tuple[jax.Array, jax.Array]:
         field: int32[rows, columns], tiles on foot to the target.
         state: with position and heading.
     """
+    rows, columns = field.shape
     cell = jnp.floor(state.position).astype(jnp.int32)
-    beside, steps = _beside(field, cell)
+    beside = cell[None] + _BESIDE
+    last = np.array((columns - 1, rows - 1), np.int32)
+    inside = jnp.all((beside >= 0) & (beside <= last[None]), axis=-1)
+    safe = jnp.clip(beside, 0, last[None])
+    steps = jnp.where(inside, field[safe[:, 1], safe[:, 0]], FAR)
     offset = beside.astype(jnp.float32) + 0.5 - state.position[None]
     ahead = jnp.sum(offset * forward(state.heading)[None], axis=-1)
     cosine = ahead / jnp.sqrt(jnp.sum(offset**2, axis=-1))
