@@ -171,8 +171,6 @@ def training(batch: int, options: Options) -> Chunk:
     from jaxenstein.baselines import Config, Learner
 
     config = Config(
-        env=ENVIRONMENT_ID,
-        env_settings=(("height", SIZE), ("width", SIZE)),
         algo="ppo",
         num_envs=batch,
         rollout=int(options.get("rollout", "128")),
@@ -181,7 +179,8 @@ def training(batch: int, options: Options) -> Chunk:
     )
     # On an accelerator if there is one, as PyTorch does; JAX must not run before.
     jax.config.update("jax_platforms", None)
-    learner = Learner(*config.make_env(), config)
+    env, params = jaxenstein.make(ENVIRONMENT_ID, height=SIZE, width=SIZE)
+    learner = Learner(env, params, config)
     state = learner.init(jax.random.key(0))
     notes["device"] = jax.devices()[0].device_kind
     notes["parameters"] = f"{sum(leaf.size for leaf in jax.tree.leaves(state.params)):,}"

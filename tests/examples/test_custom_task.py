@@ -65,7 +65,11 @@ def test_time_runs_out_and_params_may_differ_within_a_batch() -> None:
 
     def wait(params):
         _, state = ENV.reset(jax.random.key(0), params)
-        body = lambda s, _: ENV.step(jax.random.key(1), s, -1, params)[1:5:3]  # noqa: E731
+
+        def body(state, _):
+            _, state, _, _, truncated, _ = ENV.step(jax.random.key(1), state, -1, params)
+            return state, truncated
+
         return jax.lax.scan(body, state, length=10)[1]
 
     truncated = np.asarray(jax.jit(jax.vmap(wait, (axes,)))(params))

@@ -114,7 +114,8 @@ class OwnSimulator:
 
     def _step(self, key: jax.Array, state: Any, action: jax.Array) -> Outcome:
         env, params = self._env, self._env.check_params(self._params)
-        turn = env.turn(*jax.random.split(key), state, action, params)
+        step_key, reset_key = jax.random.split(key)
+        turn = env.turn(step_key, reset_key, state, action, params)
         return Outcome(
             obs=env.observe(turn.state, params),
             state=turn.state,
