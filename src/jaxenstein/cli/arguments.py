@@ -253,6 +253,22 @@ def _value(text: str) -> Any:
     return text
 
 
+def add_agent(parser: argparse._ActionsContainer) -> None:
+    """Add --run and --greedy, for an agent of a run directory."""
+    parser.add_argument(
+        "--run",
+        dest="number",
+        type=whole(0),
+        metavar="N",
+        help="which run of the directory acts, from 0 (default: the best one)",
+    )
+    parser.add_argument(
+        "--greedy",
+        action="store_true",
+        help="the agent takes its most likely actions (default: drawn ones)",
+    )
+
+
 def add_seed(parser: argparse._ActionsContainer) -> None:
     """Add --seed."""
     parser.add_argument(

@@ -12,7 +12,7 @@ from ..files import atomic, check_writable
 from ..progress import Progress
 from ..view.episode import compose
 from ..view.recording import check_animation, save_animation
-from .arguments import add_seed, real, whole
+from .arguments import add_agent, add_seed, real, whole
 from .listing import format_table
 from .training import baselines
 
@@ -56,18 +56,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     shown.add_argument(
         "--gif", type=Path, metavar="FILE", help="write it: .gif, or .mp4 with extra 'video'"
     )
-    shown.add_argument(
-        "--run",
-        dest="number",
-        type=whole(0),
-        metavar="N",
-        help="which run acts, from 0 (default: the best one)",
-    )
-    shown.add_argument(
-        "--greedy",
-        action="store_true",
-        help="with the most likely actions (default: drawn ones)",
-    )
+    add_agent(shown)
     shown.add_argument(
         "--fps", type=real(1, 50), default=15.0, metavar="RATE", help="(default %(default)g)"
     )

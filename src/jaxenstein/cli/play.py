@@ -20,6 +20,7 @@ from ..view.recording import check_animation, save_animation, scale_to
 from .arguments import (
     Parser,
     UsageError,
+    add_agent,
     add_environment,
     add_seed,
     given_options,
@@ -102,6 +103,7 @@ def fill(parser: Parser) -> None:
         metavar="RUN",
         help="watch the trained agent of a run directory, where it was trained or in ID",
     )
+    add_agent(how)
     add_seed(how)
     out = parser.add_argument_group("what is written at the end")
     out.add_argument(
@@ -124,12 +126,11 @@ def run(options: argparse.Namespace) -> None:
     if options.record is not None:
         check_animation(options.record)
     terminal = _open_terminal() if options.terminal else None
-    agent = None
-    if options.policy is None:
+    agent = load_agent(options.policy, options)
+    if agent is None:
         given = given_options(options)
         env, params, name = open_environment(_size(given, options.native, terminal) | given)
     else:
-        agent = load_agent(options.policy)
         env, params, name = open_for(agent, options)
     from ..interactive.game import Game, play, wait_for
     from ..interactive.watching import AgentGame

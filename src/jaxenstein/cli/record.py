@@ -16,6 +16,7 @@ from ..view.recording import ANIMATIONS, check_animation, save_animation
 from .arguments import (
     Parser,
     UsageError,
+    add_agent,
     add_environment,
     add_seed,
     given_options,
@@ -91,6 +92,7 @@ def fill(parser: Parser) -> None:
         metavar="NAME",
         help="who acts, see below, or the run directory of a trained agent (default %(default)s)",
     )
+    add_agent(played)
     how.add_argument("--actions", metavar="LIST", help='the actions to take, such as "2,2,0,1"')
     add_seed(played)
     parser.set_defaults(run=run)
@@ -140,7 +142,8 @@ def add_pictures(out: argparse._ArgumentGroup) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Play the episode and write its pictures."""
-    agent = load_agent(options.policy) if isinstance(options.policy, Path) else None
+    run = options.policy if isinstance(options.policy, Path) else None
+    agent = load_agent(run, options)
     env, params, name = open_for(agent, options)
     check_pictures(options)
     if (options.out, options.sheet, options.save) == (None, None, None):
@@ -177,11 +180,15 @@ def policy_or_run(text: str) -> str | Path:
     raise argparse.ArgumentTypeError(f"must be a policy or a run directory, not {text!r}")
 
 
-def load_agent(path: Path) -> TrainedPolicy:
-    """The trained agent of a run directory: that of its first run."""
+def load_agent(path: Path | None, options: argparse.Namespace) -> TrainedPolicy | None:
+    """The trained agent of a run directory, None without one."""
+    if path is None:
+        if options.greedy or options.number is not None:
+            raise UsageError("jaxenstein: --run and --greedy go with the run directory of --policy")
+        return None
     from .training import baselines
 
-    return baselines("agents").load_policy(path)
+    return baselines("agents").load_policy(path, options.number, greedy=options.greedy)
 
 
 def open_for(

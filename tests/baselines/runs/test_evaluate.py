@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,7 +19,7 @@ pytest.importorskip("flax")
 
 import jaxenstein
 from jaxenstein import SettingError
-from jaxenstein.baselines.runs.agents import Result, evaluate, load_policy
+from jaxenstein.baselines.runs.agents import Result, best_run, evaluate, load_policy
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
@@ -139,13 +140,80 @@ def test_record_plays_a_trained_agent_where_it_was_trained(
     assert "tiny seed-0" in capsys.readouterr().out
     assert main(["replay", str(saved)]) == 0
     assert "the same bit for bit" in capsys.readouterr().out
-    elsewhere = ["simple", "--width", "16", "--height", "12", "--steps", "3"]
-    assert main([*common, *elsewhere]) == 0
-    capsys.readouterr()
-    assert main([*common, "simple"]) == 2
+    # Elsewhere it sees pictures of its own size, and its own environment may be changed.
+    assert main([*common, "simple", "--steps", "3", "--run", "1", "--greedy"]) == 0
+    assert "simple: 3 steps" in capsys.readouterr().out
+    assert main([*common, "--param", "max_steps_in_episode=2", "--run", "1"]) == 0
+    assert "tiny seed-1: 2 steps" in capsys.readouterr().out
+    assert main([*common, "--width", "20"]) == 2
     assert "was trained on observations [[12, 16, 3]]" in capsys.readouterr().err
-    assert main([*common, "--width", "16"]) == 2
-    assert "--width goes with an ID" in capsys.readouterr().err
+    assert main(["record", "simple", "--run", "1", "--out", str(film)]) == 2
+    assert "--run and --greedy go with the run directory" in capsys.readouterr().err
+
+
+def test_the_best_run_acts(folder: RunFolder, tmp_path: Path) -> None:
+    shutil.copytree(folder.path, tmp_path / "run")
+    copied = RunFolder.open(tmp_path / "run")
+    assert best_run(copied) == 0
+
+    def write(sums: list[tuple[int, float, int]]) -> None:
+        """Ten updates of both runs that are bad, then one of these episodes, returns, lengths."""
+        names = ("episodes", "return_sum", "length_sum")
+        early: list[Any] = [{"episodes": 9, "return_sum": 9.0 * (1 - r)} for r in (0, 1)] * 10
+        late: list[Any] = [dict(zip(names, row, strict=True)) for row in sums]
+        text = "".join(json.dumps(row) + "\n" for row in (*early, *late))
+        (copied.path / "metrics.jsonl").write_text(text)
+
+    write([(4, 1.0, 30), (2, 1.0, 20)])
+    assert best_run(copied) == 1
+    assert load_policy(copied.path).name == "run seed-1"
+    assert load_policy(copied.path, run=0).name == "run seed-0"
+    # Of equal returns the shorter episodes, and runs without an episode come last.
+    write([(2, 1.0, 20), (4, 2.0, 60)])
+    assert best_run(copied) == 0
+    write([(0, 0.0, 0), (4, -2.0, 60)])
+    assert best_run(copied) == 1
+
+
+def test_a_batch_drives_gymnasiums_environments(folder: RunFolder) -> None:
+    """Against the policy for one environment, with a memory that begins anew by hand."""
+    gymnasium = pytest.importorskip("gymnasium")
+    from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
+
+    policy = load_policy(folder.path, run=1, greedy=True)
+    envs = GymnasiumVectorEnv(policy.env, policy.params, num_envs=8)
+    assert isinstance(envs, gymnasium.vector.VectorEnv)
+    batch = policy.batch(8, seed=3)
+    observations, _ = envs.reset(seed=0)
+    first, ended, begun, acted = np.ones(8, bool), np.zeros(8, bool), 0, set()
+    learner, weights = policy._learner, policy._weights
+    carries = [learner.initial_carry()] * 8
+    for _ in range(25):
+        actions = batch.act(observations, first)
+        begun += int(first.sum())
+        acted |= set(actions.tolist())
+        for number in range(8):
+            carry = learner.initial_carry() if first[number] else carries[number]
+            wanted, carries[number] = learner.policy(weights, observations[number], carry)
+            assert int(wanted) == actions[number]
+        observations, _, terminated, truncated, _ = envs.step(actions)
+        # In Gymnasium's default mode the step after the end returns the first observation.
+        first, ended = ended, terminated | truncated
+    assert begun > 16
+    assert len(acted) > 1
+
+
+def test_drawn_actions_of_a_batch_repeat_with_the_seed(folder: RunFolder) -> None:
+    policy = load_policy(folder.path)
+    observations, first = np.zeros((8, 12, 16, 3), np.uint8), np.ones(8, bool)
+
+    def drawn(seed: int) -> list[list[int]]:
+        batch = policy.batch(8, seed=seed)
+        return [batch.act(observations, first).tolist() for _ in range(6)]
+
+    assert drawn(1) == drawn(1)
+    assert drawn(1) != drawn(2)
+    assert len(set(map(tuple, drawn(1)))) > 1
 
 
 def test_a_watched_game_plays_itself_at_its_pace(folder: RunFolder) -> None:

@@ -92,7 +92,8 @@ class Learner:
         self._start = jax.jit(self.loop.start)
         self._train = jax.jit(self.loop.updates, static_argnames="number")
         self._evaluate = jax.jit(self._play, static_argnames=("episodes", "greedy"))
-        self._policy = jax.jit(self._act)
+        self._policy = jax.jit(self._act_one)
+        self._actions = jax.jit(self._act)
 
     def init(self, key: jax.Array, hparams: HParams | None = None) -> TrainState:
         """Begin a run.
@@ -161,6 +162,16 @@ class Learner:
         """
         return self._policy(params, obs, carry, None if key is None else key_data(key))
 
+    def act(
+        self, params: Any, obs: Any, carry: PolicyCarry, key: jax.Array | None = None
+    ) -> tuple[jax.Array, PolicyCarry]:
+        """As `policy` in `N` environments at once, along a leading axis of `obs` and `carry`.
+
+        Returns:
+            int32[N] actions, and the next carry.
+        """
+        return self._actions(params, obs, carry, None if key is None else key_data(key))
+
     @functools.cached_property
     def many(self) -> ManyRuns:
         """The same functions for many runs at once, along a leading axis of everything."""
@@ -183,16 +194,20 @@ class Learner:
     def _play(self, params: Any, data: jax.Array, episodes: int, greedy: bool) -> Evaluation:
         return evaluate(self.simulator, self.network, params, wrap_key(data), episodes, greedy)
 
+    def _act_one(
+        self, params: Any, obs: Any, carry: PolicyCarry, data: jax.Array | None
+    ) -> tuple[jax.Array, PolicyCarry]:
+        obs, carry = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], (obs, carry))
+        return jax.tree.map(lambda leaf: leaf[0], self._act(params, obs, carry, data))
+
     def _act(
         self, params: Any, obs: Any, carry: PolicyCarry, data: jax.Array | None
     ) -> tuple[jax.Array, PolicyCarry]:
-        batch = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], (obs, carry))
-        obs, carry = batch
         logits, _, memory = self.network.step(
             params, obs, carry.previous, carry.first, carry.memory
         )
         if data is None:
-            action = jnp.argmax(logits[0]).astype(jnp.int32)
+            action = jnp.argmax(logits, axis=-1).astype(jnp.int32)
         else:
-            action = jax.random.categorical(wrap_key(data), logits[0]).astype(jnp.int32)
-        return action, PolicyCarry(memory[0], action, jnp.bool_(False))
+            action = jax.random.categorical(wrap_key(data), logits).astype(jnp.int32)
+        return action, PolicyCarry(memory, action, jnp.zeros_like(carry.first))

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ...errors import SettingError
 from ..learning.observations import observation_spec
 from .bootstrap import Interval, mean_interval
 from .folder import RunFolder, final_state, run_names
+from .metrics import METRICS, read_metrics
 
 if TYPE_CHECKING:
     from ...episodes.session import Session
+    from ..learning.learner import PolicyCarry
 
 
 class TrainedPolicy:
@@ -61,6 +64,20 @@ class TrainedPolicy:
                 f"{env.name!r} are {shapes[1]}; take the same size and kind of image"
             )
 
+    def batch(self, size: int, *, seed: int = 0) -> BatchPolicy:
+        """The same agent for several environments at once, each with a memory of its own.
+
+        Args:
+            size: how many.
+            seed: of the actions, if they are drawn.
+        """
+
+        def act(obs: Any, carry: PolicyCarry, key: Any) -> Any:
+            return self._learner.act(self._weights, obs, carry, key)
+
+        key = None if self.greedy else jax.random.key(seed, impl="threefry2x32")
+        return BatchPolicy(act, self._learner.initial_carry(), size, key)
+
     def __call__(self, session: Session) -> int:
         """The next action."""
         if not session.actions:
@@ -72,12 +89,43 @@ class TrainedPolicy:
         return int(action)
 
 
-def load_policy(path: str | Path, run: int = 0, *, greedy: bool = False) -> TrainedPolicy:
+class BatchPolicy:
+    """Acts as a trained agent in several environments at once; see `TrainedPolicy.batch`."""
+
+    def __init__(self, act: Callable[..., Any], carry: PolicyCarry, size: int, key: Any) -> None:
+        """Take what acts, the memory at the beginning of an episode, and how many there are."""
+        self._act, self._key, self._steps = act, key, 0
+        self._fresh = jax.tree.map(lambda leaf: jnp.stack([leaf] * size), carry)
+        self._carry = self._fresh
+
+    def act(self, observations: Any, first: Any) -> np.ndarray:
+        """The next actions.
+
+        Args:
+            observations: those of all environments, stacked, as arrays of NumPy or JAX.
+            first: bool[N], where an observation is the first one of an episode.
+
+        Returns:
+            int32[N].
+        """
+        fresh = jnp.asarray(first, bool)
+        carry = jax.tree.map(
+            lambda new, old: jnp.where(fresh.reshape(-1, *[1] * (old.ndim - 1)), new, old),
+            self._fresh,
+            self._carry,
+        )
+        key = None if self._key is None else jax.random.fold_in(self._key, self._steps)
+        actions, self._carry = self._act(observations, carry, key)
+        self._steps += 1
+        return np.asarray(actions)
+
+
+def load_policy(path: str | Path, run: int | None = None, *, greedy: bool = False) -> TrainedPolicy:
     """The agent of a run directory, as its newest checkpoint has it.
 
     Args:
         path: the run directory.
-        run: which of its runs, from 0, in the order of seeds and grid.
+        run: which of its runs, from 0, in the order of seeds and grid; None: the best one.
         greedy: take the most likely action instead of drawing one.
 
     Raises:
@@ -85,11 +133,30 @@ def load_policy(path: str | Path, run: int = 0, *, greedy: bool = False) -> Trai
     """
     folder = RunFolder.open(path)
     names = run_names(folder.experiment)
+    run = best_run(folder) if run is None else run
     if not 0 <= run < len(names):
         raise SettingError(f"{path} has runs 0 to {len(names) - 1}, not {run!r}")
     _, state = final_state(folder)
     weights = jax.tree.map(lambda leaf: leaf[run], state.params)
     return TrainedPolicy(folder, weights, f"{folder.path.name} {names[run]}", greedy)
+
+
+def best_run(folder: RunFolder) -> int:
+    """The run with the highest mean return over the last tenth of its updates so far.
+
+    Of equal ones it is that with the shortest episodes; the first one where there are no metrics.
+    """
+    if not (folder.path / METRICS).exists():
+        return 0
+    rows, many = read_metrics(folder.path), len(folder.experiment.runs)
+    last = rows[-many * max(1, len(rows) // many // 10) :]
+    sums = {
+        name: np.array([sum(row.get(name) or 0 for row in last[run::many]) for run in range(many)])
+        for name in ("episodes", "return_sum", "length_sum")
+    }
+    with np.errstate(invalid="ignore", divide="ignore"):
+        returns, lengths = (sums[name] / sums["episodes"] for name in ("return_sum", "length_sum"))
+    return int(np.lexsort((lengths, -np.nan_to_num(returns, nan=-np.inf)))[0])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -127,12 +127,19 @@ def read_metrics(folder: Path) -> list[Row]:
     path = folder / METRICS
     try:
         lines = path.read_text(encoding="utf-8").split("\n")[:-1]
-        return [json.loads(line) for line in lines]
+        rows = [json.loads(line) for line in lines]
+        if not all(isinstance(row, dict) and all(map(_is_number, row.values())) for row in rows):
+            raise ValueError("a row is no table of numbers")
+        return rows
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise SettingError(f"cannot read {path}: {reason}") from error
     except (ValueError, RecursionError) as error:
         raise SettingError(f"{path} is damaged: {error}") from error
+
+
+def _is_number(value: Any) -> bool:
+    return value is None or isinstance(value, int | float)
 
 
 class TensorBoard:
