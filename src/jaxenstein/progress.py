@@ -77,6 +77,11 @@ class Progress:
         if time.monotonic() - self._shown >= interval:
             self.show()
 
+    def say(self, text: str) -> None:
+        """Print a line of its own, above the progress."""
+        self.stream.write(f"\r\x1b[K{text}\n" if self.live else f"{text}\n")
+        self.show()
+
     def line(self) -> str:
         """The current text."""
         elapsed = max(time.monotonic() - self._start, 1e-9)

@@ -141,10 +141,15 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
         stopping() as stop,
     ):
         progress.note = "compiling"
+        watch = baselines("stalled").StallWatch(len(experiment.runs))
 
         def notify(update: int, rows: Sequence[Row]) -> None:
             compiled = not recent
             recent.extend(rows)
+            # A run that goes on has rows of before.
+            seen = rows or (baselines("metrics").read_metrics(folder.path) if update else [])
+            if (warning := watch.look(seen)) is not None:
+                progress.say(f"jaxenstein: warning: {warning}")
             if rows or update == total:
                 progress.note = note_of(recent)
             # The first chunk takes longer than the others: it is compiled.
