@@ -144,8 +144,6 @@ def _changed(env: AnyEnvironment, params: Any) -> dict[str, bool | int | float]:
             raise TrajectoryError(
                 f"param {field.name!r} has the shape {value.shape}, not one value"
             )
-        if not np.isfinite(value):
-            raise TrajectoryError(f"param {field.name!r} is {value}, which files cannot hold")
         if value != other:
             changes[field.name] = value.item()
     return changes

@@ -22,6 +22,7 @@ from jaxenstein.episodes.session import Session
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import TrajectoryError
 from jaxenstein.recipe import recipe_of
+from jaxenstein.tasks.goals import NavigationParams
 from jaxenstein.tasks.navigation import Navigation
 from jaxenstein.trajectory import Trajectory, runs
 from tests.episodes.world import MAP, World
@@ -163,8 +164,8 @@ def test_environments_that_cannot_be_built_again_are_told(world: World) -> None:
         episode.save("never.json")
     with pytest.raises(TrajectoryError, match="'discount' has the shape"):
         recipe_of(env, params.replace(discount=np.ones(3, np.float32)))
-    with pytest.raises(TrajectoryError, match="'living_reward' is nan"):
-        recipe_of(env, params.replace(living_reward=np.nan))
+    with pytest.raises(SettingError, match="living_reward must be a finite number, not nan"):
+        recipe_of(env, NavigationParams(living_reward=np.nan))
     with pytest.raises(SettingError, match="must be a NavigationParams"):
         recipe_of(env, {})
 
