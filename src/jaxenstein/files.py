@@ -88,15 +88,17 @@ def check_links(folder: str | Path) -> None:
     root = Path(folder).resolve()
     for parent, names, files in os.walk(folder):
         for entry in (Path(parent) / name for name in (*names, *files)):
-            about = entry.lstat()
+            try:
+                about = entry.lstat()
+            except FileNotFoundError:
+                continue  # another process' temporary file
+            mode = about.st_mode
             inside = Path(os.path.realpath(entry)).is_relative_to(root)
-            if (stat.S_ISLNK(about.st_mode) and not inside) or (
-                stat.S_ISREG(about.st_mode) and about.st_nlink > 1
-            ):
+            if (stat.S_ISLNK(mode) and not inside) or (stat.S_ISREG(mode) and about.st_nlink > 1):
                 raise SettingError(
                     f"{entry} is a link out of {folder}: put what it leads to in its place"
                 )
-            if not (entry.is_file() or entry.is_dir() or entry.is_symlink()):
+            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISLNK(mode)):
                 raise SettingError(f"{entry} is neither a file nor a folder")
 
 
