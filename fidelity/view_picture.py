@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from PIL import Image, ImageDraw
 
-from fidelity.doom_map import WALL, Tiles, heading_of
+from fidelity.doom_map import heading_of
 from fidelity.view_errors import Projection, jumps
 from fidelity.vizdoom_screen import View
 from jaxenstein.engine.camera import Camera
@@ -18,6 +18,7 @@ from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene, Sprites, Theme
 from jaxenstein.files import atomic
 from jaxenstein.tasks.appearance import build_theme
+from jaxenstein.tasks.doom.lattice import WALL, Tiles
 
 GAP = 6
 STRIP = 60

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.doom_map import WALL, Tiles
 from fidelity.view_errors import (
     Projection,
     around,
@@ -18,6 +17,7 @@ from fidelity.view_errors import (
     spread,
 )
 from fidelity.vizdoom_screen import DepthScale, View
+from jaxenstein.tasks.doom.lattice import WALL, Tiles
 
 # Rays cast in each pixel: the middle one through its centre, the first next to its left edge.
 FINE = 9

@@ -7,9 +7,10 @@ from collections import Counter
 
 import numpy as np
 
-from fidelity.doom_map import MAP_SPOT, load_my_way_home
+from fidelity.doom_map import load_my_way_home
 from fidelity.findings import Findings, chi_square, mean_and_error
 from fidelity.vizdoom_game import running, single_buttons
+from jaxenstein.tasks.doom.walls import MAP_SPOT
 
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "CAMERA_POSITION_Z")
 HEADINGS = 16

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.doom_map import ARMOUR, PLAYER_RADIUS, DoomMap, Tiles
+from fidelity.doom_map import PLAYER_RADIUS
 from fidelity.vizdoom_game import load_vizdoom
 from jaxenstein.errors import JAXensteinError
+from jaxenstein.tasks.doom.lattice import Tiles
+from jaxenstein.tasks.doom.walls import ARMOUR, DoomMap
 
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "CAMERA_POSITION_Z")
 BUTTONS = ("TURN_LEFT_RIGHT_DELTA", "MOVE_FORWARD", "MOVE_LEFT", "MOVE_RIGHT", "TURN_LEFT")

@@ -46,7 +46,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fidelity.doom_map import Tiles, heading_of, load_my_way_home
+from fidelity.doom_map import heading_of, load_my_way_home
 from fidelity.view_errors import Projection
 from fidelity.view_picture import save_picture
 from fidelity.view_report import FINE, OUTLIER, compare, texture_report
@@ -57,6 +57,7 @@ from jaxenstein.engine.level import Level
 from jaxenstein.engine.raycast import cast
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import atomic, check_writable
+from jaxenstein.tasks.doom.lattice import Tiles
 
 FIELD_OF_VIEW = 90.0
 # Doom's world is drawn this much higher than wide.

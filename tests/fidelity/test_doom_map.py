@@ -10,15 +10,14 @@ import pytest
 
 from fidelity import doom_map
 from fidelity.doom_map import (
-    MAP_SPOT,
-    WALL,
     MissingViZDoomError,
     heading_of,
     load_my_way_home,
-    rasterise,
     read_map,
 )
 from jaxenstein.errors import MapError
+from jaxenstein.tasks.doom.lattice import WALL, rasterise
+from jaxenstein.tasks.doom.walls import MAP_SPOT
 
 # Clockwise, as Doom's walls go around what they enclose: an L, its foot to the east.
 CORNERS = [(0, 64), (32, 64), (32, 32), (64, 32), (64, 0), (0, 0)]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fidelity.doom_map import rasterise, read_map
+from fidelity.doom_map import read_map
 from fidelity.view_errors import (
     Projection,
     around,
@@ -23,6 +23,7 @@ from fidelity.view_errors import (
 from fidelity.view_report import FINE, compare
 from fidelity.vizdoom_screen import DepthScale, View
 from fidelity.vizdoom_view import cast_views
+from jaxenstein.tasks.doom.lattice import rasterise
 
 SCREEN = Projection(height=240, focal=192.0, ceiling=128.0)
 

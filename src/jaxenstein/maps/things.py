@@ -100,7 +100,9 @@ MEDKIT = Thing(
     "medkit", 113, (240, 240, 236), "medkit", 0.24, 0.26, detail=(200, 24, 28), glyph="medkit"
 )
 
-THINGS: tuple[Thing, ...] = (KEY, GOAL, APPLE, MEDKIT)
+POISON = Thing("poison", 114, (96, 152, 86), "bottle", 0.24, 0.26, detail=(128, 160, 76))
+
+THINGS: tuple[Thing, ...] = (KEY, GOAL, APPLE, MEDKIT, POISON)
 """All of them, in the order of their labels."""
 
 THING_OF: dict[int, Thing] = {label: thing for thing in THINGS for label in thing.labels}

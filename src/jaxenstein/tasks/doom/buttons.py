@@ -12,8 +12,9 @@ import numpy as np
 from ...pytree import PyTreeNode
 
 TURN_LEFT, TURN_RIGHT = "turn left", "turn right"
-FORWARD, BACKWARD = "move forward", "move backward"
+FORWARD, BACKWARD = "forward", "backward"
 MOVE_LEFT, MOVE_RIGHT = "move left", "move right"
+NOTHING = "nothing"
 
 
 class Buttons(PyTreeNode):
@@ -65,3 +66,8 @@ def numbered(count: int, at_most: int) -> np.ndarray:
         sum(d << i for i, d in enumerate(digits)) for digits in choices if sum(digits) <= at_most
     ]
     return np.array(bits, np.int32)
+
+
+def action_name(names: Sequence[str], held: int) -> str:
+    """What an action is called that holds these buttons, such as `"turn left + forward"`."""
+    return " + ".join(name for i, name in enumerate(names) if held >> i & 1) or NOTHING

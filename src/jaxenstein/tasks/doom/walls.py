@@ -10,6 +10,9 @@ import functools
 from dataclasses import dataclass
 from importlib import resources
 
+START, MAP_SPOT, ARMOUR = 1, 9001, 2018
+"""Kinds of things: where the player starts, places that scripts know, the green armour."""
+
 
 @dataclass(frozen=True)
 class Line:
