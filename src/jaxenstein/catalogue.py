@@ -10,6 +10,9 @@ from typing import Any
 
 from .environment import AnyEnvironment
 from .maps.ascii import load_layout
+from .tasks.doom.health_gathering import DoomHealthGathering, DoomHealthGatheringSupreme
+from .tasks.doom.my_way_home import EVERY_SPOT, DoomMyWayHome
+from .tasks.doom.scenario import ANY_ANGLE
 from .tasks.first_person import FirstPerson
 from .tasks.goals import NavigationParams
 from .tasks.health_gathering import HealthGathering
@@ -177,6 +180,12 @@ def _key_corridor_entry(size: int, rows: int) -> Entry:
     )
 
 
+def _doom_home(summary: str, spots: tuple[int, ...], angles: tuple[int, int]) -> Entry:
+    """A variant of Doom's own My Way Home, by the ids of its starts and its first headings."""
+    build = functools.partial(DoomMyWayHome, spots=spots, angles=angles)
+    return Entry(summary, build, family="doom-my-way-home")
+
+
 # Doom's angles grow counter-clockwise, ours clockwise: 0 to 3.6 degrees there is -3.6 to 0 here.
 ENTRIES: dict[str, Entry] = {
     "simple": Entry(
@@ -217,6 +226,25 @@ ENTRIES: dict[str, Entry] = {
     "key-corridor-s5r3": _key_corridor_entry(5, 3),
     "key-corridor-s6r3": _key_corridor_entry(6, 3),
     **_dmlab_entries(),
+    "doom-my-way-home": _doom_home(
+        "ViZDoom's My Way Home itself: Doom's motion, tic by tic", EVERY_SPOT, ANY_ANGLE
+    ),
+    "doom-my-way-home-sparse": _doom_home(
+        "doom-my-way-home from the western room, facing east", (10,), (0, 655)
+    ),
+    "doom-my-way-home-very-sparse": _doom_home(
+        "doom-my-way-home from the end of the dead end, facing west", (15,), (32112, 33423)
+    ),
+    "doom-health-gathering": Entry(
+        "ViZDoom's Health Gathering itself: Doom's motion, tic by tic",
+        DoomHealthGathering,
+        family="doom-health-gathering",
+    ),
+    "doom-health-gathering-supreme": Entry(
+        "ViZDoom's Health Gathering Supreme itself: walls, and poison among the medkits",
+        DoomHealthGatheringSupreme,
+        family="doom-health-gathering",
+    ),
 }
 
 ALIASES: dict[str, str] = {

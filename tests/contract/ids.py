@@ -9,7 +9,9 @@ import pytest
 import jaxenstein
 
 # They differ from another one by map, size or look alone.
-ALIKE = re.compile(r".*-colorless|key-corridor-s(3r[23]|5r3|6r3)|dmlab-.*-0[23](-respawn)?")
+ALIKE = re.compile(
+    r".*-colorless|key-corridor-s(3r[23]|5r3|6r3)|dmlab-.*-0[23](-respawn)?|doom-.*-sparse"
+)
 IDS = [
     pytest.param(name, marks=pytest.mark.slow) if ALIKE.fullmatch(name) else name
     for name in jaxenstein.environment_ids()

@@ -23,6 +23,7 @@ from .walls import ARMOUR, MAP_SPOT
 
 # Half-widths of the player and of the armour.
 REACH = 16 + 20
+EVERY_SPOT = tuple(range(10, 27))
 
 
 class DoomHomeParams(Params):
@@ -65,7 +66,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
             counterclockwise from east.
     """
 
-    spots: tuple[int, ...] = tuple(range(10, 27))
+    spots: tuple[int, ...] = EVERY_SPOT
     angles: tuple[int, int] = ANY_ANGLE
 
     map_name: ClassVar[str] = "my-way-home"

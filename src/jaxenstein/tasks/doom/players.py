@@ -13,7 +13,7 @@ import numpy as np
 
 from ...about import Choose, Player
 from ...batching import where_few
-from ...players.chance import NOTHING
+from ...players.chance import NO_OP
 from ...players.walking import flood, walking_actions
 from .fixed import ONE
 from .geometry import LATTICE, Geometry, load_geometry
@@ -168,7 +168,7 @@ def greedy_medkits(env: DoomHealthGathering, params: Any) -> Choose:
         # One that is not needed now is left where it lies, and a body must move to take it.
         arrived = jnp.all(jnp.abs(target - state.fixed_position) < _ARRIVED * ONE)
         waits = arrived & (state.health >= FULL) | ~jnp.any(there)
-        return jnp.where(waits, NOTHING, walk(state, target))
+        return jnp.where(waits, NO_OP, walk(state, target))
 
     return choose
 

@@ -1,0 +1,236 @@
+"""Doom's scenarios as environments: poses, ends, and what the game did in recordings."""
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from fidelity.doom_recording import Recording, load
+from jaxenstein.tasks.doom.fixed import ONE
+from jaxenstein.tasks.doom.lattice import rasterise
+from jaxenstein.tasks.doom.pickup import REACH, take_one, take_some
+from jaxenstein.tasks.doom.places import load_places
+from jaxenstein.tasks.doom.walls import load_map
+from tests.reference.doom import Wall, World
+
+RECORDINGS = Path(__file__).parent / "recordings"
+HEALTH = ("doom-health-gathering", "doom-health-gathering-supreme")
+SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
+
+
+def make(name: str, **settings: Any) -> tuple[Any, Any]:
+    """A small environment that goes on after its end."""
+    return jaxenstein.make(name, **(SIZE | settings))
+
+
+def action_of(env, held: int) -> int:
+    return env.action_buttons.tolist().index(held)
+
+
+def states_of(env, params, recording: Recording):
+    state = env.reset(jax.random.key(0), params)[1]
+    return state.replace(
+        fixed_position=jnp.asarray(recording.position[0]),
+        fixed_velocity=jnp.asarray(recording.velocity[0]),
+        angle=jnp.asarray(recording.angle[0]),
+    )
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_my_way_home_goes_on_from_a_pose_as_the_game(number: int) -> None:
+    """Rewards, length and end, and the pose after every tic, with any combination of buttons."""
+    env, params = make("doom-my-way-home", buttons="all")
+    recording = load(RECORDINGS / "my-way-home.npz")[number]
+    actions = np.array([action_of(env, held) for held in recording.buttons.tolist()], np.int32)
+
+    @jax.jit
+    def play(state, actions):
+        def step(state, action):
+            after, reward, terminated, info = env.advance(jax.random.key(0), state, action, params)
+            pose = after.fixed_position, after.fixed_velocity, after.angle
+            return after, (pose, reward, terminated, after.done, info["reached_goal"])
+
+        return jax.lax.scan(step, state, actions)[1]
+
+    out = play(states_of(env, params, recording), jnp.asarray(actions))
+    (position, velocity, angle), reward, terminated, done, reached = jax.tree.map(np.asarray, out)
+    known = len(recording.position) - 1
+    np.testing.assert_array_equal(position[:known], recording.position[1:])
+    np.testing.assert_array_equal(velocity[:known], recording.velocity[1:])
+    np.testing.assert_array_equal(angle[:known], recording.angle[1:])
+    np.testing.assert_allclose(reward, recording.reward, atol=1e-7)
+    assert np.flatnonzero(done).tolist() == [len(actions) - 1]
+    assert terminated[-1] == (recording.finished and len(actions) < 2100)
+    if terminated[-1]:
+        assert np.flatnonzero(reached).tolist() == [len(actions) - 2]
+
+
+def with_things(env, state, recording: Recording, time: int):
+    """The state with the things that lay there in the game."""
+    alive = (recording.things[:, 4] <= time) & (recording.things[:, 5] > time)
+    places = np.zeros(state.places.shape, np.int32)
+    number, present = np.zeros(len(places), np.int32), np.zeros(len(places), bool)
+    for kind in range(len(env.kinds)):
+        own = recording.things[alive & (recording.things[:, 0] == kind)]
+        first = int(np.flatnonzero(env.looks == kind)[0])
+        slots = slice(first, first + len(own))
+        places[slots], number[slots], present[slots] = own[:, 2:4], own[:, 1], True
+    return state.replace(
+        places=jnp.asarray(places), number=jnp.asarray(number), present=jnp.asarray(present)
+    )
+
+
+@pytest.mark.parametrize("name", HEALTH)
+def test_health_is_the_games_tic_by_tic(name: str) -> None:
+    """Things lie where they lay in the game; all else follows from the buttons."""
+    env, params = make(name, buttons="all")
+    step = jax.jit(functools.partial(env.advance, params=params))
+    for recording in load(RECORDINGS / f"{name.removeprefix('doom-')}.npz"):
+        state = states_of(env, params, recording)
+        assert int(state.health) == recording.health[0] == 92
+        for time, held in enumerate(recording.buttons.tolist()):
+            state = with_things(env, state, recording, time)
+            action = jnp.int32(action_of(env, held))
+            state, reward, terminated, _ = step(jax.random.key(time), state, action)
+            assert float(reward) == recording.reward[time], time
+            if time + 1 < len(recording.health):
+                assert int(state.health) == recording.health[time + 1], time
+        assert bool(terminated)
+
+
+@pytest.mark.parametrize("name", HEALTH)
+def test_an_idle_player_dies_in_tic_384(name: str) -> None:
+    env, params = make(name)
+
+    @jax.jit
+    def play(key):
+        def step(state, key):
+            after, reward, terminated, _ = env.advance(key, state, jnp.int32(0), params)
+            return after, (reward, terminated, after.health, jnp.sum(after.present))
+
+        first = env.init_state(key, params)
+        return first, jax.lax.scan(step, first, jax.random.split(key, 384))[1]
+
+    first, (reward, terminated, health, present) = play(jax.random.key(3))
+    assert np.flatnonzero(terminated).tolist() == [383]
+    assert reward.sum() == 284
+    assert reward[-1] == -99
+    lost = np.flatnonzero(np.diff(np.concatenate([[92], health])))
+    np.testing.assert_array_equal(lost, np.arange(31, 384, 32))
+    periods = [kind.period for kind in env.kinds]
+    at_first = sum(kind.at_first for kind in env.kinds)
+    assert int(first.present.sum()) == at_first
+    times = np.arange(1, 385)
+    expected = at_first + sum(times // period for period in periods)
+    np.testing.assert_array_equal(present, expected)
+
+
+@pytest.mark.parametrize("name", ["health-gathering", "health-gathering-supreme"])
+def test_things_lie_evenly_where_they_fit(name: str) -> None:
+    """No box of half-width 20 overlaps a wall, and quarters of the room get what they measure."""
+    places = load_places(name)
+    bits = jax.random.bits(jax.random.key(0), (20_000, 3), jnp.uint32)
+    drawn = np.asarray(places.draw(bits))
+    world = World(walls := [Wall(w.x0, w.y0, w.x1, w.y1) for w in load_map(name).walls])
+    ends = np.array([(w.x0, w.y0, w.x1, w.y1) for w in walls]).reshape(-1, 2, 2)
+    least, most = ends.min(axis=1), ends.max(axis=1)
+    x, y = drawn[:, 0] / ONE, drawn[:, 1] / ONE
+    for low, high in zip(least, most, strict=True):
+        inside = (x > low[0] - 20) & (x < high[0] + 20) & (y > low[1] - 20) & (y < high[1] + 20)
+        assert not inside.any()
+    assert x.min() > world.west / ONE + 20 - 1e-9
+    size = 1216 if name == "health-gathering" else 1856
+    assert drawn.max() <= (size - 20) * ONE
+    # By a raster of the free area, in 4 by 4 fields.
+    grid = (np.arange(size // 4) + 0.5) * 4
+    # First row of the tiles in the north, and a tile of wall around them.
+    solid = rasterise(load_map(name), 32).solid[1:-1, 1:-1]
+    free = ~np.repeat(np.repeat(solid[::-1].T, 8, axis=0), 8, axis=1)
+    for low, high in zip(least, most, strict=True):
+        near = [(grid > low[i] - 20) & (grid < high[i] + 20) for i in (0, 1)]
+        free &= ~(near[0][:, None] & near[1][None])
+    share = free.reshape(4, len(grid) // 4, 4, -1).sum(axis=(1, 3)) / free.sum()
+    found = np.histogram2d(x, y, bins=4, range=((0, size), (0, size)))[0]
+    expected = share * len(drawn)
+    assert (((found - expected) ** 2 / expected).sum()) < 60
+
+
+def test_several_things_are_taken_one_after_another_the_newest_first() -> None:
+    """At health 60 two medkits of 25 are needed; of three the oldest is left."""
+    env, _ = make("doom-health-gathering")
+    n = len(env.looks)
+    reach = np.zeros(n, bool)
+    reach[[3, 7, 11]] = True
+    number = np.arange(n, dtype=np.int32)
+    places = np.full((n, 2), 600 * ONE, np.int32)
+    target = jnp.asarray((600 * ONE, 600 * ONE), jnp.int32)
+    health, taken = take_some(
+        env.geometry,
+        env.kinds,
+        env.looks,
+        target,
+        jnp.asarray(places),
+        jnp.asarray(number),
+        jnp.int32(60),
+        jnp.asarray(reach),
+    )
+    assert int(health) == 100
+    assert np.flatnonzero(taken).tolist() == [7, 11]
+
+
+@pytest.mark.parametrize(("health", "after", "left"), [(50, 75, 0), (90, 100, 0), (100, 100, 1)])
+def test_a_medkit_alone(health: int, after: int, left: int) -> None:
+    env, _ = make("doom-health-gathering")
+    reach = jnp.zeros(len(env.looks), bool).at[5].set(True)
+    got, taken = take_one(env.kinds, jnp.asarray(env.looks), jnp.int32(health), reach)
+    assert (int(got), int((reach & ~taken).sum())) == (after, left)
+
+
+@pytest.mark.parametrize("x", [0, 35, 36])
+def test_the_boxes_must_overlap(x: int) -> None:
+    assert (x * ONE < REACH) == (x < 36)
+
+
+def test_position_and_heading_follow_from_the_pose() -> None:
+    env, params = make("doom-my-way-home")
+    state = env.reset(jax.random.key(1), params)[1]
+    state = state.replace(
+        fixed_position=jnp.array((200 * ONE, -100 * ONE), jnp.int32), angle=jnp.uint32(2**30)
+    )
+    after, *_ = env.advance(jax.random.key(0), state, jnp.int32(0), params)
+    # The map begins at x 144 and y 144, a tile before its westernmost and northernmost walls.
+    np.testing.assert_allclose(after.position, [(200 - 144) / 16, (144 + 100) / 16])
+    assert float(after.heading) == pytest.approx(1.5 * np.pi)
+
+
+def test_only_known_buttons_at_once() -> None:
+    with pytest.raises(jaxenstein.SettingError, match="buttons must be 'single' or 'all'"):
+        make("doom-my-way-home", buttons="two")
+    env, _ = make("doom-my-way-home", buttons="all")
+    assert env.num_actions == 32
+    assert env.action_names[-1] == "turn left + turn right + forward + move left + move right"
+
+
+def test_the_first_headings_are_those_of_the_scripts() -> None:
+    for name, low, high in (("sparse", 0, 3.6), ("very-sparse", 176.4, 183.6)):
+        env, params = make(f"doom-my-way-home-{name}")
+        keys = jax.random.split(jax.random.key(0), 500)
+        states = jax.jit(jax.vmap(lambda key, e=env, p=params: e.init_state(key, p)))(keys)
+        degrees = np.asarray(states.angle).astype(float) * 360 / 2**32
+        assert low <= degrees.min() < low + 0.2
+        assert high - 0.2 < degrees.max() <= high
+        assert len(np.unique(np.asarray(states.fixed_position), axis=0)) == 1
+        assert not (np.asarray(states.angle) % 65536).any()
+
+
+def test_a_view_of_one_row_is_the_horizons() -> None:
+    env, params = make("doom-my-way-home", height=1, width=32, observation="depth", frame_skip=4)
+    low, low_params = make("doom-my-way-home", height=65, width=32, observation="depth")
+    obs, state = env.reset(jax.random.key(4), params)
+    assert obs.shape == (1, 32)
+    np.testing.assert_allclose(low.observe(state, low_params)[32], obs[0], rtol=1e-5)
