@@ -93,6 +93,7 @@ def test_health_is_the_games_tic_by_tic(name: str) -> None:
     for recording in load(RECORDINGS / f"{name.removeprefix('doom-')}.npz"):
         state = states_of(env, params, recording)
         assert int(state.health) == recording.health[0] == 92
+        terminated = jnp.bool_(False)
         for time, held in enumerate(recording.buttons.tolist()):
             state = with_things(env, state, recording, time)
             action = jnp.int32(action_of(env, held))
