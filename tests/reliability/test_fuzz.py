@@ -32,7 +32,7 @@ def test_a_few_spoilt_inputs(name: str) -> None:
     cases = {**CASES, **SLOW}[name]
     reasons = fuzz(TARGETS[name](), cases, seed=1)
     assert reasons.total() > cases // 2
-    assert reasons[""]
+    # That a few of them are valid is not for sure; the seeds are, or `fuzz` would fail.
     assert len(reasons) > 2
 
 

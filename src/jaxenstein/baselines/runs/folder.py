@@ -193,13 +193,13 @@ def _checked(experiment: Experiment) -> Experiment:
     Raises:
         JAXensteinError: it has an entry that `resolve` would not make.
     """
+    check_grid(dict(experiment.grid), experiment.config.algorithm)
     experiment.numbers().check()
     whole = all(isinstance(s, int) and not isinstance(s, bool) for s in experiment.seeds)
     if not whole or not experiment.seeds:
         raise SettingError(f"'seeds' must be whole numbers, not {list(experiment.seeds)!r}")
     check_seeds(min(experiment.seeds), 1)
     check_seeds(max(experiment.seeds), 1)
-    check_grid(dict(experiment.grid), experiment.config.algorithm)
     experiment.recipe.try_out()
     return experiment
 
