@@ -96,6 +96,8 @@ def stored_rows(name: str) -> list[dict[str, Any]]:
 def returns(name: str) -> str:
     """The returns of the scripted players as a table."""
     stored = stored_rows(name)
+    if not stored:
+        return f"Returns are not measured yet: `python -m docs.returns {name}`."
     players = players_of(jaxenstein.make(name)[0])
     rows = [
         (
