@@ -126,9 +126,9 @@ def test_runs() -> None:
 @pytest.mark.parametrize("id", jaxenstein.environment_ids())
 def test_every_environment_can_be_kept(id: str) -> None:
     env, params = jaxenstein.make(id, height=9, width=np.int64(11), observation="gray")
-    recipe = recipe_of(env, params.replace(max_steps_in_episode=7, turn_angle=0.25))
+    recipe = recipe_of(env, params.replace(max_steps_in_episode=7, discount=0.25))
     assert recipe.id == env.name
-    assert recipe.params == {"max_steps_in_episode": 7, "turn_angle": 0.25}
+    assert recipe.params == {"max_steps_in_episode": 7, "discount": 0.25}
     json.dumps(dict(recipe.settings))
     built, numbers = recipe.build()
     assert built == dataclasses.replace(env, autoreset=None)

@@ -10,7 +10,7 @@ import pytest
 
 from jaxenstein.maps import symbols
 from jaxenstein.maps.symbols import LABEL_COLOURS, LABEL_NAMES, SYMBOLS, decal_label, door_label
-from jaxenstein.maps.things import APPLE, COLOUR_NAMES, GOAL, KEY, MEDKIT
+from jaxenstein.maps.things import APPLE, COLOUR_NAMES, GOAL, KEY, MEDKIT, POISON
 
 
 def test_label_ids_are_those_of_the_contract() -> None:
@@ -22,9 +22,9 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert [door_label(c, locked=False) for c in range(6)] == list(range(93, 99))
     assert [door_label(c, locked=True) for c in range(6)] == list(range(99, 105))
     assert KEY.labels == range(105, 111)
-    assert (GOAL.label, APPLE.label, MEDKIT.label) == (111, 112, 113)
-    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 114
-    assert LABEL_COLOURS.shape == (114, 3)
+    assert (GOAL.label, APPLE.label, MEDKIT.label, POISON.label) == (111, 112, 113, 114)
+    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 115
+    assert LABEL_COLOURS.shape == (115, 3)
     assert LABEL_COLOURS.dtype == np.uint8
     assert not LABEL_COLOURS.flags.writeable
 

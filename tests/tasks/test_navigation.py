@@ -179,10 +179,11 @@ def test_doors_do_not_open_through_walls_or_out_of_reach():
     env, params = jaxenstein.from_ascii("######\n#S.\\G#\n######", heading=0.0, **SETTINGS)
     ((state, *_),) = follow(env, params, 0.0, [INTERACT])
     assert not state.opened.any()
-    # The eye is 1.5 tiles from the door.
-    for distance, opens in ((0.99, False), (1.45, False), (1.55, True)):
-        ((state, *_),) = follow(env, params.replace(interact_distance=distance), 0.0, [INTERACT])
-        assert state.opened.all() == opens
+    # Five steps of 0.15 from 1.5 tiles before the door.
+    for distance, opens in ((0.7, False), (0.74, False), (0.76, True)):
+        reach = params.replace(interact_distance=distance)
+        trace = follow(env, reach, 0.0, [FORWARD] * 5 + [INTERACT])
+        assert trace[-1][0].opened.all() == opens
     trace = follow(env, params, 0.0, [FORWARD] * 5 + [INTERACT])
     assert not trace[-2][0].opened.any()
     assert trace[-1][0].opened.all()

@@ -10,6 +10,9 @@ ACTION_KEYS: dict[str, tuple[str, ...]] = {
     "backward": ("s", "down"),
     "turn left": ("a", "left"),
     "turn right": ("d", "right"),
+    "move left": ("z",),
+    "move right": ("c",),
+    "nothing": ("x",),
     "interact": ("space",),
 }
 OPPOSITES = {
@@ -17,6 +20,8 @@ OPPOSITES = {
     "backward": "forward",
     "turn left": "turn right",
     "turn right": "turn left",
+    "move left": "move right",
+    "move right": "move left",
 }
 # Seconds for which a key must be held before it acts again: a tap is one step.
 HOLD = 0.2
