@@ -28,9 +28,10 @@ from docs.page_parts import (
     stored_rows,
     table,
 )
-from jaxenstein.catalogue import ALIASES, ENTRIES, SETTINGS
+from jaxenstein.catalogue import ALIASES, ENTRIES
 from jaxenstein.cli.listing import GENERATED, extent
 from jaxenstein.docstrings import attributes
+from jaxenstein.tasks.first_person import SETTINGS
 
 OUT = HERE / "environments"
 EPISODES = HERE / "_static" / "episodes"

@@ -10,7 +10,8 @@ import pytest
 
 import jaxenstein
 from jaxenstein import MapError
-from jaxenstein.catalogue import ALIASES, ENTRIES, SETTINGS
+from jaxenstein.catalogue import ALIASES, ENTRIES
+from jaxenstein.tasks.first_person import SETTINGS
 
 MAP = "#####\n#S.G#\n#####"
 

@@ -18,7 +18,7 @@ from jaxenstein import SettingError, TrajectoryError, UnknownEnvironmentError, r
 from jaxenstein.cli import main
 from jaxenstein.environment import Environment
 from jaxenstein.recipe import recipe_of
-from jaxenstein.tasks.first_person import FirstPerson
+from jaxenstein.tasks.first_person import SETTINGS, FirstPerson
 from jaxenstein.tasks.health_gathering import HealthGathering
 
 SIZE = {"height": 8, "width": 12}
@@ -92,12 +92,12 @@ def test_a_function_names_its_own_settings() -> None:
         return TMaze(final_observation=cue > 3, **settings)
 
     jaxenstein.register("cue", build)
-    assert registry.find("cue")[1].settings == (*registry.SETTINGS, "cue")
+    assert registry.find("cue")[1].settings == (*SETTINGS, "cue")
     assert make("cue", cue=4, **SIZE)[0].final_observation
     with pytest.raises(SettingError, match="'cue' needs the setting cue"):
         make("cue")
     jaxenstein.register("bound", functools.partial(build, cue=2))
-    assert registry.find("bound")[1].settings == registry.SETTINGS
+    assert registry.find("bound")[1].settings == SETTINGS
     assert not make("bound")[0].final_observation
 
 

@@ -1,4 +1,7 @@
-"""The environments that come with the package: their ids, and what builds them."""
+"""The environments that come with the package: their ids, and what builds them.
+
+Importing this module imports no task: an entry does when it is first built or asked about.
+"""
 
 from __future__ import annotations
 
@@ -9,24 +12,8 @@ from collections.abc import Callable
 from typing import Any
 
 from .environment import AnyEnvironment
-from .maps.ascii import load_layout
-from .tasks.doom.health_gathering import DoomHealthGathering, DoomHealthGatheringSupreme
-from .tasks.doom.my_way_home import EVERY_SPOT, DoomMyWayHome
-from .tasks.doom.scenario import ANY_ANGLE
-from .tasks.first_person import FirstPerson
-from .tasks.goals import NavigationParams
-from .tasks.health_gathering import HealthGathering
-from .tasks.key_corridor import KeyCorridor
-from .tasks.maze import Maze, MazeParams
-from .tasks.navigation import Navigation
 
 Build = Callable[..., AnyEnvironment]
-
-_NAMING = ("name", "version")
-SETTINGS = tuple(
-    field.name for field in dataclasses.fields(FirstPerson) if field.name not in _NAMING
-)
-"""The settings that every environment takes which is seen in first person."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,18 +22,25 @@ class Entry:
 
     Attributes:
         summary: one line for people.
-        build: makes the environment from its settings: a class, or a function. Settings of its
-            own are its parameters by name; `**settings` stands for those of all.
+        load: imports and returns `build`.
         version: of the environment, which grows when its behaviour changes.
         family: environments of one family share a page of the documentation.
         module: what has to be imported for the id to be known; "" if nothing has.
     """
 
     summary: str
-    build: Build
+    load: Callable[[], Build]
     version: int = 0
     family: str = ""
     module: str = ""
+
+    @functools.cached_property
+    def build(self) -> Build:
+        """Makes the environment from its settings: a class, or a function.
+
+        Settings of its own are its parameters by name; `**settings` stands for those of all.
+        """
+        return self.load()
 
     @property
     def required(self) -> tuple[str, ...]:
@@ -58,8 +52,10 @@ class Entry:
     @functools.cached_property
     def settings(self) -> tuple[str, ...]:
         """The names of the settings that it takes."""
+        from .tasks.first_person import SETTINGS
+
         bound = self.build.keywords if isinstance(self.build, functools.partial) else ()
-        fixed = {*_NAMING, *bound}
+        fixed = {"name", "version", *bound}
         kinds = {one.name: one.kind for one in inspect.signature(self.build).parameters.values()}
         every = SETTINGS if inspect.Parameter.VAR_KEYWORD in kinds.values() else ()
         named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
@@ -67,14 +63,16 @@ class Entry:
         return *every, *(name for name in own if name not in every)
 
 
-def _corridors(layout: str, horizon: int) -> Build:
+def _corridors(layout: str) -> Build:
     """A small map whose agent starts facing east."""
+    from .maps.ascii import load_layout
+    from .tasks.goals import NavigationParams
+    from .tasks.navigation import Navigation
 
-    def build(**settings: Any) -> Navigation:
-        defaults = NavigationParams(max_steps_in_episode=horizon)
-        return Navigation(tilemap=load_layout(layout), heading=0.0, defaults=defaults, **settings)
-
-    return build
+    defaults = NavigationParams(max_steps_in_episode=300)
+    return functools.partial(
+        Navigation, tilemap=load_layout(layout), heading=0.0, defaults=defaults
+    )
 
 
 # ViZDoom's texture for both floor and ceiling, FLAT1_1, has the mean RGB (65, 46, 26).
@@ -89,21 +87,25 @@ def _my_way_home(
     heading: tuple[float, float] | None = None,
 ) -> Build:
     """A variant of ViZDoom's My Way Home; `spawn` is the one start cell of the sparse ones."""
+    from .maps.ascii import load_layout
+    from .tasks.goals import NavigationParams
+    from .tasks.navigation import Navigation
 
-    def build(**settings: Any) -> Navigation:
-        tilemap = load_layout("my-way-home", regions=coloured)
-        return Navigation(
-            tilemap=tilemap.with_spawns((spawn,)) if spawn else tilemap,
-            heading=heading,
-            floor=_HOME_FLOOR,
-            ceiling=_HOME_CEILING,
-            defaults=NavigationParams(
-                max_steps_in_episode=2100, discount=0.999, living_reward=-0.0001
-            ),
-            **settings,
-        )
+    tilemap = load_layout("my-way-home", regions=coloured)
+    return functools.partial(
+        Navigation,
+        tilemap=tilemap.with_spawns((spawn,)) if spawn else tilemap,
+        heading=heading,
+        floor=_HOME_FLOOR,
+        ceiling=_HOME_CEILING,
+        defaults=NavigationParams(max_steps_in_episode=2100, discount=0.999, living_reward=-0.0001),
+    )
 
-    return build
+
+def _health_gathering() -> Build:
+    from .tasks.health_gathering import HealthGathering
+
+    return HealthGathering
 
 
 # A move of one MiniGrid cell, or a turn of 90 degrees, is about 1 / 0.15 of our steps.
@@ -112,6 +114,9 @@ _STEPS_A_MOVE = 1 / 0.15
 
 def _key_corridor(size: int, rows: int) -> Build:
     """KeyCorridorS<size>R<rows>, whose budget of 30 moves a tile of room is rescaled."""
+    from .tasks.goals import NavigationParams
+    from .tasks.key_corridor import KeyCorridor
+
     defaults = NavigationParams(max_steps_in_episode=round(30 * size**2 * _STEPS_A_MOVE))
     return functools.partial(KeyCorridor, room_size=size, room_rows=rows, defaults=defaults)
 
@@ -129,41 +134,70 @@ _LAB_HORIZON, _LAB_DISCOUNT = (1800, 4500, 9000), (0.999, 0.9995, 0.9999)
 _LAB_START_DISTANCE = 10
 
 
-def _dmlab(kind: str, number: int, *, respawn: bool) -> Build:
+def _dmlab(kind: str, number: int, respawn: bool) -> Build:
     """A navigation maze; `kind` is "static" or "random-goal"."""
+    from .maps.ascii import load_layout
+    from .tasks.maze import Maze, MazeParams
 
-    def build(**settings: Any) -> Maze:
-        tilemap = load_layout(f"dmlab-{kind}-{number:02}", goal_required=False)
-        cells = tilemap.apples
-        if kind == "random-goal":
-            tilemap = dataclasses.replace(tilemap, spawns=cells, goals=cells, apples=())
-        elif not respawn:
-            tilemap = dataclasses.replace(tilemap, apples=())
-        drawn = len(cells) // 10 if kind == "random-goal" and respawn else 0
-        return Maze(
-            tilemap=tilemap,
-            start_distance=_LAB_START_DISTANCE,
-            respawn=respawn,
-            drawn_apples=drawn,
-            floor=_LAB_FLOORS[number - 1],
-            ceiling=_LAB_SKY,
-            defaults=MazeParams(
-                max_steps_in_episode=_LAB_HORIZON[number - 1], discount=_LAB_DISCOUNT[number - 1]
-            ),
-            **settings,
-        )
+    tilemap = load_layout(f"dmlab-{kind}-{number:02}", goal_required=False)
+    cells = tilemap.apples
+    if kind == "random-goal":
+        tilemap = dataclasses.replace(tilemap, spawns=cells, goals=cells, apples=())
+    elif not respawn:
+        tilemap = dataclasses.replace(tilemap, apples=())
+    return functools.partial(
+        Maze,
+        tilemap=tilemap,
+        start_distance=_LAB_START_DISTANCE,
+        respawn=respawn,
+        drawn_apples=len(cells) // 10 if kind == "random-goal" and respawn else 0,
+        floor=_LAB_FLOORS[number - 1],
+        ceiling=_LAB_SKY,
+        defaults=MazeParams(
+            max_steps_in_episode=_LAB_HORIZON[number - 1], discount=_LAB_DISCOUNT[number - 1]
+        ),
+    )
 
-    return build
+
+def _doom_home(spots: tuple[int, ...] = (), angles: tuple[int, int] | None = None) -> Build:
+    """A variant of Doom's own My Way Home, by the ids of its starts and its first headings."""
+    from .tasks.doom.my_way_home import ANY_ANGLE, EVERY_SPOT, DoomMyWayHome
+
+    return functools.partial(DoomMyWayHome, spots=spots or EVERY_SPOT, angles=angles or ANY_ANGLE)
+
+
+def _doom_health(*, supreme: bool = False) -> Build:
+    from .tasks.doom.health_gathering import DoomHealthGathering, DoomHealthGatheringSupreme
+
+    return DoomHealthGatheringSupreme if supreme else DoomHealthGathering
+
+
+def _entry(family: str, summary: str, load: Callable[..., Build], **variant: Any) -> Entry:
+    return Entry(summary, functools.partial(load, **variant), family=family)
+
+
+_home = functools.partial(_entry, "my-way-home", load=_my_way_home)
+_doom = functools.partial(_entry, "doom-my-way-home", load=_doom_home)
+
+
+def _corridor_entry(size: int, rows: int) -> Entry:
+    summary = (
+        f"MiniGrid's KeyCorridorS{size}R{rows}: key, locked door, goal; a new layout each time"
+    )
+    return _entry("key-corridor", summary, _key_corridor, size=size, rows=rows)
 
 
 def _dmlab_entries() -> dict[str, Entry]:
     goals = {"static": "goal and starts fixed", "random-goal": "a new goal cell each episode"}
     ends = {False: "+10 ends", True: "+10, apples +1, respawns until time is up"}
     return {
-        f"dmlab-{kind}-{number:02}{'-respawn' if respawn else ''}": Entry(
+        f"dmlab-{kind}-{number:02}{'-respawn' if respawn else ''}": _entry(
+            f"dmlab-{kind}",
             f"DeepMind Lab's maze {number:02}: {goal}; {ends[respawn]}",
-            _dmlab(kind, number, respawn=respawn),
-            family=f"dmlab-{kind}",
+            _dmlab,
+            kind=kind,
+            number=number,
+            respawn=respawn,
         )
         for respawn in (False, True)
         for kind, goal in goals.items()
@@ -171,79 +205,56 @@ def _dmlab_entries() -> dict[str, Entry]:
     }
 
 
-def _key_corridor_entry(size: int, rows: int) -> Entry:
-    name = f"MiniGrid's KeyCorridorS{size}R{rows}"
-    return Entry(
-        f"{name}: key, locked door, goal; a new layout each time",
-        _key_corridor(size, rows),
-        family="key-corridor",
-    )
-
-
-def _doom_home(summary: str, spots: tuple[int, ...], angles: tuple[int, int]) -> Entry:
-    """A variant of Doom's own My Way Home, by the ids of its starts and its first headings."""
-    build = functools.partial(DoomMyWayHome, spots=spots, angles=angles)
-    return Entry(summary, build, family="doom-my-way-home")
-
-
 # Doom's angles grow counter-clockwise, ours clockwise: 0 to 3.6 degrees there is -3.6 to 0 here.
 ENTRIES: dict[str, Entry] = {
-    "simple": Entry(
-        "a ring corridor, goal in the opposite corner", _corridors("simple", 300), family="simple"
+    "simple": _entry(
+        "simple", "a ring corridor, goal in the opposite corner", _corridors, layout="simple"
     ),
-    "key-door": Entry(
+    "key-door": _entry(
+        "key-door",
         "a corridor with a red key, a red locked door and the goal behind it",
-        _corridors("key-door", 300),
-        family="key-door",
+        _corridors,
+        layout="key-door",
     ),
-    "my-way-home": Entry(
-        "ViZDoom's eight-room maze: 17 starts, any heading, one goal",
-        _my_way_home(),
-        family="my-way-home",
+    "my-way-home": _home("ViZDoom's eight-room maze: 17 starts, any heading, one goal"),
+    "my-way-home-colorless": _home("my-way-home with all walls in one colour", coloured=False),
+    "my-way-home-sparse": _home(
+        "my-way-home from the western room, facing east", spawn=(3, 10), heading=(-3.6, 0.0)
     ),
-    "my-way-home-colorless": Entry(
-        "my-way-home with all walls in one colour",
-        _my_way_home(coloured=False),
-        family="my-way-home",
-    ),
-    "my-way-home-sparse": Entry(
-        "my-way-home from the western room, facing east",
-        _my_way_home(spawn=(3, 10), heading=(-3.6, 0.0)),
-        family="my-way-home",
-    ),
-    "my-way-home-very-sparse": Entry(
+    "my-way-home-very-sparse": _home(
         "my-way-home from the end of the dead end, facing west",
-        _my_way_home(spawn=(12, 26), heading=(176.4, 183.6)),
-        family="my-way-home",
+        spawn=(12, 26),
+        heading=(176.4, 183.6),
     ),
-    "health-gathering": Entry(
-        "ViZDoom's acid floor: medkits keep you alive", HealthGathering, family="health-gathering"
+    "health-gathering": _entry(
+        "health-gathering", "ViZDoom's acid floor: medkits keep you alive", _health_gathering
     ),
-    "key-corridor": _key_corridor_entry(4, 3),
-    "key-corridor-s3r1": _key_corridor_entry(3, 1),
-    "key-corridor-s3r2": _key_corridor_entry(3, 2),
-    "key-corridor-s3r3": _key_corridor_entry(3, 3),
-    "key-corridor-s5r3": _key_corridor_entry(5, 3),
-    "key-corridor-s6r3": _key_corridor_entry(6, 3),
+    "key-corridor": _corridor_entry(4, 3),
+    "key-corridor-s3r1": _corridor_entry(3, 1),
+    "key-corridor-s3r2": _corridor_entry(3, 2),
+    "key-corridor-s3r3": _corridor_entry(3, 3),
+    "key-corridor-s5r3": _corridor_entry(5, 3),
+    "key-corridor-s6r3": _corridor_entry(6, 3),
     **_dmlab_entries(),
-    "doom-my-way-home": _doom_home(
-        "ViZDoom's My Way Home itself: Doom's motion, tic by tic", EVERY_SPOT, ANY_ANGLE
+    "doom-my-way-home": _doom("ViZDoom's My Way Home itself: Doom's motion, tic by tic"),
+    "doom-my-way-home-sparse": _doom(
+        "doom-my-way-home from the western room, facing east", spots=(10,), angles=(0, 655)
     ),
-    "doom-my-way-home-sparse": _doom_home(
-        "doom-my-way-home from the western room, facing east", (10,), (0, 655)
+    "doom-my-way-home-very-sparse": _doom(
+        "doom-my-way-home from the end of the dead end, facing west",
+        spots=(15,),
+        angles=(32112, 33423),
     ),
-    "doom-my-way-home-very-sparse": _doom_home(
-        "doom-my-way-home from the end of the dead end, facing west", (15,), (32112, 33423)
-    ),
-    "doom-health-gathering": Entry(
+    "doom-health-gathering": _entry(
+        "doom-health-gathering",
         "ViZDoom's Health Gathering itself: Doom's motion, tic by tic",
-        DoomHealthGathering,
-        family="doom-health-gathering",
+        _doom_health,
     ),
-    "doom-health-gathering-supreme": Entry(
+    "doom-health-gathering-supreme": _entry(
+        "doom-health-gathering",
         "ViZDoom's Health Gathering Supreme itself: walls, and poison among the medkits",
-        DoomHealthGatheringSupreme,
-        family="doom-health-gathering",
+        _doom_health,
+        supreme=True,
     ),
 }
 

@@ -20,10 +20,9 @@ from .errors import (
     TrajectoryError,
     UnknownEnvironmentError,
 )
+from .tasks.first_person import RESETTING, SEEN
 from .tasks.navigation import Navigation
 
-# What does not matter to one episode that is stepped by hand.
-_RESETTING = ("autoreset", "final_observation")
 # The texts of a custom map, which files hold line by line.
 TEXTS = ("text", "faces")
 Settings = Mapping[str, Any]
@@ -108,15 +107,14 @@ def recipe_of(env: AnyEnvironment, params: Any) -> Recipe:
 def _candidates(env: Any) -> list[tuple[str | None, dict[str, Any]]]:
     """The ids and settings that the environment may have been built from."""
     fields = {field.name: _plain(getattr(env, field.name)) for field in dataclasses.fields(env)}
-    common = [name for name in registry.SETTINGS if name not in _RESETTING]
     found: list[tuple[str | None, dict[str, Any]]] = []
     with contextlib.suppress(UnknownEnvironmentError):
         taken = registry.find(env.name)[1].settings
-        settings = {n: fields[n] for n in taken if n in fields and n not in _RESETTING}
+        settings = {n: fields[n] for n in taken if n in fields and n not in RESETTING}
         found.append((registry.portable_id(env.name), settings))
     if type(env) is Navigation:
         own = ("name", "heading", "floor", "ceiling")
-        settings = {name: fields[name] for name in (*common, *own)}
+        settings = {name: fields[name] for name in (*SEEN, *own)}
         settings["text"] = env.tilemap.tile_text()
         faces = env.tilemap.faces_text()
         found.append((None, settings if faces is None else settings | {"faces": faces}))

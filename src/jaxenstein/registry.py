@@ -11,16 +11,16 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import catalogue
-from .catalogue import SETTINGS, Build, Entry
+from .catalogue import Build, Entry
 from .environment import AnyEnvironment, Environment
 from .errors import JAXensteinError, MapError, SettingError, UnknownEnvironmentError, nearest
-from .maps.ascii import parse_ascii
-from .maps.map_files import read_map
-from .tasks.goals import NavigationParams
-from .tasks.navigation import Navigation
+
+if TYPE_CHECKING:
+    from .tasks.goals import NavigationParams
+    from .tasks.navigation import Navigation
 
 ENTRIES: dict[str, Entry] = dict(catalogue.ENTRIES)
 """The environments by id, those that were registered by others behind those of the package."""
@@ -72,7 +72,7 @@ def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> N
         raise SettingError(f"the id {id!r} is taken by an environment of the package")
     if id in ENTRIES and ENTRIES[id].module != module:
         raise SettingError(f"the id {id!r} is taken by the module {ENTRIES[id].module!r}")
-    ENTRIES[id] = Entry(summary or _first_line(build), build, version, module=module)
+    ENTRIES[id] = Entry(summary or _first_line(build), lambda: build, version, module=module)
     for listener in LISTENERS:
         listener()
 
@@ -201,7 +201,7 @@ def _entry_of_class(id: str, module: ModuleType, name: str) -> Entry:
             f"{there[name]!r}; functions that build environments get an id by jaxenstein.register"
         )
     cls = there[name]
-    return Entry(_first_line(cls), cls, cls.version, module=module.__name__)
+    return Entry(_first_line(cls), lambda: cls, cls.version, module=module.__name__)
 
 
 def _builds(value: Any) -> bool:
@@ -269,6 +269,8 @@ def from_file(path: str | Path, **settings: Any) -> tuple[Navigation, Navigation
         MapError: a file cannot be read, or is no map.
         SettingError: there is no such setting, or its value is out of range.
     """
+    from .maps.map_files import read_map
+
     path = Path(path)
     texts = read_map(path)
     return _from_texts(texts.pop("text"), {"name": path.stem, **texts, **settings})
@@ -276,6 +278,11 @@ def from_file(path: str | Path, **settings: Any) -> tuple[Navigation, Navigation
 
 def _from_texts(text: str, settings: dict[str, Any]) -> tuple[Navigation, NavigationParams]:
     """As `from_ascii`; warnings name the line of the caller's caller."""
+    from .maps.ascii import parse_ascii
+    from .tasks.first_person import SETTINGS
+    from .tasks.goals import NavigationParams
+    from .tasks.navigation import Navigation
+
     known = (*SETTINGS, "name", "heading", "regions", "faces", "floor", "ceiling")
     _check_names(settings, known, lambda: _fields(NavigationParams))
     name = settings.get("name", "custom")

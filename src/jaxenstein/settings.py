@@ -13,7 +13,7 @@ from . import registry
 from .docstrings import attributes
 from .errors import SettingError, nearest
 from .recipe import Recipe, as_tuples
-from .tasks.first_person import FirstPerson
+from .tasks.first_person import SEEN, SETTINGS, FirstPerson
 
 Kind = Literal["count", "number", "flag", "choice", "layers", "angle", "text", "table"]
 
@@ -31,8 +31,6 @@ KINDS: dict[Kind, str] = {
 MAP_TEXTS = ("regions", "faces")
 # What names an environment.
 PLACES = ("env", "map", "map_file", "heading", *MAP_TEXTS)
-# How an environment begins anew is the business of what steps it.
-RESETTING = ("autoreset", "final_observation")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +80,6 @@ def _kind(hint: Any) -> tuple[Kind, tuple[str, ...]]:
 def environment_options() -> dict[str, Option]:
     """Every option that says which environment there is, and how it is seen."""
     place, view = "environment", "what the agent sees"
-    common = [name for name in registry.SETTINGS if name not in RESETTING]
     options = (
         Option("env", place, "text", None, "id of the environment, see 'jaxenstein list'"),
         Option("map", place, "text", None, "a map as text, instead of env"),
@@ -103,7 +100,7 @@ def environment_options() -> dict[str, Option]:
         Option("horizon", place, "count", None, "most steps of an episode"),
         Option("settings", place, "table", None, "any other setting of jaxenstein.make"),
         Option("params", place, "table", None, "any number of the environment's params"),
-        *options_of(FirstPerson, view, common),
+        *options_of(FirstPerson, view, SEEN),
     )
     return {option.name: option for option in options}
 
@@ -178,7 +175,7 @@ def changed(recipe: Recipe, given: Mapping[str, Any]) -> Recipe:
     """
     before = given_by(recipe)
     if any(name in given for name in PLACES):
-        before = {name: value for name, value in before.items() if name in registry.SETTINGS}
+        before = {name: value for name, value in before.items() if name in SETTINGS}
     return recipe_from(merge(before, given))
 
 
@@ -192,8 +189,7 @@ def recipe_from(given: Mapping[str, Any]) -> Recipe:
         raise SettingError("give either env or a map, not both")
     if "heading" in given and "map" not in given:
         raise SettingError("heading goes with a map (--map-file); an env has headings of its own")
-    common = [name for name in registry.SETTINGS if name not in RESETTING]
-    settings = {name: given[name] for name in common if name in given}
+    settings = {name: given[name] for name in SEEN if name in given}
     settings |= {name: as_tuples(v) for name, v in (given.get("settings") or {}).items()}
     params = dict(given.get("params") or {})
     if "horizon" in given:
@@ -234,7 +230,7 @@ def given_by(recipe: Recipe) -> dict[str, Any]:
     given: dict[str, Any] = {"env": recipe.id}
     if recipe.id is None:
         given = {"map": settings.pop("text")}
-    for name in ("heading", *MAP_TEXTS, *registry.SETTINGS):
+    for name in ("heading", *MAP_TEXTS, *SETTINGS):
         if settings.get(name) is not None:
             given[name] = settings.pop(name)
     return given | {"settings": settings, "params": dict(recipe.params)}

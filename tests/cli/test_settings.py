@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from jaxenstein import registry
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.arguments import given_options
-from jaxenstein.settings import RESETTING, changed, given_by, recipe_from
+from jaxenstein.settings import changed, given_by, recipe_from
+from jaxenstein.tasks.first_person import SEEN
 
 # Each with what it needs besides, and how it is told the environment.
 COMMANDS = {
@@ -36,9 +36,8 @@ def test_every_setting_is_a_flag_of_every_command(
     with pytest.raises(SystemExit):
         main([command, "--help"])
     shown = capsys.readouterr().out
-    common = [name for name in registry.SETTINGS if name not in RESETTING]
-    assert {"height", "observation", "frame_skip"} <= set(common)
-    for name in (*common, "map_file", "heading", "horizon", "set", "param", "seed"):
+    assert {"height", "observation", "frame_skip"} <= set(SEEN)
+    for name in (*SEEN, "map_file", "heading", "horizon", "set", "param", "seed"):
         assert f"--{name.replace('_', '-')}" in shown
 
 

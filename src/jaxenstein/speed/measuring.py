@@ -90,6 +90,7 @@ def measure(settings: Settings) -> dict[str, Any]:
 
     from .. import registry
     from ..recipe import Recipe, as_tuples
+    from ..tasks.first_person import SETTINGS
     from .random_rollout import make_random_rollout
 
     # The command line named it, so its module may be imported.
@@ -113,7 +114,7 @@ def measure(settings: Settings) -> dict[str, Any]:
     device = jax.devices()[0]
     return {
         "id": settings.name,
-        **{name: getattr(env, name) for name in registry.SETTINGS},
+        **{name: getattr(env, name) for name in SETTINGS},
         **dataclasses.asdict(settings),
         "steps_per_second": summarise(settings.batch * settings.steps / np.array(seconds)),
         "world_steps_per_second": summarise(np.diff(counts) / np.array(seconds)),

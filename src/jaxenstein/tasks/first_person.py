@@ -142,3 +142,13 @@ class FirstPerson(Environment[S, P]):
                 )
             return Dict({"image": image, **variables})
         return image
+
+
+SETTINGS = tuple(
+    field.name for field in dataclasses.fields(FirstPerson) if field.name not in ("name", "version")
+)
+"""The settings that every environment takes which is seen in first person."""
+RESETTING = ("autoreset", "final_observation")
+"""Those of how it begins anew, which is the business of what steps it."""
+SEEN = tuple(name for name in SETTINGS if name not in RESETTING)
+"""The others."""
