@@ -158,13 +158,16 @@ CONVERT: dict[str, tuple[Callable[[str], Any], str]] = {
     "angle": (heading, "DEGREES"),
     "text": (str, "TEXT"),
 }
-# Flags of options that are tables, and what one entry looks like; shorter names of others.
+# Flags of options that are tables, and what one entry looks like; other names of others.
 TABLES = {
     "settings": ("--set", "NAME=VALUE"),
     "params": ("--param", "NAME=VALUE"),
     "grid": ("--grid", "NAME=V,V"),
 }
-SHORTER = {"field_of_view": ("--fov",)}
+ALIASES = {
+    "field_of_view": ("--fov",),
+    "rnd_normalise_observations": ("--normalise-observations",),
+}
 # Where the parsed arguments keep the options that were given.
 PREFIX = "option_"
 
@@ -183,7 +186,7 @@ def add_options(
 
 
 def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
-    flags = (f"--{option.name.replace('_', '-')}", *SHORTER.get(option.name, ()))
+    flags = (f"--{option.name.replace('_', '-')}", *ALIASES.get(option.name, ()))
     default = f"{option.default:g}" if isinstance(option.default, float) else option.default
     shown = "" if default is None else f" (default {default})"
     common: dict[str, Any] = {

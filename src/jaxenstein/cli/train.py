@@ -31,6 +31,7 @@ EPILOG = """\
 examples:
   jaxenstein train --env simple --algo rnd --seeds 5 --total-steps 3e6 --out runs/simple-rnd
   jaxenstein train --out runs/simple-rnd --resume
+  jaxenstein train --env key-door --algo rnd --recipe tuned --frame-skip 6 --out runs/key-door
   jaxenstein train --config maze.toml --learning-rate 1e-4 --out runs/maze
 
 Ctrl-C stops after the update that runs, with a checkpoint; --resume goes on from the newest

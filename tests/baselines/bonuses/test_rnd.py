@@ -69,7 +69,7 @@ def test_no_frames_at_all_train_nothing(trained):
 
 
 def test_pixel_statistics_are_those_of_all_frames_and_used_before_they_change():
-    bonus = bonus_of("rnd", normalise_observations=True)
+    bonus = bonus_of("rnd", rnd_normalise_observations=True)
     state, reward = bonus.init(KEY), jax.jit(bonus.reward)
     seen = []
     for seed in range(3):

@@ -83,6 +83,72 @@ def test_defaults_are_those_of_the_paper() -> None:
     assert given == (2.5e-4, 0.95, 0.01, 0.5, 0.5)
 
 
+TUNED = {
+    "num_envs": 64, "rollout": 128, "learning_rate": 1e-3, "anneal": False, "value_clip": 10.0,
+    "advantage_floor": 0.01, "features": 64, "hidden": 64, "head": 64,
+    "convolutions": ((4, 2, 16), (3, 2, 32)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("algo", "own"),
+    [
+        ("ppo", {}),
+        ("icm", {"normalise_bonus": True}),
+        ("rnd", {"normalise_bonus": True, "rnd_normalise_observations": True}),
+        ("e3b", {"normalise_bonus": True, "e3b_lambda": 0.1, "random_clocks": True}),
+    ],
+)
+def test_recipes_are_defaults_below_what_is_given(algo: str, own: dict[str, Any]) -> None:
+    def flat(**given: Any) -> dict[str, Any]:
+        experiment = resolve({"height": 16, "width": 16, "algo": algo, **given})
+        return {**experiment.config.flat(), **experiment.hparams}
+
+    paper = flat()
+    assert flat(recipe="paper") == paper
+    assert paper == {**Config(algo=algo).flat(), **HParams().flat(), **_own_numbers(algo)}
+    assert flat(recipe="tuned") == {**paper, **TUNED, **own}
+    given = {"recipe": "tuned", "network": "tiny", "head": 8, "anneal": True, "clip": 0.1}
+    sizes = {"features": 32, "hidden": 32, "head": 8}
+    assert flat(**given) == {**paper, **TUNED, **own, **sizes, "anneal": True, "clip": 0.1}
+    network = {name: TUNED[name] for name in ("features", "hidden", "head", "convolutions")}
+    assert flat(network="small") == {**paper, **network}
+
+
+def _own_numbers(algo: str) -> dict[str, Any]:
+    numbers = algorithms()[algo].numbers
+    return {field.name: field.default for field in dataclasses.fields(numbers)}
+
+
+def test_presets_are_written_down_and_runs_without_any_are_the_papers() -> None:
+    experiment = tiny(recipe="tuned", num_envs=8, total_steps=1024)
+    plain = json.loads(json.dumps(experiment.to_json()))
+    assert plain["presets"] == {"recipe": "tuned", "network": "small"}
+    assert plain["hparams"]["learning_rate"] == 1e-3
+    assert Experiment.from_json(plain) == experiment == resolve(given_by(experiment))
+    del plain["presets"]
+    assert experiment.differences(Experiment.from_json(plain)) == [
+        'presets.network ("small", not "paper")', 'presets.recipe ("tuned", not "paper")'
+    ]  # fmt: skip
+    plain["presets"] = {"recipe": "tunned"}
+    with pytest.raises(SettingError, match="recipe must be one of 'paper', 'tuned', not 'tunned'"):
+        Experiment.from_json(plain)
+
+
+def test_options_are_known_by_their_names_of_before(tmp_path: Path) -> None:
+    file = tmp_path / "before.toml"
+    file.write_text('algo = "rnd"\nnormalise-observations = true\n')
+    experiment = tiny(**read_file(file))
+    assert experiment.config.flat()["rnd_normalise_observations"] is True
+    assert experiment == tiny(algo="rnd", normalise_observations=True)
+    plain = experiment.to_json()
+    config = plain["config"]
+    config["normalise_observations"] = config.pop("rnd_normalise_observations")
+    assert Experiment.from_json(plain) == experiment
+    plain["config"] |= {"algo": "ppo"}
+    assert "rnd_normalise_observations" not in Experiment.from_json(plain).config.flat()
+
+
 def test_an_experiment_survives_writing_and_reading() -> None:
     for experiment in (tiny(), tiny(grid={"clip": [0.1, 0.2]}), resolve(QUICK)):
         again = Experiment.from_json(json.loads(json.dumps(experiment.to_json())))
@@ -114,6 +180,8 @@ def test_an_alias_is_the_same_experiment() -> None:
         ({"num_envs": 6}, "num_envs must be a multiple of minibatches"),
         ({"clip": "big"}, "clip must be a number, not 'big'"),
         ({"clip": 0}, "clip must be a finite number above 0, not 0"),
+        ({"recipe": "tunned"}, "one of 'paper', 'tuned', not 'tunned', did you mean 'tuned'"),
+        ({"network": 64}, "network must be a word, not 64"),
         ({"anneal": 1}, "anneal must be true or false, not 1"),
         ({"convolutions": 3}, r"convolutions must be a list of \[kernel, stride, features\]"),
         ({"convolutions": [[1, 2]]}, "convolutions must be"),

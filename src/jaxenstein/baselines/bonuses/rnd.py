@@ -36,11 +36,13 @@ class RNDSettings(BonusSettings):
         rnd_hidden: width of RND's hidden layers.
         rnd_output: size of RND's embedding.
         rnd_layers: number of RND's hidden layers behind its image features.
+        rnd_normalise_observations: whiten the frames that RND sees by running statistics.
     """
 
     rnd_hidden: int = 128
     rnd_output: int = 128
     rnd_layers: int = 2
+    rnd_normalise_observations: bool = False
 
 
 class RNDNumbers(BonusNumbers):
@@ -63,7 +65,7 @@ class RNDState(PyTreeNode):
         predictor: parameters of the one that learns to predict it.
         optimiser: state of the predictor's Adam.
         pixels: statistics of each entry of `ObservationSpec.prepare`, as (images, vector); only
-            used with `normalise_observations`.
+            used with `rnd_normalise_observations`.
     """
 
     target: Any
@@ -112,7 +114,7 @@ class RND:
         nothing before.
         """
         led_to = experience.led_to
-        if not self.config.normalise_observations:
+        if not self._settings.rnd_normalise_observations:
             error = self.error(state, led_to)
             return error, state, {"rnd_error": jnp.mean(error)}
         merged = self._merge(state.pixels, led_to)
@@ -150,7 +152,7 @@ class RND:
     def error(self, state: RNDState, obs: Any) -> jax.Array:
         """float32[T, N], e of observations with leading axes [T, N]."""
         prepare = functools.partial(self._whiten, state.pixels)
-        if not self.config.normalise_observations:
+        if not self._settings.rnd_normalise_observations:
             prepare = None
         target = jax.lax.stop_gradient(self._embed(state.target, obs, prepare))
         return jnp.mean((self._embed(state.predictor, obs, prepare) - target) ** 2, axis=-1)

@@ -54,6 +54,8 @@ class Algorithm:
 
 
 _ALGORITHMS: dict[str, Algorithm] = {}
+# Options that once belonged to all bonuses: in files, and in runs of before.
+_RENAMED = {"normalise_observations": "rnd_normalise_observations"}
 
 
 def add(name: str, algorithm: Algorithm) -> None:
@@ -76,8 +78,13 @@ def algorithm(name: str) -> Algorithm:
     return _ALGORITHMS[name]
 
 
+def renamed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values by the names of today."""
+    return {_RENAMED.get(name, name): value for name, value in values.items()}
+
+
 def without_others(values: Mapping[str, Any], own: Algorithm) -> dict[str, Any]:
     """The values but for settings and numbers of the bonuses of other algorithms."""
     rows = [row for row in _ALGORITHMS.values() if row is not own]
     others = {name for row in rows for cls in (row.settings, row.numbers) for name in names(cls)}
-    return {name: value for name, value in values.items() if name not in others}
+    return {name: value for name, value in renamed(values).items() if name not in others}

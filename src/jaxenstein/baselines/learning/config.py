@@ -49,7 +49,6 @@ class Config:
             runs side by side; `"lax"`: XLA's own. The results are the same up to rounding.
         bonus_epochs: passes of the bonus' own update over a rollout.
         normalise_bonus: divide the bonus by the running deviation of its discounted sum.
-        normalise_observations: whiten the frames that RND sees by running statistics.
         random_clocks: draw the clock of each environment's first episode, so that episodes of
             one length do not all end at once.
         shards: groups of environments that minibatches are drawn from evenly: the number of
@@ -75,7 +74,6 @@ class Config:
     convolution: Convolution = "matmul"
     bonus_epochs: int = 1
     normalise_bonus: bool = False
-    normalise_observations: bool = False
     random_clocks: bool = False
     shards: int = 1
     bonus: BonusSettings | None = None

@@ -15,8 +15,10 @@ import jax.numpy as jnp
 from ...errors import SettingError
 from ...recipe import Recipe, as_tuples
 from ..learning.config import Config
+from ..learning.fields import values_of
 from ..learning.hparams import HParams
 from ..learning.learner import Learner
+from .presets import PAPER, Presets
 
 FORMAT = 1
 # Seeds of one experiment, which are trained side by side; a mistyped number would fill the memory.
@@ -33,6 +35,7 @@ class Experiment:
         hparams: the numbers, by name; None where a number is left to the environment.
         seeds: one run for each, at every point of the grid.
         grid: (name, values) of the numbers that differ between runs.
+        presets: where the static settings and numbers that were not given come from.
     """
 
     recipe: Recipe
@@ -40,6 +43,7 @@ class Experiment:
     hparams: Mapping[str, float | None]
     seeds: tuple[int, ...]
     grid: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    presets: Presets = PAPER
 
     @property
     def runs(self) -> tuple[dict[str, float | int], ...]:
@@ -85,6 +89,7 @@ class Experiment:
                 "settings": dict(self.recipe.settings),
                 "params": dict(self.recipe.params),
             },
+            "presets": values_of(self.presets),
             "config": self.config.flat(),
             "hparams": dict(self.hparams),
             "seeds": list(self.seeds),
@@ -109,7 +114,9 @@ class Experiment:
             config = Config.of({name: as_tuples(v) for name, v in plain["config"].items()})
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
             hparams = HParams.of(config.algorithm, plain["hparams"]).flat()
-            return cls(recipe, config, hparams, tuple(plain["seeds"]), grid)
+            # Runs of before there was a choice have none.
+            presets = Presets(**plain.get("presets", {}))
+            return cls(recipe, config, hparams, tuple(plain["seeds"]), grid, presets)
         except (KeyError, TypeError, AttributeError) as error:
             raise SettingError(f"not the configuration of a run: {error!r}") from error
 

@@ -1,8 +1,8 @@
 """What may be set of a training: every option with its name, kind and default, and files of them.
 
-The options are those of the environment, the fields of `Config` and `HParams`, those of every
-bonus' settings and numbers, and a few that say how many runs there are. A file and the flags give
-the same names; flags win.
+The options are those of the environment, the fields of `Presets`, `Config` and `HParams`, those of
+every bonus' settings and numbers, and a few that say how many runs there are. A file and the
+flags give the same names; flags win.
 """
 
 from __future__ import annotations
@@ -17,14 +17,16 @@ from typing import Any
 from ...errors import SettingError, nearest
 from ...settings import Option, check, environment_options, options_of, recipe_from
 from ...settings import given_by as environment_given_by
-from ..learning.algorithms import Algorithm, algorithms
+from ..learning.algorithms import Algorithm, algorithms, renamed
 from ..learning.config import Config
+from ..learning.fields import values_of
 from ..learning.hparams import HParams
 from .experiment import Experiment, check_seeds
+from .presets import Presets, defaults_of
 
 # The size of images, which a run writes down.
 SIZE = {"height": 64, "width": 64}
-TRAINING, NUMBERS = "training", "numbers"
+PRESETS, TRAINING, NUMBERS = "presets", "training", "numbers"
 RUNS = (
     Option("seed", "runs", "count", 0, "the first seed"),
     Option("seeds", "runs", "count", 1, "number of runs with seeds of their own, side by side"),
@@ -39,7 +41,7 @@ def all_options() -> dict[str, Option]:
 
 @functools.cache
 def _options(rows: tuple[tuple[str, Algorithm], ...]) -> dict[str, Option]:
-    found = list(RUNS)
+    found = [*options_of(Presets, PRESETS), *RUNS]
     for cls in (Config, *(row.settings for _, row in rows)):
         found += options_of(cls, TRAINING)
     for cls in (HParams, *(row.numbers for _, row in rows)):
@@ -72,7 +74,8 @@ def read_file(path: Path) -> dict[str, Any]:
     if not isinstance(given, dict):
         raise SettingError(f"{path} must hold names with values")
     try:
-        return check({str(name).replace("-", "_"): v for name, v in given.items()}, all_options())
+        given = {str(name).replace("-", "_"): value for name, value in given.items()}
+        return check(renamed(given), all_options())
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None
 
@@ -94,13 +97,15 @@ def _yaml(path: Path, text: str) -> Any:
 
 
 def resolve(given: Mapping[str, Any]) -> Experiment:
-    """The experiment of some options; those not given have their defaults.
+    """The experiment of some options; those not given are the recipe's, or have their defaults.
 
     Raises:
         JAXensteinError: an option is unknown or has a value it cannot have, or the environment
             and the training do not fit.
     """
-    given = check(given, all_options())
+    given = check(renamed(given), all_options())
+    presets, below = defaults_of(given)
+    given = {**below, **given}
     default = SIZE if "map" in given else {"env": "simple", **SIZE}
     recipe = recipe_from({**default, **given})
     config = Config.of(_picked(given, TRAINING))
@@ -112,6 +117,7 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
         hparams.flat(),
         check_seeds(given.get("seed", 0), given.get("seeds", 1)),
         check_grid(given.get("grid") or {}, config.algorithm),
+        presets,
     )
     # A network that does not fit the image is told now.
     experiment.learner  # noqa: B018
@@ -122,6 +128,7 @@ def given_by(experiment: Experiment) -> dict[str, Any]:
     """The options that `resolve` makes an experiment of."""
     given = {
         **environment_given_by(experiment.recipe),
+        **values_of(experiment.presets),
         **experiment.config.flat(),
         **experiment.hparams,
         "seed": experiment.seeds[0],
