@@ -1,106 +1,121 @@
-"""My Way Home from the installed vizdoom package, as an exact map of 16-unit tiles.
+"""Maps of ViZDoom's scenarios, read from the installed package and held up against ours.
 
-Doom's y grows northwards and its angles counterclockwise; maps here have north up with rows and
-headings running the other way. `Tiles.to_position` and `heading_of` convert poses.
+    python -m fidelity.doom_map
+
+Needs the extra `bench`; the exit status is 1 if a map of `tasks/doom/maps` is not the game's.
+
+A WAD file is a header (kind, number of entries, offset of the directory), lumps, and a directory
+of 16 bytes an entry (offset, size, name). The lump `TEXTMAP` has a map in the Universal Doom Map
+Format: blocks `name { key = value; ... }`, each kind numbered from 0 in the order of the text.
 """
 
 from __future__ import annotations
 
-import importlib.util
-import math
+import re
+import struct
+import sys
 from pathlib import Path
 
-from fidelity.wad import Block, parse_udmf, read_lump
+from fidelity.vizdoom_game import complaint, load_vizdoom
 from jaxenstein.errors import JAXensteinError, MapError
-from jaxenstein.tasks.doom.lattice import Tiles, rasterise
-from jaxenstein.tasks.doom.walls import DoomMap, Line, Thing
+from jaxenstein.tasks.doom.walls import DoomMap, Line, Thing, load_map
 
-PLAYER_RADIUS = 16.0
-"""Half the side of the player's box in map units (Doom's player actor)."""
-MISSING = "vizdoom is not installed; it comes with the extra 'bench': pip install '.[bench]'"
+NAMES = ("my-way-home", "health-gathering", "health-gathering-supreme")
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+_BLOCK = re.compile(r"(\w+)\s*\{([^{}]*)\}")
+_FIELD = re.compile(r'(\w+)\s*=\s*("[^"]*"|[^;"\s]+)\s*;')
 
-
-class MissingViZDoomError(JAXensteinError, ImportError):
-    """The script needs ViZDoom, which is not installed."""
+Block = dict[str, str]
 
 
-def heading_of(angle: float) -> float:
-    """Doom's angle (degrees, counterclockwise from east) as a heading in radians, 0 to 2 pi."""
-    return math.radians(-angle % 360.0)
-
-
-def scenario(name: str) -> Path:
-    """A scenario file of the installed vizdoom package, found without loading the game.
+def read_lump(path: Path, name: str) -> bytes:
+    """The first lump of a WAD file with a name.
 
     Raises:
-        MissingViZDoomError: if the package or its file is missing.
+        MapError: if the file is no WAD file or lacks the lump.
     """
-    package = importlib.util.find_spec("vizdoom")
-    if package is None or not package.submodule_search_locations:
-        raise MissingViZDoomError(MISSING)
-    path = Path(next(iter(package.submodule_search_locations))) / "scenarios" / name
-    if not path.exists():
-        raise MissingViZDoomError(f"the installed vizdoom has no file {path}")
-    return path
+    data = path.read_bytes()
+    if data[:4] not in (b"IWAD", b"PWAD"):
+        raise MapError("not a WAD file: it does not begin with IWAD or PWAD", source=path.name)
+    count, directory = struct.unpack_from("<II", data, 4)
+    entries = data[directory : directory + 16 * count]
+    for offset, size, raw in struct.iter_unpack("<II8s", entries):
+        if raw.rstrip(b"\0") == name.encode():
+            return data[offset : offset + size]
+    raise MapError(f"has no lump {name}", source=path.name)
 
 
-def load_my_way_home() -> tuple[DoomMap, Tiles]:
-    """The map of My Way Home, and its tiles of 16 units."""
-    path = scenario("my_way_home.wad")
-    doom_map = read_map(read_lump(path, "TEXTMAP").decode("utf-8", "replace"), path.name)
-    return doom_map, rasterise(doom_map)
+def parse_udmf(text: str, source: str = "TEXTMAP") -> dict[str, list[Block]]:
+    """The blocks of a UDMF text by kind, all names in lower case; global fields are skipped.
+
+    Raises:
+        MapError: something of the text is neither a block nor a field.
+    """
+    text, blocks = _COMMENT.sub("", text), dict[str, list[Block]]()
+    left = [_FIELD.sub("", _BLOCK.sub("", text))]
+    for kind, body in _BLOCK.findall(text):
+        fields = {key.lower(): value.strip('"') for key, value in _FIELD.findall(body)}
+        blocks.setdefault(kind.lower(), []).append(fields)
+        left.append(_FIELD.sub("", body))
+    if wrong := " ".join("".join(left).split()):
+        raise MapError(f"neither a block nor a field: {wrong[:60]}", source=source)
+    return blocks
 
 
 def read_map(text: str, source: str = "TEXTMAP") -> DoomMap:
     """Read a UDMF text.
 
     Raises:
-        MapError: if the text is malformed, or the map is none that flat tiles can hold: floors
-            or ceilings of several heights, lines that block without being walls.
+        MapError: the text is malformed, or the map is none that we have: floors or ceilings of
+            several heights, walls along no axis, lines that block without being walls.
     """
     blocks = parse_udmf(text, source)
-    vertices, sectors, sides = (blocks.get(kind, []) for kind in ("vertex", "sector", "sidedef"))
     walls = []
-    for line in blocks.get("linedef", []):
-        front = sides[line.index_of("sidefront", len(sides))]
-        if line.number_of("sideback", -1) < 0:
-            walls.append(_wall(line, front, vertices))
-        elif line.flag("blocking"):
-            raise MapError(f"{line} blocks, but both its sides are open", line=line.line)
-    if not walls:
-        raise MapError("no walls: not a single linedef has one side only", source=source)
-    things = tuple(
-        Thing(
-            int(thing.number_of("type")),
-            int(thing.number_of("id", 0)),
-            thing.number_of("x"),
-            thing.number_of("y"),
-        )
-        for thing in blocks.get("thing", [])
+    for number, line in enumerate(blocks.get("linedef", [])):
+        if int(line.get("sideback", -1)) < 0:
+            vertices = (blocks["vertex"][int(line[end])] for end in ("v1", "v2"))
+            x0, y0, x1, y1 = (float(vertex[axis]) for vertex in vertices for axis in "xy")
+            if (x0 == x1) == (y0 == y1) or not all(map(float.is_integer, (x0, y0, x1, y1))):
+                told = f"from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g})"
+                raise MapError(f"linedef {number} {told} runs along neither axis", source=source)
+            side = blocks["sidedef"][int(line["sidefront"])]
+            texture = side.get("texturemiddle", "-")
+            walls.append(Line(int(x0), int(y0), int(x1), int(y1), texture))
+        elif line.get("blocking") == "true":
+            raise MapError(f"linedef {number} blocks, but both its sides are open", source=source)
+    things = sorted(
+        (int(t["type"]), int(t.get("id", 0)), float(t["x"]), float(t["y"]))
+        for t in blocks.get("thing", [])
     )
-    floor, ceiling = (_common(sectors, f"height{part}", source) for part in ("floor", "ceiling"))
-    light = _common(sectors, "lightlevel", source, default=160.0)
-    return DoomMap(tuple(walls), things, floor, ceiling, light)
+    floor, ceiling, light = (
+        _common(blocks.get("sector", []), key, default, source)
+        for key, default in (("heightfloor", 0.0), ("heightceiling", 0.0), ("lightlevel", 160.0))
+    )
+    return DoomMap(tuple(walls), tuple(Thing(*thing) for thing in things), floor, ceiling, light)
 
 
-def _wall(line: Block, side: Block, vertices: list[Block]) -> Line:
-    ends = [vertices[line.index_of(key, len(vertices))] for key in ("v1", "v2")]
-    places = [end.number_of(axis) for end in ends for axis in ("x", "y")]
-    whole = [round(place) for place in places]
-    if whole != places:
-        raise MapError(f"{line} ends off whole map units, at {places}", line=line.line)
-    x0, y0, x1, y1 = whole
-    if (x0 == x1) == (y0 == y1):
-        raise MapError(
-            f"{line} from ({x0}, {y0}) to ({x1}, {y1}) runs along neither axis", line=line.line
-        )
-    return Line(x0, y0, x1, y1, side.text_of("texturemiddle", "-"))
-
-
-def _common(sectors: list[Block], key: str, source: str, default: float = 0.0) -> float:
+def _common(sectors: list[Block], key: str, default: float, source: str) -> float:
     """The height or the light that all sectors share."""
-    heights = {sector.number_of(key, default) for sector in sectors}
-    if len(heights) != 1:
-        shown = ", ".join(f"{height:g}" for height in sorted(heights)) or "none"
+    found = {float(sector.get(key, default)) for sector in sectors}
+    if len(found) != 1:
+        shown = ", ".join(f"{value:g}" for value in sorted(found)) or "none"
         raise MapError(f"the sectors need one {key} in common, not {shown}", source=source)
-    return heights.pop()
+    return found.pop()
+
+
+def main() -> int:
+    """Compare all maps; the exit code."""
+    try:
+        folder, differ = Path(load_vizdoom().scenarios_path), False
+        for name in NAMES:
+            path = folder / f"{name.replace('-', '_')}.wad"
+            same = read_map(read_lump(path, "TEXTMAP").decode(), path.name) == load_map(name)
+            print(f"{name}: {'the same' if same else 'NOT the same'} as {path.name}")
+            differ |= not same
+    except JAXensteinError as error:
+        return complaint(error)
+    return int(differ)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import statistics
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -21,8 +23,6 @@ from jaxenstein.tasks.maze import far_starts
 from jaxenstein.tasks.navigation import Navigation
 from jaxenstein.tasks.steering import centres, draw_heading
 
-from .findings import mean_and_error
-
 # Measured with ViZDoom 1.3.2; skip 4 repeats each action four times, which players here do not.
 ORIGINALS = {
     ("health-gathering", "idle"): "284 exactly, dead after 384 steps",
@@ -31,6 +31,13 @@ ORIGINALS = {
     ("my-way-home", "uniform_walk"): "success 7.0 +- 1.5 %; skip 4: 14 +- 2 %",
 }
 _HEADINGS = 4
+
+
+def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
+    """Mean and its standard error (nan for fewer than two values)."""
+    if len(values) < 2:
+        return statistics.fmean(values), math.nan
+    return statistics.fmean(values), statistics.stdev(values) / math.sqrt(len(values))
 
 
 def uniform_walk(env: Environment[Any, Any], params: Any) -> Choose:

@@ -5,7 +5,6 @@ Everything here is numpy on one column or one pose at a time; it needs no game.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,22 +121,18 @@ def around(rows: np.ndarray, edge: np.ndarray) -> np.ndarray:
     return np.maximum(np.maximum(lowest - rows, rows - highest), 0.0)
 
 
-def column_colours(
-    screen: np.ndarray, top: np.ndarray, bottom: np.ndarray, least: int = 30
-) -> np.ndarray:
-    """float[W, 6], mean RGB of the wall in each column of a screen and its deviation.
+def wall_colours(screen: np.ndarray, top: np.ndarray, bottom: np.ndarray) -> np.ndarray:
+    """float[W, 3], mean RGB of the wall in each column of a screen; nan where none is seen.
 
     Args:
         screen: uint8[H, W, 3].
         top: int[W], first row of the wall.
         bottom: int[W], first row below it.
-        least: columns with fewer rows of wall get nan.
     """
-    colours = np.full((screen.shape[1], 6), np.nan)
-    for column in np.flatnonzero(bottom - top >= least):
-        wall = screen[top[column] : bottom[column], column].astype(float)
-        colours[column] = [*wall.mean(axis=0), *wall.std(axis=0)]
-    return colours
+    row = np.arange(len(screen))[:, None]
+    wall = ((row >= top) & (row < bottom))[..., None]
+    with np.errstate(invalid="ignore"):
+        return (screen * wall).sum(axis=0) / wall.sum(axis=0)
 
 
 def recognised(
@@ -154,24 +149,8 @@ def recognised(
         traits: float[N, T] of the columns to judge.
         labels: int[N], what they should be.
     """
-    right = 0
-    for trait, label in zip(traits, labels, strict=True):
-        nearest = np.argpartition(np.abs(known - trait).sum(axis=1), 5)[:5]
-        right += int(np.bincount(known_labels[nearest]).argmax() == label)
-    return right / len(labels)
+    from scipy.spatial import KDTree
 
-
-def spread(errors: Sequence[float] | np.ndarray) -> dict[str, float]:
-    """Number, median, 95 and 99 in 100, and maximum of the errors' magnitudes, and their mean."""
-    values = np.asarray(errors, float)
-    if not len(values):
-        return {"n": 0}
-    size = np.abs(values)
-    return {
-        "n": len(values),
-        "mean": float(values.mean()),
-        "median_size": float(np.median(size)),
-        "p95_size": float(np.percentile(size, 95)),
-        "p99_size": float(np.percentile(size, 99)),
-        "max_size": float(size.max()),
-    }
+    nearest = known_labels[KDTree(known).query(traits, k=5, p=1)[1]]
+    said = [np.bincount(some).argmax() for some in nearest]
+    return float(np.mean(said == labels))

@@ -14,10 +14,13 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from fidelity.doom_map import MISSING, MissingViZDoomError
 from jaxenstein.errors import JAXensteinError
 
-FULL_TURN = 360.0
+MISSING = "vizdoom is not installed; it comes with the extra 'bench': pip install '.[bench]'"
+
+
+class MissingViZDoomError(JAXensteinError, ImportError):
+    """The script needs ViZDoom, which is not installed."""
 
 
 def load_vizdoom() -> Any:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.doom_map import PLAYER_RADIUS
 from fidelity.vizdoom_game import load_vizdoom
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.tasks.doom.lattice import Tiles
@@ -18,6 +17,8 @@ from jaxenstein.tasks.doom.walls import ARMOUR, DoomMap
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "CAMERA_POSITION_Z")
 BUTTONS = ("TURN_LEFT_RIGHT_DELTA", "MOVE_FORWARD", "MOVE_LEFT", "MOVE_RIGHT", "TURN_LEFT")
 IDLE = [0.0] * len(BUTTONS)
+# Half the side of the player's box in map units.
+PLAYER_RADIUS = 16.0
 # The armour is reached 36 units away, where the episode ends; a walk covers less than 180.
 STANDING_ROOM = 60
 WALKING_ROOM = 220

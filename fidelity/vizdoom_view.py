@@ -1,8 +1,8 @@
 """The same pose in ViZDoom's My Way Home and in the engine: what is seen, compared.
 
-    python -m fidelity.vizdoom_view [--poses N] [--size WxH] [--json FILE] [--picture FILE]
+    python -m fidelity.vizdoom_view [--poses N] [--size WxH] [--json FILE]
 
-Needs the extra `bench`. The engine's level is the exact map of 16-unit tiles (`doom_map`). Half of
+Needs the extra `bench`. The engine's level is the exact map on tiles of 16 units. Half of
 the poses are random places with a random heading, the others come some steps of random walking
 later. The game's variables tell the pose that it drew (place, angle, height of the eye, which
 bobs in walking), and the engine casts its rays from there with the same 90 degrees of view.
@@ -21,12 +21,12 @@ What the real screen tells of the walls:
   jumps, and as a second measure of depth.
 
 The skill is lowered from 5 to 3, since the game allows no warping at 5; that changes nothing here.
-Columns that show the armour are left out and counted, and so are those of walls too near for the
-depth buffer, whose value 0 reaches up to 12.5 units on screens of 240 rows, 18 on 480 rows and 36
+Columns that show the armour are left out, and so are those of walls too near for the depth
+buffer, whose value 0 reaches up to 12.5 units on screens of 240 rows, 18 on 480 rows and 36
 on 960 rows (where it also has half the resolution).
 
 Where the two differ: Doom takes a column's ray through its left edge, the engine through its
-centre, so both are shown; Doom computes where walls end to whole columns and edges in between by
+centre; Doom computes where walls end to whole columns and edges in between by
 steps of fixed point, which moves edges by up to a few rows where they are steep; and beside a
 corner one column may show the near wall here and the far one there, which makes the largest errors.
 """
@@ -37,27 +37,32 @@ import argparse
 import functools
 import importlib.metadata
 import json
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fidelity.doom_map import heading_of, load_my_way_home
-from fidelity.view_errors import Projection
-from fidelity.view_picture import save_picture
-from fidelity.view_report import FINE, OUTLIER, compare, texture_report
+from fidelity.view_errors import (
+    Projection,
+    around,
+    match_jumps,
+    near_jumps,
+    recognised,
+    wall_colours,
+)
 from fidelity.vizdoom_game import complaint, running
-from fidelity.vizdoom_screen import VARIABLES, View, calibrate, collect, prepare
+from fidelity.vizdoom_screen import VARIABLES, DepthScale, View, calibrate, collect, prepare
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.level import Level
 from jaxenstein.engine.raycast import cast
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import atomic, check_writable
-from jaxenstein.tasks.doom.lattice import Tiles
+from jaxenstein.tasks.doom.lattice import WALL, Tiles, rasterise
+from jaxenstein.tasks.doom.walls import load_map
 
 FIELD_OF_VIEW = 90.0
 # Doom's world is drawn this much higher than wide.
@@ -68,50 +73,57 @@ CONTROL = 1.0
 # The fewest poses of which something can be said.
 LEAST = 10
 
+Figures = dict[str, float]
+"""What was measured, by words for people."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the comparison, print the figures, return the exit code."""
-    arguments = _parser().parse_args(argv)
+    options = _parser().parse_args(argv)
     try:
-        for path in (arguments.json, arguments.picture):
-            if path:
-                check_writable(path)
-        report = run(arguments)
-        if arguments.json:
-            with atomic(arguments.json) as path:
+        if options.json:
+            check_writable(options.json)
+        report = run(options.poses, options.seed, options.size)
+        if options.json:
+            with atomic(options.json) as path:
                 path.write_text(json.dumps(report, indent=1))
     except JAXensteinError as error:
         return complaint(error)
     return 0
 
 
-def run(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Collect the views, compare, print; the figures."""
-    doom_map, tiles = load_my_way_home()
-    size = arguments.size.upper()
-    settings = {"seed": arguments.seed, "variables": VARIABLES, "size": size}
-    with running("my_way_home", prepare=prepare, **settings) as game:
+def run(poses: int, seed: int, size: str) -> dict[str, object]:
+    """Collect the views, compare, print; all figures."""
+    doom_map = load_map("my-way-home")
+    tiles = rasterise(doom_map)
+    chosen = {"seed": seed, "variables": VARIABLES, "size": size.upper()}
+    with running("my_way_home", prepare=prepare, **chosen) as game:
         game.new_episode()
         game.send_game_command("r_drawflat 1")
         scale = calibrate(game, tiles)
-        views = collect(game, doom_map, tiles, arguments.poses, arguments.seed)
-    report = {
-        "vizdoom": importlib.metadata.version("vizdoom"),
-        "size": arguments.size,
-        "seed": arguments.seed,
-    }
+        views = collect(game, doom_map, tiles, poses, seed)
     height, width, _ = views[0].screen.shape
     screen = Projection(height, PIXEL_ASPECT * width / 2, doom_map.ceiling - doom_map.floor)
-    depth, wall = cast_views(views, tiles, width * FINE)
-    control, _ = cast_views(views, tiles, width * FINE, turned=CONTROL)
-    report |= compare(views, depth, control, scale, screen)
-    depth, wall = depth[:, FINE // 2 :: FINE], wall[:, FINE // 2 :: FINE]
-    report["textures"] = textures = texture_report(views, depth, wall, tiles)
-    print_report(report)
-    if arguments.picture:
-        colours = {name: found["mean_rgb"] for name, found in textures["by_name"].items()}
-        save_picture(arguments.picture, views, tiles, depth, screen, colours)
-    return report
+    depth, wall = cast_views(views, tiles, width)
+    control, _ = cast_views(views, tiles, width, turned=CONTROL)
+    ours, wrong = (errors_of(views, depths, scale, screen) for depths in (depth, control))
+    ours["columns whose colours are those of the texture here"] = textures(views, depth, wall)
+    eyes = [view.eye for view in views]
+    print(
+        f"{poses} poses at {size}, eye {min(eyes):.1f} to {max(eyes):.1f} units above the floor.\n"
+        f"Depth buffer: {scale.step:.3f} units a step from {scale.offset:.2f} on, by "
+        f"{scale.samples} distances (farthest border from the line {scale.worst:.2f}).\n\n"
+        f"| ours against the real screen | | heading {CONTROL:g} degree off |\n|---|---:|---:|"
+    )
+    for name, value in ours.items():
+        print(f"| {name} | {value:.6g} | {f'{wrong[name]:.6g}' if name in wrong else ''} |")
+    about = {"vizdoom": importlib.metadata.version("vizdoom"), "size": size, "seed": seed}
+    return about | {"poses": poses, "scale": vars(scale), "ours": ours, "control": wrong}
+
+
+def heading_of(angle: float) -> float:
+    """Doom's angle (degrees, counterclockwise from east) as a heading in radians, 0 to 2 pi."""
+    return math.radians(-angle % 360.0)
 
 
 def cast_views(
@@ -146,75 +158,65 @@ def _cast(
     return jax.vmap(look)(position, heading)
 
 
-def print_report(report: dict[str, Any]) -> None:
-    """Print the figures as a Markdown table, one column for each set of rays."""
-    scale = report["depth_scale"]
-    sides = [report[side] for side in ("centre", "left", "control")]
-    print(
-        f"{report['poses']} poses, {report['columns']} columns at {report['size']}, of which "
-        f"{report['columns_with_sprites']} show a sprite and {report['columns_too_near']} a wall "
-        f"too near for the depth buffer; eye {report['eye_lowest']:.1f} to "
-        f"{report['eye_highest']:.1f} units above the floor.\n"
-        f"Depth buffer: {scale['step']:.3f} units a step from {scale['offset']:.2f} on, by "
-        f"{scale['samples']} distances (farthest border from the line {scale['worst']:.2f}).\n"
-    )
-    print(
-        "| ours against the real screen | rays through pixel centres | through left edges | "
-        f"control: centres, heading {CONTROL:g} degree off |"
-    )
-    print("|---|---:|---:|---:|")
-    for label, cells in _lines(sides):
-        print(f"| {label} | {' | '.join(cells)} |")
-    textures = report["textures"]
-    print(
-        f"\nTextures: of {textures['judged']} columns of every second pose, "
-        f"{textures['recognised']:.2%} have the colours on the real screen that the texture seen "
-        "by the engine has in the other poses (by five nearest neighbours)."
-    )
+def errors_of(
+    views: Sequence[View], depths: np.ndarray, scale: DepthScale, screen: Projection
+) -> Figures:
+    """The errors of one set of depths, float64[N, W] in map units.
+
+    Columns that show a sprite, and those nearer than the depth buffer's value 1, are left out.
+    """
+    rows, outside, relative, steps = (list[np.ndarray]() for _ in range(4))
+    shifts: list[int | None] = []
+    for view, depth in zip(views, depths, strict=True):
+        clear = ~view.sprite & (view.value > 0)
+        upper, lower = screen.edges(depth, view.eye)
+        for real, edge, seen in (
+            (view.top, upper, clear & (view.top > 0)),
+            (view.bottom, lower, clear & (view.bottom < screen.height)),
+        ):
+            rows.append(np.abs(real - edge)[seen])
+            outside.append(around(real, edge)[seen])
+        real = screen.depth_of(view.top, view.bottom, view.eye)
+        known = clear & ~np.isnan(real) & ~near_jumps(depth, within=2)
+        relative.append(np.abs(depth / real - 1)[known])
+        steps.append(np.abs(scale.value_of(depth) - view.value)[clear])
+        shifts += match_jumps(np.where(clear, scale.middle(view.value), np.nan), depth)
+    row, far, share, step = map(np.concatenate, (rows, outside, relative, steps))
+    matched = [shift for shift in shifts if shift is not None]
+    return {
+        "edges of walls on the screen (a column has up to two)": len(row),
+        "share of them within one row": float((row <= 1).mean()),
+        "share of them within one row and one column": float((far <= 1).mean()),
+        "rows by which they are off, median": float(np.median(row)),
+        "rows by which they are off, 95 %": float(np.percentile(row, 95)),
+        "relative error of depth away from jumps, median": float(np.median(share)),
+        "relative error of depth away from jumps, 95 %": float(np.percentile(share, 95)),
+        "columns in the depth buffer": len(step),
+        "share of them with the same value": float((step == 0).mean()),
+        "share of them at most one value off": float((step <= scale.quantum).mean()),
+        "jumps of depth": len(shifts),
+        "jumps of depth that were found": len(matched),
+        "columns by which jumps are off, mean": float(np.mean(matched)) if matched else math.nan,
+    }
 
 
-def _lines(sides: Sequence[dict[str, Any]]) -> list[tuple[str, list[str]]]:
-    """Label and cells of each line of the table."""
+def textures(views: Sequence[View], depth: np.ndarray, wall: np.ndarray) -> float:
+    """Share of columns of every second pose with the colours that their texture has in the others.
 
-    def cells(show: Any) -> list[str]:
-        return [show(side) for side in sides]
-
-    lines = [
-        ("edges of walls on the screen (a column has up to two)", cells(lambda s: str(s["edges"]))),
-        ("edges within one row", cells(lambda s: f"{s['within_one_row']:.2%}")),
-        ("edges within one row and one column", cells(lambda s: f"{s['within_one_pixel']:.2%}")),
-    ]
-    for edge in ("upper", "lower"):
-        label = f"{edge} edge, rows: median / 95 % / max"
-        lines.append((label, cells(lambda s, e=edge: _spread(s["rows"][e], "{:.2f}"))))
-    for why in ("next to a jump", "steep edge", "other"):
-        label = f"edges more than {OUTLIER:g} rows off: {why}"
-        lines.append((label, cells(lambda s, w=why: str(s["outliers"][w]))))
-    lines += [
-        (
-            "relative error of depth by edges: median / 95 % / max",
-            cells(lambda s: _spread(s["relative_depth"], "{:.2%}")),
-        ),
-        (
-            "relative error of depth away from jumps: median / 95 % / max",
-            cells(lambda s: _spread(s["relative_depth_away"], "{:.2%}")),
-        ),
-        ("same value in the depth buffer", cells(lambda s: f"{s['depth_value_equal']:.2%}")),
-        ("at most one value off", cells(lambda s: f"{s['depth_value_within_one']:.2%}")),
-        ("jumps of depth, found", cells(lambda s: f"{s['jumps_matched']} of {s['jumps']}")),
-        (
-            "jumps, columns: median / 95 % / max",
-            cells(lambda s: _spread(s["jump_columns"], "{:g}")),
-        ),
-        ("jumps, columns: mean", cells(lambda s: f"{s['jump_columns'].get('mean', 0):+.2f}")),
-    ]
-    return lines
-
-
-def _spread(found: dict[str, float], form: str) -> str:
-    if not found["n"]:
-        return "none"
-    return " / ".join(form.format(found[key]) for key in ("median_size", "p95_size", "max_size"))
+    Args:
+        views: the poses, N of them.
+        depth: float64[N, W], the engine's depths.
+        wall: uint8[N, W], labels of the faces that the engine sees.
+    """
+    colours = np.stack([wall_colours(view.screen, view.top, view.bottom) for view in views])
+    clear = np.stack([~view.sprite & (view.value > 0) for view in views])
+    use = clear & ~np.isnan(colours[..., 0]) & (wall > WALL)
+    # Light falls with depth, so columns are compared with those of about their own.
+    traits = np.concatenate([colours, 20 * np.log(depth)[..., None]], axis=-1)
+    sample = use & (np.arange(depth.shape[1]) % 8 == 0)
+    even = sample & (np.arange(len(views)) % 2 == 0)[:, None]
+    odd = sample & ~even
+    return recognised(traits[even], wall[even], traits[odd], wall[odd])
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -225,7 +227,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0, help="of game and poses (default 0)")
     parser.add_argument("--size", choices=SIZES, default="320x240", help="of the screen")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="a PNG of some pairs")
     return parser
 
 

@@ -1,110 +1,49 @@
-"""A small map of Doom's kind, written here, as tiles."""
+"""A WAD file and UDMF texts, written here."""
 
 from __future__ import annotations
 
-import importlib.util
-import math
+import struct
+from pathlib import Path
 
-import numpy as np
 import pytest
 
-from fidelity import doom_map
-from fidelity.doom_map import (
-    MissingViZDoomError,
-    heading_of,
-    load_my_way_home,
-    read_map,
-)
+from fidelity.doom_map import parse_udmf, read_lump, read_map
 from jaxenstein.errors import MapError
-from jaxenstein.tasks.doom.lattice import WALL, rasterise
-from jaxenstein.tasks.doom.walls import MAP_SPOT
+from jaxenstein.tasks.doom.walls import MAP_SPOT, Line, Thing, load_map
 
-# Clockwise, as Doom's walls go around what they enclose: an L, its foot to the east.
-CORNERS = [(0, 64), (32, 64), (32, 32), (64, 32), (64, 0), (0, 0)]
-TEXTURES = ["NORTH", "STEM", "FOOT", "EAST", "SOUTH", "WEST"]
+# Clockwise, as Doom's walls go around what they enclose.
+CORNERS = [(0, 64), (32, 64), (32, 0), (0, 0)]
 
 
 def udmf(
-    corners: list[tuple[int, int]] = CORNERS,
-    textures: list[str] = TEXTURES,
-    extra: str = "",
-    ceilings: tuple[int, ...] = (128,),
+    corners: list[tuple[int, int]] = CORNERS, extra: str = "", ceilings: tuple[int, ...] = (128,)
 ) -> str:
     """The text of a map of one closed chain of walls."""
-    text = 'namespace = "zdoom";\n'
-    for x, y in corners:
-        text += f"vertex {{ x = {x}; y = {y}; }}\n"
-    for number, texture in enumerate(textures):
+    text = 'namespace = "zdoom"; // a global field\n'
+    for number, (x, y) in enumerate(corners):
         after = (number + 1) % len(corners)
+        text += f"Vertex // {number}\n{{ x = {x}.000; Y = {y}; }}\n"
         text += f"linedef {{ v1 = {number}; v2 = {after}; sidefront = {number}; }}\n"
-        text += f'sidedef {{ sector = 0; texturemiddle = "{texture}"; }}\n'
-    for ceiling in ceilings:
-        text += f"sector {{ heightceiling = {ceiling}; }}\n"
-    return text + f"thing {{ type = {MAP_SPOT}; id = 10; x = 8; y = 8; }}\n" + extra
+        text += f'sidedef {{ sector = 0; texturemiddle = "T{number}"; }}\n'
+    text += "".join(f"sector {{ heightceiling = {height}; }}\n" for height in ceilings)
+    return (
+        text + f"thing {{ type = {MAP_SPOT}; id = 10; x = 8; y = 8.5; }} /* two\nlines */" + extra
+    )
 
 
-def test_the_tiles_of_an_l() -> None:
-    tiles = rasterise(read_map(udmf()))
-    assert (tiles.west, tiles.north, tiles.unit) == (-16, 80, 16)
-    assert tiles.text(read_map(udmf()).things).splitlines() == [
-        "######",
-        "#..###",
-        "#..###",
-        "#....#",
-        "#S...#",
-        "######",
-    ]
-
-
-def test_each_face_shows_the_texture_of_its_wall() -> None:
-    tiles = rasterise(read_map(udmf()))
-    label = {name: WALL + 1 + number for number, name in enumerate(tiles.textures)}
-    west, east, north, south = tiles.faces
-    # The wall that bounds the room in the west has its face on the tiles' east side.
-    assert (east[1:5, 0] == label["WEST"]).all()
-    assert (west[1:3, 3] == label["STEM"]).all()
-    assert (west[3:5, 5] == label["EAST"]).all()
-    assert (south[0, 1:3] == label["NORTH"]).all()
-    assert (south[2, 3:5] == label["FOOT"]).all()
-    assert (north[5, 1:5] == label["SOUTH"]).all()
-    assert ((tiles.faces == 0) == ~tiles.solid).all()
-    assert (tiles.faces > WALL).sum() == 4 + 2 + 2 + 2 + 2 + 4
-
-
-def test_every_open_edge_has_a_texture() -> None:
-    tiles = rasterise(read_map(udmf()))
-    shifts = ((0, 1), (0, -1), (1, 0), (-1, 0))
-    for face, (down, right) in zip(tiles.faces, shifts, strict=True):
-        # The tile before each face, since the face looks the other way.
-        before = np.roll(~tiles.solid, (down, right), (0, 1))
-        assert ((face > WALL) == (tiles.solid & before)).all()
-
-
-def test_the_level_is_solid_where_the_tiles_are() -> None:
-    tiles = rasterise(read_map(udmf()))
-    level = tiles.level()
-    rows = np.asarray(level.row_bits)[:, 0]
-    bits = (rows[:, None] >> np.arange(6, dtype=np.uint32)) & np.uint32(1)
-    assert (bits.astype(bool) == tiles.solid).all()
-    assert level.margin == 0
-
-
-def test_poses_are_mirrored() -> None:
-    tiles = rasterise(read_map(udmf()))
-    assert tiles.to_position(-16, 80) == (0.0, 0.0)
-    assert tiles.to_position(8, 56) == (1.5, 1.5)
-    for angle, direction in ((0, (1, 0)), (90, (0, -1)), (180, (-1, 0)), (270, (0, 1))):
-        heading = heading_of(angle)
-        assert (math.cos(heading), math.sin(heading)) == pytest.approx(direction, abs=1e-12)
-
-
-def test_room_for_a_body() -> None:
-    tiles = rasterise(read_map(udmf()))
-    assert tiles.is_free(16, 16, 16)
-    assert not tiles.is_free(15.9, 16, 16)
-    assert tiles.is_free(16, 48, 16)
-    assert not tiles.is_free(17, 48, 16)
-    assert not tiles.is_free(48, 48, 1)
+def test_a_map_is_read() -> None:
+    found = read_map(udmf(extra="thing { type = 1; x = 1; y = -2; }"))
+    assert found.walls == (
+        Line(0, 64, 32, 64, "T0"),
+        Line(32, 64, 32, 0, "T1"),
+        Line(32, 0, 0, 0, "T2"),
+        Line(0, 0, 0, 64, "T3"),
+    )
+    # By kind and id.
+    assert found.things == (Thing(1, 0, 1.0, -2.0), Thing(MAP_SPOT, 10, 8.0, 8.5))
+    assert (found.floor, found.ceiling, found.light) == (0, 128, 160)
+    inner = "linedef { v1 = 0; v2 = 2; sidefront = 0; sideback = 1; }"
+    assert read_map(udmf(extra=inner)).walls == found.walls
 
 
 @pytest.mark.parametrize(
@@ -113,36 +52,39 @@ def test_room_for_a_body() -> None:
         (udmf([(0, 64), (32, 60), *CORNERS[2:]]), r"linedef 0 from \(0, 64\) to \(32, 60\) runs"),
         (udmf(ceilings=(128, 96)), "one heightceiling in common, not 96, 128"),
         (udmf(ceilings=()), "one heightfloor in common, not none"),
-        (udmf(extra="linedef { v1 = 0; v2 = 9; sidefront = 0; }"), "'v2' is 9, not one of 0 to 5"),
         (
             udmf(extra="linedef { v1 = 0; v2 = 3; sidefront = 0; sideback = 1; blocking = true; }"),
-            "linedef 6 blocks, but both its sides are open",
+            "linedef 4 blocks, but both its sides are open",
         ),
-        ("sector { heightceiling = 8; }", "no walls"),
+        ("vertex { x = 1;", "neither a block nor a field: vertex {"),
+        ("vertex { x = 1 }", "neither a block nor a field: x = 1"),
+        ('thing { s = "open; }', "neither a block nor a field: s ="),
     ],
 )
-def test_maps_that_tiles_cannot_hold_are_refused(text: str, message: str) -> None:
+def test_maps_that_we_cannot_hold_are_refused(text: str, message: str) -> None:
     with pytest.raises(MapError, match=message):
         read_map(text)
 
 
-def test_walls_off_the_lattice_are_refused() -> None:
-    with pytest.raises(MapError, match="does not stand on a lattice of 16"):
-        rasterise(read_map(udmf([(0, 24), (32, 24), (32, 0), (0, 0)], TEXTURES[:4])))
+def test_fields_are_named_in_lower_case() -> None:
+    (thing,) = parse_udmf('thing { Type = 42; Comment = "a, b"; single = true; }')["thing"]
+    assert thing == {"type": "42", "comment": "a, b", "single": "true"}
 
 
-def test_a_chain_the_wrong_way_around_is_refused() -> None:
-    with pytest.raises(MapError, match="has its open side on the left"):
-        rasterise(read_map(udmf(CORNERS[::-1])))
+def test_a_lump_is_found_by_name(tmp_path: Path) -> None:
+    path, body = tmp_path / "some.wad", b"vertex {}"
+    entries = struct.pack("<II8s", 12, 0, b"MAP01") + struct.pack("<II8s", 12, 9, b"TEXTMAP")
+    path.write_bytes(struct.pack("<4sII", b"PWAD", 2, 12 + len(body)) + body + entries)
+    assert read_lump(path, "TEXTMAP") == body
+    with pytest.raises(MapError, match=r"some\.wad: has no lump ENDMAP"):
+        read_lump(path, "ENDMAP")
+    path.write_bytes(b"PK\3\4 and more bytes")
+    with pytest.raises(MapError, match="not a WAD file"):
+        read_lump(path, "TEXTMAP")
 
 
-def test_open_lines_inside_a_room_are_no_walls() -> None:
-    inner = "linedef { v1 = 0; v2 = 3; sidefront = 0; sideback = 1; }"
-    assert (rasterise(read_map(udmf(extra=inner))).solid == rasterise(read_map(udmf())).solid).all()
-
-
-def test_without_vizdoom_the_message_names_the_extra(monkeypatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(MissingViZDoomError, match=r"pip install '\.\[bench\]'"):
-        load_my_way_home()
-    assert issubclass(doom_map.MissingViZDoomError, ImportError)
+def test_a_text_of_the_package_is_read_as_it_was_written() -> None:
+    """The maps of the package say what the game's say, if that is installed."""
+    vizdoom = pytest.importorskip("vizdoom")
+    path = Path(vizdoom.scenarios_path) / "my_way_home.wad"
+    assert read_map(read_lump(path, "TEXTMAP").decode()) == load_map("my-way-home")

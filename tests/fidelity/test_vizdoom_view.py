@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -9,21 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fidelity.doom_map import read_map
 from fidelity.view_errors import (
     Projection,
     around,
-    column_colours,
     jumps,
     match_jumps,
     near_jumps,
     recognised,
-    spread,
+    wall_colours,
 )
-from fidelity.view_report import FINE, compare
 from fidelity.vizdoom_screen import DepthScale, View
-from fidelity.vizdoom_view import cast_views
+from fidelity.vizdoom_view import cast_views, errors_of
 from jaxenstein.tasks.doom.lattice import rasterise
+from jaxenstein.tasks.doom.walls import DoomMap, Line
 
 SCREEN = Projection(height=240, focal=192.0, ceiling=128.0)
 
@@ -75,8 +74,8 @@ def test_colours_of_the_wall_alone() -> None:
     screen = np.zeros((50, 2, 3), np.uint8)
     screen[10:30, 0] = 100, 50, 0
     screen[30:50, 0] = 200, 50, 0
-    found = column_colours(screen, np.array([10, 10]), np.array([50, 39]))
-    assert found[0].tolist() == [150, 50, 0, 50, 0, 0]
+    found = wall_colours(screen, np.array([10, 50]), np.array([50, 0]))
+    assert found[0].tolist() == [150, 50, 0]
     assert np.isnan(found[1]).all()
 
 
@@ -85,12 +84,6 @@ def test_labels_by_the_nearest_neighbours() -> None:
     labels = np.repeat([3, 4], 8)
     judged = np.array([[1.5], [104.0], [2.0], [60.0]])
     assert recognised(known, labels, judged, np.array([3, 4, 4, 4])) == 0.75
-
-
-def test_spread_of_errors() -> None:
-    found = spread([-3.0, 1.0, 2.0])
-    assert (found["n"], found["mean"], found["median_size"], found["max_size"]) == (3, 0, 2, 3)
-    assert spread([]) == {"n": 0}
 
 
 ROOM = 512.0
@@ -129,20 +122,20 @@ def view_in_the_room(x: float, y: float, angle: float, eye: float) -> View:
 
 
 def test_a_perfect_screen_agrees_and_a_wrong_heading_does_not() -> None:
-    corners = [(0, 512), (512, 512), (512, 0), (0, 0)]
-    text = "".join(f"vertex {{ x = {x}; y = {y}; }}" for x, y in corners)
-    text += "".join(f"linedef {{ v1 = {i}; v2 = {(i + 1) % 4}; sidefront = 0; }}" for i in range(4))
-    tiles = rasterise(read_map(text + "sidedef {} sector { heightceiling = 128; }"))
+    corners = [(0, 512), (512, 512), (512, 0), (0, 0), (0, 512)]
+    walls = tuple(Line(*one, *other, "-") for one, other in itertools.pairwise(corners))
+    tiles = rasterise(DoomMap(walls, (), 0.0, 128.0, 160.0))
     views = [
         view_in_the_room(*pose)
         for pose in ((100.5, 200.25, 10.0, 41.0), (300.0, 77.7, 200.0, 38.0), (256, 256, 91, 44))
     ]
-    depth, _ = cast_views(views, tiles, 320 * FINE)
-    control, _ = cast_views(views, tiles, 320 * FINE, turned=1.0)
-    report = compare(views, depth, control, SCALE, SCREEN)
-    assert report["columns"] == 960
-    assert report["centre"]["edges"] > 1000
-    assert report["centre"]["within_one_row"] == 1.0
-    assert max(rows["max_size"] for rows in report["centre"]["rows"].values()) < 0.51
-    assert report["centre"]["depth_value_equal"] > 0.99
-    assert report["control"]["within_one_row"] < 0.9
+    ours, wrong = (
+        errors_of(views, cast_views(views, tiles, 320, turned)[0], SCALE, SCREEN)
+        for turned in (0.0, 1.0)
+    )
+    assert ours["edges of walls on the screen (a column has up to two)"] > 1000
+    assert ours["share of them within one row"] == 1.0
+    assert ours["rows by which they are off, 95 %"] < 0.51
+    assert ours["columns in the depth buffer"] == 960
+    assert ours["share of them with the same value"] > 0.99
+    assert wrong["share of them within one row"] < 0.9
