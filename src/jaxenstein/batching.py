@@ -21,6 +21,32 @@ def select(condition: jax.Array, true: Any, false: Any) -> Any:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), true, false)
 
 
+def varying(tree: Any, *like: Any) -> Any:
+    """`tree`, marked as one that differs between devices wherever one of `like` does.
+
+    Inside `jax.shard_map` the branches of a conditional and a loop's first and next carry must
+    agree about that, and what is made of constants alone differs nowhere. Elsewhere it is `tree`.
+    """
+    axes = frozenset().union(*map(_axes, jax.tree.leaves(like)))
+
+    def mark(leaf: Any) -> Any:
+        if not (missing := tuple(sorted(axes - _axes(leaf)))):
+            return leaf
+        if hasattr(lax, "pcast"):
+            return lax.pcast(leaf, missing, to="varying")
+        return lax.pvary(leaf, missing)  # JAX before 0.8
+
+    return jax.tree.map(mark, tree) if axes else tree
+
+
+def _axes(leaf: Any) -> frozenset[str]:
+    """The axes of the devices' mesh along which an array differs."""
+    kind = jax.typeof(leaf)
+    # Its name of old, or that of now, which older versions lack.
+    found = kind.vma if hasattr(kind, "vma") else kind.manual_axis_type.varying
+    return frozenset(found)
+
+
 def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap `function` to run for a whole batch only if one of its members needs the result.
 
@@ -41,10 +67,13 @@ def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
         def nothing(*_: Any) -> Any:
             return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
 
-        def maybe(*args: Any) -> Any:
-            return lax.cond(needed, function, nothing, *args)
+        def alike(branch: Callable[..., Any]) -> Callable[..., Any]:
+            return lambda *values: varying(branch(*values), needed, args)
 
-        return lax.platform_dependent(*args, cpu=maybe, default=function)
+        def maybe(*args: Any) -> Any:
+            return lax.cond(needed, alike(function), alike(nothing), *args)
+
+        return lax.platform_dependent(*args, cpu=maybe, default=alike(function))
 
     @call.def_vmap
     def _(axis_size: int, in_batched: list[Any], needed: jax.Array, *args: Any) -> tuple[Any, Any]:
@@ -74,7 +103,9 @@ def where_few(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @custom_vmap
     def batched(needed: jax.Array, *args: Any) -> Any:
-        every = jax.vmap(function)
+        def every(*values: Any) -> Any:
+            return varying(jax.vmap(function)(*values), needed, args)
+
         some = partial(_in_chunks, every)
         return lax.platform_dependent(needed, *args, cpu=some, default=lambda _, *a: every(*a))
 
@@ -120,7 +151,8 @@ def _in_chunks(every: Callable[..., Any], needed: jax.Array, *args: Any) -> Any:
     place = jnp.where(needed, rank, count + size)
     rows = rows.at[place].set(np.arange(count, dtype=np.int32), mode="drop")
     shapes = jax.eval_shape(every, *args)
-    out = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+    none = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+    out = varying(none, needed, args)
 
     def visit(i: jax.Array, out: Any) -> Any:
         chosen = lax.dynamic_slice_in_dim(rows, i * size, size)

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .about import About
-from .batching import select, where_any
+from .batching import select, varying, where_any
 from .errors import SettingError, nearest
 from .params import Params as Params
 from .params import Scalar as Scalar
@@ -65,7 +65,12 @@ def _jit(function: Callable[Q, R]) -> Callable[Q, R]:
 
     Outside of compiled code an action may be given by its name.
     """
-    compiled = jax.jit(function, static_argnums=0, inline=True)
+
+    @functools.wraps(function)
+    def alike(self: Any, *args: Any) -> Any:
+        return varying(function(self, *args), args)
+
+    compiled = jax.jit(alike, static_argnums=0, inline=True)
     signature = inspect.signature(function)
     places = {name: place for place, name in enumerate(signature.parameters)}
     keys = [place for name, place in places.items() if name.endswith("key")]
@@ -374,6 +379,7 @@ class Environment(abc.ABC, Generic[S, P]):
         shapes = jax.eval_shape(self._advance, keys[0], state, action, params)
         # Where the episode is over already, it goes on for one step, as everywhere.
         start = jnp.bool_(False), state, *jax.tree.map(nothing, shapes[1:])
+        start = varying(start, key, state, action, params)
         return jax.lax.scan(step, start, keys)[0][1:]
 
     def _advance(

@@ -18,6 +18,8 @@ import jax.numpy as jnp
 from jax import lax
 from jax.custom_batching import custom_vmap
 
+from ..batching import varying
+
 # Bits of a NaN that no computation makes.
 _NEVER = 0x7FA5A5A5
 
@@ -62,7 +64,10 @@ def repeat(body: Callable[..., Any]) -> Callable[..., Any]:
 
     @custom_vmap
     def call(rounds: jax.Array, carry: Any, constants: Any) -> Any:
-        return lax.fori_loop(0, rounds, lambda i, c: body(i, c, constants), carry)
+        def once(i: jax.Array, carry: Any) -> Any:
+            return varying(body(i, carry, constants), carry)
+
+        return lax.fori_loop(0, rounds, once, varying(carry, rounds, carry, constants))
 
     @call.def_vmap
     def _(
@@ -90,7 +95,7 @@ _traced_once = partial(jax.jit, inline=True)
 
 def _behind_barrier(stage: Callable[..., Any]) -> Callable[..., Any]:
     def run(*args: Any) -> Any:
-        return lax.optimization_barrier(stage(*args))
+        return varying(lax.optimization_barrier(stage(*args)), args)
 
     return run
 
@@ -106,8 +111,11 @@ def _behind_cond(stage: Callable[..., Any]) -> Callable[..., Any]:
         shapes = jax.eval_shape(stage, *args)
 
         def never(*_: Any) -> Any:
-            return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+            return varying(jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes), args)
 
-        return lax.cond(always, stage, never, *args)
+        def always_so(*args: Any) -> Any:
+            return varying(stage(*args), args)
+
+        return lax.cond(always, always_so, never, *args)
 
     return run

@@ -23,6 +23,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from ..batching import varying
 from ..pytree import PyTreeNode, static
 from .camera import Camera
 from .fusion import staged
@@ -177,7 +178,9 @@ def _march(aim: Aim) -> jax.Array:
         near = lax.dynamic_slice_in_dim(behind, base, size)
         return _march_block(aim, far, near, base, hit)
 
-    return lax.fori_loop(0, blocks, visit, jnp.full(aim.place.shape, steps, jnp.int32))
+    return lax.fori_loop(
+        0, blocks, visit, varying(jnp.full(aim.place.shape, steps, jnp.int32), aim)
+    )
 
 
 def _march_block(

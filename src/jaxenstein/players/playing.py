@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from ..about import Player
-from ..batching import select
+from ..batching import select, varying
 from ..pytree import PyTreeNode
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def play(env: AnyEnvironment, player: Player, params: Any, key: jax.Array, state
         return key, states, terminated | ended, successes + reached
 
     start = key, states, jnp.zeros(batch, bool), jnp.zeros(batch, jnp.int32)
+    start = varying(start, start, params)
     end = jax.lax.while_loop(lambda carry: ~jnp.all(carry[1].done), body, start)
     _, states, terminated, successes = end
     return Played(

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..about import Choose, Player
+from ..batching import varying
 from ..engine.motion import forward, touched_door, walk
 from ..errors import SettingError
 from ..maps.reach import open_tiles, walking_distances
@@ -246,5 +247,5 @@ def flood(walkable: jax.Array, target: jax.Array) -> jax.Array:
         nearer = jnp.where(walkable, nearer, FAR)
         return nearer, jnp.any(nearer != steps)
 
-    start = jnp.where(target, 0, FAR).astype(jnp.int32)
-    return jax.lax.while_loop(lambda carry: carry[1], relax, (start, jnp.bool_(True)))[0]
+    start = jnp.where(target, 0, FAR).astype(jnp.int32), jnp.bool_(True)
+    return jax.lax.while_loop(lambda carry: carry[1], relax, varying(start, walkable, target))[0]

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..about import About, Event
+from ..batching import varying
 from ..engine.scene import Scene
 from ..environment import Info, Scalar
 from ..errors import SettingError
@@ -185,7 +186,8 @@ def _subset(bits: jax.Array, count: int) -> jax.Array:
         drawn = draw_index(bits[i], last + 1)
         return chosen.at[i].set(jnp.where(jnp.any(chosen == drawn), last, drawn))
 
-    return jax.lax.fori_loop(0, size, choose, jnp.full(size, -1, jnp.int32))
+    start = varying(jnp.full(size, -1, jnp.int32), bits)
+    return jax.lax.fori_loop(0, size, choose, start)
 
 
 @functools.cache

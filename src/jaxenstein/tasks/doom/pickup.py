@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import where_few
+from ...batching import varying, where_few
 from .fixed import ONE
 from .geometry import BLOCK_BITS, RADIUS, Geometry
 from .look import Picture
@@ -128,6 +128,7 @@ def take_some(
         return health, left & ~here, taken | wanted
 
     start = health, reach, jnp.zeros(reach.shape, bool)
+    start = varying(start, start, target, places, number)
     health, _, taken = jax.lax.fori_loop(0, jnp.sum(reach, dtype=jnp.int32), visit, start)
     return health, taken
 

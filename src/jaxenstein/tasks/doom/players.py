@@ -203,7 +203,7 @@ def _way_around(
     """int32[2]: where to walk to reach the nearest medkit over the lattice of 32 units."""
     shape = tuple(size // 2 for size in geometry.cells.shape)
     node = jax.vmap(functools.partial(nearest_node, geometry))(medkits) // 2
-    node = jnp.minimum(node, np.array(shape, np.int32) - 1)
+    node = jnp.minimum(node, np.array(shape, np.int32)[None] - 1)
     target = jnp.zeros(shape, bool).at[node[:, 0], node[:, 1]].max(there)
     free = free_nodes(geometry)[: 2 * shape[0] : 2, : 2 * shape[1] : 2]
     field = flood(jnp.asarray(np.pad(free, 1)), jnp.pad(target, 1))

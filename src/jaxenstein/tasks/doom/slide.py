@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...batching import varying
 from ...engine.fusion import staged
 from .fixed import FRACTION_BITS, ONE, divide, multiply, rounded_fraction
 from .geometry import (
@@ -87,7 +88,7 @@ def slide(
         return (position, velocity, move, sliding, stairs), (*first, *second)
 
     start = position, velocity, velocity, jnp.bool_(True), jnp.bool_(False)
-    way, tries = jax.lax.scan(round_, start, length=2)
+    way, tries = jax.lax.scan(round_, varying(start, start), length=2)
     position, velocity, move, sliding, stairs = way
     third = sliding | stairs, position.at[1].add(move[1])
     position, failed = free(position, *third)

@@ -1,0 +1,85 @@
+"""Environments and players inside `jax.shard_map`, whose checks are on unless they are put off."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.players import player_of
+from jaxenstein.players.playing import play
+
+SIZE = {"height": 8, "width": 8}
+WIDE = "#" * 90 + "\n#S" + "." * 86 + "G#\n" + "#" * 90
+
+
+KEYS = jax.random.split(jax.random.key(0), 3)
+
+
+def apart():
+    """`jax.shard_map` over one device, and keys that lie there."""
+    mesh = jax.make_mesh((1,), ("env",))
+    spec = jax.sharding.PartitionSpec("env")
+    keys = jax.device_put(KEYS, jax.sharding.NamedSharding(mesh, spec))
+    return functools.partial(jax.shard_map, mesh=mesh, in_specs=spec), spec, keys
+
+
+def acting(env, params, keys):
+    """Some steps of a batch, each a player's: the last state, and what was seen."""
+    choose = player_of(env)(env, params)
+    obs, states = jax.vmap(env.reset, (0, None))(keys, params)
+
+    def step(carry, key):
+        states, _ = carry
+        actions = jax.vmap(choose)(keys, states)
+        each = jax.vmap(lambda k: jax.random.fold_in(k, key))(keys)
+        obs, states, reward, *_, info = jax.vmap(env.step, (0, 0, 0, None))(
+            each, states, actions, params
+        )
+        return (states, obs), (reward, info["success"])
+
+    carry, told = jax.lax.scan(step, (states, obs), jnp.arange(2, dtype=jnp.uint32))
+    return carry, jax.tree.map(lambda t: t.T, told)
+
+
+CASES = [
+    ("key-door", {"frame_skip": 3}),
+    ("my-way-home", {"autoreset": "next-step"}),
+    ("health-gathering", {"observation": "depth"}),
+    ("health-gathering", {"frame_skip": 2}),
+    ("key-corridor", {"autoreset": None}),
+    ("dmlab-random-goal-01", {"final_observation": True}),
+    ("doom-my-way-home", {}),
+    ("doom-health-gathering", {"frame_skip": 4}),
+]
+
+
+@pytest.mark.parametrize(("name", "settings"), CASES)
+def test_its_checks_let_everything_through(name, settings):
+    """They are made when it is traced."""
+    spread, spec, keys = apart()
+    env, params = jaxenstein.make(name, **SIZE, **settings)
+    out = jax.eval_shape(spread(functools.partial(acting, env, params), out_specs=spec), keys)
+    assert all(leaf.shape[0] == len(KEYS) for leaf in jax.tree.leaves(out))
+
+
+def test_whole_episodes_and_wide_maps():
+    spread, spec, keys = apart()
+    env, params = jaxenstein.from_ascii(WIDE, **SIZE)
+
+    def run(keys):
+        obs, states = jax.vmap(env.reset, (0, None))(keys, params)
+        return obs, play(env, player_of(env), params, keys[0], states)
+
+    _, played = jax.eval_shape(spread(run, out_specs=spec), keys)
+    assert played.length.shape == (len(KEYS),)
+
+
+def test_the_same_steps_as_without():
+    spread, spec, keys = apart()
+    env, params = jaxenstein.make("key-door", **SIZE)
+    run = functools.partial(acting, env, params)
+    got = jax.jit(spread(run, out_specs=spec))(keys)
+    jax.tree.map(np.testing.assert_array_equal, got, jax.jit(run)(KEYS))
