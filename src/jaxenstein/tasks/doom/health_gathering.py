@@ -83,6 +83,8 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
     kinds: ClassVar[tuple[Kind, ...]] = (
         Kind(MEDKIT_BOX, health=25, at_first=17, period=30, capacity=88, spared_when_full=True),
     )
+    game_things: ClassVar[tuple[str, ...]] = ("Medikit",)
+    wins_by_time: ClassVar[bool] = True
 
     @property
     def default_params(self) -> DoomHealthParams:
@@ -217,6 +219,19 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
             expert="greedy_medkits",
         )
 
+    def with_things(
+        self, state: DoomHealthState, health: int, things: np.ndarray
+    ) -> DoomHealthState:
+        """The state with the health and the things of the game."""
+        places, present = np.zeros((len(self.looks), 2), np.int32), np.zeros(len(self.looks), bool)
+        number, first = np.zeros(len(self.looks), np.int32), 0
+        for look, kind in enumerate(self.kinds):
+            rows = things[things[:, 0] == look][: kind.capacity]
+            here = slice(first, first + len(rows))
+            places[here], present[here], number[here] = rows[:, 1:3], True, rows[:, 3]
+            first += kind.capacity
+        return state.replace(health=np.int32(health), places=places, present=present, number=number)
+
     def things(self, state: DoomHealthState) -> tuple[jax.Array, jax.Array, jax.Array]:
         """What lies there."""
         return state.places, jnp.asarray(self.looks), state.present
@@ -239,3 +254,4 @@ class DoomHealthGatheringSupreme(DoomHealthGathering):
         Kind(MEDKIT_BOX, health=20, at_first=31, period=25, capacity=116),
         Kind(BOTTLE, health=-30, at_first=3, period=50, capacity=46, name="poison"),
     )
+    game_things: ClassVar[tuple[str, ...]] = ("CustomMedikit", "Poison")

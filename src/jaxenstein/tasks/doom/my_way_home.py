@@ -79,6 +79,14 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
         MOVE_RIGHT,
     )
 
+    game_things: ClassVar[tuple[str, ...]] = ("GreenArmor",)
+
+    @property
+    def scenario(self) -> str | None:
+        """Its name in ViZDoom, which has no sparse variants."""
+        whole = (self.spots, self.angles) == (EVERY_SPOT, ANY_ANGLE)
+        return super().scenario if whole else None
+
     @property
     def default_params(self) -> DoomHomeParams:
         """The params that `params=None` stands for."""

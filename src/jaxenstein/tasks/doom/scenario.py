@@ -74,6 +74,9 @@ class DoomScenario(FirstPerson[S, P]):
     map_name: ClassVar[str]
     unit: ClassVar[int]
     button_names: ClassVar[tuple[str, ...]]
+    # What the game calls the things of each look, and whether success is to see the time limit.
+    game_things: ClassVar[tuple[str, ...]]
+    wins_by_time: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check the settings."""
@@ -114,6 +117,11 @@ class DoomScenario(FirstPerson[S, P]):
         return TileMap(
             self.name, faces[0], faces, spawns=self.cells(self.starts), goals=self.cells(self.goals)
         )
+
+    @property
+    def scenario(self) -> str | None:
+        """Its name in ViZDoom, where that comes with it."""
+        return self.map_name.replace("-", "_")
 
     @property
     def starts(self) -> np.ndarray:
@@ -190,6 +198,29 @@ class DoomScenario(FirstPerson[S, P]):
         """
         still = Body(position, jnp.zeros(2, jnp.int32), angle, jnp.int32(0))
         return self._pose(still)
+
+    def at_pose(self, state: S, position: jax.Array, velocity: jax.Array, angle: jax.Array) -> S:
+        """The state with the body in another pose.
+
+        Args:
+            state: the state.
+            position: int32[2], map units in 16.16.
+            velocity: int32[2], units a tic.
+            angle: uint32[].
+        """
+        return state.replace(**self._pose(Body(position, velocity, angle, jnp.int32(0))))
+
+    def with_things(self, state: S, health: int, things: np.ndarray) -> S:
+        """The state with what the game tells besides the pose.
+
+        Args:
+            state: the state.
+            health: of the player.
+            things: int64[M, 4], of each thing its look, x and y in 16.16 map units, and a number
+                that is the higher the later it appeared.
+        """
+        del health, things
+        return state
 
     def moved(self, state: S, action: jax.Array) -> tuple[S, Tried]:
         """The state after the body has moved in a tic, and where it was put."""

@@ -1,0 +1,306 @@
+"""The running game of ViZDoom, seen the way that our `doom-` environments are seen.
+
+What was trained on `doom-my-way-home` acts in the game itself: `GameSession` makes observations
+of the same kind, size and units out of the game's buffers and passes actions on, so that every
+policy of `jaxenstein.record` plays there; `play_game` plays many episodes, and `GameEnv` is an
+environment for Gymnasium, to train in the game. Needs the extra `vizdoom`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any, SupportsIndex
+
+import jax
+import numpy as np
+
+from ..environment import AnyEnvironment
+from ..episodes.policies import Policy
+from ..episodes.session import NO_OP, Session, check_seed, whole_action
+from ..errors import SettingError
+from ..tasks.doom.fixed import to_fixed
+from ..tasks.doom.look import label_of
+from ..tasks.doom.scenario import DoomScenario
+
+try:
+    import gymnasium
+    import vizdoom  # pyright: ignore[reportMissingImports]
+except ImportError as error:
+    raise ImportError(
+        f"ViZDoom is not installed ({error}): pip install 'jaxenstein[vizdoom]'"
+    ) from error
+
+from .gymnasium import gymnasium_space, resolve
+from .vizdoom_buffers import colour_image, depth_image, grey, label_image, running, screen_for
+
+
+class GameSession(Session):
+    """An episode of the game, in the place of one of our environment's.
+
+    Rewards, ends and the time limit are the game's. `state` is our state with the pose, the
+    health and the things of the game, for scripted players and maps. The last observation of an
+    episode is the one before its end: the game shows none after it. Close it, or use `with`.
+
+    Observations come from the game's buffers: depths are in tiles, from 8 bits in steps of 7.1
+    map units; `labels` tell floor, ceiling, walls and things apart, and in maps of several
+    textures which one a wall shows is looked up on the map, because no buffer tells it; colours
+    are those of the textures, which ours are the mean of.
+    """
+
+    def __init__(self, env: DoomScenario[Any, Any], params: Any = None, seed: int = 0) -> None:
+        """Start the game.
+
+        Args:
+            env: an environment of the `doom-` family; its buttons, frame skip, image size and
+                kind of observation hold in the game as well.
+            params: of the environment; only `max_steps_in_episode` matters in the game.
+            seed: of the first episode.
+
+        Raises:
+            SettingError: the game has no such scenario, or the image is larger than its screens.
+        """
+        scenario = env.scenario if isinstance(env, DoomScenario) else None
+        if scenario is None:
+            raise SettingError(
+                f"{env.name!r} is no scenario that ViZDoom comes with; doom-my-way-home, "
+                "doom-health-gathering and doom-health-gathering-supreme are"
+            )
+        params = env.default_params if params is None else params
+        limit = int(params.max_steps_in_episode)
+        size = screen_for(env.height, env.width)
+
+        def prepare(game: Any) -> None:
+            game.set_screen_format(vizdoom.ScreenFormat.RGB24)
+            game.set_render_weapon(False)
+            game.set_render_crosshair(False)
+            game.set_render_hud(False)
+            game.set_depth_buffer_enabled(env.observation == "depth")
+            game.set_labels_buffer_enabled(env.observation == "labels")
+            game.set_objects_info_enabled(True)
+            game.set_episode_timeout(limit)
+
+        self._stack = contextlib.ExitStack()
+        self._game = self._stack.enter_context(
+            running(scenario, seed=seed, size=size, prepare=prepare)
+        )
+        self._held = [
+            [held >> i & 1 for i in range(len(env.button_names))]
+            for held in (*env.action_buttons.tolist(), 0)
+        ]
+        # Drawn once: all that the game does not tell stays as it is at our resets.
+        self._first = env.reset(jax.random.key(0, impl="threefry2x32"), params)[1]
+        self._labels = dict(zip(env.game_things, env.theme.sprite_labels.tolist(), strict=True))
+        textures = sorted({*map(label_of, env.tiles.textures)})
+        self._wall = textures[0] if len(textures) == 1 else None
+        super().__init__(env, params, seed)
+
+    def __enter__(self) -> GameSession:
+        """Itself."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the game."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the game."""
+        self._stack.close()
+
+    def reset(self, seed: int) -> Any:
+        """Begin an episode of the game with `seed`; returns its first observation."""
+        self.seed = check_seed(seed)
+        self._key = jax.random.split(jax.random.key(self.seed, impl="threefry2x32"))[0]
+        # Its generator begins alike for neighbouring numbers.
+        self._game.set_seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0]))
+        self._game.new_episode()
+        self.actions: list[int] = []
+        self.rewards: list[float] = []
+        self.terminated = self.truncated = False
+        self.info = {"success": False}
+        self._look()
+        return self.observation
+
+    def step(self, action: SupportsIndex) -> Any:
+        """Hold an action's buttons for the frame skip's tics; returns the observation.
+
+        Raises:
+            SettingError: the action is no whole number, or the episode is over.
+        """
+        if self.over:
+            raise SettingError("the episode is over; begin the next one with reset")
+        chosen = whole_action(action)
+        if not 0 <= chosen < self.env.num_actions:
+            chosen = NO_OP
+        self._key = jax.random.split(self._key, 3)[0]
+        reward = self._game.make_action(self._held[chosen], self.env.frame_skip)
+        self.actions.append(chosen)
+        self.rewards.append(float(reward))
+        if self._game.is_episode_finished():
+            late = self._game.is_episode_timeout_reached() and not self._game.is_player_dead()
+            self.terminated, self.truncated = not late, late
+            self.info = {"success": self.env.wins_by_time == late}
+        else:
+            self._look()
+        return self.observation
+
+    @property
+    def screen(self) -> np.ndarray:
+        """uint8[h, w, 3]: the game's screen before the last observation's sampling."""
+        return self._seen.screen_buffer
+
+    def _look(self) -> None:
+        """Take in what the game shows now."""
+        self._seen = self._game.get_state()
+        kind, size = self.env.observation, (self.env.height, self.env.width)
+        self._state: Any = None
+        if kind == "depth":
+            self.observation = depth_image(self._seen.depth_buffer, size, self.env.unit)
+        elif kind == "labels":
+            names = {label.value: label.object_name for label in self._seen.labels}
+            things = {v: self._labels[name] for v, name in names.items() if name in self._labels}
+            if self._wall is None:
+                walls = _walls_ahead(self.env, self.state, self.params)
+            else:
+                walls = np.full(self.env.width, self._wall, np.uint8)
+            self.observation = label_image(self._seen.labels_buffer, size, things, walls)
+        else:
+            image = colour_image(self.screen, size)
+            if kind == "gray":
+                image = grey(image)
+            self.observation = image
+            if kind == "dict":
+                variables = jax.device_get(self.env.variables(self.state))
+                self.observation = {"image": image, **variables}
+
+    @property
+    def state(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Our state of what the game shows."""
+        if self._state is None:
+            x, y, angle, dx, dy, health = (float(v) for v in self._seen.game_variables)
+            # The game divides by the greatest angle there is, not by the circle.
+            turns = round(angle / 360 * (2**32 - 1)) % 2**32
+            position, velocity = (to_fixed(x), to_fixed(y)), (to_fixed(dx), to_fixed(dy))
+            posed = _at_pose(
+                self.env,
+                self._first,
+                np.array(position, np.int32),
+                np.array(velocity, np.int32),
+                np.uint32(turns),
+            )
+            looks = {name: look for look, name in enumerate(self.env.game_things)}
+            things = [
+                (looks[o.name], to_fixed(o.position_x), to_fixed(o.position_y), o.id)
+                for o in self._seen.objects
+                if o.name in looks
+            ]
+            table = np.array(things, np.int64).reshape(-1, 4)
+            time = np.int32(len(self.actions) * self.env.frame_skip)
+            self._state = self.env.with_things(posed.replace(time=time), round(health), table)
+        return self._state
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _at_pose(env: Any, state: Any, position: Any, velocity: Any, angle: Any) -> Any:
+    return env.at_pose(state, position, velocity, angle)
+
+
+def _walls_ahead(env: Any, state: Any, params: Any) -> np.ndarray:
+    """uint8[width]: labels of the walls at the horizon, where nothing stands before them."""
+    row = dataclasses.replace(env, height=1, observation="labels")
+    return np.asarray(row.observe(state, params))[0]
+
+
+@dataclasses.dataclass(frozen=True)
+class Games:
+    """What came of E episodes in the game.
+
+    Attributes:
+        returns: float32[E], undiscounted sums of rewards.
+        lengths: int32[E], steps, each of `frame_skip` tics.
+        successes: bool[E], whether the task's aim was reached.
+    """
+
+    returns: np.ndarray
+    lengths: np.ndarray
+    successes: np.ndarray
+
+
+def play_game(
+    env: DoomScenario[Any, Any],
+    params: Any,
+    policy: Policy,
+    *,
+    episodes: int = 100,
+    seed: int = 0,
+    notify: Callable[[int], object] = lambda done: None,
+) -> Games:
+    """Play whole episodes in the game.
+
+    Args:
+        env: see `GameSession`.
+        params: of the environment.
+        policy: chooses the actions, as in `jaxenstein.record`: a trained policy, or one of
+            `episodes.policies.named_policy`.
+        episodes: how many.
+        seed: of the first episode; the others have the numbers after it.
+        notify: called with the number of episodes played so far.
+
+    Raises:
+        SettingError: the game has no such scenario.
+    """
+    returns, lengths, successes = [], [], []
+    with GameSession(env, params, seed) as session:
+        for number in range(episodes):
+            if number:
+                session.reset((seed + number) % 2**32)
+            while not session.over:
+                session.step(policy(session))
+            returns.append(session.episode_return)
+            lengths.append(len(session.actions))
+            successes.append(session.info["success"])
+            notify(number + 1)
+    return Games(
+        np.array(returns, np.float32), np.array(lengths, np.int32), np.array(successes, bool)
+    )
+
+
+class GameEnv(gymnasium.Env[Any, Any]):
+    """The game as a Gymnasium environment with our observations, to train in it.
+
+    Unlike ViZDoom's own environments it shows depths in tiles and labels as ours do, and the
+    infos have `success`.
+
+    Attributes:
+        session: the episode in play.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
+
+    def __init__(self, env: AnyEnvironment | str, params: Any = None, **settings: Any) -> None:
+        """Start the game; the arguments are those of `GymnasiumEnv`."""
+        env, params = resolve(env, params, settings)
+        self.session = GameSession(env, params)
+        self.observation_space = gymnasium_space(env, params)
+        self.action_space = gymnasium.spaces.Discrete(env.num_actions)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode."""
+        super().reset(seed=seed, options=options)
+        drawn = int(self.np_random.integers(2**32))
+        return self.session.reset(drawn), dict(self.session.info)
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Take a step; the last observation is that before the end."""
+        session = self.session
+        observation = session.step(action)
+        flags = session.terminated, session.truncated
+        return observation, session.rewards[-1], *flags, dict(session.info)
+
+    def close(self) -> None:
+        """Close the game."""
+        self.session.close()
