@@ -24,17 +24,16 @@ from ..errors import SettingError
 from ..tasks.doom.fixed import to_fixed
 from ..tasks.doom.look import label_of
 from ..tasks.doom.scenario import DoomScenario
-
-try:
-    import gymnasium
-    import vizdoom  # pyright: ignore[reportMissingImports]
-except ImportError as error:
-    raise ImportError(
-        f"ViZDoom is not installed ({error}): pip install 'jaxenstein[vizdoom]'"
-    ) from error
-
-from .gymnasium import gymnasium_space, resolve
-from .vizdoom_buffers import colour_image, depth_image, grey, label_image, running, screen_for
+from .gymnasium import gymnasium, gymnasium_space, resolve
+from .vizdoom_buffers import (
+    colour_image,
+    depth_image,
+    grey,
+    label_image,
+    running,
+    screen_for,
+    vizdoom,
+)
 
 
 class GameSession(Session):
@@ -50,7 +49,9 @@ class GameSession(Session):
     are those of the textures, which ours are the mean of.
     """
 
-    def __init__(self, env: DoomScenario[Any, Any], params: Any = None, seed: int = 0) -> None:
+    env: DoomScenario[Any, Any]  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    def __init__(self, env: AnyEnvironment, params: Any = None, seed: int = 0) -> None:
         """Start the game.
 
         Args:
@@ -62,8 +63,7 @@ class GameSession(Session):
         Raises:
             SettingError: the game has no such scenario, or the image is larger than its screens.
         """
-        scenario = env.scenario if isinstance(env, DoomScenario) else None
-        if scenario is None:
+        if not isinstance(env, DoomScenario) or env.scenario is None:
             raise SettingError(
                 f"{env.name!r} is no scenario that ViZDoom comes with; doom-my-way-home, "
                 "doom-health-gathering and doom-health-gathering-supreme are"
@@ -84,7 +84,7 @@ class GameSession(Session):
 
         self._stack = contextlib.ExitStack()
         self._game = self._stack.enter_context(
-            running(scenario, seed=seed, size=size, prepare=prepare)
+            running(env.scenario, seed=seed, size=size, prepare=prepare)
         )
         self._held = [
             [held >> i & 1 for i in range(len(env.button_names))]
@@ -229,7 +229,7 @@ class Games:
 
 
 def play_game(
-    env: DoomScenario[Any, Any],
+    env: AnyEnvironment,
     params: Any,
     policy: Policy,
     *,

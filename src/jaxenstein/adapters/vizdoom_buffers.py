@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +16,8 @@ from ..errors import SettingError
 from ..maps.symbols import CEILING, FLOOR
 
 try:
-    import vizdoom  # pyright: ignore[reportMissingImports]
+    # By its name: a type checker would take the file beside this one for it.
+    vizdoom: Any = importlib.import_module("vizdoom")
 except ImportError as error:
     raise ImportError(
         f"ViZDoom is not installed ({error}): pip install 'jaxenstein[vizdoom]'"

@@ -23,12 +23,17 @@ DESCRIPTION = """\
 Play whole episodes with the agents of a run directory, with the most likely actions ("greedy")
 and with drawn ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs
 and episodes, or with one run over episodes. --gif also writes an episode beside the map.
+
+--in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
+anew, and --gif then shows one episode from the same start in both. It takes agents of
+doom-my-way-home, doom-health-gathering and doom-health-gathering-supreme, and the extra 'vizdoom'.
 """
 EPILOG = """\
 examples:
   jaxenstein evaluate runs/simple-rnd
   jaxenstein evaluate runs/simple-rnd --episodes 1000 --json simple-rnd.json
   jaxenstein evaluate runs/simple-rnd --gif agent.gif --run 2
+  jaxenstein evaluate runs/doom-home --in vizdoom --gif both.gif
 """
 
 
@@ -52,6 +57,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--json", type=Path, metavar="FILE", help="also write every run's results as JSON"
     )
+    parser.add_argument(
+        "--in", dest="game", choices=["vizdoom"], help="play in the original game as well"
+    )
     shown = parser.add_argument_group("an episode beside the map")
     shown.add_argument(
         "--gif", type=Path, metavar="FILE", help="write it: .gif, or .mp4 with extra 'video'"
@@ -66,6 +74,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 def run(options: argparse.Namespace) -> None:
     """Evaluate, print the table, write the files."""
     agents, runs = baselines("agents"), baselines("folder")
+    if options.game is not None:
+        # Before anything is played, lest it be for nothing that the game is missing.
+        from ..adapters import vizdoom  # noqa: F401
     if options.json is not None:
         check_writable(options.json)
     if options.gif is not None:
@@ -74,15 +85,24 @@ def run(options: argparse.Namespace) -> None:
     update, _ = runs.final_state(folder)
     if options.number is not None:
         agents.load_policy(options.folder, options.number)
-    results = {}
-    with Progress(2, "evaluating", unit="ways") as progress:
-        for done, greedy in enumerate((True, False), 1):
-            name = "greedy" if greedy else "sampled"
-            results[name] = agents.evaluate(
-                folder, episodes=options.episodes, seed=options.seed, greedy=greedy
-            )
-            progress.update(done)
     names = runs.run_names(folder.experiment)
+    ways, results = {"greedy": True, "sampled": False}, {}
+    settings = {"episodes": options.episodes, "seed": options.seed}
+    with Progress(2, "evaluating", unit="ways") as progress:
+        for done, (name, greedy) in enumerate(ways.items(), 1):
+            results[name] = agents.evaluate(folder, greedy=greedy, **settings)
+            progress.update(done)
+    if options.game is not None:
+        total = len(ways) * len(names) * options.episodes
+        with Progress(total, "playing ViZDoom", unit="episodes") as progress:
+            for index, (name, greedy) in enumerate(ways.items()):
+                done = index * total // len(ways)
+                results[f"{name}, in ViZDoom"] = agents.evaluate_in_game(
+                    folder,
+                    greedy=greedy,
+                    notify=lambda more, done=done: progress.update(done + more),
+                    **settings,
+                )
     total = folder.experiment.config.updates
     many = f"{len(names)} run{'s' * (len(names) > 1)}, {options.episodes} episodes each"
     print(f"{options.folder}: update {update} of {total}, {many}")
@@ -117,6 +137,13 @@ def table(results: dict[str, Result]) -> str:
 
 
 def _film(policy: Any, options: argparse.Namespace) -> None:
+    if options.game is not None:
+        from .crossing import film
+
+        pictures, summary = film(policy, options.seed)
+        save_animation(pictures, options.gif, options.fps)
+        print(f"{summary}, wrote {options.gif}")
+        return
     from ..episodes.recorder import record
 
     episode = record(policy.env, policy.params, policy, seed=options.seed)

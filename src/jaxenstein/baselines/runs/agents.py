@@ -218,3 +218,48 @@ def evaluate(
     played = folder.experiment.learner.many.evaluate(state.params, key, episodes, greedy)
     played = jax.device_get(played)
     return Result(greedy, played.episode_return, played.episode_length, played.success)
+
+
+def evaluate_in_game(
+    folder: RunFolder,
+    *,
+    episodes: int = 100,
+    seed: int = 0,
+    greedy: bool = False,
+    notify: Callable[[int], object] = lambda done: None,
+) -> Result:
+    """As `evaluate` in the running ViZDoom, whose scenario the environment is.
+
+    Args:
+        folder: the run directory.
+        episodes: of each run.
+        seed: of the draws.
+        greedy: take the most likely action instead of drawing one.
+        notify: called with the number of episodes played so far, over all runs.
+
+    Raises:
+        SettingError: there is no checkpoint that can be read, or ViZDoom has no such scenario.
+    """
+    from ...adapters.vizdoom import play_game
+
+    _, state = final_state(folder)
+    games = []
+    for number, name in enumerate(run_names(folder.experiment)):
+        weights = jax.tree.map(lambda leaf, number=number: leaf[number], state.params)
+        policy = TrainedPolicy(folder, weights, name, greedy)
+        before = number * episodes
+        games.append(
+            play_game(
+                policy.env,
+                policy.params,
+                policy,
+                episodes=episodes,
+                seed=seed,
+                notify=lambda done, before=before: notify(before + done),
+            )
+        )
+    returns, lengths, successes = (
+        np.stack([getattr(game, field) for game in games])
+        for field in ("returns", "lengths", "successes")
+    )
+    return Result(greedy, returns, lengths, successes)

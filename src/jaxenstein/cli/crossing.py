@@ -1,0 +1,80 @@
+"""One episode of a trained agent here and in the running ViZDoom, from the same start."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..adapters.vizdoom import GameSession
+from ..episodes.policies import Policy
+from ..episodes.recorder import play
+from ..episodes.session import Session
+from ..view.episode import Episode, Pictures, compose
+
+# Both are shown at the size of the game's smallest screen.
+HEIGHT, WIDTH, SCALE, MAP = 120, 160, 2, 240
+
+
+class Both(Sequence[np.ndarray]):
+    """The pictures of two episodes, one above the other; the shorter one waits at its end."""
+
+    def __init__(self, above: Pictures, below: Pictures) -> None:
+        """Take both."""
+        self._parts = above, below
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return max(map(len, self._parts))
+
+    def __getitem__(self, index: int) -> np.ndarray:  # type: ignore[override]
+        """One of them."""
+        return np.concatenate([part[min(index, len(part) - 1)] for part in self._parts])
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        """All of them in order."""
+        return (self[index] for index in range(len(self)))
+
+
+def film(policy: Any, seed: int) -> tuple[Both, str]:
+    """Play an episode in the game and one here that starts where that did.
+
+    Args:
+        policy: a trained policy; see `baselines.load_policy`.
+        seed: of both.
+
+    Returns:
+        The pictures, ours above, and both summaries in one line.
+    """
+    env, params = policy.env, policy.params
+    shown = dataclasses.replace(
+        env, observation="rgb", height=HEIGHT, width=WIDTH, autoreset=None, final_observation=False
+    )
+    draw = jax.jit(shown.observe)
+    session = Session(env, params, seed)
+    with GameSession(env, params, seed) as game:
+        session.state = game.state
+        session.observation = env.observe(session.state, session.params)
+        there = _episode(game, policy, lambda played: played.screen, "ViZDoom")
+    here = _episode(
+        session, policy, lambda played: np.asarray(draw(played.state, played.params)), env.name
+    )
+    pictures = [compose(part, scale=SCALE, map_size=MAP) for part in (here, there)]
+    return Both(*pictures), f"{here.summary()}; {there.summary()}"
+
+
+def _episode(session: Any, policy: Policy, see: Callable[[Any], np.ndarray], name: str) -> Episode:
+    """Play to the end; frames are what `see` makes of the session."""
+    frames = []
+
+    def act(session: Session) -> Any:
+        frames.append(see(session))
+        return policy(session)
+
+    steps = int(session.env.most_steps(session.params))
+    episode = play(session, act, steps)
+    frames.append(see(session))
+    return dataclasses.replace(episode, frames=np.stack(frames), name=name)
