@@ -40,6 +40,7 @@ PARTNERS: dict[str, Partner] = {
     "rejax": Partner(("rejax>=0.1.3", "gymnax==0.0.9", "six"), _GYMNAX, ("gymnax", "rejax")),
     "stoa": Partner(("stoa-env>=0.1.2",), ("test_stoa.py",), ("stoa",)),
     "brax": Partner(("brax>=0.14", "jax<0.10"), ("test_brax.py",), ("brax",)),
+    "vizdoom": Partner(("vizdoom>=1.3",), ("test_vizdoom.py",), ("vizdoom",)),
     "torch": Partner((_TORCH,), ("test_torch.py",), ("torch",), "3.11"),
     "torchrl": Partner(
         (_TORCH, "torchrl>=0.14", "gymnasium>=1.4"), ("test_torchrl.py",), ("torchrl",), "3.11"

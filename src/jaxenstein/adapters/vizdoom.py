@@ -30,9 +30,9 @@ from .vizdoom_buffers import (
     depth_image,
     grey,
     label_image,
+    load_vizdoom,
     running,
     screen_for,
-    vizdoom,
 )
 
 
@@ -73,7 +73,7 @@ class GameSession(Session):
         size = screen_for(env.height, env.width)
 
         def prepare(game: Any) -> None:
-            game.set_screen_format(vizdoom.ScreenFormat.RGB24)
+            game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
             game.set_render_weapon(False)
             game.set_render_crosshair(False)
             game.set_render_hud(False)

@@ -15,14 +15,6 @@ from PIL import Image
 from ..errors import SettingError
 from ..maps.symbols import CEILING, FLOOR
 
-try:
-    # By its name: a type checker would take the file beside this one for it.
-    vizdoom: Any = importlib.import_module("vizdoom")
-except ImportError as error:
-    raise ImportError(
-        f"ViZDoom is not installed ({error}): pip install 'jaxenstein[vizdoom]'"
-    ) from error
-
 # Screens of the ratio 4 to 3; the smallest one that has as many pixels as the image is taken.
 SCREENS = ((160, 120), (320, 240), (640, 480), (1280, 960))
 # Map units of a step of the 8-bit depth buffer, and per row of the screen those of value 0: fitted
@@ -33,6 +25,21 @@ FLATS = 1
 # Weights of red, green and blue in grey images, ITU-R BT.601.
 LUMA = (0.299, 0.587, 0.114)
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "VELOCITY_X", "VELOCITY_Y", "HEALTH")
+
+
+def load_vizdoom() -> Any:
+    """The vizdoom module.
+
+    Raises:
+        ImportError: it is not installed; the message names the extra.
+    """
+    try:
+        # By its name: a type checker would take the file beside this one for it.
+        return importlib.import_module("vizdoom")
+    except ImportError as error:
+        raise ImportError(
+            f"ViZDoom is not installed ({error}): pip install 'jaxenstein[vizdoom]'"
+        ) from error
 
 
 @contextlib.contextmanager
@@ -55,6 +62,7 @@ def running(
         size: width and height of the screen, one of `SCREENS`.
         prepare: changes more settings before the game starts.
     """
+    vizdoom = load_vizdoom()
     game = vizdoom.DoomGame()
     with tempfile.TemporaryDirectory() as folder:
         game.load_config(str(Path(vizdoom.scenarios_path) / f"{scenario}.cfg"))

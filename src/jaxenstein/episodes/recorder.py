@@ -144,7 +144,7 @@ def play(
 def longest_step(env: AnyEnvironment, params: Any) -> float:
     """Tiles beyond which a step on the map from above is a new start."""
     # With some room for rounding.
-    return max(JUMP, 1.001 * env.frame_skip * float(getattr(params, "move_distance", 0)))
+    return max(JUMP, 1.001 * env.frame_skip * env.stride(params))
 
 
 def snapshots(env: Any, params: Any) -> Callable[[Any], dict[str, Any]]:

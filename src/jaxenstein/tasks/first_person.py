@@ -111,6 +111,10 @@ class FirstPerson(Environment[S, P]):
         """An image of a state, of any kind and of the environment's size."""
         return render(self.scene(state, params), self.camera, kind, self.sprite_layers)
 
+    def stride(self, params: P) -> float:
+        """The most tiles that a step of the world moves the player."""
+        return float(getattr(params, "move_distance", 0.0))
+
     def observe(self, state: S, params: P) -> Any:
         """Draw the observation of a state; see the class for its kinds."""
         return self._observe(state, params)

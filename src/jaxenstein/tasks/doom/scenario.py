@@ -29,6 +29,8 @@ from .motion import Body, Tried, tic
 from .walls import DoomMap, load_map
 
 ButtonsAtOnce = Literal["single", "all"]
+# Map units a tic that nobody exceeds: ahead 8.33, aside 8.
+TOP_SPEED = 12
 # The headings that a script draws, in 65536ths of a circle: any of them, both ends included.
 ANY_ANGLE = (0, ONE)
 
@@ -181,6 +183,11 @@ class DoomScenario(FirstPerson[S, P]):
             sprites=Sprites(position=self.to_tiles(places), look=looks, visible=present),
             theme=self.theme,
         )
+
+    def stride(self, params: P) -> float:
+        """The most tiles that a tic moves the player."""
+        del params
+        return TOP_SPEED / self.unit
 
     def to_tiles(self, place: jax.Array) -> jax.Array:
         """float32[..., 2]: (x, y) in tiles of int32[..., 2] map units in 16.16."""

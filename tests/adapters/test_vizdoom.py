@@ -1,0 +1,187 @@
+"""The adapter to ViZDoom: on a game that is our own environment behind ViZDoom's interface.
+
+Where ViZDoom is installed (`make partners`), the last tests run in the game itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+from types import SimpleNamespace
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.adapters import vizdoom_buffers
+from jaxenstein.episodes.policies import Script
+from jaxenstein.errors import SettingError
+from jaxenstein.maps.symbols import CEILING, FLOOR
+from jaxenstein.tasks.doom.fixed import ONE
+
+pytest.importorskip("gymnasium")
+
+from jaxenstein.adapters import vizdoom
+
+SETTINGS: dict[str, Any] = {"observation": "depth", "height": 1, "width": 32, "frame_skip": 4}
+INSTALLED = importlib.util.find_spec("vizdoom") is not None
+
+
+class Game:
+    """`vizdoom.DoomGame` as far as the adapter uses it, played by our own rules."""
+
+    def __init__(self, env: Any, params: Any) -> None:
+        self.env = dataclasses.replace(env, frame_skip=1, height=120, width=160)
+        self.params = self.env.check_params(params)
+        self.settings: dict[str, Any] = {}
+        self.draw = jax.jit(self.env.observe)
+
+    def __getattr__(self, name: str) -> Any:
+        assert name.startswith("set_") or name in ("load_config", "init", "close"), name
+        return lambda *value: self.settings.setdefault(name, value)
+
+    def new_episode(self) -> None:
+        (seed,) = self.settings.pop("set_seed")
+        _, self.state = self.env.reset(jax.random.key(seed), self.params)
+        self.finished = self.timeout = False
+
+    def make_action(self, buttons: list[int], tics: int) -> float:
+        held = sum(down << i for i, down in enumerate(buttons))
+        action = self.env.action_buttons.tolist().index(held)
+        total = 0.0
+        for _ in range(tics):
+            key = jax.random.key(0)
+            _, self.state, reward, ended, late, _ = self.env.step(
+                key, self.state, np.int32(action), self.params
+            )
+            total += float(reward)
+            if ended or late:
+                self.finished, self.timeout = True, bool(late)
+                break
+        return total
+
+    def is_episode_finished(self) -> bool:
+        return self.finished
+
+    def is_episode_timeout_reached(self) -> bool:
+        return self.timeout
+
+    def is_player_dead(self) -> bool:
+        return self.finished and not self.timeout
+
+    def get_state(self) -> Any:
+        depth = np.asarray(self.draw(self.state, self.params)) * self.env.unit
+        step = vizdoom_buffers.DEPTH_STEP
+        values = np.clip(np.floor((depth - 120 * vizdoom_buffers.DEPTH_START) / step), 0, 255)
+        place = np.asarray(self.state.fixed_position) / ONE
+        speed = np.asarray(self.state.fixed_velocity) / ONE
+        angle = int(self.state.angle) / (2**32 - 1) * 360
+        return SimpleNamespace(
+            depth_buffer=values.astype(np.uint8),
+            screen_buffer=np.zeros((120, 160, 3), np.uint8),
+            game_variables=[*place, angle, *speed, 100.0],
+            labels=[],
+            objects=[],
+        )
+
+
+@pytest.fixture(scope="module")
+def world() -> Any:
+    env, params = jaxenstein.make("doom-my-way-home", **SETTINGS)
+    return env, params.replace(max_steps_in_episode=90)
+
+
+@pytest.fixture
+def game(world: Any, monkeypatch: pytest.MonkeyPatch) -> Game:
+    game = Game(*world)
+    names = ("ScreenResolution", "GameVariable", "ScreenFormat")
+    anything = type("Names", (), {"__getattr__": lambda self, name: name})()
+    module = SimpleNamespace(
+        DoomGame=lambda: game, scenarios_path="", **dict.fromkeys(names, anything)
+    )
+    monkeypatch.setattr(vizdoom_buffers, "load_vizdoom", lambda: module)
+    monkeypatch.setattr(vizdoom, "load_vizdoom", lambda: module)
+    return game
+
+
+def test_actions_rewards_and_ends_mean_the_same(world: Any, game: Game) -> None:
+    env, params = world
+    actions = [3, 4, 3, 1, 5, 0, 2, 3, 3, 5] * 3
+    with vizdoom.GameSession(env, params, seed=2) as session:
+        assert game.settings["set_episode_timeout"] == (90,)
+        assert game.settings["set_depth_buffer_enabled"] == (True,)
+        first = session.state
+        ours = jaxenstein.episodes.session.Session(env, params)
+        ours.state = first
+        while not session.over:
+            action = actions[len(session.actions)]
+            session.step(action)
+            ours.step(action)
+            assert session.rewards[-1] == pytest.approx(ours.rewards[-1])
+            if not session.over:
+                for name in ("fixed_position", "fixed_velocity", "angle"):
+                    there, here = (np.asarray(getattr(s.state, name)) for s in (session, ours))
+                    np.testing.assert_array_equal(there, here)
+                # Eight bits of depth, in steps of 7.1 units; tiles have 16.
+                wrong = np.abs(session.observation - np.asarray(ours.observation))
+                assert wrong.max() < 0.7 * vizdoom_buffers.DEPTH_STEP / 16 + 0.05
+        assert (session.truncated, session.terminated) == (True, False)
+        assert len(session.actions) == 23
+        assert session.info == {"success": False}
+        with pytest.raises(SettingError, match="begin the next one"):
+            session.step(0)
+
+
+def test_many_episodes_and_gymnasium(world: Any, game: Game) -> None:
+    env, params = world
+    games = vizdoom.play_game(env, params, Script([3] * 30), episodes=2)
+    np.testing.assert_array_equal(games.lengths, [23, 23])
+    np.testing.assert_allclose(games.returns, -0.009, rtol=1e-5)
+    assert not games.successes.any()
+    gym = vizdoom.GameEnv(env, params)
+    observation, _ = gym.reset(seed=1)
+    again, _ = gym.reset(seed=1)
+    np.testing.assert_array_equal(observation, again)
+    assert gym.observation_space.contains(observation)
+    observation, _, terminated, truncated, info = gym.step(gym.action_space.sample())
+    assert gym.observation_space.contains(observation)
+    assert (terminated, truncated, info) == (False, False, {"success": False})
+    gym.close()
+
+
+def test_labels_of_a_buffer() -> None:
+    buffer = np.zeros((120, 160), np.uint8)
+    buffer[:30] = buffer[90:] = 1
+    buffer[60:70, 80:] = 200
+    image = vizdoom_buffers.label_image(buffer, (4, 2), {200: 113}, np.array([7, 8], np.uint8))
+    assert image.tolist() == [[CEILING, CEILING], [7, 8], [7, 8], [FLOOR, FLOOR]]
+    image = vizdoom_buffers.label_image(buffer, (12, 2), {200: 113}, np.array([7, 8], np.uint8))
+    assert image[6].tolist() == [7, 113]
+
+
+def test_what_the_game_has_not() -> None:
+    sparse, params = jaxenstein.make("doom-my-way-home-sparse", **SETTINGS)
+    with pytest.raises(SettingError, match="no scenario that ViZDoom comes with"):
+        vizdoom.GameSession(sparse, params)
+    with pytest.raises(SettingError, match="larger than the game's largest"):
+        vizdoom_buffers.screen_for(961, 100)
+    assert vizdoom_buffers.screen_for(121, 100) == (320, 240)
+    if not INSTALLED:
+        with pytest.raises(ImportError, match=r"pip install 'jaxenstein\[vizdoom\]'"):
+            vizdoom_buffers.load_vizdoom()
+
+
+@pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
+@pytest.mark.parametrize(
+    ("id", "kind", "alike"),
+    [("doom-my-way-home", "labels", 0.97), ("doom-health-gathering-supreme", "labels", 0.95)],
+)
+def test_the_game_shows_what_we_draw(id: str, kind: str, alike: float) -> None:
+    env, params = jaxenstein.make(id, observation=kind, height=30, width=40, frame_skip=4)
+    with vizdoom.GameSession(env, params, 5) as session:
+        for action in (3, 3, 1, 2, 3) * 6:
+            session.step(action)
+        ours = np.asarray(env.observe(session.state, session.params))
+        assert np.mean(np.asarray(session.observation) == ours) > alike
