@@ -38,6 +38,17 @@ def tiny(**changes: Any) -> Experiment:
     return resolve({**OPTIONS, **changes})
 
 
+def hardly_trained(path: Path) -> RunFolder:
+    """A run before its first update, whose agents act almost at random."""
+    experiment = tiny()
+    folder = RunFolder.create(path, experiment)
+    state = experiment.learner.many.init(experiment.keys())
+    # Larger logits: greedy actions that depend on what is seen, and are not close to a tie.
+    heads = jax.tree.map(lambda leaf: leaf * np.float32(30), state.params["heads"])
+    folder.checkpoints.save(0, state.replace(params={**state.params, "heads": heads}))
+    return folder
+
+
 def same_checkpoints(folder: RunFolder, other: RunFolder, update: int) -> bool:
     """Whether two runs have the same bits in all arrays of their states at an update."""
     paths = [run.path / CHECKPOINTS / f"{update}.npz" for run in (folder, other)]

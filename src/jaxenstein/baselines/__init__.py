@@ -14,9 +14,6 @@ or, in a run directory with metrics and checkpoints, from which an agent can be 
 Needs the extra `baselines`.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
-
 try:
     import flax.linen as _flax  # noqa: F401
     import optax as _optax  # noqa: F401
@@ -39,21 +36,10 @@ from .learning.hparams import HParams
 from .learning.learner import Learner, PolicyCarry
 from .learning.many import ManyRuns
 from .learning.state import TrainState
-
-if TYPE_CHECKING:
-    from .runs.agents import load_policy
-    from .runs.experiment import Experiment
-    from .runs.folder import RunFolder, train
-    from .runs.options import resolve
-
-# What reads and writes run directories is imported where it is used.
-_LAZY = {
-    "Experiment": ".runs.experiment",
-    "RunFolder": ".runs.folder",
-    "load_policy": ".runs.agents",
-    "resolve": ".runs.options",
-    "train": ".runs.folder",
-}
+from .runs.agents import export_policy, load_policy
+from .runs.experiment import Experiment
+from .runs.folder import RunFolder, train
+from .runs.options import resolve
 
 __all__ = [
     "E3B",
@@ -80,15 +66,9 @@ __all__ = [
     "RNDSettings",
     "RunFolder",
     "TrainState",
+    "export_policy",
     "load_policy",
     "register_bonus",
     "resolve",
     "train",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _LAZY:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(importlib.import_module(_LAZY[name], __name__), name)
-    return value

@@ -16,6 +16,7 @@ from . import (
     bench,
     convert,
     evaluate,
+    export,
     listing,
     play,
     plot,
@@ -40,6 +41,7 @@ COMMANDS = (
     train,
     sweep,
     evaluate,
+    export,
     plot,
 )
 

@@ -258,17 +258,22 @@ def _value(text: str) -> Any:
 
 def add_agent(parser: argparse._ActionsContainer) -> None:
     """Add --run and --greedy, for an agent of a run directory."""
+    add_run(parser)
+    parser.add_argument(
+        "--greedy",
+        action="store_true",
+        help="the agent takes its most likely actions (default: drawn ones)",
+    )
+
+
+def add_run(parser: argparse._ActionsContainer) -> None:
+    """Add --run."""
     parser.add_argument(
         "--run",
         dest="number",
         type=whole(0),
         metavar="N",
         help="which run of the directory acts, from 0 (default: the best one)",
-    )
-    parser.add_argument(
-        "--greedy",
-        action="store_true",
-        help="the agent takes its most likely actions (default: drawn ones)",
     )
 
 

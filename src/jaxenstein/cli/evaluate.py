@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from ..baselines.runs.agents import Result
 
 DESCRIPTION = """\
-Play whole episodes with the agents of a run directory, with the most likely actions ("greedy")
-and with drawn ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs
-and episodes, or with one run over episodes. --gif also writes an episode beside the map.
+Play whole episodes with the agents of a run directory, or with one of a file of 'jaxenstein
+export' or of 'jaxenstein list --pretrained', with the most likely actions ("greedy") and with drawn
+ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs and episodes, or
+with one run over episodes. --gif also writes an episode beside the map.
 
 --in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
 anew, and --gif then shows one episode from the same start in both. It takes agents of
@@ -34,6 +35,7 @@ examples:
   jaxenstein evaluate runs/simple-rnd --episodes 1000 --json simple-rnd.json
   jaxenstein evaluate runs/simple-rnd --gif agent.gif --run 2
   jaxenstein evaluate runs/doom-home --in vizdoom --gif both.gif
+  jaxenstein evaluate simple.npz
 """
 
 
@@ -45,7 +47,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         description=DESCRIPTION,
         epilog=EPILOG,
     )
-    parser.add_argument("folder", metavar="RUN", type=Path, help="a run directory")
+    parser.add_argument(
+        "folder", metavar="RUN", type=Path, help="a run directory, FILE.npz or pretrained/NAME"
+    )
     parser.add_argument(
         "--episodes",
         type=whole(),
@@ -73,7 +77,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Evaluate, print the table, write the files."""
-    agents, runs = baselines("agents"), baselines("folder")
+    agents = baselines("agents")
     if options.game is not None:
         # Before anything is played, lest it be for nothing that the game is missing.
         from ..adapters import vizdoom  # noqa: F401
@@ -81,16 +85,15 @@ def run(options: argparse.Namespace) -> None:
         check_writable(options.json)
     if options.gif is not None:
         check_animation(options.gif)
-    folder = runs.RunFolder.open(options.folder)
-    update, _ = runs.final_state(folder)
+    trained = agents.load_trained(options.folder)
     if options.number is not None:
-        agents.load_policy(options.folder, options.number)
-    names = runs.run_names(folder.experiment)
+        agents.chosen_run(trained, options.number)
+    names = agents.run_names(trained.experiment)
     ways, results = {"greedy": True, "sampled": False}, {}
     settings = {"episodes": options.episodes, "seed": options.seed}
     with Progress(2, "evaluating", unit="ways") as progress:
         for done, (name, greedy) in enumerate(ways.items(), 1):
-            results[name] = agents.evaluate(folder, greedy=greedy, **settings)
+            results[name] = agents.evaluate(trained, greedy=greedy, **settings)
             progress.update(done)
     if options.game is not None:
         total = len(ways) * len(names) * options.episodes
@@ -98,14 +101,14 @@ def run(options: argparse.Namespace) -> None:
             for index, (name, greedy) in enumerate(ways.items()):
                 done = index * total // len(ways)
                 results[f"{name}, in ViZDoom"] = agents.evaluate_in_game(
-                    folder,
+                    trained,
                     greedy=greedy,
                     notify=lambda more, done=done: progress.update(done + more),
                     **settings,
                 )
-    total = folder.experiment.config.updates
+    total = trained.experiment.config.updates
     many = f"{len(names)} run{'s' * (len(names) > 1)}, {options.episodes} episodes each"
-    print(f"{options.folder}: update {update} of {total}, {many}")
+    print(f"{options.folder}: update {trained.update} of {total}, {many}")
     print(table(results))
     if options.json is not None:
         report = {name: result.to_json(names) for name, result in results.items()}
@@ -115,7 +118,7 @@ def run(options: argparse.Namespace) -> None:
     if options.gif is not None:
         best = results["greedy" if options.greedy else "sampled"].best
         number = best if options.number is None else options.number
-        _film(agents.load_policy(options.folder, number, greedy=options.greedy), options)
+        _film(agents.TrainedPolicy(trained, number, options.greedy), options)
 
 
 def table(results: dict[str, Result]) -> str:

@@ -9,11 +9,15 @@ from typing import Any
 
 from .arguments import import_module_of
 
-DESCRIPTION = "List the environments, or with --symbols the characters of text maps."
+DESCRIPTION = """\
+List the environments, with --symbols the characters of text maps, with --pretrained the trained
+agents that come with this package.
+"""
 EPILOG = """\
 examples:
   jaxenstein list
   jaxenstein list --symbols
+  jaxenstein list --pretrained
   jaxenstein list my_module:my-task
 """
 
@@ -35,6 +39,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--symbols", action="store_true", help="explain the characters of text maps instead"
     )
+    parser.add_argument(
+        "--pretrained", action="store_true", help="the trained agents of this package instead"
+    )
     parser.set_defaults(run=run)
 
 
@@ -44,6 +51,9 @@ def run(options: argparse.Namespace) -> None:
         from ..maps.symbols import legend
 
         print(legend())
+        return
+    if options.pretrained:
+        print(pretrained_agents())
         return
     from .. import registry
 
@@ -67,6 +77,23 @@ def run(options: argparse.Namespace) -> None:
     notes += actions_of({name: env.action_names for name, (env, _) in environments.items()})
     for note in notes:
         print(textwrap.fill(note, LIST_WIDTH, subsequent_indent="  ", **WRAPPING))
+
+
+def pretrained_agents() -> str:
+    """The trained agents of this package, with what their files say of them."""
+    from .training import baselines
+
+    trained = baselines("trained")
+    table = [("NAME", "ENVIRONMENT", "ALGO", "STEPS", "RETURN", "SUCCESS")]
+    for name, file in trained.pretrained().items():
+        plain = trained.read_config(file)
+        config, score = plain["config"], plain["agent"]["score"]["sampled"]
+        steps = plain["agent"]["update"] * config["num_envs"] * config["rollout"]
+        place, algo = plain["environment"]["id"] or "a map", config["algo"]
+        earned, success = score["return"]["mean"], score["success"]["mean"]
+        table.append((name, place, algo, f"{steps:,}", f"{earned:.3g}", f"{success:.0%}"))
+    note = "'jaxenstein play --policy pretrained/NAME' shows one; actions are drawn, not greedy"
+    return f"{format_table(table, right=(3, 4, 5))}\n\n{note}"
 
 
 def extent(env: Any) -> str:

@@ -55,6 +55,7 @@ examples:
   jaxenstein play health-gathering --terminal
   jaxenstein play --map-file maze.txt --save maze.json
   jaxenstein play --policy runs/simple-rnd
+  jaxenstein play --policy simple.npz
 """
 # (height, width) of pictures for people, of those that agents get by default, and the largest
 # that a terminal gets, which a slow line has to carry.
@@ -101,7 +102,8 @@ def fill(parser: Parser) -> None:
         "--policy",
         type=Path,
         metavar="RUN",
-        help="watch the trained agent of a run directory, where it was trained or in ID",
+        help="watch a trained agent, where it was trained or in ID: of a run directory, FILE.npz "
+        "or pretrained/NAME",
     )
     add_agent(how)
     add_seed(how)

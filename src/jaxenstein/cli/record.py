@@ -90,7 +90,8 @@ def fill(parser: Parser) -> None:
         type=policy_or_run,
         default="forward",
         metavar="NAME",
-        help="who acts, see below, or the run directory of a trained agent (default %(default)s)",
+        help="who acts, see below, or a trained agent: a run directory, FILE.npz or "
+        "pretrained/NAME (default %(default)s)",
     )
     add_agent(played)
     how.add_argument("--actions", metavar="LIST", help='the actions to take, such as "2,2,0,1"')
@@ -172,16 +173,18 @@ def run(options: argparse.Namespace) -> None:
 
 
 def policy_or_run(text: str) -> str | Path:
-    """An argument type: the name of a policy, or the path of a run directory."""
-    if text not in GENERAL and os.path.isdir(text):
+    """An argument type: the name of a policy, or the path of a trained agent."""
+    of_file = text.endswith(".npz") or text.startswith("pretrained/")
+    if text not in GENERAL and (of_file or os.path.isdir(text)):
         return Path(text)
     if text.isidentifier():
         return text
-    raise argparse.ArgumentTypeError(f"must be a policy or a run directory, not {text!r}")
+    kinds = "a policy, a run directory, FILE.npz or pretrained/NAME"
+    raise argparse.ArgumentTypeError(f"must be {kinds}, not {text!r}")
 
 
 def load_agent(path: Path | None, options: argparse.Namespace) -> TrainedPolicy | None:
-    """The trained agent of a run directory, None without one."""
+    """The trained agent of a run directory or a file, None without one."""
     if path is None:
         if options.greedy or options.number is not None:
             raise UsageError("jaxenstein: --run and --greedy go with the run directory of --policy")

@@ -21,11 +21,12 @@ import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.baselines.runs.agents import Result, best_run, evaluate, load_policy
 from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.trained import load_trained
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.watching import AgentGame
-from tests.baselines.tiny import compiled_into, tiny
+from tests.baselines.tiny import compiled_into, hardly_trained
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -36,14 +37,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def folder(compiled: None, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
-    """A run before its first update, whose agents act almost at random."""
-    experiment = tiny()
-    folder = RunFolder.create(tmp_path_factory.mktemp("runs") / "tiny", experiment)
-    state = experiment.learner.many.init(experiment.keys())
-    # Larger logits: greedy actions that depend on what is seen, and are not close to a tie.
-    heads = jax.tree.map(lambda leaf: leaf * np.float32(30), state.params["heads"])
-    folder.checkpoints.save(0, state.replace(params={**state.params, "heads": heads}))
-    return folder
+    return hardly_trained(tmp_path_factory.mktemp("runs") / "tiny")
 
 
 def test_greedy_policy_is_what_the_network_says_of_the_whole_sequence(folder: RunFolder) -> None:
@@ -90,14 +84,15 @@ def test_sampled_policy_repeats_with_the_seed_and_differs_between(folder: RunFol
 
 
 def test_evaluation_counts_whole_episodes(folder: RunFolder) -> None:
-    result = evaluate(folder, episodes=12, seed=1)
+    trained = load_trained(folder.path)
+    result = evaluate(trained, episodes=12, seed=1)
     assert result.returns.shape == (2, 12)
     # The goal is the only reward, and the horizon is 10.
     np.testing.assert_array_equal(result.returns, result.successes.astype(np.float32))
     assert result.lengths.min() >= 1
     assert result.lengths.max() <= 10
     assert np.all(result.lengths[~result.successes] == 10)
-    again = evaluate(folder, episodes=12, seed=1)
+    again = evaluate(trained, episodes=12, seed=1)
     np.testing.assert_array_equal(result.lengths, again.lengths)
     plain = json.loads(json.dumps(result.to_json(["a", "b"])))
     assert plain["episodes"] == 12

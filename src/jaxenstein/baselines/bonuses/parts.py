@@ -13,6 +13,7 @@ from typing import Any
 import flax.linen as nn
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 
 from ..learning import optimiser
 from ..learning.bonus import Metrics
@@ -30,7 +31,7 @@ class Layers(nn.Module):
     hidden: int
     layers: int
     output: int
-    dtype: Any
+    dtype: DTypeLike
 
     @nn.compact
     def __call__(self, features: jax.Array) -> jax.Array:

@@ -11,13 +11,14 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 
 from ...pytree import PyTreeNode
 from ..learning import optimiser, running_stats
 from ..learning.algorithms import BonusNumbers, BonusSettings
 from ..learning.bonus import Experience, Metrics
 from ..learning.config import Config
-from ..learning.fields import share
+from ..learning.fields import count, share
 from ..learning.hparams import HParams
 from ..learning.networks import Eye
 from ..learning.observations import ObservationSpec
@@ -26,6 +27,8 @@ from .parts import Layers, number, train
 
 # Whitened pixels further out are clipped, as OpenAI's RND does.
 _FURTHEST = 5.0
+# Statistics of the entries of images and vector.
+Pixels = tuple[list[RunningStats], RunningStats]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -36,13 +39,18 @@ class RNDSettings(BonusSettings):
         rnd_hidden: width of RND's hidden layers.
         rnd_output: size of RND's embedding.
         rnd_layers: number of RND's hidden layers behind its image features.
+        rnd_deeper: hidden layers that RND's predictor has beyond those of its random network.
         rnd_normalise_observations: whiten the frames that RND sees by running statistics.
+        rnd_warm_up: steps of each environment with random actions, before the first update,
+            that these statistics begin with.
     """
 
     rnd_hidden: int = 128
     rnd_output: int = 128
     rnd_layers: int = 2
+    rnd_deeper: int = count(0, least=0)
     rnd_normalise_observations: bool = False
+    rnd_warm_up: int = count(0, least=0)
 
 
 class RNDNumbers(BonusNumbers):
@@ -71,15 +79,15 @@ class RNDState(PyTreeNode):
     target: Any
     predictor: Any
     optimiser: Any
-    pixels: Any
+    pixels: Pixels
 
 
 @dataclasses.dataclass(frozen=True)
 class RND:
     """The bonus e(o) = mean_j (g_j(o) - f_j(o))^2 of what a step led to.
 
-    Target f and predictor g are networks of the same shape. The bonus has returns of its own,
-    which go on through the ends of episodes.
+    Target f and predictor g are networks of the same shape, but for `rnd_deeper`. The bonus has
+    returns of its own, which go on through the ends of episodes.
 
     Attributes:
         spec: what observations are.
@@ -95,14 +103,26 @@ class RND:
     def init(self, key: jax.Array) -> RNDState:
         """Draw both networks."""
         target_key, predictor_key = jax.random.split(key)
-        predictor = self._init_network(predictor_key)
+        predictor = self._init_network(predictor_key, self._predictor)
         shapes = [*self.spec.images, (self.spec.vector,)]
         *images, vector = [running_stats.empty(shape) for shape in shapes]
         return RNDState(
-            target=self._init_network(target_key),
+            target=self._init_network(target_key, self._target),
             predictor=predictor,
             optimiser=optimiser.init(predictor),
             pixels=(images, vector),
+        )
+
+    @property
+    def warm_up(self) -> int:
+        """Steps of random play that the statistics of pixels begin with."""
+        own = self._settings
+        return own.rnd_warm_up if own.rnd_normalise_observations else 0
+
+    def watch(self, state: RNDState, obs: Any) -> RNDState:
+        """The state with observations [N] in its statistics."""
+        return state.replace(
+            pixels=self._merge(state.pixels, jax.tree.map(lambda leaf: leaf[None], obs))
         )
 
     def reward(
@@ -110,8 +130,8 @@ class RND:
     ) -> tuple[jax.Array, RNDState, Metrics]:
         """Compute the bonus of a rollout.
 
-        Statistics of pixels change after their use, but for the first rollout, which there is
-        nothing before.
+        Statistics of pixels change after their use, but for those of the first rollout where
+        there is nothing before.
         """
         led_to = experience.led_to
         if not self._settings.rnd_normalise_observations:
@@ -154,23 +174,24 @@ class RND:
         prepare = functools.partial(self._whiten, state.pixels)
         if not self._settings.rnd_normalise_observations:
             prepare = None
-        target = jax.lax.stop_gradient(self._embed(state.target, obs, prepare))
-        return jnp.mean((self._embed(state.predictor, obs, prepare) - target) ** 2, axis=-1)
 
-    def _embed(self, params: Any, obs: Any, prepare: Any) -> jax.Array:
-        features = self._eye.encode_sequence(params["encoder"], obs, prepare)
-        return self._embedding.apply(params["embedding"], features).astype(jnp.float32)
+        def embed(layers: Layers, params: Any) -> jax.Array:
+            features = self._eye.encode_sequence(params["encoder"], obs, prepare)
+            return layers.apply(params["embedding"], features).astype(jnp.float32)
 
-    def _init_network(self, key: jax.Array) -> dict[str, Any]:
+        target = jax.lax.stop_gradient(embed(self._target, state.target))
+        return jnp.mean((embed(self._predictor, state.predictor) - target) ** 2, axis=-1)
+
+    def _init_network(self, key: jax.Array, layers: Layers) -> dict[str, Any]:
         encoder_key, embedding_key = jax.random.split(key)
         features = jnp.zeros((1, self._settings.rnd_hidden), self.config.compute_dtype)
         return {
             "encoder": self._eye.init(encoder_key),
-            "embedding": self._embedding.init(embedding_key, features),
+            "embedding": layers.init(embedding_key, features),
         }
 
-    def _merge(self, pixels: Any, obs: Any) -> Any:
-        def add(pixels: Any, step: Any) -> tuple[Any, None]:
+    def _merge(self, pixels: Pixels, obs: Any) -> Pixels:
+        def add(pixels: Pixels, step: Any) -> tuple[Pixels, None]:
             images, vector = self.spec.prepare(step, jnp.float32)
             values = (images, vector)
             is_stats = lambda leaf: isinstance(leaf, RunningStats)  # noqa: E731
@@ -179,7 +200,9 @@ class RND:
         # Step by step: all frames at once would be four times the rollout's memory.
         return jax.lax.scan(add, pixels, obs)[0]
 
-    def _whiten(self, pixels: Any, obs: Any, dtype: Any) -> tuple[list[jax.Array], jax.Array]:
+    def _whiten(
+        self, pixels: Pixels, obs: Any, dtype: DTypeLike
+    ) -> tuple[list[jax.Array], jax.Array]:
         def whiten(values: jax.Array, stats: RunningStats) -> jax.Array:
             axes = tuple(range(values.ndim - stats.mean.ndim))
             mean = jnp.expand_dims(stats.mean, axes)
@@ -200,6 +223,10 @@ class RND:
         return Eye(self.spec, self._settings.rnd_hidden, config, config.compute_dtype)
 
     @functools.cached_property
-    def _embedding(self) -> Layers:
+    def _target(self) -> Layers:
         own = self._settings
         return Layers(own.rnd_hidden, own.rnd_layers, own.rnd_output, self.config.compute_dtype)
+
+    @functools.cached_property
+    def _predictor(self) -> Layers:
+        return self._target.clone(layers=self._target.layers + self._settings.rnd_deeper)

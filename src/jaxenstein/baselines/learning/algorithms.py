@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 class BonusSettings:
     """What a bonus is told that shapes its program: frozen and hashable; here nothing.
 
-    Those of a bonus are fields of a subclass, each int (a count from 1), bool or a Literal of
-    words. Options of their names are flags and lines of files, so they begin with the bonus'.
+    Those of a bonus are fields of a subclass, each int (from 1, or what `count` says), bool or
+    a Literal of words. Options of their names are flags and lines of files, so they begin with
+    the bonus'.
     """
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Literal, TypeVar
 
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 
 from ...errors import SettingError
 from .algorithms import Algorithm, BonusSettings, algorithm, without_others
@@ -34,6 +35,7 @@ class Config:
         minibatches: parts of a rollout in one epoch: whole sequences of `N / minibatches`
             environments.
         anneal: let the learning rates fall linearly to zero; constant within one update.
+        normalise_advantages: what advantages get mean 0 and deviation 1 over.
         value_loss_half: halve the value loss.
         bootstrap_truncation: where the time limit cuts an episode off, continue its return with
             the value of the observation it ended in; if false, the limit counts as an end.
@@ -63,6 +65,7 @@ class Config:
     epochs: int = 4
     minibatches: int = 4  # as pobax and purejaxrl
     anneal: bool = True  # as pobax
+    normalise_advantages: Literal["minibatch", "rollout"] = "minibatch"  # as pobax
     value_loss_half: bool = False  # as pobax and SB3
     bootstrap_truncation: bool = True
     convolutions: tuple[tuple[int, int, int], ...] | None = None
@@ -148,7 +151,7 @@ class Config:
         return self.bonus
 
     @property
-    def compute_dtype(self) -> Any:
+    def compute_dtype(self) -> DTypeLike:
         """The JAX dtype of `dtype`."""
         return jnp.bfloat16 if self.dtype == "bfloat16" else jnp.float32
 

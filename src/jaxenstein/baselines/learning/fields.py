@@ -22,9 +22,14 @@ def share(default: float | None) -> Any:
     return dataclasses.field(default=default, metadata={"highest": 1.0})
 
 
-def positive(default: float) -> Any:
-    """A number above 0."""
+def positive(default: float | None) -> Any:
+    """A number above 0; None may be said where it is the default."""
     return dataclasses.field(default=default, metadata={"positive": True})
+
+
+def count(default: int, least: int = 1) -> Any:
+    """A whole number from `least`, where it is not 1."""
+    return dataclasses.field(default=default, metadata={"least": least})
 
 
 def names(cls: Any) -> tuple[str, ...]:
@@ -38,15 +43,17 @@ def values_of(record: Any) -> dict[str, Any]:
 
 
 def check_settings(settings: Any) -> None:
-    """Check the fields of a dataclass that are int (from 1), bool or Literal; no others.
+    """Check the fields of a dataclass that are int, bool or Literal; no others.
 
     Raises:
         SettingError: a value is of another kind.
     """
-    for name, hint in typing.get_type_hints(type(settings)).items():
-        value = getattr(settings, name)
-        if hint is int and not (is_whole(value) and value >= 1):
-            raise SettingError(f"{name} must be a whole number from 1, not {value!r}")
+    hints = typing.get_type_hints(type(settings))
+    for field in dataclasses.fields(settings):
+        name, hint, value = field.name, hints[field.name], getattr(settings, field.name)
+        least = field.metadata.get("least", 1)
+        if hint is int and not (is_whole(value) and value >= least):
+            raise SettingError(f"{name} must be a whole number from {least}, not {value!r}")
         if hint is bool and not isinstance(value, bool | np.bool_):
             raise SettingError(f"{name} must be True or False, not {value!r}")
         if typing.get_origin(hint) is Literal:

@@ -17,6 +17,7 @@ from typing import Any
 import flax.linen as nn
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 
 from ...errors import SettingError
 from .config import Config
@@ -24,7 +25,7 @@ from .convolution import conv_lax, conv_matmul, output_size
 from .observations import ObservationSpec
 
 Layers = tuple[tuple[int, int, int], ...]
-Prepare = Callable[[Any, Any], tuple[list[jax.Array], jax.Array]]
+Prepare = Callable[[Any, DTypeLike], tuple[list[jax.Array], jax.Array]]
 
 # Frames that are encoded at once on a CPU.
 PIECE = 16
@@ -38,7 +39,7 @@ SMALL: Layers = ((4, 2, 16), (3, 2, 32))
 _SQRT2 = 2.0**0.5
 
 
-def dense(size: int, gain: float, dtype: Any) -> nn.Dense:
+def dense(size: int, gain: float, dtype: DTypeLike) -> nn.Dense:
     """A layer with orthogonal weights and no bias at first."""
     initial = nn.initializers.orthogonal(gain)
     return nn.Dense(size, kernel_init=initial, dtype=dtype, param_dtype=jnp.float32)
@@ -51,7 +52,7 @@ class Encoder(nn.Module):
     features: int
     layers: Layers | None
     implementation: str
-    dtype: Any
+    dtype: DTypeLike
 
     @nn.compact
     def __call__(self, images: list[jax.Array], vector: jax.Array) -> jax.Array:
@@ -112,7 +113,7 @@ class GRU(nn.Module):
     """
 
     size: int
-    dtype: Any
+    dtype: DTypeLike
 
     @nn.compact
     def __call__(
@@ -156,7 +157,7 @@ class Heads(nn.Module):
     actions: int
     values: int
     hidden: int
-    dtype: Any
+    dtype: DTypeLike
 
     @nn.compact
     def __call__(self, memory: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -182,7 +183,7 @@ class Eye:
     spec: ObservationSpec
     features: int
     config: Config
-    dtype: Any
+    dtype: DTypeLike
 
     def init(self, key: jax.Array) -> Any:
         """Draw the parameters."""
@@ -237,8 +238,8 @@ class ActorCritic:
     actions: int
     values: int
     config: Config
-    dtype: Any = jnp.float32
-    state_dtype: Any = jnp.float32
+    dtype: DTypeLike = jnp.float32
+    state_dtype: DTypeLike = jnp.float32
 
     @functools.cached_property
     def eye(self) -> Eye:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import DTypeLike
 
 from ...errors import SettingError
 
@@ -62,7 +63,7 @@ class ObservationSpec:
         """Length of the vector that `prepare` returns."""
         return sum(math.prod(part.shape) for part in self.parts if not part.image)
 
-    def prepare(self, obs: Any, dtype: Any) -> tuple[list[jax.Array], jax.Array]:
+    def prepare(self, obs: Any, dtype: DTypeLike) -> tuple[list[jax.Array], jax.Array]:
         """Scale observations with any leading axes.
 
         Returns:
@@ -129,7 +130,7 @@ def _bounds(space: Any, dtype: np.dtype) -> tuple[float, float]:
     return float(np.min(np.asarray(low))), float(np.max(np.asarray(high)))
 
 
-def _scale(part: Part, leaf: jax.Array, dtype: Any) -> jax.Array:
+def _scale(part: Part, leaf: jax.Array, dtype: DTypeLike) -> jax.Array:
     if part.scaling == "bits":
         bits = jnp.arange(8, dtype=leaf.dtype).reshape((1,) * leaf.ndim + (8,))
         return ((leaf[..., None] >> bits) & 1).astype(dtype)

@@ -10,16 +10,22 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from ...errors import SettingError
+from ...files import check_writable
 from ..learning.observations import observation_spec
 from .bootstrap import Interval, mean_interval
-from .folder import RunFolder, final_state, run_names
+from .folder import RunFolder, run_names
 from .metrics import METRICS, read_metrics
+from .trained import SUFFIX, Trained, Weights, load_trained, write_trained
 
 if TYPE_CHECKING:
+    from ...environment import AnyEnvironment
     from ...episodes.session import Session
     from ..learning.learner import PolicyCarry
+
+    Act = Callable[[Any, PolicyCarry, jax.Array | None], tuple[jax.Array, PolicyCarry]]
 
 
 class TrainedPolicy:
@@ -35,17 +41,17 @@ class TrainedPolicy:
         greedy: whether it takes the most likely action instead of drawing one.
     """
 
-    def __init__(self, folder: RunFolder, params: Any, name: str, greedy: bool) -> None:
-        """Take a run directory and the network's parameters of one run; see `load_policy`."""
-        self._learner = folder.experiment.learner
-        self._weights = params
+    def __init__(self, trained: Trained, run: int, greedy: bool) -> None:
+        """Take the networks and which of them acts; see `load_policy`."""
+        self._learner = trained.experiment.learner
+        self._weights = jax.tree.map(lambda leaf: leaf[run], trained.params)
         self._carry = self._learner.initial_carry()
         self.env, self.params = self._learner.env, self._learner.env_params
-        self.recipe = folder.experiment.recipe
-        self.name = name
+        self.recipe = trained.experiment.recipe
+        self.name = f"{trained.name} {run_names(trained.experiment)[run]}"
         self.greedy = greedy
 
-    def check(self, env: Any, params: Any) -> None:
+    def check(self, env: AnyEnvironment, params: Any) -> None:
         """Make sure that it can act in an environment.
 
         Raises:
@@ -72,7 +78,9 @@ class TrainedPolicy:
             seed: of the actions, if they are drawn.
         """
 
-        def act(obs: Any, carry: PolicyCarry, key: Any) -> Any:
+        def act(
+            obs: Any, carry: PolicyCarry, key: jax.Array | None
+        ) -> tuple[jax.Array, PolicyCarry]:
             return self._learner.act(self._weights, obs, carry, key)
 
         key = None if self.greedy else jax.random.key(seed, impl="threefry2x32")
@@ -92,13 +100,13 @@ class TrainedPolicy:
 class BatchPolicy:
     """Acts as a trained agent in several environments at once; see `TrainedPolicy.batch`."""
 
-    def __init__(self, act: Callable[..., Any], carry: PolicyCarry, size: int, key: Any) -> None:
+    def __init__(self, act: Act, carry: PolicyCarry, size: int, key: jax.Array | None) -> None:
         """Take what acts, the memory at the beginning of an episode, and how many there are."""
         self._act, self._key, self._steps = act, key, 0
         self._fresh = jax.tree.map(lambda leaf: jnp.stack([leaf] * size), carry)
         self._carry = self._fresh
 
-    def act(self, observations: Any, first: Any) -> np.ndarray:
+    def act(self, observations: Any, first: ArrayLike) -> np.ndarray:
         """The next actions.
 
         Args:
@@ -121,24 +129,79 @@ class BatchPolicy:
 
 
 def load_policy(path: str | Path, run: int | None = None, *, greedy: bool = False) -> TrainedPolicy:
-    """The agent of a run directory, as its newest checkpoint has it.
+    """The agent of a run directory, as its newest checkpoint has it, or of a file.
 
     Args:
-        path: the run directory.
+        path: the run directory, a file of `export_policy`, or `pretrained/NAME`, an agent that
+            comes with this package; `jaxenstein list --pretrained` names them.
         run: which of its runs, from 0, in the order of seeds and grid; None: the best one.
         greedy: take the most likely action instead of drawing one.
 
     Raises:
-        SettingError: there is no such run, or it has no checkpoint that can be read.
+        SettingError: there is no such run or agent, or it cannot be read.
     """
-    folder = RunFolder.open(path)
-    names = run_names(folder.experiment)
-    run = best_run(folder) if run is None else run
-    if not 0 <= run < len(names):
-        raise SettingError(f"{path} has runs 0 to {len(names) - 1}, not {run!r}")
-    _, state = final_state(folder)
-    weights = jax.tree.map(lambda leaf: leaf[run], state.params)
-    return TrainedPolicy(folder, weights, f"{folder.path.name} {names[run]}", greedy)
+    trained = load_trained(path)
+    return TrainedPolicy(trained, chosen_run(trained, run), greedy)
+
+
+def export_policy(
+    path: str | Path,
+    out: str | Path,
+    run: int | None = None,
+    *,
+    weights: Weights = "float16",
+    episodes: int = 100,
+    seed: int = 0,
+) -> dict[str, Result]:
+    """Write one agent of a run directory into a file of its own, with what it achieves.
+
+    Args:
+        path: as of `load_policy`.
+        out: the file, which ends in `.npz`.
+        run: as of `load_policy`.
+        weights: precision of its numbers; the agent of the file is the one that is evaluated.
+        episodes: to evaluate it by, greedy and sampled.
+        seed: of their draws.
+
+    Returns:
+        How it did, by `"greedy"` and `"sampled"`.
+
+    Raises:
+        SettingError: as of `load_policy`, or the file is called otherwise.
+        OutputError: it cannot be written.
+    """
+    out = Path(out)
+    if out.suffix != SUFFIX:
+        raise SettingError(f"{out} should end in {SUFFIX}")
+    check_writable(out)
+    trained = load_trained(path)
+    agent = trained.one(chosen_run(trained, run))
+    rounded = lambda leaf: leaf.astype(weights).astype(np.float32)  # noqa: E731
+    agent = dataclasses.replace(agent, params=jax.tree.map(rounded, agent.params))
+    results = {
+        "greedy" if greedy else "sampled": evaluate(
+            agent, episodes=episodes, seed=seed, greedy=greedy
+        )
+        for greedy in (True, False)
+    }
+    names = run_names(agent.experiment)
+    score = {name: result.to_json(names) for name, result in results.items()}
+    write_trained(out, agent, weights, score)
+    return results
+
+
+def chosen_run(trained: Trained, run: int | None) -> int:
+    """The run of that number, by default the best one.
+
+    Raises:
+        SettingError: there is none.
+    """
+    if run is None:
+        return best_run(trained.folder) if trained.folder else 0
+    many = len(trained.experiment.runs)
+    if not 0 <= run < many:
+        raise SettingError(f"{trained.name} has runs 0 to {many - 1}, not {run!r}")
+    return run
 
 
 def best_run(folder: RunFolder) -> int:
@@ -200,28 +263,25 @@ class Result:
 
 
 def evaluate(
-    folder: RunFolder, *, episodes: int = 100, seed: int = 0, greedy: bool = False
+    trained: Trained, *, episodes: int = 100, seed: int = 0, greedy: bool = False
 ) -> Result:
-    """Play whole episodes with the agents of a run directory, all on the same draws.
+    """Play whole episodes with all agents, on the same draws.
 
     Args:
-        folder: the run directory.
+        trained: their networks.
         episodes: of each run.
         seed: of the draws.
         greedy: take the most likely action instead of drawing one.
-
-    Raises:
-        SettingError: there is no checkpoint that can be read.
     """
-    _, state = final_state(folder)
     key = jax.random.key(seed, impl="threefry2x32")
-    played = folder.experiment.learner.many.evaluate(state.params, key, episodes, greedy)
+    many = trained.experiment.learner.many
+    played = many.evaluate(trained.params, key, episodes, greedy)
     played = jax.device_get(played)
     return Result(greedy, played.episode_return, played.episode_length, played.success)
 
 
 def evaluate_in_game(
-    folder: RunFolder,
+    trained: Trained,
     *,
     episodes: int = 100,
     seed: int = 0,
@@ -231,22 +291,20 @@ def evaluate_in_game(
     """As `evaluate` in the running ViZDoom, whose scenario the environment is.
 
     Args:
-        folder: the run directory.
+        trained: their networks.
         episodes: of each run.
         seed: of the draws.
         greedy: take the most likely action instead of drawing one.
         notify: called with the number of episodes played so far, over all runs.
 
     Raises:
-        SettingError: there is no checkpoint that can be read, or ViZDoom has no such scenario.
+        SettingError: ViZDoom has no such scenario.
     """
     from ...adapters.vizdoom import play_game
 
-    _, state = final_state(folder)
     games = []
-    for number, name in enumerate(run_names(folder.experiment)):
-        weights = jax.tree.map(lambda leaf, number=number: leaf[number], state.params)
-        policy = TrainedPolicy(folder, weights, name, greedy)
+    for number in range(len(trained.experiment.runs)):
+        policy = TrainedPolicy(trained, number, greedy)
         before = number * episodes
         games.append(
             play_game(

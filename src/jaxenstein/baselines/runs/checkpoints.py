@@ -10,6 +10,7 @@ import contextlib
 import dataclasses
 import shutil
 import zipfile
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -152,14 +153,28 @@ def _arrays(state: Any) -> dict[str, Any]:
 
 
 def _read(path: Path, like: Any) -> Any:
+    with zipfile.ZipFile(path) as archive:
+        return read_tree(archive, like)
+
+
+def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()) -> Any:
+    """The arrays of an archive, whose names are the paths of their leaves.
+
+    Args:
+        archive: open.
+        like: as of `Checkpoints.restore`.
+        besides: other entries that it may have.
+
+    Raises:
+        CheckpointError: it has other arrays.
+    """
     leaves, structure = jax.tree_util.tree_flatten_with_path(like)
     wanted = {jax.tree_util.keystr(where): leaf for where, leaf in leaves}
-    with zipfile.ZipFile(path) as archive:
-        found = {name.removesuffix(".npy") for name in archive.namelist()}
-        for name in sorted(found ^ set(wanted)):
-            what = "is not in it" if name in wanted else "is too much"
-            raise CheckpointError(f"{path} is of another state: {name} {what}")
-        filled = [_typed(_array(archive, name, leaf), leaf) for name, leaf in wanted.items()]
+    found = {name.removesuffix(".npy") for name in archive.namelist() if name not in besides}
+    for name in sorted(found ^ set(wanted)):
+        what = "is not in it" if name in wanted else "is too much"
+        raise CheckpointError(f"{archive.filename} is of another state: {name} {what}")
+    filled = [_typed(_array(archive, name, leaf), leaf) for name, leaf in wanted.items()]
     return jax.tree.unflatten(structure, filled)
 
 

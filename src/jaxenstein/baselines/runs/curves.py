@@ -6,7 +6,7 @@ import dataclasses
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from .bootstrap import band
 from .experiment import exact
 from .folder import RunFolder
 from .metrics import Row, read_metrics
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Means over episodes, and the sums that they are made of.
 EPISODE_MEANS = {"return": "return_sum", "length": "length_sum", "success": "successes"}
@@ -133,7 +136,7 @@ def save_plot(
             figure.savefig(temporary, format=kind, dpi=150, metadata=metadata)
 
 
-def draw(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Any:
+def draw(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Figure:
     """The plot as a matplotlib figure."""
     matplotlib = _matplotlib()
     with warnings.catch_warnings():

@@ -17,7 +17,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import jax
 
@@ -105,7 +105,7 @@ class RunFolder:
         except (ValueError, RecursionError) as error:
             raise SettingError(f"{file} is not JSON: {error}") from error
         try:
-            return cls(path, _checked(Experiment.from_json(plain)))
+            return cls(path, checked(Experiment.from_json(plain)))
         except JAXensteinError as error:
             raise SettingError(f"{file}: {error}") from error
 
@@ -187,7 +187,7 @@ def _take(file: IO[str]) -> bool:
     return os.fstat(file.fileno()).st_nlink > 0
 
 
-def _checked(experiment: Experiment) -> Experiment:
+def checked(experiment: Experiment) -> Experiment:
     """The experiment of a file, which anybody may have edited; its names become those of files.
 
     Raises:
@@ -324,7 +324,7 @@ class Timing:
         self._update, self._before = update, now
 
 
-def final_state(folder: RunFolder) -> tuple[int, Any]:
+def final_state(folder: RunFolder) -> tuple[int, TrainState]:
     """Updates and state of the newest checkpoint.
 
     Raises:

@@ -1,0 +1,171 @@
+"""Trained networks, of a run directory or in a file of their own that can be handed on.
+
+Such a file is an .npz with an array for every leaf of the network of one run, and `config.json`:
+that of a run directory, with what the agent achieved. Those that come with this package lie in
+`jaxenstein/pretrained` and are called `pretrained/NAME`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import jax
+import numpy as np
+
+from ...errors import JAXensteinError, SettingError, nearest
+from ...files import atomic
+from .checkpoints import read_tree
+from .experiment import Experiment
+from .folder import CONFIG, RunFolder, checked, final_state, versions
+
+Weights = Literal["float16", "float32"]
+
+PRETRAINED, SUFFIX = "pretrained", ".npz"
+HERE = Path(__file__).parents[2] / PRETRAINED
+# Bytes of a configuration; a longer one is none.
+LONGEST = 2**20
+
+
+@dataclasses.dataclass(frozen=True)
+class Trained:
+    """Networks that were trained, and what they are of.
+
+    Attributes:
+        name: of the run directory or the file, for people.
+        experiment: the runs.
+        params: of the networks; leaves [runs, ...].
+        update: updates that they had.
+        folder: the run directory; None of a file.
+    """
+
+    name: str
+    experiment: Experiment
+    params: Any
+    update: int
+    folder: RunFolder | None = None
+
+    def one(self, run: int) -> Trained:
+        """One of the runs, as if it had been trained alone."""
+        seed, numbers = int(self.experiment.runs[run]["seed"]), dict(self.experiment.runs[run])
+        del numbers["seed"]
+        experiment = dataclasses.replace(
+            self.experiment,
+            seeds=(seed,),
+            grid=(),
+            hparams={**self.experiment.hparams, **numbers},
+        )
+        params = jax.tree.map(lambda leaf: leaf[run : run + 1], self.params)
+        return dataclasses.replace(self, experiment=experiment, params=params, folder=None)
+
+
+def load_trained(path: str | Path) -> Trained:
+    """The networks of a run directory, as its newest checkpoint has them, or of a file.
+
+    Args:
+        path: the run directory; a file of `export_policy`, which ends in `.npz`; or
+            `pretrained/NAME`, unless there is something of that path.
+
+    Raises:
+        SettingError: there is no such thing, or it cannot be read.
+    """
+    path = Path(path)
+    if path.suffix == SUFFIX and not path.is_dir():
+        return read_trained(path)
+    if path.parent == Path(PRETRAINED) and not path.exists():
+        known = pretrained()
+        if path.name not in known:
+            raise SettingError(
+                f"there is no pretrained agent {path.name!r}{nearest(path.name, known)}; there "
+                f"are: {', '.join(known) or 'none'}"
+            )
+        return read_trained(known[path.name])
+    folder = RunFolder.open(path)
+    update, state = final_state(folder)
+    return Trained(folder.path.name, folder.experiment, state.params, update, folder)
+
+
+def pretrained() -> dict[str, Path]:
+    """The files of the agents that come with this package, by name."""
+    return {path.stem: path for path in sorted(HERE.glob(f"*{SUFFIX}"))}
+
+
+def write_trained(file: Path, trained: Trained, weights: Weights, score: Mapping[str, Any]) -> None:
+    """Write the network of one run into a file.
+
+    Args:
+        file: ends in `.npz`.
+        trained: of one run.
+        weights: the precision of its numbers.
+        score: plain JSON values, which `read_config` returns.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    agent = {"update": trained.update, "weights": weights, "score": score}
+    plain = {**trained.experiment.to_json(), "made_with": versions(), "agent": agent}
+    leaves = jax.tree_util.tree_flatten_with_path(trained.params)[0]
+    with (
+        atomic(file) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
+        archive.writestr(CONFIG, json.dumps(plain, indent=2) + "\n")
+        for path, leaf in leaves:
+            with archive.open(f"{jax.tree_util.keystr(path)}.npy", "w") as entry:
+                array = np.asarray(leaf[0], weights, order="C")
+                np.lib.format.write_array(entry, array, allow_pickle=False)
+
+
+def read_trained(file: Path) -> Trained:
+    """What `write_trained` wrote.
+
+    Raises:
+        SettingError: there is no such file, or it is something else or damaged.
+    """
+    plain = read_config(file)
+    try:
+        experiment = checked(Experiment.from_json(plain))
+        update, weights = plain["agent"]["update"], plain["agent"]["weights"]
+        if len(experiment.runs) != 1 or not isinstance(update, int):
+            raise SettingError("it must be of one run, after a whole number of updates")
+        if weights not in ("float16", "float32"):
+            raise SettingError(f"weights must be float16 or float32, not {weights!r}")
+        network = experiment.learner.network
+        shapes = jax.eval_shape(network.init, jax.random.key(0))
+        like = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, weights), shapes)
+        with zipfile.ZipFile(file) as archive:
+            params = read_tree(archive, like, besides=(CONFIG,))
+    except JAXensteinError as error:
+        raise SettingError(f"{file}: {error}") from error
+    # A damaged file makes the readers raise anything.
+    except Exception as error:
+        raise _unreadable(file, error) from error
+    params = jax.tree.map(lambda leaf: leaf[None].astype(np.float32), params)
+    return Trained(file.stem, experiment, params, update)
+
+
+def read_config(file: Path) -> dict[str, Any]:
+    """The configuration in such a file: that of its run, and `agent` with its score.
+
+    Raises:
+        SettingError: as of `read_trained`.
+    """
+    try:
+        with zipfile.ZipFile(file) as archive, archive.open(CONFIG) as entry:
+            plain = json.loads(entry.read(LONGEST))
+        if not isinstance(plain, dict) or not isinstance(plain.get("agent"), dict):
+            raise ValueError(f"its {CONFIG} is not that of an agent")
+        return plain
+    except FileNotFoundError:
+        raise SettingError(f"there is no file {file}") from None
+    except Exception as error:
+        raise _unreadable(file, error) from error
+
+
+def _unreadable(file: Path, error: Exception) -> SettingError:
+    reason = " ".join(str(error).split())[:200] or type(error).__name__
+    return SettingError(f"{file} is not an agent that 'jaxenstein export' wrote: {reason}")

@@ -1,0 +1,182 @@
+"""Agents in files of their own: what is written, what is read, those that come with the package."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+pytest.importorskip("flax")
+
+from jaxenstein import SettingError
+from jaxenstein.baselines import export_policy, load_policy
+from jaxenstein.baselines.runs import trained as files
+from jaxenstein.baselines.runs.agents import evaluate
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.trained import load_trained, pretrained, read_config
+from jaxenstein.cli import main
+from tests.baselines.tiny import compiled_into, hardly_trained
+
+LARGEST = 300_000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with compiled_into(tmp_path_factory.mktemp("compiled")):
+        yield
+
+
+@pytest.fixture(scope="module")
+def folder(compiled: None, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    return hardly_trained(tmp_path_factory.mktemp("runs") / "tiny")
+
+
+@pytest.fixture(scope="module")
+def file(folder: RunFolder) -> Path:
+    """The second run of the folder, by the command."""
+    path = folder.path.parent / "tiny.npz"
+    command = ["export", str(folder.path), "--out", str(path), "--run", "1", "--episodes", "12"]
+    assert main(command) == 0
+    return path
+
+
+@pytest.fixture
+def packaged(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if the file were one of the package's."""
+    monkeypatch.setattr(files, "HERE", file.parent)
+
+
+def test_a_file_holds_one_run_rounded_with_its_score(folder: RunFolder, file: Path) -> None:
+    restored = folder.restore()
+    assert restored is not None
+    ours = jax.tree.leaves(jax.tree.map(lambda leaf: leaf[1], restored.state.params))
+    trained = load_trained(file)
+    for one, other in zip(ours, jax.tree.leaves(trained.params), strict=True):
+        np.testing.assert_array_equal(np.asarray(one).astype(np.float16)[None], other)
+        assert other.dtype == np.float32
+    experiment = trained.experiment
+    assert experiment.runs == ({"seed": 1},)
+    assert (experiment.config, experiment.recipe) == (
+        folder.experiment.config, folder.experiment.recipe
+    )  # fmt: skip
+    score = read_config(file)["agent"]["score"]
+    for greedy, name in ((True, "greedy"), (False, "sampled")):
+        result = evaluate(trained, episodes=12, greedy=greedy)
+        assert score[name]["return"]["mean"] == pytest.approx(result.returns.mean())
+        assert score[name]["episodes"] == 12
+    exact = file.with_name("exact.npz")
+    export_policy(folder.path, exact, 1, weights="float32", episodes=12)
+    for one, other in zip(ours, jax.tree.leaves(load_trained(exact).params), strict=True):
+        np.testing.assert_array_equal(np.asarray(one)[None], other)
+    exact.unlink()
+
+
+def test_the_point_of_a_grid_becomes_the_numbers_of_the_run(folder: RunFolder) -> None:
+    import dataclasses
+
+    grid = (("clip", (0.1, 0.3)), ("entropy", (0.0, 0.5)))
+    experiment = dataclasses.replace(folder.experiment, grid=grid)
+    assert experiment.runs[3] == {"clip": 0.1, "entropy": 0.5, "seed": 1}
+    trained = files.Trained("x", experiment, {"a": np.arange(8)}, 0)
+    one = trained.one(3)
+    assert (one.experiment.hparams["clip"], one.experiment.hparams["entropy"]) == (0.1, 0.5)
+    assert (one.experiment.grid, one.experiment.seeds) == ((), (1,))
+    assert one.params["a"].tolist() == [3]
+
+
+@pytest.mark.usefixtures("packaged")
+def test_pretrained_agents_are_known_by_name(
+    folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert load_policy("pretrained/tiny", greedy=True).name == "tiny seed-1"
+    with pytest.raises(SettingError, match="tiny has runs 0 to 0, not 1"):
+        load_policy("pretrained/tiny", 1)
+    with pytest.raises(SettingError, match="no pretrained agent 'tinny', did you mean 'tiny'"):
+        load_policy("pretrained/tinny")
+    assert main(["record", "--policy", "pretrained/tiny", "--out", "tiny.gif"]) == 0
+    assert "tiny seed-1: " in capsys.readouterr().out
+    assert main(["evaluate", "pretrained/tiny", "--episodes", "12"]) == 0
+    shown = capsys.readouterr().out
+    assert "pretrained/tiny: update 0 of 6, 1 run, 12 episodes each" in shown
+    assert main(["play", "--policy", "pretrained/tinny"]) == 2
+    assert "did you mean 'tiny'" in capsys.readouterr().err
+    assert main(["list", "--pretrained"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split()[:5] == ["tiny", "a", "map", "ppo", "0"]
+    # A run directory of that path is meant where there is one.
+    (tmp_path / "pretrained").mkdir()
+    (tmp_path / "pretrained" / "tiny").symlink_to(folder.path)
+    assert load_policy("pretrained/tiny", 0).name == "tiny seed-0"
+
+
+def changed(file: Path, change: Callable[[dict[str, bytes]], object]) -> Path:
+    """A copy of the file with other entries."""
+    with zipfile.ZipFile(file) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    change(entries)
+    path = file.with_name("changed.npz")
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in entries.items():
+            archive.writestr(name, data)
+    return path
+
+
+def edited(**changes: Any) -> Callable[[dict[str, bytes]], None]:
+    def edit(entries: dict[str, bytes]) -> None:
+        plain = json.loads(entries["config.json"])
+        plain |= {name: value for name, value in changes.items() if name in plain}
+        plain["agent"] |= {name: value for name, value in changes.items() if name not in plain}
+        entries["config.json"] = json.dumps(plain).encode()
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda entries: entries.pop("config.json"), "no item named 'config.json'"),
+        (lambda entries: entries.update({"config.json": b"{"}), "that 'jaxenstein export' wrote"),
+        (lambda entries: entries.update({"config.json": b"{}"}), "is not that of an agent"),
+        (lambda entries: entries.popitem(), "is not in it"),
+        (lambda entries: entries.update({"more.npy": b""}), "more is too much"),
+        (edited(weights="float32"), "is float16.*, not float32"),
+        (edited(weights="int8"), "weights must be float16 or float32, not 'int8'"),
+        (edited(seeds=[0, 1]), "must be of one run"),
+        (edited(format=7), "format 7, not 1"),
+        (edited(config={"algo": "rdn"}), "did you mean 'rnd'"),
+    ],
+)
+def test_what_is_no_agent_is_told(file: Path, change: Any, message: str) -> None:
+    path = changed(file, change)
+    with pytest.raises(SettingError, match=message) as told:
+        load_policy(path)
+    assert str(path) in str(told.value)
+
+
+def test_damaged_and_missing_files_are_told(folder: RunFolder, file: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes(file.read_bytes()[:-200])
+    with pytest.raises(SettingError, match=r"cut\.npz is not an agent that 'jaxenstein export'"):
+        load_policy(cut)
+    with pytest.raises(SettingError, match=r"there is no file .*none\.npz"):
+        load_policy(tmp_path / "none.npz")
+    with pytest.raises(SettingError, match=r"agent\.zip should end in \.npz"):
+        export_policy(folder.path, tmp_path / "agent.zip")
+
+
+@pytest.mark.parametrize("name", list(pretrained()))
+def test_the_agents_of_the_package_are_small_and_whole(name: str) -> None:
+    path = pretrained()[name]
+    assert path.stat().st_size <= LARGEST
+    policy = load_policy(f"pretrained/{name}")
+    assert policy.env.num_actions >= 2
+    score = read_config(path)["agent"]["score"]
+    assert score["sampled"]["episodes"] == score["greedy"]["episodes"] >= 100
