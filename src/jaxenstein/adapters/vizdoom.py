@@ -112,7 +112,7 @@ class GameSession(Session):
     def reset(self, seed: int) -> Any:
         """Begin an episode of the game with `seed`; returns its first observation."""
         self.seed = check_seed(seed)
-        self._key = jax.random.split(jax.random.key(self.seed, impl="threefry2x32"))[0]
+        self._key = jax.random.key(self.seed, impl="threefry2x32")
         # Its generator begins alike for neighbouring numbers.
         self._game.set_seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0]))
         self._game.new_episode()
@@ -134,7 +134,6 @@ class GameSession(Session):
         chosen = whole_action(action)
         if not 0 <= chosen < self.env.num_actions:
             chosen = NO_OP
-        self._key = jax.random.split(self._key, 3)[0]
         reward = self._game.make_action(self._held[chosen], self.env.frame_skip)
         self.actions.append(chosen)
         self.rewards.append(float(reward))
@@ -145,6 +144,10 @@ class GameSession(Session):
         else:
             self._look()
         return self.observation
+
+    def policy_key(self) -> jax.Array:
+        """A key for choosing the next action."""
+        return jax.random.fold_in(self._key, len(self.actions))
 
     @property
     def screen(self) -> np.ndarray:
