@@ -8,92 +8,35 @@ into two samples anew, many times.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
 Observation = dict[str, list[str]]
 DEALS = 5000
-"""How often the things are dealt anew: no p can be below 1 / 5001."""
+"""How often the things are dealt anew: no chance can be below 1 / 5001."""
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """One table of two samples.
-
-    Attributes:
-        table: its name.
-        frequencies: for each category, the times a thing in the first and in the second sample.
-        distance: half the sum of the absolute differences; for tables with one category a thing,
-            the total variation distance.
-        chance_95: the distance that chance exceeds in 5 % of the deals.
-        chi_square: the squared differences over their variance, averaged over the categories: 1
-            is expected by chance.
-        p: share of the deals whose chi-square is as large.
-    """
-
-    table: str
-    frequencies: dict[str, tuple[float, float]]
-    distance: float
-    chance_95: float
-    chi_square: float
-    p: float
-
-
-def compare(
+def chances(
     first: Sequence[Observation], second: Sequence[Observation], seed: int = 0
-) -> list[Comparison]:
-    """Compare two samples table by table."""
+) -> dict[str, float]:
+    """For each table, how likely samples of the same things differ as much as these do.
+
+    What counts is the sum over the categories of the squared differences of the means over their
+    variance, which is that of the pooled things.
+    """
     pooled = [*first, *second]
     weights = np.repeat([1 / len(first), -1 / len(second)], [len(first), len(second)])
     rng = np.random.default_rng(seed)
     # The first row is that of the samples as they are, the others are those of chance.
     deals = np.stack([weights, *(rng.permutation(weights) for _ in range(DEALS))])
-    tables = dict.fromkeys(table for observation in pooled for table in observation)
-    return [_compare(table, pooled, deals.astype(np.float32), len(first)) for table in tables]
-
-
-def _compare(
-    table: str, pooled: Sequence[Observation], deals: np.ndarray, first: int
-) -> Comparison:
-    shown = [observation.get(table, []) for observation in pooled]
-    names = sorted({name for some in shown for name in some})
-    counts = np.array([[some.count(name) for name in names] for some in shown], np.float32)
-    differences = deals @ counts
-    distances = np.abs(differences).sum(1) / 2
-    # The variance of the difference of two means, from that of the pooled things.
-    variance = counts.var(0, ddof=1) * (1 / first + 1 / (len(counts) - first))
-    varies = variance > 0
-    squares = differences[:, varies] ** 2 / variance[varies]
-    scores = squares.sum(1) / max(1, varies.sum())
-    means = zip(counts[:first].mean(0).tolist(), counts[first:].mean(0).tolist(), strict=True)
-    return Comparison(
-        table=table,
-        frequencies=dict(zip(names, means, strict=True)),
-        distance=float(distances[0]),
-        chance_95=float(np.quantile(distances[1:], 0.95)),
-        chi_square=float(scores[0]),
-        p=float((scores >= scores[0] * (1 - 1e-5)).mean()),
-    )
-
-
-def summary(comparisons: Sequence[Comparison]) -> Iterator[str]:
-    """A Markdown table with one line for each comparison."""
-    yield "| table | categories | distance | 95 % by chance | chi-square / categories | p |"
-    yield "|---|---:|---:|---:|---:|---:|"
-    for found in comparisons:
-        yield (
-            f"| {found.table} | {len(found.frequencies)} | {found.distance:.4f} "
-            f"| {found.chance_95:.4f} | {found.chi_square:.2f} | {found.p:.3f} |"
-        )
-
-
-def details(comparisons: Sequence[Comparison], first: str, second: str, most: int) -> Iterator[str]:
-    """A Markdown table with one line for each category, of tables with at most `most` of them."""
-    yield f"| table | category | {first} | {second} |"
-    yield "|---|---|---:|---:|"
-    for found in comparisons:
-        if len(found.frequencies) <= most:
-            for category, (one, other) in found.frequencies.items():
-                yield f"| {found.table} | {category or 'none'} | {one:.4f} | {other:.4f} |"
+    found = {}
+    for table in dict.fromkeys(table for observation in pooled for table in observation):
+        shown = [observation.get(table, []) for observation in pooled]
+        names = sorted({name for some in shown for name in some})
+        counts = np.array([[some.count(name) for name in names] for some in shown], np.float32)
+        differences, variance = deals.astype(np.float32) @ counts, counts.var(0)
+        varies = variance > 0
+        scores = (differences[:, varies] ** 2 / variance[varies]).sum(1)
+        found[table] = float((scores >= scores[0] * (1 - 1e-5)).mean())
+    return found

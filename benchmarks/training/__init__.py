@@ -1,1 +1,0 @@
-"""Training: the speed of the baselines."""

@@ -1,1 +1,0 @@
-"""Learning experiments: configurations, and the script that runs one with every algorithm."""
