@@ -2,10 +2,8 @@
 
     python -m benchmarks.training --algo ppo rnd icm --envs 16 64 256 --parts
 
-Steps per second are of one whole update: rollout, bonus, advantages, epochs. Beside them stand
-the floating-point operations of its matrix products and the rate at which this machine does one
-large product, which bounds the training from above. JSON has processor times of the process too,
-which other programs disturb less; on a GPU they mean nothing.
+Steps per second are of one whole update: rollout, bonus, advantages, epochs. JSON has processor
+times of the process too, which other programs disturb less; on a GPU they mean nothing.
 """
 
 from __future__ import annotations
@@ -20,11 +18,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from benchmarks.report.results import Result, training_row
+from benchmarks.report.results import Result
 from benchmarks.report.tables import table_of
 from benchmarks.suites.processes import memory
 from benchmarks.suites.worker import tell
-from benchmarks.training.flops import matrix_flops, matrix_rate
 from jaxenstein import make
 from jaxenstein.baselines import Config, Experience, Learner
 from jaxenstein.baselines.learning import ppo
@@ -106,7 +103,7 @@ def parts(learner: Learner, repeats: int) -> dict[str, float]:
 
 
 def measure_training(config: Config, options: argparse.Namespace) -> dict[str, Any]:
-    """One update of a configuration: its speed, its matrix products, and where the time goes."""
+    """One update of a configuration: its speed, and where the time goes."""
     tell(f"{config.algo}, {config.num_envs} environments")
     learner = Learner(*make(options.env, height=options.size, width=options.size), config)
     state = learner.init(jax.random.key(0))
@@ -116,7 +113,7 @@ def measure_training(config: Config, options: argparse.Namespace) -> dict[str, A
         return learner.train_chunk(state, numbers, 1)
 
     _, times = measure(update, state, repeats=options.repeats, seconds=options.seconds)
-    flops, steps = matrix_flops(update, state), config.steps_per_update
+    steps = config.steps_per_update
     return {
         "algo": config.algo,
         "num_envs": config.num_envs,
@@ -128,8 +125,6 @@ def measure_training(config: Config, options: argparse.Namespace) -> dict[str, A
         "first_call_seconds": times["first_call"],
         "memory_bytes": memory([os.getpid()]),
         "parameters": sum(leaf.size for leaf in jax.tree.leaves(state.params)),
-        "matrix_flops_per_step": flops / steps,
-        "flops_per_second": flops / min(times["wall"]),
         "parts": parts(learner, options.repeats) if options.parts else {},
     }
 
@@ -172,13 +167,11 @@ def main() -> None:
         for dtype in args.dtype for algo in args.algo for number in args.envs
     ]  # fmt: skip
     tell("")
-    # Last, so that its memory is in nobody's peak.
-    machine, device, rate = describe_machine(), jax.devices()[0], matrix_rate()
+    machine, device = describe_machine(), jax.devices()[0]
     cores = f"{machine['hardware']['cores_allowed']} cores of {machine['hardware']['cpu']}"
     place = cores if device.platform == "cpu" else device.device_kind
-    print(f"{place}, JAX {jax.__version__}: {rate / 1e9:,.1f} GFLOP/s in one large product\n")
-    report = {"machine": machine, "device": place, "matrix_rate": rate, "rows": rows}
-    print(table_of("training", Result(report, [training_row(row, rate) for row in rows])))
+    report = {"machine": machine, "device": place, "rows": rows}
+    print(f"{place}, JAX {jax.__version__}\n\n{table_of('training', Result(report, rows))}")
     for row in rows:
         told = [f"{name} {seconds:.3f} s" for name, seconds in row["parts"].items()]
         print(*([f"{row['algo']}, {row['num_envs']}: {', '.join(told)}"] if told else []))

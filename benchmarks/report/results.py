@@ -60,15 +60,10 @@ def device_row(row: Row, bandwidth: float) -> Row:
     return _row({**row, "image": f"{row['width']}x{row['height']}"}, limit)
 
 
-def training_row(row: Row, product: float) -> Row:
-    """A configuration that was trained, beside the rate of one large product."""
-    return {**row, "ratios": {"product": row["flops_per_second"] / product}}
-
-
 OTHERS: Mapping[str, Callable[[Report], Iterator[Row]]] = {
     "device": lambda r: (device_row(row, r["copy_bytes_per_second"]) for row in r["rows"]),
     "spread": _spread,
-    "training": lambda r: (training_row(row, r["matrix_rate"]) for row in r["rows"]),
+    "training": lambda r: iter(r["rows"]),
 }
 """Files of other commands, which a report includes where they lie beside the parts."""
 

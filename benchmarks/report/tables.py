@@ -166,8 +166,6 @@ TABLES: Mapping[str, Table] = {
         (
             column("algorithm", "algo", left=True), column("dtype", left=True),
             column("environments", "num_envs"), column("steps/s", "steps_per_second", form=whole),
-            column("MFLOP a step", "matrix_flops_per_step", form=whole, unit=1e6),
-            column("of the product's rate", "ratios", "product", form="{:.0%}".format),
             column("first call s", "first_call_seconds", form=whole),
         )
     ),

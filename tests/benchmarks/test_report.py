@@ -163,9 +163,9 @@ def test_other_commands_are_taken_in(tmp_path):
         {"devices": 1, "batch": 64, "steps_per_second": rates},
         {"devices": 4, "batch": 256, "steps_per_second": summarise(np.array([7000.0]))},
     ]}  # fmt: skip
-    training = {"matrix_rate": 2e9, "rows": [
+    training = {"rows": [
         {"algo": "ppo", "num_envs": 16, "dtype": "float32", "steps_per_second": 1234.0,
-         "matrix_flops_per_step": 3e6, "flops_per_second": 5e8, "first_call_seconds": 9.0},
+         "first_call_seconds": 9.0},
     ]}  # fmt: skip
     for name, content in (("device", device), ("spread", spread), ("training", training)):
         (tmp_path / f"{name}.json").write_text(json.dumps(content))
@@ -175,7 +175,7 @@ def test_other_commands_are_taken_in(tmp_path):
     assert "| simple | 8x4 | 128 | not measured |" in text
     assert "- simple, 128: out of memory" in text
     assert "| 4 | 256 | 7,000 | 3.50 |" in text
-    assert "| ppo | float32 | 16 | 1,234 | 3 | 25% | 9 |" in text
+    assert "| ppo | float32 | 16 | 1,234 | 9 |" in text
 
 
 def test_no_results(tmp_path):
