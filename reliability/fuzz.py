@@ -1,4 +1,4 @@
-"""Spoilt input for every parser and loader: maps, trajectories, configurations, runs, arguments.
+"""Spoilt input for every parser and loader: maps, settings, trajectories, configurations, runs.
 
     python -m reliability.fuzz --minutes 10                  all targets, the same time each
     python -m reliability.fuzz --minutes 60 --target ascii   one of them
@@ -32,7 +32,6 @@ import hypothesis
 import jax
 from hypothesis import strategies
 
-from jaxenstein.cli.arguments import UsageError
 from jaxenstein.errors import JAXensteinError, MapWarning
 
 from .spoil import Rng, Spoil, spoil_bytes
@@ -48,10 +47,9 @@ SLOW = (_HEALTH.too_slow, _HEALTH.data_too_large, _HEALTH.large_base_example)
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """One input: the content of files by name, which may have folders in it, and arguments."""
+    """One input: the content of files by name, which may have folders in it."""
 
     files: Mapping[str, bytes]
-    args: tuple[str, ...] = ()
 
     def write(self, folder: Path) -> None:
         """Put the files into a folder."""
@@ -70,21 +68,15 @@ class Target:
         run: reads a case, whose files are in the working directory.
         ways: of spoiling a file, by its suffix; any other one's bytes are spoilt.
         named: whether an error must name a file of the case.
-        quiet: whether the files must be the same afterwards, also where it is accepted.
-        spoil_args: changes the arguments, where there are some.
     """
 
     seeds: Sequence[Case]
     run: Callable[[Case], object]
     ways: Mapping[str, Sequence[Spoil]] = dataclasses.field(default_factory=dict)
     named: bool = False
-    quiet: bool = True
-    spoil_args: Callable[[tuple[str, ...], Rng], tuple[str, ...]] | None = None
 
     def spoil(self, case: Case, rng: Rng) -> Case:
         """A case with one change; in a few a file is gone, empty, or another one's copy."""
-        if self.spoil_args is not None and rng.random() < 0.9:
-            return dataclasses.replace(case, args=self.spoil_args(case.args, rng))
         files = dict(case.files)
         # Of many arrays and one configuration, the configuration counts as much.
         suffix = rng.choice(sorted({Path(name).suffix for name in files}))
@@ -96,7 +88,7 @@ class Target:
         else:
             way = rng.choice((*self.ways.get(suffix, ()), spoil_bytes))
             files[name] = way(files[name], rng)[: 1 << 20]
-        return dataclasses.replace(case, files=files)
+        return Case(files)
 
 
 def attempt(target: Target, case: Case, patience: float = PATIENCE) -> str:
@@ -116,15 +108,14 @@ def attempt(target: Target, case: Case, patience: float = PATIENCE) -> str:
                 warnings.simplefilter("error")
                 warnings.simplefilter("ignore", MapWarning)
                 target.run(case)
-        except (JAXensteinError, UsageError) as error:
+        except JAXensteinError as error:
             refusal = str(error)
             assert len(refusal.strip()) >= 8, f"an error that says nothing: {refusal!r}"
             named = any(Path(name).parts[0] in refusal for name in case.files)
             assert named or not target.named, f"an error that names no file: {refusal}"
-        if target.quiet or refusal:
-            after = contents(folder)
-            left = [name for name in {*before, *after} if before.get(name) != after.get(name)]
-            assert not left, f"left files behind: {sorted(left)}"
+        after = contents(folder)
+        left = [name for name in {*before, *after} if before.get(name) != after.get(name)]
+        assert not left, f"left files behind: {sorted(left)}"
         return refusal
 
 
@@ -196,7 +187,6 @@ class _Search:
             if self.keep is not None:
                 shutil.rmtree(self.keep, ignore_errors=True)
                 case.write(self.keep)
-                (self.keep / "arguments").write_text(repr(case.args), encoding="utf-8")
             raise
         if not reason or reason not in self.reasons:
             self.later.append(case)

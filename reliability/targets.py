@@ -1,4 +1,4 @@
-"""What fuzzing tries: readers of maps, settings, trajectories, configurations, runs, arguments."""
+"""What fuzzing tries: readers of maps, settings, trajectories, configurations and runs."""
 
 from __future__ import annotations
 
@@ -257,11 +257,6 @@ def runs() -> Target:
     return Target([whole, Case(last)], read, ways, named=True)
 
 
-def command_line() -> Target:
-    """Arguments of the command, over some of these files. Needs the extra `baselines`."""
-    return importlib.import_module("reliability.command_line").target()
-
-
 TARGETS: dict[str, Callable[[], Target]] = {
     "ascii": maps,
     "dmlab": lab,
@@ -269,6 +264,5 @@ TARGETS: dict[str, Callable[[], Target]] = {
     "settings": settings,
     "config": configurations,
     "run": runs,
-    "arguments": command_line,
 }
 """How each target is made."""
