@@ -71,7 +71,7 @@ partners: $(VENV)/.dev ## run the adapters' tests beside their partners, each in
 lanes: $(VENV)/.dev ## run the tests with each Python, the oldest and newest JAX, and the wheel
 	$(BIN)/python -m nox -t lanes $(ARGS)
 
-fuzz: $(VENV)/.dev ## try spoilt maps, files and arguments; ARGS="--minutes 60 --target ascii"
+fuzz: $(VENV)/.dev ## try spoilt maps and files; ARGS="--minutes 60 --target ascii"
 	$(BIN)/python -m reliability.fuzz $(ARGS)
 
 endurance: $(VENV)/.dev ## play millions of steps and look at every state; ARGS="--steps 10_000_000"
@@ -82,7 +82,7 @@ mutants: $(VENV)/.mutation ## change the engine and the rules a little, and see 
 
 clean: ## remove .venv and everything generated
 	rm -rf $(VENV) .nox $(BENCH) $(DEMO) fuzz docs/_build docs/environments docs/commands.md build dist .coverage .pytest_cache .ruff_cache .hypothesis
-	find src tests benchmarks docs experiments fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests benchmarks docs fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted one is done again.
 # An environment that is there already and has a working pip is kept.

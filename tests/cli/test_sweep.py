@@ -48,6 +48,13 @@ def test_the_papers_grids_are_65_runs() -> None:
     assert planned["icm"].config.algo == "icm"
 
 
+def test_without_a_grid_every_algorithm_has_one_point() -> None:
+    planned = plan(WITHOUT_SEEDS, swept(), paper=False)
+    assert {name: len(e.runs) for name, e in planned.items()} == {"ppo": 5, "rnd": 5, "icm": 5}
+    given = plan({**WITHOUT_SEEDS, "grid": {"clip": [0.1, 0.2]}}, ["rnd"], paper=False)
+    assert len(given["rnd"].runs) == 10
+
+
 def test_parts_of_a_grid_are_the_whole_grid() -> None:
     whole = plan(WITHOUT_SEEDS, ["rnd"])["rnd"]
     parts = plan(WITHOUT_SEEDS, ["rnd"], at_once=10)
@@ -88,7 +95,12 @@ def test_command_trains_skips_and_lists(tmp_path: Path, capsys: pytest.CaptureFi
         "--convolutions=4x4x4", "--seeds=2", f"--map-file={tmp_path / 'map.txt'}",
         "--no-tensorboard", "--algo", "ppo", "--grid", "clip=0.1,0.2", "--out", str(tmp_path / "s"),
     ]  # fmt: skip
-    assert main(["sweep", *flags]) == 0
+    # Its time is over at once; then it goes on.
+    assert main(["sweep", *flags, "--minutes=0"]) == 130
+    assert "0 of 6 updates" in capsys.readouterr().out
+    assert main(["sweep", *flags, "--no-grid"]) == 2
+    assert "--no-grid or --grid, not both" in capsys.readouterr().err
+    assert main(["sweep", *flags, "--resume"]) == 0
     shown = capsys.readouterr().out
     assert "ppo, clip 0.1" in shown
     assert "ppo, clip 0.2" in shown

@@ -29,6 +29,7 @@ examples:
   jaxenstein sweep --env simple --total-steps 3e6 --out runs/simple
   jaxenstein sweep --out runs/simple --env simple --total-steps 3e6 --resume
   jaxenstein sweep --algo rnd --grid bonus_reward=0.1,1 --at-once 10 --out runs/rnd
+  jaxenstein sweep --algo ppo rnd --no-grid --minutes 25 --config maze.toml --out runs/maze
 
 --resume skips what is done and goes on with what is not; give the same options again.
 Of many points the best one looks better than it is: train it again with other seeds (--seed)
@@ -70,6 +71,9 @@ def fill(parser: Parser) -> None:
         metavar="N",
         help="train at most N runs side by side, where memory is short (default: all of a grid)",
     )
+    out.add_argument(
+        "--no-grid", action="store_true", help="only the numbers given, or else the defaults"
+    )
     add_training(parser)
     add_training_options(parser, without=("algo",))
 
@@ -79,8 +83,10 @@ def run(options: argparse.Namespace) -> int:
     sweeps = baselines("sweeps")
     given = given_training(options)
     algos = options.algo or ([given["algo"]] if "algo" in given else sweeps.swept())
+    if options.no_grid and given.get("grid"):
+        raise UsageError("jaxenstein sweep: --no-grid or --grid, not both")
     with telling_warnings():
-        planned = sweeps.plan(given, algos, options.at_once)
+        planned = sweeps.plan(given, algos, options.at_once, paper=not options.no_grid)
     check_links(options.out)
     folders = [_folder(options, name, planned[name]) for name in planned]
     for folder in folders:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import signal
 import sys
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -98,12 +100,25 @@ def add_training(parser: Parser) -> None:
         help="seconds between checkpoints (default %(default)g)",
     )
     how.add_argument(
+        "--minutes",
+        type=_end_after,
+        default=math.inf,
+        dest="end",
+        metavar="M",
+        help="stop after so many, with a checkpoint (default: when it is done)",
+    )
+    how.add_argument(
         "--tensorboard",
         action=argparse.BooleanOptionalAction,
         default=None,
         help="write DIR/tensorboard (default: where tensorboard is installed)",
     )
     how.add_argument("--wandb", metavar="PROJECT", help="also log to Weights & Biases")
+
+
+def _end_after(minutes: str) -> float:
+    """The time of the monotonic clock when the training is to stop."""
+    return time.monotonic() + 60 * real(0, 1e9)(minutes)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -165,7 +180,7 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
             save_every=options.save_every,
             sinks=sinks,
             notify=notify,
-            stop=stop,
+            stop=lambda: stop() or time.monotonic() > options.end,
         )
     where = f"{folder.path}: {done} of {total} updates"
     print("  ".join(filter(None, [where, note_of(recent)])))

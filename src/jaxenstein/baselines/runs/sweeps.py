@@ -27,7 +27,11 @@ def swept() -> tuple[str, ...]:
 
 
 def plan(
-    given: Mapping[str, Any], algos: Sequence[str], at_once: int | None = None
+    given: Mapping[str, Any],
+    algos: Sequence[str],
+    at_once: int | None = None,
+    *,
+    paper: bool = True,
 ) -> dict[str, Experiment]:
     """The experiments of a sweep, by the names of their folders.
 
@@ -36,13 +40,14 @@ def plan(
         algos: the algorithms.
         at_once: the most runs that one program trains side by side, which memory limits; seeds
             are not taken apart.
+        paper: whether the paper's grids are trained where none is given, or only a point of them.
 
     Raises:
         JAXensteinError: the options do not fit.
     """
     planned: dict[str, Experiment] = {}
     for algo in algos:
-        grid = given.get("grid") or algorithm(algo).grid or {}
+        grid = given.get("grid") or (paper and algorithm(algo).grid) or {}
         options = {"seeds": SEEDS, **given, "algo": algo, "grid": grid}
         for name, experiment in _split(algo, resolve(options), at_once):
             planned[name] = experiment
