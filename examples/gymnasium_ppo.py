@@ -62,10 +62,11 @@ def collect(
         after, reward, terminated, truncated, infos = envs.step(action)
         over = terminated | truncated
         told = np.asarray(reward, np.float32), terminated, over, chosen
-        rows.append(Transition(observation, action, log_prob, value, *told))
+        rows.append((observation, action, log_prob, value, *told))
         returns.extend(infos["episode_return"][over].tolist())
         observation = after
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *rows), (observation, over), returns
+    past: Any = [np.stack(part) for part in zip(*rows, strict=True)]
+    return Transition(*past), (observation, over), returns
 
 
 @functools.partial(jax.jit, static_argnums=0)
