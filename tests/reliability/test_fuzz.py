@@ -94,7 +94,7 @@ def test_the_smallest_defect_is_kept(
     broken = Target([Case({"a.txt": b"xyz"})], read)
     monkeypatch.setitem(TARGETS, "ascii", lambda: broken)
     # Hypothesis calls what it raises again by the test's own arguments.
-    arguments = ["--target", "ascii", "--minutes", "0.01", "--out", str(tmp_path), "--seed", "1"]
+    arguments = ["--target", "ascii", "--minutes", "1", "--out", str(tmp_path), "--seed", "1"]
     assert main(arguments) == 1
     assert "ascii: defect: ZeroDivisionError()" in capsys.readouterr().out
     assert 4 <= len((tmp_path / "ascii" / "a.txt").read_bytes()) <= 6
