@@ -61,6 +61,7 @@ def test_every_id_builds_what_it_names(name):
     [
         ("simple", 300, 0.99, 0.0),
         ("key-door", 300, 0.99, 0.0),
+        ("t-maze", 200, 0.99, 0.0),
         ("my-way-home", 2100, 0.999, -0.0001),
         ("my-way-home-colorless", 2100, 0.999, -0.0001),
         ("my-way-home-sparse", 2100, 0.999, -0.0001),

@@ -102,6 +102,13 @@ def _my_way_home(
     )
 
 
+def _t_maze() -> Build:
+    from .maps.ascii import load_layout
+    from .tasks.t_maze import TMaze
+
+    return functools.partial(TMaze, tilemap=load_layout("t-maze"))
+
+
 def _health_gathering() -> Build:
     from .tasks.health_gathering import HealthGathering
 
@@ -216,6 +223,7 @@ ENTRIES: dict[str, Entry] = {
         _corridors,
         layout="key-door",
     ),
+    "t-maze": _entry("t-maze", "a key that is soon gone tells which arm pays: memory", _t_maze),
     "my-way-home": _home("ViZDoom's eight-room maze: 17 starts, any heading, one goal"),
     "my-way-home-colorless": _home("my-way-home with all walls in one colour", coloured=False),
     "my-way-home-sparse": _home(

@@ -1,0 +1,114 @@
+"""A T-maze: what was seen at first tells which way to turn at its end."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import cast
+
+import jax
+import jax.numpy as jnp
+
+from ..about import About, Event
+from ..engine.scene import Scene, Sprites
+from ..environment import Info, Scalar
+from ..maps.things import KEY
+from ..params import number
+from ..spaces import Box
+from .first_person import FirstPerson
+from .goals import NavigationParams
+from .navigation import Navigation, NavigationState
+from .steering import ACTION_NAMES, centres
+
+# Tiles ahead of the start where the cue stands.
+CUE_AHEAD = 2
+
+
+class TMazeParams(NavigationParams):
+    """The numbers of the task.
+
+    Attributes:
+        cue_steps: steps of the world for which the cue is in sight.
+        wrong_reward: reward of the wrong end.
+    """
+
+    max_steps_in_episode: Scalar = number(200, 1)
+    cue_steps: Scalar = number(10, 0)
+    wrong_reward: Scalar = -1.0
+
+
+DEFAULTS = TMazeParams()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TMaze(Navigation):
+    """Walk to the end of the arm that a key told of: a red one the western, a blue one the eastern.
+
+    The key stands before the agent for the first steps of an episode and then is gone; the ends
+    look alike. Reward: `goal_reward` at the right end and `wrong_reward` at the other one; both
+    terminate. An agent without memory gets 0 in the mean.
+    """
+
+    defaults: TMazeParams = DEFAULTS
+    heading: float | tuple[float, float] | None = 270.0
+
+    # pyright takes a tuple of another length for another type.
+    action_names = ACTION_NAMES[:3]  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    @functools.cached_property
+    def _looks(self) -> tuple[int, ...]:
+        """Labels of the cues of the western and the eastern arm: a red and a blue key."""
+        return KEY.labels[0], KEY.labels[2]
+
+    def transition(
+        self, key: jax.Array, state: NavigationState, action: jax.Array, params: NavigationParams
+    ) -> tuple[NavigationState, jax.Array, jax.Array, Info]:
+        """Move, and look whether one of the ends is reached."""
+        state, reward, reached, events = super().transition(key, state, action, params)
+        offset = centres(self.tilemap.goals) - state.position[None]
+        ends = jnp.sqrt(jnp.sum(offset**2, axis=-1)) <= params.goal_radius
+        wrong = jnp.any(ends) & ~reached
+        reward = reward + jnp.where(wrong, cast(TMazeParams, params).wrong_reward, 0)
+        events = {"reached_goal": events["reached_goal"], "reached_wrong_end": wrong}
+        return state, reward, reached | wrong, events
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        return dataclasses.replace(
+            super().about(),
+            aim="reached the right end",
+            ends="at both ends",
+            rewards={
+                "goal_reward": "{:+g} at the right end",
+                "wrong_reward": "{:+g} at the wrong one",
+                "living_reward": "{:+g} a step",
+            },
+            events={
+                "reached_goal": Event("reached the right end"),
+                "reached_wrong_end": Event("reached the wrong end"),
+            },
+            variables={"distance_to_goal": "tiles to the right end, in a straight line"},
+        )
+
+    def scene(self, state: NavigationState, params: NavigationParams) -> Scene:
+        """The maze, and the cue while it is in sight."""
+        column, row = self.tilemap.spawns[0]
+        cue = centres([(column, row - CUE_AHEAD)])
+        return Scene(
+            level=self.level,
+            closed=jnp.zeros(0, bool),
+            position=state.position,
+            heading=state.heading,
+            sprites=Sprites(
+                cue, state.goal[None], (state.time < cast(TMazeParams, params).cue_steps)[None]
+            ),
+            theme=self.theme,
+        )
+
+    def variables(self, state: NavigationState) -> dict[str, jax.Array]:
+        """None: there are no keys to carry."""
+        return FirstPerson.variables(self, state)
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """None."""
+        return FirstPerson.variable_spaces(self)
