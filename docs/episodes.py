@@ -17,7 +17,6 @@ from PIL import Image
 
 import jaxenstein
 from docs.command import each, parser_of
-from examples.custom_task import TMaze
 from jaxenstein.files import atomic, make_folder
 from jaxenstein.view.episode import Episode, compose, overview
 from jaxenstein.view.recording import save_png
@@ -80,20 +79,11 @@ def draw(name: str) -> int:
     return size
 
 
-def draw_example() -> None:
-    """Write the animation of the T-maze of examples/custom_task.py, for docs/tasks.md."""
-    height, width = VIEW
-    way = [2] * 19 + [0] * 6 + [2] * 19
-    animate(jaxenstein.record(TMaze(height=height, width=width), None, way, seed=0), "t-maze")
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     """Draw those that are asked for, or all."""
     ids = parser_of("docs.episodes", __doc__).parse_args(argv).ids
     make_folder(EPISODES)
     make_folder(MAPS)
-    if not ids:
-        draw_example()
     sizes = [draw(name) for name in each(ids, "recording")]
     print(f"wrote {len(sizes)} animations to {EPISODES}, {sum(sizes) / 1000:.0f} kB")
 
