@@ -82,7 +82,7 @@ def environment_ids() -> tuple[str, ...]:
 
     Examples:
         >>> environment_ids()[:3]
-        ('simple', 'key-door', 'my-way-home')
+        ('simple', 'key-door', 't-maze')
     """
     return tuple(ENTRIES)
 
