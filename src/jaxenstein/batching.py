@@ -34,7 +34,7 @@ def varying(tree: Any, *like: Any) -> Any:
             return leaf
         if hasattr(lax, "pcast"):
             return lax.pcast(leaf, missing, to="varying")
-        return lax.pvary(leaf, missing)  # JAX before 0.8
+        return getattr(lax, "pvary")(leaf, missing)  # noqa: B009, JAX before 0.8
 
     return jax.tree.map(mark, tree) if axes else tree
 

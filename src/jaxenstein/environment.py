@@ -67,8 +67,8 @@ def _jit(function: Callable[Q, R]) -> Callable[Q, R]:
     """
 
     @functools.wraps(function)
-    def alike(self: Any, *args: Any) -> Any:
-        return varying(function(self, *args), args)
+    def alike(*args: Any) -> Any:
+        return varying(cast(Callable[..., Any], function)(*args), args[1:])
 
     compiled = jax.jit(alike, static_argnums=0, inline=True)
     signature = inspect.signature(function)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import copy
 import dataclasses
 import inspect
+import os
 import pickle
+import subprocess
+import sys
 from typing import Any
 
 import jax
@@ -311,3 +314,23 @@ def test_actions_outside_of_the_space_do_nothing(made: Any) -> None:
     assert (np.asarray(out.info["position"]) == before[0]).all()
     assert (np.asarray(batch.states.heading) == before[1]).all()
     assert (np.asarray(batch.states.time) == 2).all()
+
+
+ASYNC = """
+import gymnasium, jaxenstein
+gymnasium.make_vec(
+    "jaxenstein/simple-v0", 2, vectorization_mode="async", vector_kwargs={"context": "fork"}
+)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks here")
+def test_a_forked_process_says_what_to_do_and_does_not_hang() -> None:
+    """Gymnasium makes one environment before it forks, so that JAX has run."""
+    pytest.importorskip("gymnasium")
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", ASYNC]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1
+    assert "SettingError: process" in done.stderr
+    assert 'start it anew, with context="spawn"' in done.stderr

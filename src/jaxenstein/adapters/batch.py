@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
 import secrets
 from collections.abc import Mapping, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -59,6 +60,29 @@ class Stepped(NamedTuple, Generic[A, H]):
     ended: Ended[H] | None
 
 
+# The processes in which adapters have used JAX; a forked child inherits its parent's.
+_USED_IN: set[int] = set()
+
+
+def check_process() -> None:
+    """Refuse to use JAX in a child forked from a process that has used it, where it would hang.
+
+    A fork copies the memory of JAX, but none of the threads that its computations wait for.
+
+    Raises:
+        SettingError: this is such a child.
+    """
+    here = os.getpid()
+    if _USED_IN and here not in _USED_IN:
+        raise SettingError(
+            f"process {here} was forked from one that has used JAX, which does not work in it: "
+            'start it anew, with context="spawn", in Gymnasium gymnasium.make_vec(..., '
+            'vectorization_mode="async", vector_kwargs={"context": "spawn"}); or let one process '
+            "step all of them, as gymnasium.make_vec does without a vectorization_mode"
+        )
+    _USED_IN.add(here)
+
+
 class Batch:
     """N environments of one kind that keep their own states and random streams.
 
@@ -83,8 +107,10 @@ class Batch:
             autoreset: `"same-step"`, `"next-step"` or None, as `Environment.autoreset`.
 
         Raises:
-            SettingError: for a wrong `num_envs`, `autoreset` or `params`.
+            SettingError: for a wrong `num_envs`, `autoreset` or `params`, or in a forked process
+                that JAX does not work in.
         """
+        check_process()
         if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
             raise SettingError(f"num_envs must be a whole number from 1 on, not {num_envs!r}")
         dataclasses.replace(env, autoreset=autoreset, final_observation=False)  # checks the mode

@@ -16,7 +16,7 @@ from ..environment import AnyEnvironment, Environment
 from ..errors import SettingError, nearest
 from ..registry import find, import_module_of, make
 from ..tasks.first_person import FirstPerson
-from .batch import Batch
+from .batch import Batch, check_process
 
 try:
     import gymnasium
@@ -155,6 +155,7 @@ def resolve(
     env: AnyEnvironment | str, params: Any, settings: dict[str, Any]
 ) -> tuple[AnyEnvironment, Any]:
     """The environment and params that the arguments of an adapter name."""
+    check_process()
     if not isinstance(env, str):
         if not isinstance(env, Environment):
             raise SettingError(f"env must be an id or an environment, not {env!r}")
