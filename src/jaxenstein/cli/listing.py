@@ -84,16 +84,20 @@ def pretrained_agents() -> str:
     from .training import baselines
 
     trained = baselines("trained")
-    table = [("NAME", "ENVIRONMENT", "ALGO", "STEPS", "RETURN", "SUCCESS")]
+    table = [("NAME", "ENVIRONMENT", "ALGO", "STEPS", "RETURN", "SUCCESS", "GREEDY")]
     for name, file in trained.pretrained().items():
         plain = trained.read_config(file)
-        config, score = plain["config"], plain["agent"]["score"]["sampled"]
+        config, score = plain["config"], plain["agent"]["score"]
         steps = plain["agent"]["update"] * config["num_envs"] * config["rollout"]
         place, algo = plain["environment"]["id"] or "a map", config["algo"]
-        earned, success = score["return"]["mean"], score["success"]["mean"]
-        table.append((name, place, algo, f"{steps:,}", f"{earned:.3g}", f"{success:.0%}"))
-    note = "'jaxenstein play --policy pretrained/NAME' shows one; actions are drawn, not greedy"
-    return f"{format_table(table, right=(3, 4, 5))}\n\n{note}"
+        earned = f"{score['sampled']['return']['mean']:.3g}"
+        rates = [f"{score[way]['success']['mean']:.0%}" for way in ("sampled", "greedy")]
+        table.append((name, place, algo, f"{steps:,}", earned, *rates))
+    notes = (
+        "steps of the training; return and success rate of drawn actions, success of greedy ones",
+        "'jaxenstein play --policy pretrained/NAME' shows one, and with --greedy as it is then",
+    )
+    return "\n".join([format_table(table, right=(3, 4, 5, 6)), "", *notes])
 
 
 def extent(env: Any) -> str:
