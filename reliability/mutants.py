@@ -71,7 +71,7 @@ GROUPS = {
         ("tasks/key_corridor.py",), ("tasks/test_key_corridor.py", "tasks/test_generated_level.py")
     ),
     "contract": Group(
-        ("environment.py",), ("contract/test_contract.py", "contract/test_autoreset.py")
+        ("environment.py", "turn.py"), ("contract/test_contract.py", "contract/test_autoreset.py")
     ),
 }
 

@@ -11,106 +11,27 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-import functools
-import inspect
-from collections.abc import Callable, Hashable
-from typing import Any, ClassVar, Generic, Literal, NamedTuple, ParamSpec, TypeVar, cast, get_args
+from typing import Any, ClassVar, Generic, Literal, TypeVar, get_args
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from .about import About
-from .batching import select, varying, where_any
+from .batching import select, where_any
+from .calls import as_kind, as_static, check_whole, checked_action, compiled
 from .errors import SettingError, nearest
 from .params import Params as Params
 from .params import Scalar as Scalar
-from .pytree import PyTreeNode
 from .spaces import Discrete, Space
+from .turn import Advanced, S, Turn, repeated
+from .turn import Info as Info
+from .turn import State as State
 
 Autoreset = Literal["same-step", "next-step"]
 MOST_FRAME_SKIP = 64
-Info = dict[str, Any]
 
 
-class State(PyTreeNode):
-    """What every state has; `init_state` leaves the last three to the base.
-
-    Attributes:
-        position: float32[2], (x, y) in tiles: x along a row of the map, y down the rows.
-        heading: float32[], radians in [0, 2 pi), 0 along +x, growing clockwise on the map.
-        time: int32[], steps since the reset.
-        episode_return: float32[], undiscounted sum of rewards since the reset.
-        done: bool[], whether the last step ended the episode. `step` with `"same-step"` resets
-            never shows a state where it is true.
-    """
-
-    position: jax.Array
-    heading: jax.Array
-    time: jax.Array = dataclasses.field(default_factory=lambda: jnp.int32(0), kw_only=True)
-    episode_return: jax.Array = dataclasses.field(
-        default_factory=lambda: jnp.float32(0), kw_only=True
-    )
-    done: jax.Array = dataclasses.field(default_factory=lambda: jnp.bool_(0), kw_only=True)
-
-
-S = TypeVar("S", bound=State)
 P = TypeVar("P", bound=Params)
-Q = ParamSpec("Q")
-R = TypeVar("R")
-
-
-def _jit(function: Callable[Q, R]) -> Callable[Q, R]:
-    """Compile what a training loop calls; wrong keys and actions are told in words before.
-
-    Outside of compiled code an action may be given by its name.
-    """
-
-    @functools.wraps(function)
-    def alike(*args: Any) -> Any:
-        return varying(cast(Callable[..., Any], function)(*args), args[1:])
-
-    compiled = jax.jit(alike, static_argnums=0, inline=True)
-    signature = inspect.signature(function)
-    places = {name: place for place, name in enumerate(signature.parameters)}
-    keys = [place for name, place in places.items() if name.endswith("key")]
-    action = places.get("action", 0)
-    least = len(places) - 1  # params may be left out
-
-    @functools.wraps(compiled)
-    def call(*args: Any, **kwargs: Any) -> Any:
-        told_apart = kwargs or len(args) < least
-        given = list(signature.bind(*args, **kwargs).args if told_apart else args)
-        for place in keys:
-            _check_key(given[place])
-        if action and isinstance(given[action], str):
-            given[action] = given[0].index_of(given[action])
-        # In a step they would be read over and over.
-        if not action and isinstance(given[-1], Params):
-            given[-1].check()
-        return compiled(*given)
-
-    return cast(Callable[Q, R], call)
-
-
-class Turn(NamedTuple, Generic[S]):
-    """What an action led to, without a picture of it.
-
-    Attributes:
-        state: what to act in next: a first state where the step reset.
-        final: the state that the action led to, before a reset.
-        reward: float32[].
-        terminated: bool[], the task's own end.
-        truncated: bool[], the time limit.
-        info: as of `Environment.step`, without observations.
-    """
-
-    state: S
-    final: S
-    reward: jax.Array
-    terminated: jax.Array
-    truncated: jax.Array
-    info: Info
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -166,7 +87,7 @@ class Environment(abc.ABC, Generic[S, P]):
         """Check the settings; subclasses extend it."""
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            object.__setattr__(self, field.name, _as_static(field.name, value))
+            object.__setattr__(self, field.name, as_static(field.name, value))
         if self.autoreset is not None and self.autoreset not in get_args(Autoreset):
             modes = ", ".join(map(repr, (*get_args(Autoreset), None)))
             raise SettingError(f"autoreset must be one of {modes}, not {self.autoreset!r}")
@@ -253,14 +174,14 @@ class Environment(abc.ABC, Generic[S, P]):
         """Number of actions."""
         return len(self.action_names)
 
-    @_jit
+    @compiled
     def reset(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
         """Begin an episode: observation and state."""
         params = self.check_params(params)
         state = self.init_state(key, params)
         return self.observe(state, params), state
 
-    @_jit
+    @compiled
     def step(
         self, key: jax.Array, state: S, action: Any, params: P | None = None
     ) -> tuple[Any, S, jax.Array, jax.Array, jax.Array, Info]:
@@ -282,7 +203,7 @@ class Environment(abc.ABC, Generic[S, P]):
         ends = turn.terminated, turn.truncated
         return self.observe(turn.state, params), turn.state, turn.reward, *ends, info
 
-    @_jit
+    @compiled
     def turn(
         self,
         step_key: jax.Array,
@@ -327,12 +248,12 @@ class Environment(abc.ABC, Generic[S, P]):
         """bool[]: whether the time limit ends the episode in this state."""
         return state.time >= params.max_steps_in_episode
 
-    @_jit
+    @compiled
     def reset_env(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
         """The same as `reset`, under gymnax' name for the pair without automatic resets."""
         return self.reset(key, params)
 
-    @_jit
+    @compiled
     def step_env(
         self, key: jax.Array, state: S, action: Any, params: P | None = None
     ) -> tuple[Any, S, jax.Array, jax.Array, Info]:
@@ -344,7 +265,7 @@ class Environment(abc.ABC, Generic[S, P]):
         state, reward, terminated, info = self.advance(key, state, action, params)
         return self.observe(state, params), state, reward, terminated, info
 
-    @_jit
+    @compiled
     def advance(
         self, key: jax.Array, state: S, action: Any, params: P | None = None
     ) -> tuple[S, jax.Array, jax.Array, Info]:
@@ -354,38 +275,14 @@ class Environment(abc.ABC, Generic[S, P]):
             state, float32[] reward, bool[] terminated, info, as `step_env`.
         """
         params = self.check_params(params)
-        action = self._check_action(action)
-        advance = self._advance if self.frame_skip == 1 else self._repeat
-        after, reward, terminated, events = advance(key, state, action, params)
+        action = checked_action(action, self.num_actions)
+        after, reward, terminated, events = repeated(
+            self._advance, self.frame_skip, key, state, action, params
+        )
         return after, reward, terminated, events | self.describe(after, params)
 
-    def _repeat(
-        self, key: jax.Array, state: S, action: jax.Array, params: P
-    ) -> tuple[S, jax.Array, jax.Array, Info]:
-        """Repeat the action for `frame_skip` steps of the world, or to the end of the episode."""
-
-        def nothing(leaf: jax.ShapeDtypeStruct) -> jax.Array:
-            return jnp.zeros(leaf.shape, leaf.dtype)
-
-        def step(carry: Any, key: jax.Array) -> tuple[Any, None]:
-            over, state, reward, _, events = carry
-            after, more, terminated, happened = self._advance(key, state, action, params)
-            # A bool of two events tells of either, a number of both.
-            events = jax.tree.map(jnp.add, events, happened)
-            new = after.done, after, reward + more, terminated, events
-            return select(over, carry, new), None
-
-        keys = jax.random.split(key, self.frame_skip)
-        shapes = jax.eval_shape(self._advance, keys[0], state, action, params)
-        # Where the episode is over already, it goes on for one step, as everywhere.
-        start = jnp.bool_(False), state, *jax.tree.map(nothing, shapes[1:])
-        start = varying(start, key, state, action, params)
-        return jax.lax.scan(step, start, keys)[0][1:]
-
-    def _advance(
-        self, key: jax.Array, state: S, action: jax.Array, params: P
-    ) -> tuple[S, jax.Array, jax.Array, Info]:
-        """One step of the world: state, reward, terminated, events."""
+    def _advance(self, key: jax.Array, state: S, action: jax.Array, params: P) -> Advanced[S]:
+        """One step of the world."""
         after, reward, terminated, events = self.transition(key, state, action, params)
         after = after.replace(time=state.time + 1, episode_return=state.episode_return + reward)
         after = after.replace(done=terminated | self.time_is_up(after, params))
@@ -428,64 +325,15 @@ class Environment(abc.ABC, Generic[S, P]):
         """
         default = self.default_params
         if params is None:
-            return jax.tree.map(_as_kind, default, default)
+            return jax.tree.map(as_kind, default, default)
         if type(params) is not type(default):
             raise SettingError(
                 f"params of {self.name!r} must be a {type(default).__name__}, as `make` returns "
                 f"it, not {type(params).__name__}"
             )
         params.check()
-        return jax.tree.map(_as_kind, params, default)
-
-    def _check_action(self, action: Any) -> jax.Array:
-        """int32[]: the action, with anything out of range as -1."""
-        action = jnp.asarray(action)
-        if action.shape != () or not jnp.issubdtype(action.dtype, jnp.integer):
-            raise SettingError(
-                f"an action must be one integer of shape (), not {action.dtype}"
-                f"{list(action.shape)}; for a batch use jax.vmap(env.step)"
-            )
-        # Compared in the action's own type, before a cast could wrap it around.
-        valid = (action >= 0) & (action < self.num_actions)
-        return jnp.where(valid, action, 0).astype(jnp.int32) - (~valid).astype(jnp.int32)
+        return jax.tree.map(as_kind, params, default)
 
 
 AnyEnvironment = Environment[Any, Any]
 """An environment of any task."""
-
-
-def _check_key(key: Any) -> None:
-    """Complain of what is no random key, typed or old, of one environment."""
-    shape = getattr(key, "shape", None)
-    typed = shape is not None and jnp.issubdtype(key.dtype, jax.dtypes.prng_key)
-    if shape == () if typed else shape is not None and key.dtype == np.uint32 and len(shape) == 1:
-        return
-    what = repr(key) if shape is None else f"{key.dtype}{list(shape)}"
-    batch = "; for a batch use jax.vmap" if typed else ""
-    raise SettingError(f"a key must be a random key such as jax.random.key(0), not {what}{batch}")
-
-
-def _as_static(field: str, value: Any) -> Any:
-    """A setting that can be hashed: tuples in the place of lists and arrays."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, list | tuple):
-        return tuple(_as_static(field, part) for part in value)
-    if not isinstance(value, Hashable):
-        raise SettingError(
-            f"{field} cannot be a {type(value).__name__}: settings are part of compiled programs, "
-            "so they must be hashable, as numbers, words and tuples of them are"
-        )
-    return value
-
-
-def check_whole(field: str, value: Any, highest: int) -> None:
-    """Complain of a setting that is no whole number from 1 to `highest`."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not 1 <= value <= highest:
-        raise SettingError(f"{field} must be a whole number from 1 to {highest}, not {value!r}")
-
-
-def _as_kind(value: Any, default: Any) -> jax.Array:
-    kind = np.asarray(default).dtype.kind
-    return jnp.asarray(value).astype({"i": jnp.int32, "b": jnp.bool_}.get(kind, jnp.float32))

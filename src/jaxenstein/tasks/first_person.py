@@ -11,12 +11,13 @@ from typing import Any, Literal, TypeVar, cast, get_args
 import jax
 import numpy as np
 
+from ..calls import check_whole
 from ..engine.camera import Camera
 from ..engine.level import Level
 from ..engine.render import render
 from ..engine.scene import Scene
 from ..engine.shade import ImageKind
-from ..environment import Environment, Params, State, check_whole
+from ..environment import Environment, Params, State
 from ..errors import SettingError
 from ..maps.tilemap import TileMap
 from ..spaces import Box, Dict, Space
