@@ -8,10 +8,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxenstein.tasks.health_gathering import FULL_HEALTH, HealthGathering
-from jaxenstein.tasks.maze import Maze
-from jaxenstein.tasks.navigation import Navigation
-
 # Rounding of float32 sums of thousands of rewards, relative and absolute.
 _CLOSE = 1e-4
 
@@ -32,18 +28,12 @@ def of_state(env: Any, state: Any, params: Any) -> Checks:
             scene.sprites.look, len(scene.theme.sprite_art)
         ),
     }
-    if isinstance(env, HealthGathering):
-        checks["health is from 1 to full"] = (state.health > 0) & (state.health <= FULL_HEALTH)
-        checks["no more medkits lie there than were placed"] = (
-            jnp.sum(state.present, dtype=jnp.int32) <= state.placed
-        )
-    if isinstance(env, Navigation):
-        checks["the goal is one of the map's"] = _in_range(state.goal, len(env.tilemap.goals))
-    if isinstance(env, Maze) and env.apple_cells:
-        apples = jnp.sort(state.apples)
-        checks["apples lie in different cells that there are"] = _in_range(
-            apples, len(env.apple_cells)
-        ) & jnp.all(apples[1:] != apples[:-1])
+    for words, holds in env.about().holds.items():
+        checks[words] = holds(state)
+    variables, spaces = env.variables(state), env.variable_spaces()
+    for name, space in spaces.items():
+        value = variables[name]
+        checks[f"{name} is in its space"] = jnp.all((value >= space.low) & (value <= space.high))
     return checks
 
 
@@ -71,13 +61,12 @@ def of_step(env: Any, before: Any, after: Any, outcome: Any, params: Any) -> Che
         == jnp.where(ended, 0, before.time + 1),
         "the time limit truncates": truncated
         == (info["episode_length"] >= params.max_steps_in_episode),
-        "a step is no longer than the distance": (walked <= params.move_distance + 1e-4)
+        "a step is no longer than the distance": (walked <= env.stride(params) + 1e-4)
         | elsewhere,
     }
-    for name in ("opened", "taken", "eaten"):
-        if hasattr(before, name):
-            lost = jnp.any(getattr(before, name) & ~getattr(after, name))
-            checks[f"what is {name} stays {name}"] = ~lost | elsewhere
+    for name in env.about().lasting:
+        lost = jnp.any(getattr(before, name) & ~getattr(after, name))
+        checks[f"what is {name} stays {name}"] = ~lost | elsewhere
     return checks
 
 

@@ -66,6 +66,9 @@ class About:
         players: the scripted players that know the task, by name.
         expert: the name of the one who does it best; "" if there is none.
         generated: whether every reset draws a new map.
+        lasting: fields of the state, bool arrays, what is true in which stays so until the agent
+            is put at a start again.
+        holds: what is true of every state from which an episode goes on, in words.
     """
 
     aim: str = "ended the episode with a positive reward"
@@ -77,3 +80,5 @@ class About:
     players: Mapping[str, Player] = dataclasses.field(default_factory=dict)
     expert: str = ""
     generated: bool = False
+    lasting: tuple[str, ...] = ()
+    holds: Mapping[str, Callable[[Any], jax.Array]] = dataclasses.field(default_factory=dict)

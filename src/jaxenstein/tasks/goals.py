@@ -149,6 +149,7 @@ class GoalTask(FirstPerson[S, NavigationParams]):
             variables={"distance_to_goal": "tiles to the goal, in a straight line"},
             players={"shortest_path": SHORTEST_PATH},
             expert="shortest_path",
+            lasting=("opened", "taken"),
         )
 
     def scene(self, state: S, params: NavigationParams) -> Scene:

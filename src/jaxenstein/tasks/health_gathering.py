@@ -26,10 +26,10 @@ from ..maps.tilemap import TileMap
 from ..params import number
 from ..players.chance import NO_OP
 from ..players.walking import gait, towards
-from ..spaces import Box
 from .appearance import build_theme
 from .draws import draw_unit
 from .first_person import FirstPerson
+from .health import FULL_HEALTH, HealthTask, about_health
 from .hud import bar, strip_rows
 from .steering import ACTION_NAMES, FORWARD, SteeringParams, steer
 
@@ -40,7 +40,6 @@ CAPACITY = 88
 MOST_AT_FIRST = 32
 # Medkits (half-width 20 units) do not stick into walls, which stand one tile inside the map.
 _FIRST_PLACE, _LAST_PLACE = 1 + 20 / 32, 1 + ROOM - 20 / 32
-FULL_HEALTH = 100
 FLOOR: tuple[RGB, RGB] = ((52, 122, 34), (40, 98, 26))
 CEILING: RGB = (26, 26, 62)
 
@@ -113,7 +112,10 @@ GREEDY_MEDKITS = Player("goes to the nearest medkit; sees the whole state", gree
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class HealthGathering(FirstPerson[HealthGatheringState, HealthGatheringParams]):
+class HealthGathering(
+    HealthTask[HealthGatheringState, HealthGatheringParams],
+    FirstPerson[HealthGatheringState, HealthGatheringParams],
+):
     """Stay alive on a floor that hurts, by walking over medkits.
 
     Actions: turn left, turn right, forward. The floor takes 8 health every 32 steps; a medkit
@@ -207,37 +209,17 @@ class HealthGathering(FirstPerson[HealthGatheringState, HealthGatheringParams]):
         reward = params.living_reward - jnp.where(dead, params.death_penalty, 0)
         return state, reward, dead, {"took_medkit": count, "died": dead}
 
-    def describe(self, state: HealthGatheringState, params: HealthGatheringParams) -> Info:
-        """Add the health."""
-        return super().describe(state, params) | {"health": state.health}
-
-    def succeeded(
-        self,
-        state: HealthGatheringState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: HealthGatheringParams,
-    ) -> jax.Array:
-        """Whether the time limit was reached alive."""
-        del reward, events, params
-        return state.done & ~terminated
-
     def about(self) -> About:
         """What the task says of itself."""
-        return About(
-            aim="reached the time limit alive",
-            ends="where the health is gone",
-            rewards={"living_reward": "{:+g} a step", "death_penalty": "-{:g} at death"},
-            events={
-                "took_medkit": Event("took a medkit", "took {} medkits"),
-                "died": Event("died"),
-            },
-            variables={"health": "0 to 100"},
-            captions=("health",),
-            players={"greedy_medkits": GREEDY_MEDKITS},
-            expert="greedy_medkits",
-        )
+        taken = {"took_medkit": Event("took a medkit", "took {} medkits")}
+        about = about_health(taken, GREEDY_MEDKITS, "step")
+        holds = {
+            **about.holds,
+            "no more medkits lie there than were placed": lambda state: (
+                jnp.sum(state.present, dtype=jnp.int32) <= state.placed
+            ),
+        }
+        return dataclasses.replace(about, holds=holds)
 
     def scene(self, state: HealthGatheringState, params: HealthGatheringParams) -> Scene:
         """The room and the medkits in it."""
@@ -254,14 +236,6 @@ class HealthGathering(FirstPerson[HealthGatheringState, HealthGatheringParams]):
             ),
             theme=self.theme,
         )
-
-    def variables(self, state: HealthGatheringState) -> dict[str, jax.Array]:
-        """`health`: float32[1], 0 to 100."""
-        return {"health": state.health.astype(jnp.float32)[None]}
-
-    def variable_spaces(self) -> dict[str, Box]:
-        """The space of `health`."""
-        return {"health": Box(0.0, float(FULL_HEALTH), (1,), np.dtype(np.float32))}
 
     @property
     def view_height(self) -> int:

@@ -149,7 +149,22 @@ class Maze(Navigation):
         if self.respawn:
             events["respawned"] = Event("moved to a new start")
             ends = ""
-        return dataclasses.replace(about, events=events, rewards=rewards, ends=ends)
+        return dataclasses.replace(
+            about,
+            events=events,
+            rewards=rewards,
+            ends=ends,
+            lasting=(*about.lasting, "eaten"),
+            holds={
+                **about.holds,
+                "apples lie in different cells that there are": self._apples_apart,
+            },
+        )
+
+    def _apples_apart(self, state: MazeState) -> jax.Array:
+        cells = jnp.sort(state.apples)
+        inside = (cells >= 0) & (cells < len(self.apple_cells))
+        return jnp.all(inside) & jnp.all(cells[1:] != cells[:-1])
 
     def scene(self, state: Any, params: Any) -> Scene:
         """Add the apples that are left."""

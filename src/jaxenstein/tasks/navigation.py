@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..about import About
 from ..engine.level import Level, compile_level
 from ..engine.scene import Theme
 from ..environment import State
@@ -86,6 +87,12 @@ class Navigation(GoalTask[NavigationState]):
             opened=jnp.zeros(len(self.tilemap.doors), bool),
             taken=jnp.zeros(len(self.tilemap.keys), bool),
         )
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        goals = len(self.tilemap.goals)
+        one = {"the goal is one of the map's": lambda s: (s.goal >= 0) & (s.goal < goals)}
+        return dataclasses.replace(super().about(), holds=one)
 
     def tilemap_of(self, state: NavigationState) -> TileMap:
         """The map."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -13,19 +13,16 @@ import numpy as np
 from ...about import About, Event
 from ...batching import where_few
 from ...engine.scene import Theme
-from ...environment import Info, Params
-from ...spaces import Box
-from ..draws import draw_index
+from ...environment import Info
+from ...params import Params, Scalar, number
+from ..health import FULL_HEALTH, HealthTask, about_health
 from .buttons import FORWARD, TURN_LEFT, TURN_RIGHT
-from .fixed import to_fixed
 from .look import ACID, BOTTLE, CEILING, MEDKIT_BOX, doom_theme
 from .pickup import Kind, take_one, take_some, touched
 from .places import load_places
 from .players import GREEDY_MEDKITS
-from .scenario import ANY_ANGLE, DoomScenario, DoomState, draw_angle
+from .scenario import ANY_ANGLE, DoomScenario, DoomState
 from .walls import MAP_SPOT, START
-
-FULL_HEALTH = 100
 
 
 class DoomHealthParams(Params):
@@ -38,12 +35,12 @@ class DoomHealthParams(Params):
         death_penalty: taken off the reward of the tic that dies.
     """
 
-    max_steps_in_episode: Any = 2100
-    discount: Any = 0.99
-    damage: Any = 8
-    damage_period: Any = 32
-    living_reward: Any = 1.0
-    death_penalty: Any = 100.0
+    max_steps_in_episode: Scalar = 2100
+    discount: Scalar = 0.99
+    damage: Scalar = number(8, 0)
+    damage_period: Scalar = number(32, 1)
+    living_reward: Scalar = 1.0
+    death_penalty: Scalar = 100.0
 
 
 DEFAULTS = DoomHealthParams()
@@ -66,7 +63,9 @@ class DoomHealthState(DoomState):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
+class DoomHealthGathering(
+    HealthTask[DoomHealthState, DoomHealthParams], DoomScenario[DoomHealthState, DoomHealthParams]
+):
     """Stay alive on a floor that hurts, by walking over medkits. Doom's own motion.
 
     The floor takes 8 health every 32 tics. Medkits, and in the second scenario poison, appear
@@ -119,11 +118,7 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
     def init_state(self, key: jax.Array, params: DoomHealthParams) -> DoomHealthState:
         """Draw start and heading, and place the first things."""
         pose_key, thing_key = jax.random.split(key)
-        bits = jax.random.bits(pose_key, (2,), jnp.uint32)
-        table = [[to_fixed(value) for value in spot] for spot in self.starts.tolist()]
-        spots = jnp.asarray(np.array(table, np.int32))
-        place = spots[draw_index(bits[0], len(table))]
-        pose = self.placed(place, draw_angle(bits[1], self.angles))
+        pose = self.drawn(jax.random.bits(pose_key, (2,), jnp.uint32), self.angles)
         at_first = [kind.at_first for kind in self.kinds]
         drawn = jax.random.bits(thing_key, (sum(at_first), 3), jnp.uint32)
         new = load_places(self.map_name).draw(drawn)
@@ -136,7 +131,7 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
         present = [np.arange(kind.capacity) < kind.at_first for kind in self.kinds]
         return DoomHealthState(
             **pose,
-            health=FULL_HEALTH - params.damage,
+            health=FULL_HEALTH - jnp.asarray(params.damage),
             places=jnp.concatenate(parts),
             present=jnp.asarray(np.concatenate(present)),
             number=jnp.asarray(np.array(number, np.int32)),
@@ -189,35 +184,10 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
             number=jnp.where(here, (time + 1) * len(self.kinds) + self.looks, state.number),
         )
 
-    def describe(self, state: DoomHealthState, params: DoomHealthParams) -> Info:
-        """Add the health."""
-        return super().describe(state, params) | {"health": state.health}
-
-    def succeeded(
-        self,
-        state: DoomHealthState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: DoomHealthParams,
-    ) -> jax.Array:
-        """Whether the time limit was reached alive."""
-        del reward, events, params
-        return state.done & ~terminated
-
     def about(self) -> About:
         """What the task says of itself."""
         taken = {f"took_{kind.name}": Event(kind.one, kind.several) for kind in self.kinds}
-        return About(
-            aim="reached the time limit alive",
-            ends="where the health is gone",
-            rewards={"living_reward": "{:+g} a tic", "death_penalty": "-{:g} at death"},
-            events=taken | {"died": Event("died")},
-            variables={"health": "0 to 100"},
-            captions=("health",),
-            players={"greedy_medkits": GREEDY_MEDKITS},
-            expert="greedy_medkits",
-        )
+        return about_health(taken, GREEDY_MEDKITS, "tic")
 
     def with_things(
         self, state: DoomHealthState, health: int, things: np.ndarray
@@ -235,14 +205,6 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
     def things(self, state: DoomHealthState) -> tuple[jax.Array, jax.Array, jax.Array]:
         """What lies there."""
         return state.places, jnp.asarray(self.looks), state.present
-
-    def variables(self, state: DoomHealthState) -> dict[str, jax.Array]:
-        """`health`: float32[1], 0 to 100."""
-        return {"health": state.health.astype(jnp.float32)[None]}
-
-    def variable_spaces(self) -> dict[str, Box]:
-        """The space of `health`."""
-        return {"health": Box(0.0, float(FULL_HEALTH), (1,), np.dtype(np.float32))}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

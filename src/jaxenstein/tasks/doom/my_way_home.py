@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -12,13 +12,13 @@ import numpy as np
 
 from ...about import About, Event
 from ...engine.scene import Theme
-from ...environment import Info, Params
-from ..draws import draw_index
+from ...environment import Info
+from ...params import Params, Scalar
 from .buttons import FORWARD, MOVE_LEFT, MOVE_RIGHT, TURN_LEFT, TURN_RIGHT
-from .fixed import ONE, to_fixed
+from .fixed import ONE
 from .look import BROWN, VEST, doom_theme
 from .players import SHORTEST_PATH
-from .scenario import ANY_ANGLE, DoomScenario, DoomState, draw_angle, near
+from .scenario import ANY_ANGLE, DoomScenario, DoomState, near
 from .walls import ARMOUR, MAP_SPOT
 
 # Half-widths of the player and of the armour.
@@ -34,10 +34,10 @@ class DoomHomeParams(Params):
         living_reward: reward of every tic, that one included.
     """
 
-    max_steps_in_episode: Any = 2100
-    discount: Any = 0.999
-    goal_reward: Any = 1.0
-    living_reward: Any = -0.0001
+    max_steps_in_episode: Scalar = 2100
+    discount: Scalar = 0.999
+    goal_reward: Scalar = 1.0
+    living_reward: Scalar = -0.0001
 
 
 DEFAULTS = DoomHomeParams()
@@ -112,11 +112,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     def init_state(self, key: jax.Array, params: DoomHomeParams) -> DoomHomeState:
         """Draw spot and heading."""
         del params
-        bits = jax.random.bits(key, (2,), jnp.uint32)
-        table = [[to_fixed(value) for value in spot] for spot in self.starts.tolist()]
-        spots = jnp.asarray(np.array(table, np.int32))
-        place = spots[draw_index(bits[0], len(table))]
-        pose = self.placed(place, draw_angle(bits[1], self.angles))
+        pose = self.drawn(jax.random.bits(key, (2,), jnp.uint32), self.angles)
         return DoomHomeState(**pose, taken=jnp.bool_(False))
 
     def transition(
@@ -159,6 +155,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
             variables={"distance_to_goal": "tiles to the armour, in a straight line"},
             players={"shortest_path": SHORTEST_PATH},
             expert="shortest_path",
+            lasting=("taken",),
         )
 
     def things(self, state: DoomHomeState) -> tuple[jax.Array, jax.Array, jax.Array]:

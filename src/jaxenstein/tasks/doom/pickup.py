@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...batching import varying, where_few
+from ...batching import where_few
+from ..health import FULL_HEALTH
 from .fixed import ONE
 from .geometry import BLOCK_BITS, RADIUS, Geometry
 from .look import Picture
@@ -17,7 +19,6 @@ from .motion import Tried
 from .places import RADIUS as THING_RADIUS
 
 REACH = (RADIUS + THING_RADIUS) * ONE
-FULL = 100
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def take_one(
     after, spared = health, jnp.zeros(reach.shape, bool)
     for i, kind in enumerate(kinds):
         own = reach & (looks == i)
-        leaves = (health >= FULL) & kind.spared_when_full
+        leaves = (health >= FULL_HEALTH) & kind.spared_when_full
         spared = spared | (own & leaves)
         after = jnp.where(jnp.any(own) & ~leaves, _healed(health, kind.health), after)
     return after, reach & ~spared
@@ -123,7 +124,7 @@ def take_some(
         next_one = jnp.argmin(jnp.where(left, order, np.int32(2**31 - 1)))
         here = left & (np.arange(len(looks)) == next_one)
         gain = jnp.sum(jnp.where(here, gains, 0), dtype=jnp.int32)
-        wanted = here & ~((health >= FULL) & jnp.asarray(spares)) & (health > 0)
+        wanted = here & ~((health >= FULL_HEALTH) & jnp.asarray(spares)) & (health > 0)
         health = jnp.where(jnp.any(wanted), _healed(health, gain), health)
         return health, left & ~here, taken | wanted
 
@@ -143,4 +144,4 @@ def _first_block(geometry: Geometry, target: jax.Array, places: jax.Array) -> ja
 
 
 def _healed(health: jax.Array, gain: jax.Array | int) -> jax.Array:
-    return jnp.clip(health + gain, 0, FULL)
+    return jnp.clip(health + gain, 0, FULL_HEALTH)

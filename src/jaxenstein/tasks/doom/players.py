@@ -15,9 +15,9 @@ from ...about import Choose, Player
 from ...batching import where_few
 from ...players.chance import NO_OP
 from ...players.walking import flood, walking_actions
+from ..health import FULL_HEALTH
 from .fixed import ONE
 from .geometry import LATTICE, Geometry, load_geometry
-from .pickup import FULL
 
 if TYPE_CHECKING:
     from .health_gathering import DoomHealthGathering, DoomHealthState
@@ -167,7 +167,7 @@ def greedy_medkits(env: DoomHealthGathering, params: Any) -> Choose:
         target = jnp.where(lost, target, medkits[nearest])
         # One that is not needed now is left where it lies, and a body must move to take it.
         arrived = jnp.all(jnp.abs(target - state.fixed_position) < _ARRIVED * ONE)
-        waits = arrived & (state.health >= FULL) | ~jnp.any(there)
+        waits = arrived & (state.health >= FULL_HEALTH) | ~jnp.any(there)
         return jnp.where(waits, NO_OP, walk(state, target))
 
     return choose

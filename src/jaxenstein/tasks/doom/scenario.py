@@ -21,7 +21,7 @@ from ...maps.tilemap import TileMap
 from ..draws import draw_index
 from ..first_person import FirstPerson
 from .buttons import action_name, hold, numbered
-from .fixed import FRACTION_BITS, ONE
+from .fixed import FRACTION_BITS, ONE, to_fixed
 from .geometry import Geometry, load_geometry
 from .lattice import Tiles, rasterise
 from .look import EYE, ROW_FOCAL_SHARE, relabelled
@@ -195,6 +195,17 @@ class DoomScenario(FirstPerson[S, P]):
         south = self.tiles.north * ONE - place[..., 1]
         tile = self.unit << FRACTION_BITS
         return jnp.stack([east, south], axis=-1).astype(jnp.float32) * jnp.float32(1 / tile)
+
+    def drawn(self, bits: jax.Array, angles: tuple[int, int]) -> dict[str, jax.Array]:
+        """The fields of a state of a body at one of the starts.
+
+        Args:
+            bits: uint32[2], random.
+            angles: the lowest and the highest angle, in 65536ths of a circle.
+        """
+        table = [[to_fixed(value) for value in spot] for spot in self.starts.tolist()]
+        spots = jnp.asarray(np.array(table, np.int32))
+        return self.placed(spots[draw_index(bits[0], len(table))], draw_angle(bits[1], angles))
 
     def placed(self, position: jax.Array, angle: jax.Array) -> dict[str, jax.Array]:
         """The fields of a state of a body that stands still.

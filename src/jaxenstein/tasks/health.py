@@ -1,0 +1,67 @@
+"""Staying alive: what tasks have in common in which health is lost and gained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..about import About, Event, Player
+from ..environment import Environment, Info, Params
+from ..spaces import Box
+
+FULL_HEALTH = 100
+
+S = TypeVar("S", bound=Any)
+P = TypeVar("P", bound=Params)
+
+
+class HealthTask(Environment[S, P]):
+    """What tasks say alike whose states have `health`, int32[], and that end where it is gone."""
+
+    def describe(self, state: S, params: P) -> Info:
+        """Add the health."""
+        return super().describe(state, params) | {"health": state.health}
+
+    def succeeded(
+        self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
+    ) -> jax.Array:
+        """Whether the time limit was reached alive."""
+        del reward, events, params
+        return state.done & ~terminated
+
+    def variables(self, state: S) -> dict[str, jax.Array]:
+        """`health`: float32[1], 0 to 100."""
+        return {"health": state.health.astype(jnp.float32)[None]}
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """The space of `health`."""
+        return {"health": Box(0.0, float(FULL_HEALTH), (1,), np.dtype(np.float32))}
+
+
+def about_health(taken: Mapping[str, Event], greedy_medkits: Player, step: str) -> About:
+    """What such a task says of itself.
+
+    Args:
+        taken: the events of things that were taken.
+        greedy_medkits: the player who does it best.
+        step: what a step is called.
+    """
+    return About(
+        aim="reached the time limit alive",
+        ends="where the health is gone",
+        rewards={"living_reward": f"{{:+g}} a {step}", "death_penalty": "-{:g} at death"},
+        events={**taken, "died": Event("died")},
+        variables={"health": "0 to 100"},
+        captions=("health",),
+        players={"greedy_medkits": greedy_medkits},
+        expert="greedy_medkits",
+        holds={
+            "health is from 1 to full": lambda state: (
+                (state.health > 0) & (state.health <= FULL_HEALTH)
+            )
+        },
+    )
