@@ -14,7 +14,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.cli import bench, build_parser, listing, main, rollout
-from jaxenstein.cli.arguments import given_options, open_environment
+from jaxenstein.cli.opening import given_options, open_environment
 
 MAP = "#####\n#S.G#\n#####\n"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from jaxenstein.cli import build_parser, main
-from jaxenstein.cli.arguments import given_options
+from jaxenstein.cli.opening import given_options
 from jaxenstein.settings import changed, given_by, recipe_from
 from jaxenstein.tasks.first_person import SEEN
 

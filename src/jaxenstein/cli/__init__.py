@@ -26,24 +26,25 @@ from . import (
     sweep,
     train,
 )
-from .arguments import Parser, UsageError, import_modules
+from .arguments import Parser, UsageError
+from .opening import import_modules
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
 
-COMMANDS = (
-    listing,
-    play,
-    rollout,
-    record,
-    replay,
-    convert,
-    bench,
-    train,
-    sweep,
-    evaluate,
-    export,
-    plot,
-)
+COMMANDS = {
+    "list": listing,
+    "play": play,
+    "rollout": rollout,
+    "record": record,
+    "replay": replay,
+    "convert": convert,
+    "bench": bench,
+    "train": train,
+    "sweep": sweep,
+    "evaluate": evaluate,
+    "export": export,
+    "plot": plot,
+}
 
 EXAMPLES = """\
 examples:
@@ -110,10 +111,16 @@ def build_parser() -> Parser:
     parser.add_argument("--version", action="version", version=f"jaxenstein {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
     parser.set_defaults(run=lambda _: parser.print_help(), modules=None)
-    for command in COMMANDS:
-        command.add_command(commands)
-    for command in commands.choices.values():
-        command.add_argument(
+    for name, command in COMMANDS.items():
+        sub = commands.add_parser(
+            name,
+            help=command.HELP,
+            description=command.DESCRIPTION,
+            epilog=command.EPILOG,
+            fill=command.fill,
+        )
+        sub.set_defaults(run=command.run)
+        sub.add_argument(
             "--import",
             dest="modules",
             action="append",

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import importlib
 import math
-import os
-import sys
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, cast
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from ..errors import MapWarning, nearest
+from ..errors import nearest
 
 if TYPE_CHECKING:
-    from ..recipe import Recipe
     from ..settings import Option
-    from ..tasks.first_person import FirstPerson
 
 
 class UsageError(Exception):
@@ -172,6 +164,34 @@ ALIASES = {
 PREFIX = "option_"
 
 
+def flag(
+    parser: argparse._ActionsContainer,
+    words: str,
+    help: str,
+    convert: Callable[[str], Any] | None = None,
+    default: Any = None,
+    **more: Any,
+) -> None:
+    """Add a flag such as "--steps T", or a switch such as "--native".
+
+    Args:
+        parser: where.
+        words: the flag, and the word that its value has in the help.
+        help: what it does, to which the default is added.
+        convert: what makes the value of its text; None for a switch.
+        default: its value if it is not given.
+        **more: as of `argparse`.
+    """
+    name, _, metavar = words.partition(" ")
+    if convert is None:
+        more["action"] = "store_true"
+    else:
+        more |= {"type": convert, "metavar": metavar, "default": default}
+    if default is not None:
+        help += f" (default %(default){'g' if isinstance(default, float) else 's'})"
+    parser.add_argument(name, help=help, **more)
+
+
 def add_options(
     parser: argparse.ArgumentParser, options: Mapping[str, Option], without: Sequence[str] = ()
 ) -> None:
@@ -221,153 +241,22 @@ def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()
     add_options(parser, environment_options(), (*without, "env"))
 
 
-def given_options(options: argparse.Namespace) -> dict[str, Any]:
-    """The options that were given as arguments, by name; those of a map file are its texts."""
-    given = {
-        name.removeprefix(PREFIX): value
-        for name, value in vars(options).items()
-        if name.startswith(PREFIX)
-    }
-    if getattr(options, "id", None) is not None:
-        given["env"] = options.id
-    import_module_of(given.get("env"))
-    for name in TABLES:
-        if name in given:
-            given[name] = dict(_entry(name, text) for text in given[name])
-    return given
-
-
-def _entry(option: str, text: str) -> tuple[str, Any]:
-    """NAME and the value of NAME=VALUE, which is a number, true, false, a list or a text."""
-    flag, metavar = TABLES[option]
-    name, equals, value = text.partition("=")
-    if not equals or not name or not value:
-        raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {text!r}")
-    parts = [_value(part.strip()) for part in value.split(",")]
-    return name.replace("-", "_"), parts if option == "grid" or len(parts) > 1 else parts[0]
-
-
-def _value(text: str) -> Any:
-    if text in ("true", "false", "none"):
-        return {"true": True, "false": False, "none": None}[text]
-    for kind in (int, float):
-        with contextlib.suppress(ValueError):
-            return kind(text)
-    return text
+OF_FILES = "FILE.npz or pretrained/NAME"
 
 
 def add_agent(parser: argparse._ActionsContainer) -> None:
     """Add --run and --greedy, for an agent of a run directory."""
     add_run(parser)
-    parser.add_argument(
-        "--greedy",
-        action="store_true",
-        help="the agent takes its most likely actions (default: drawn ones)",
-    )
+    flag(parser, "--greedy", "the agent takes its most likely actions (default: drawn ones)")
 
 
 def add_run(parser: argparse._ActionsContainer) -> None:
     """Add --run."""
-    parser.add_argument(
-        "--run",
-        dest="number",
-        type=whole(0),
-        metavar="N",
-        help="which run of the directory acts, from 0 (default: the best one)",
-    )
+    help = "which run of the directory acts, from 0 (default: the best one)"
+    flag(parser, "--run N", help, whole(0), dest="number")
 
 
 def add_seed(parser: argparse._ActionsContainer) -> None:
     """Add --seed."""
-    parser.add_argument(
-        "--seed",
-        type=whole(0, 2**32 - 1),
-        default=0,
-        metavar="S",
-        help="seed of all random choices; the same seed gives the same result "
-        "(default %(default)s)",
-    )
-
-
-def open_environment(
-    given: Mapping[str, Any], instead_of: Recipe | None = None
-) -> tuple[FirstPerson[Any, Any], Any, str]:
-    """An environment, without automatic resets; warnings about its map are printed.
-
-    Args:
-        given: as `given_options` returns it.
-        instead_of: what is not given is as in this one.
-
-    Returns:
-        The environment, its params, and a name for files.
-
-    Raises:
-        UsageError: neither an ID nor a map is given.
-        JAXensteinError: it cannot be built.
-    """
-    recipe, name = open_recipe(given, instead_of)
-    env, params = recipe.build()
-    return cast("FirstPerson[Any, Any]", env), params, name
-
-
-def open_recipe(given: Mapping[str, Any], instead_of: Recipe | None = None) -> tuple[Recipe, str]:
-    """How to build that environment, and the name for files."""
-    from ..settings import changed, recipe_from
-
-    named = len({"env", "map_file"} & set(given))
-    if named == 2 or (named == 0 and instead_of is None):
-        raise UsageError("jaxenstein: give either the ID of an environment or --map-file FILE")
-    name = (
-        Path(given["map_file"]).stem
-        if "map_file" in given
-        else given.get("env", "").rpartition(":")[2]
-    )
-    with telling_warnings():
-        options = with_map(given)
-        return (changed(instead_of, options) if instead_of else recipe_from(options)), name
-
-
-@contextlib.contextmanager
-def telling_warnings() -> Iterator[None]:
-    """Print the warnings about maps, one line each."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", MapWarning)
-        yield
-    for warning in {str(warning.message): warning for warning in caught}.values():
-        print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)
-
-
-def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """The options with the texts of a map file, which may be relative to a folder, for its name."""
-    from ..maps.map_files import read_map
-
-    given = dict(given)
-    if "map_file" in given:
-        texts = read_map(folder / given.pop("map_file"))
-        given |= {"map" if name == "text" else name: text for name, text in texts.items()}
-    return given
-
-
-def import_modules(names: Iterable[str]) -> None:
-    """Import modules of tasks of one's own, also from the current folder.
-
-    Raises:
-        UsageError: there is no such module.
-    """
-    if os.getcwd() not in sys.path:
-        # At the end, so that nothing there takes the place of a library.
-        sys.path.append(os.getcwd())
-    for name in names:
-        try:
-            importlib.import_module(name)
-        except ModuleNotFoundError as error:
-            # A module that the named one asks for is missing: that is its own error.
-            if not f"{name}.".startswith(f"{error.name}."):
-                raise
-            raise UsageError(f"jaxenstein: there is no module {error.name!r} to import") from error
-
-
-def import_module_of(id: str | None) -> None:
-    """Import the module of an ID such as my_module:my-task; of others there is none."""
-    module, colon, _ = (id or "").rpartition(":")
-    import_modules([module] * bool(colon and module))
+    help = "seed of all random choices; the same seed gives the same result"
+    flag(parser, "--seed S", help, whole(0, 2**32 - 1), 0)

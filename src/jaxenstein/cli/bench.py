@@ -11,22 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from ..files import atomic, check_writable
 from ..progress import Progress, si
-from .arguments import (
-    Parser,
-    UsageError,
-    add_environment,
-    add_seed,
-    given_options,
-    import_module_of,
-    open_recipe,
-    size,
-    whole,
-)
+from .arguments import Parser, UsageError, add_environment, add_seed, flag, size, whole
 from .listing import format_table
+from .opening import given_options, import_module_of, open_recipe
 
 if TYPE_CHECKING:
     from ..recipe import Recipe
 
+HELP = "measure steps per second, compile time and memory"
 DESCRIPTION = """\
 Measure rollouts under a uniform random policy inside one compiled scan: policy draw, dynamics,
 automatic resets and a frame every step. Each configuration (environment and batch size) runs
@@ -45,17 +37,6 @@ Close other programs first; where the quartiles lie far apart, something else wa
 """
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    commands.add_parser(
-        "bench",
-        help="measure steps per second, compile time and memory",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        fill=fill,
-    )
-
-
 def fill(parser: Parser) -> None:
     """Add the arguments."""
     parser.add_argument(
@@ -69,40 +50,14 @@ def fill(parser: Parser) -> None:
         metavar="N,N,...",
         help="numbers of environments side by side (default 64,256,1024)",
     )
-    parser.add_argument(
-        "--steps",
-        type=whole(),
-        default=256,
-        metavar="T",
-        help="steps of each environment in a repeat (default %(default)s)",
-    )
-    parser.add_argument(
-        "--repeats",
-        type=whole(),
-        default=9,
-        metavar="R",
-        help="measured repeats, after one that warms up (default %(default)s)",
-    )
-    parser.add_argument(
-        "--size",
-        type=size,
-        metavar="WxH",
-        help="both --width and --height (default 64x64)",
-    )
-    parser.add_argument(
-        "--core",
-        type=whole(0),
-        metavar="N",
-        help="use only processor core N, with one thread (default: all cores)",
-    )
-    parser.add_argument(
-        "--json",
-        type=Path,
-        metavar="FILE",
-        help="also write every repeat, with versions, hardware and settings, as JSON",
-    )
+    flag(parser, "--steps T", "steps of each environment in a repeat", whole(), 256)
+    flag(parser, "--repeats R", "measured repeats, after one that warms up", whole(), 9)
+    flag(parser, "--size WxH", "both --width and --height (default 64x64)", size)
+    core = "use only processor core N, with one thread (default: all cores)"
+    flag(parser, "--core N", core, whole(0))
+    report = "also write every repeat, with versions, hardware and settings, as JSON"
+    flag(parser, "--json FILE", report, Path)
     add_seed(parser)
-    parser.set_defaults(run=run)
 
 
 def batches(text: str) -> list[int]:

@@ -7,7 +7,6 @@ import contextlib
 import os
 import sys
 import warnings
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,11 +14,13 @@ from typing import TYPE_CHECKING
 from ..errors import MapWarning
 from ..files import atomic, check_writable
 from ..maps.map_files import beside, read_text
-from .arguments import UsageError, add_seed
+from .arguments import Parser, UsageError, add_seed, flag
+from .opening import telling_warnings
 
 if TYPE_CHECKING:
     from ..maps.tilemap import TileMap
 
+HELP = "convert maps of DeepMind Lab and MiniGrid to text"
 DESCRIPTION = """\
 Convert a map to the text that --map-file of the other commands reads: a .map file of a DeepMind
 Lab maze, or the layout that a MiniGrid environment has after a reset. Where a wall's sides look
@@ -33,33 +34,16 @@ examples:
 """
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "convert",
-        help="convert maps of DeepMind Lab and MiniGrid to text",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-    )
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "file", nargs="?", metavar="FILE", type=Path, help="a .map file of a DeepMind Lab maze"
     )
-    parser.add_argument(
-        "--minigrid",
-        metavar="ID",
-        help="a MiniGrid environment instead of FILE, such as MiniGrid-FourRooms-v0",
-    )
+    other = "a MiniGrid environment instead of FILE, such as MiniGrid-FourRooms-v0"
+    flag(parser, "--minigrid ID", other, str)
     add_seed(parser)
-    parser.add_argument(
-        "--out",
-        metavar="FILE",
-        type=Path,
-        help="where to write the map (default: print it)",
-    )
-    parser.add_argument(
-        "--name", metavar="NAME", help="what to call the map (default: as FILE or ID)"
-    )
-    parser.set_defaults(run=run)
+    flag(parser, "--out FILE", "where to write the map (default: print it)", Path)
+    flag(parser, "--name NAME", "what to call the map (default: as FILE or ID)", str)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -68,7 +52,7 @@ def run(options: argparse.Namespace) -> None:
         raise UsageError("jaxenstein convert: give either a FILE.map or --minigrid ID")
     if options.out is not None:
         check_writable(options.out)
-    with _warnings_in_lines():
+    with telling_warnings():
         convert = _convert_maze if options.minigrid is None else _convert_minigrid
         tilemap, summary = convert(options)
     text, faces = tilemap.tile_text(), tilemap.faces_text()
@@ -144,13 +128,3 @@ def _write(out: Path, text: str, faces: str | None) -> list[Path]:
         for path, content in texts.items():
             files.enter_context(atomic(path)).write_text(content, encoding="utf-8", newline="\n")
     return list(texts)
-
-
-@contextlib.contextmanager
-def _warnings_in_lines() -> Iterator[None]:
-    """Print warnings about the map, a line each."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", MapWarning)
-        yield
-    for warning in caught:
-        print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)

@@ -12,13 +12,14 @@ from ..files import atomic, check_writable
 from ..progress import Progress
 from ..view.episode import compose
 from ..view.recording import check_animation, save_animation
-from .arguments import add_agent, add_seed, real, whole
+from .arguments import Parser, add_agent, add_seed, flag, real, whole
 from .listing import format_table
 from .training import baselines
 
 if TYPE_CHECKING:
     from ..baselines.runs.agents import Result
 
+HELP = "evaluate trained agents, and record one"
 DESCRIPTION = """\
 Play whole episodes with the agents of a run directory, or with one of a file of 'jaxenstein
 export' or of 'jaxenstein list --pretrained', with the most likely actions ("greedy") and with drawn
@@ -39,40 +40,21 @@ examples:
 """
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "evaluate",
-        help="evaluate trained agents, and record one",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-    )
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "folder", metavar="RUN", type=Path, help="a run directory, FILE.npz or pretrained/NAME"
     )
-    parser.add_argument(
-        "--episodes",
-        type=whole(),
-        default=100,
-        metavar="N",
-        help="episodes of each run (default %(default)s)",
-    )
+    flag(parser, "--episodes N", "episodes of each run", whole(), 100)
     add_seed(parser)
-    parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="also write every run's results as JSON"
-    )
+    flag(parser, "--json FILE", "also write every run's results as JSON", Path)
     parser.add_argument(
         "--in", dest="game", choices=["vizdoom"], help="play in the original game as well"
     )
     shown = parser.add_argument_group("an episode beside the map")
-    shown.add_argument(
-        "--gif", type=Path, metavar="FILE", help="write it: .gif, or .mp4 with extra 'video'"
-    )
+    flag(shown, "--gif FILE", "write it: .gif, or .mp4 with extra 'video'", Path)
     add_agent(shown)
-    shown.add_argument(
-        "--fps", type=real(1, 50), default=15.0, metavar="RATE", help="(default %(default)g)"
-    )
-    parser.set_defaults(run=run)
+    flag(shown, "--fps RATE", "frames a second, 1 to 50", real(1, 50), 15.0)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .arguments import add_run, add_seed, whole
+from .arguments import Parser, add_run, add_seed, flag, whole
 from .evaluate import table
 from .training import baselines
 
+HELP = "write a trained agent into a small file"
 DESCRIPTION = """\
 Write one agent of a run directory into a file of its own: its network, the configuration of its
 run, and what it achieves in so many episodes. 'play', 'record' and 'evaluate' take the file's name
@@ -21,35 +22,15 @@ examples:
 """
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "export",
-        help="write a trained agent into a small file",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-    )
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     parser.add_argument("folder", metavar="RUN", type=Path, help="a run directory")
-    parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.npz", help="the file to write"
-    )
+    flag(parser, "--out FILE.npz", "the file to write", Path, required=True)
     add_run(parser)
-    parser.add_argument(
-        "--weights",
-        choices=("float16", "float32"),
-        default="float16",
-        metavar="NAME",
-        help="precision of the network's numbers, float16 or float32 (default %(default)s)",
-    )
-    parser.add_argument(
-        "--episodes",
-        type=whole(),
-        default=100,
-        metavar="N",
-        help="episodes that its score is of (default %(default)s)",
-    )
+    weights = "precision of the network's numbers, float16 or float32"
+    flag(parser, "--weights NAME", weights, str, "float16", choices=("float16", "float32"))
+    flag(parser, "--episodes N", "episodes that its score is of", whole(), 100)
     add_seed(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:

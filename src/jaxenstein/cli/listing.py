@@ -7,8 +7,10 @@ import textwrap
 from collections.abc import Mapping
 from typing import Any
 
-from .arguments import import_module_of
+from .arguments import Parser, flag
+from .opening import import_module_of
 
+HELP = "list the environments"
 DESCRIPTION = """\
 List the environments, with --symbols the characters of text maps, with --pretrained the trained
 agents that come with this package.
@@ -28,21 +30,13 @@ GENERATED = "*"
 WRAPPING: dict[str, Any] = {"break_on_hyphens": False, "break_long_words": False}
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "list", help="list the environments", description=DESCRIPTION, epilog=EPILOG
-    )
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "ids", nargs="*", metavar="ID", help="which ones, also MODULE:NAME (default: all)"
     )
-    parser.add_argument(
-        "--symbols", action="store_true", help="explain the characters of text maps instead"
-    )
-    parser.add_argument(
-        "--pretrained", action="store_true", help="the trained agents of this package instead"
-    )
-    parser.set_defaults(run=run)
+    flag(parser, "--symbols", "explain the characters of text maps instead")
+    flag(parser, "--pretrained", "the trained agents of this package instead")
 
 
 def run(options: argparse.Namespace) -> None:

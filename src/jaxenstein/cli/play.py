@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import itertools
 import os
-import signal
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -18,15 +17,16 @@ from ..progress import Progress
 from ..view.episode import Episode, compose
 from ..view.recording import check_animation, save_animation, scale_to
 from .arguments import (
+    OF_FILES,
     Parser,
     UsageError,
     add_agent,
     add_environment,
     add_seed,
-    given_options,
-    open_environment,
+    flag,
     real,
 )
+from .opening import given_options, handling, open_environment
 from .record import load_agent, open_for
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ..interactive.window import Window
     from ..tasks.first_person import FirstPerson
 
+HELP = "play with the keyboard, in a window or in the terminal"
 DESCRIPTION = """\
 Play an environment with the keyboard, in a window (extra 'play': pygame-ce) or, with --terminal,
 in a terminal with 24-bit colour, also over SSH.
@@ -68,59 +69,22 @@ RECORDED_VIEW, RECORDED_MAP = 240, 256
 STOPPING = ("SIGTERM", "SIGHUP")
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    commands.add_parser(
-        "play",
-        help="play with the keyboard, in a window or in the terminal",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        fill=fill,
-    )
-
-
 def fill(parser: Parser) -> None:
     """Add the arguments."""
     add_environment(parser)
     how = parser.add_argument_group("how it is played")
-    how.add_argument(
-        "--terminal",
-        action="store_true",
-        help="play in the terminal, in as many pixels as fit, up to 96x72",
-    )
-    how.add_argument(
-        "--native", action="store_true", help="show the 64x64 pixels that agents get by default"
-    )
-    how.add_argument(
-        "--fps",
-        type=real(1, 60),
-        default=15.0,
-        metavar="RATE",
-        help="the most steps a second, 1 to 60 (default %(default)g)",
-    )
-    how.add_argument(
-        "--policy",
-        type=Path,
-        metavar="RUN",
-        help="watch a trained agent, where it was trained or in ID: of a run directory, FILE.npz "
-        "or pretrained/NAME",
-    )
+    flag(how, "--terminal", "play in the terminal, in as many pixels as fit, up to 96x72")
+    flag(how, "--native", "show the 64x64 pixels that agents get by default")
+    flag(how, "--fps RATE", "the most steps a second, 1 to 60", real(1, 60), 15.0)
+    watched = "watch a trained agent, where it was trained or in ID"
+    flag(how, "--policy RUN", f"{watched}: of a run directory, {OF_FILES}", Path)
     add_agent(how)
     add_seed(how)
     out = parser.add_argument_group("what is written at the end")
-    out.add_argument(
-        "--record",
-        type=Path,
-        metavar="FILE",
-        help="everything played as an animation beside the map: .gif, or .mp4 with extra 'video'",
-    )
-    out.add_argument(
-        "--save",
-        type=Path,
-        metavar="FILE.json",
-        help="the last episode as a trajectory for 'jaxenstein replay'",
-    )
-    parser.set_defaults(run=run)
+    film = "everything played as an animation beside the map: .gif, or .mp4 with extra 'video'"
+    flag(out, "--record FILE", film, Path)
+    last = "the last episode as a trajectory for 'jaxenstein replay'"
+    flag(out, "--save FILE.json", last, Path)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -152,7 +116,7 @@ def run(options: argparse.Namespace) -> None:
 
     game = None
     try:
-        with _stopping(), terminal or _open_window(env, name) as display:
+        with handling(STOPPING, _stop), terminal or _open_window(env, name) as display:
             game = wait_for(display, load)
             if game is not None:
                 play(display, game)
@@ -275,18 +239,7 @@ class Film(Sequence[np.ndarray]):
             yield picture
 
 
-@contextlib.contextmanager
-def _stopping() -> Iterator[None]:
-    """Turn the signals that end a process into an ordinary exit, so that nothing is lost."""
-
-    def stop(number: int, frame: object) -> NoReturn:
-        del frame
-        raise SystemExit(128 + number)
-
-    numbers = [getattr(signal, name) for name in STOPPING if hasattr(signal, name)]
-    before = {number: signal.signal(number, stop) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+def _stop(number: int, frame: object) -> NoReturn:
+    """Turn a signal that ends a process into an ordinary exit, so that nothing is lost."""
+    del frame
+    raise SystemExit(128 + number)

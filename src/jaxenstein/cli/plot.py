@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .arguments import whole
+from .arguments import Parser, flag, whole
 from .training import baselines
 
+HELP = "draw learning curves of runs that 'jaxenstein train' made"
 DESCRIPTION = """\
 Draw the learning curves of run directories: the mean over seeds, and the band in which it lies
 with 95 % confidence by a bootstrap over seeds. A run that still trains is drawn as far as it is.
@@ -19,14 +20,8 @@ examples:
 """
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "plot",
-        help="draw learning curves of runs that 'jaxenstein train' made",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-    )
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     parser.add_argument("runs", nargs="+", metavar="RUN", type=Path, help="run directories")
     parser.add_argument(
         "--out",
@@ -36,21 +31,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         metavar="FILE",
         help="the picture, .png or .svg; may be given again",
     )
-    parser.add_argument(
-        "--metric",
-        default="return",
-        metavar="NAME",
-        help="a column of metrics.jsonl (default %(default)s)",
-    )
-    parser.add_argument(
-        "--points",
-        type=whole(),
-        default=50,
-        metavar="N",
-        help="pool the updates into N parts (default %(default)s)",
-    )
+    flag(parser, "--metric NAME", "a column of metrics.jsonl", str, "return")
+    flag(parser, "--points N", "pool the updates into N parts", whole(), 50)
     parser.add_argument("--title", default="", metavar="TEXT", help="a line above the plot")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:

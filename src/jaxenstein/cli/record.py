@@ -14,21 +14,23 @@ from ..progress import Progress
 from ..view.episode import SHEET_VIEWS, Episode, compose, save_sheet
 from ..view.recording import ANIMATIONS, check_animation, save_animation
 from .arguments import (
+    OF_FILES,
     Parser,
     UsageError,
     add_agent,
     add_environment,
     add_seed,
-    given_options,
-    open_environment,
+    flag,
     real,
     whole,
 )
+from .opening import given_options, open_environment
 
 if TYPE_CHECKING:
     from ..baselines.runs.agents import TrainedPolicy
     from ..tasks.first_person import FirstPerson
 
+HELP = "write one episode as a GIF or MP4, with the map from above"
 DESCRIPTION = """\
 Play one episode and write it as a GIF or MP4: what the agent sees, beside the map from above
 with the agent, its field of view and its path so far, over a line with step, return and events.
@@ -55,90 +57,37 @@ and the other players that an environment has, such as shortest_path where there
 that it does not have is answered with those it has."""
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    commands.add_parser(
-        "record",
-        help="write one episode as a GIF or MP4, with the map from above",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        fill=fill,
-    )
-
-
 def fill(parser: Parser) -> None:
     """Add the arguments."""
     add_environment(parser)
     out = parser.add_argument_group("what is written")
     add_pictures(out)
-    out.add_argument(
-        "--save",
-        type=Path,
-        metavar="FILE.json",
-        help="seed, settings and actions, for 'jaxenstein replay'",
-    )
+    flag(out, "--save FILE.json", "seed, settings and actions, for 'jaxenstein replay'", Path)
     played = parser.add_argument_group("what is played")
-    played.add_argument(
-        "--steps",
-        type=whole(),
-        metavar="T",
-        help="stop after T steps (default: at the horizon)",
-    )
+    flag(played, "--steps T", "stop after T steps (default: at the horizon)", whole())
     how = played.add_mutually_exclusive_group()
-    how.add_argument(
-        "--policy",
-        type=policy_or_run,
-        default="forward",
-        metavar="NAME",
-        help="who acts, see below, or a trained agent: a run directory, FILE.npz or "
-        "pretrained/NAME (default %(default)s)",
-    )
+    who = f"who acts, see below, or a trained agent: a run directory, {OF_FILES}"
+    flag(how, "--policy NAME", who, policy_or_run, "forward")
     add_agent(played)
-    how.add_argument("--actions", metavar="LIST", help='the actions to take, such as "2,2,0,1"')
+    flag(how, "--actions LIST", 'the actions to take, such as "2,2,0,1"', str)
     add_seed(played)
-    parser.set_defaults(run=run)
 
 
 def add_pictures(out: argparse._ArgumentGroup) -> None:
     """Add the arguments that say what pictures of an episode are written, and their looks."""
-    out.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="the animation, .gif or .mp4; .png writes the contact sheet alone",
-    )
-    out.add_argument(
-        "--sheet",
-        type=Path,
-        metavar="FILE.png",
-        help=f"a contact sheet of up to {SHEET_VIEWS} views",
-    )
+    film = "the animation, .gif or .mp4; .png writes the contact sheet alone"
+    flag(out, "--out FILE", film, Path)
+    flag(out, "--sheet FILE.png", f"a contact sheet of up to {SHEET_VIEWS} views", Path)
     out.add_argument(
         "--map",
         action=argparse.BooleanOptionalAction,
         default=True,
         help="show the map from above (default: yes)",
     )
-    out.add_argument(
-        "--scale",
-        type=whole(1, 64),
-        metavar="N",
-        help="enlarge the view N times (default: to a height of about 384 pixels)",
-    )
-    out.add_argument(
-        "--fps",
-        type=real(1, 50),
-        default=15.0,
-        metavar="RATE",
-        help="frames a second, 1 to 50 (default %(default)g)",
-    )
-    out.add_argument(
-        "--every",
-        type=whole(),
-        default=1,
-        metavar="N",
-        help="show every N-th step, for long episodes (default %(default)s)",
-    )
+    larger = "enlarge the view N times (default: to a height of about 384 pixels)"
+    flag(out, "--scale N", larger, whole(1, 64))
+    flag(out, "--fps RATE", "frames a second, 1 to 50", real(1, 50), 15.0)
+    flag(out, "--every N", "show every N-th step, for long episodes", whole(), 1)
 
 
 def run(options: argparse.Namespace) -> None:

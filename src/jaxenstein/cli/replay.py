@@ -6,8 +6,10 @@ import argparse
 from pathlib import Path
 
 from ..progress import Progress
+from .arguments import Parser
 from .record import add_pictures, check_pictures, save_pictures
 
+HELP = "play a trajectory file again, and tell whether it is the same"
 DESCRIPTION = """\
 Play the episode of a trajectory file again and compare every reward, state and observation with
 what they were. Exit code 0: all are the same, bit for bit. Exit code 1: some are not, and the
@@ -23,18 +25,10 @@ files. With the same versions on the same hardware an episode is always the same
 """
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "replay",
-        help="play a trajectory file again, and tell whether it is the same",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-    )
+def fill(parser: Parser) -> None:
+    """Add the arguments."""
     parser.add_argument("file", type=Path, metavar="FILE", help="a trajectory, .json")
-    out = parser.add_argument_group("what is written")
-    add_pictures(out)
-    parser.set_defaults(run=run)
+    add_pictures(parser.add_argument_group("what is written"))
 
 
 def run(options: argparse.Namespace) -> int:

@@ -16,18 +16,13 @@ from ..files import check_writable, make_folder
 from ..progress import Progress, si
 from ..view.frames import image_of, picture
 from ..view.recording import contact_sheet, evenly, mosaic, save_gif, scale_to
-from .arguments import (
-    Parser,
-    add_environment,
-    add_seed,
-    given_options,
-    open_environment,
-    whole,
-)
+from .arguments import Parser, add_environment, add_seed, flag, whole
+from .opening import given_options, open_environment
 
 if TYPE_CHECKING:
     from ..environment import AnyEnvironment
 
+HELP = "run many environments with a random policy, and picture what they see"
 DESCRIPTION = """\
 Step many environments side by side with a uniform random policy, resetting each when its
 episode ends, and report the speed, the returns and how many episodes succeeded.
@@ -53,42 +48,14 @@ GIF_HEIGHT, SHEET_HEIGHT = 480, 112
 Carry = dict[str, Any]
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    commands.add_parser(
-        "rollout",
-        help="run many environments with a random policy, and picture what they see",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        fill=fill,
-    )
-
-
 def fill(parser: Parser) -> None:
     """Add the arguments."""
     add_environment(parser)
-    parser.add_argument(
-        "--envs",
-        type=whole(),
-        default=256,
-        metavar="N",
-        help="environments side by side (default %(default)s)",
-    )
-    parser.add_argument(
-        "--steps",
-        type=whole(),
-        default=500,
-        metavar="T",
-        help="steps of each environment (default %(default)s)",
-    )
+    flag(parser, "--envs N", "environments side by side", whole(), 256)
+    flag(parser, "--steps T", "steps of each environment", whole(), 500)
     add_seed(parser)
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for the pictures, made if missing (default: no pictures)",
-    )
-    parser.set_defaults(run=run)
+    help = "folder for the pictures, made if missing (default: no pictures)"
+    flag(parser, "--out DIR", help, Path)
 
 
 @dataclasses.dataclass

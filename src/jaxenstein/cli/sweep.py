@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..files import check_links
-from .arguments import Parser, UsageError, telling_warnings, whole
+from .arguments import Parser, UsageError, flag, whole
 from .listing import format_table
+from .opening import telling_warnings
 from .train import add_training, carry_out
 from .training import add_training_options, baselines, given_training
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
     from ..baselines.runs.sweeps import Point
 
+HELP = "train the grids of the paper, or others"
 DESCRIPTION = """\
 Train every algorithm at every point of its grid, with five seeds. The runs of one algorithm are
 trained side by side in one compiled program, in a run directory of its own below DIR. Without
@@ -37,43 +39,18 @@ before comparing it with anything.
 """
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    commands.add_parser(
-        "sweep",
-        help="train the grids of the paper, or others",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        fill=fill,
-    )
-
-
 def fill(parser: Parser) -> None:
     """Add the arguments, which the options of the baselines decide."""
-    sweeps = baselines("sweeps")
-    parser.set_defaults(run=run)
     out = parser.add_argument_group("where and what")
-    out.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder of the run directories"
-    )
-    out.add_argument("--resume", action="store_true", help="go on with the sweep in DIR")
-    out.add_argument("--config", type=Path, metavar="FILE", help="options from a file")
-    out.add_argument(
-        "--algo",
-        nargs="+",
-        choices=baselines("options").all_options()["algo"].choices,
-        metavar="NAME",
-        help=f"the algorithms (default {' '.join(sweeps.swept())})",
-    )
-    out.add_argument(
-        "--at-once",
-        type=whole(),
-        metavar="N",
-        help="train at most N runs side by side, where memory is short (default: all of a grid)",
-    )
-    out.add_argument(
-        "--no-grid", action="store_true", help="only the numbers given, or else the defaults"
-    )
+    flag(out, "--out DIR", "folder of the run directories", Path, required=True)
+    flag(out, "--resume", "go on with the sweep in DIR")
+    flag(out, "--config FILE", "options from a file", Path)
+    which = f"the algorithms (default {' '.join(baselines('sweeps').swept())})"
+    choices = baselines("options").all_options()["algo"].choices
+    flag(out, "--algo NAME", which, str, nargs="+", choices=choices)
+    few = "train at most N runs side by side, where memory is short (default: all of a grid)"
+    flag(out, "--at-once N", few, whole())
+    flag(out, "--no-grid", "only the numbers given, or else the defaults")
     add_training(parser)
     add_training_options(parser, without=("algo",))
 

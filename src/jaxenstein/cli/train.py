@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-import signal
 import sys
 import time
 from collections import deque
@@ -15,13 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingError
 from ..progress import Progress
-from .arguments import Parser, real, telling_warnings, whole
+from .arguments import Parser, flag, real, whole
+from .opening import handling, telling_warnings
 from .training import add_training_options, baselines, given_training
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
     from ..baselines.runs.metrics import Row, Sink
 
+HELP = "train recurrent PPO, RND, ICM or E3B, with checkpoints"
 DESCRIPTION = """\
 Train recurrent PPO on any environment, alone (--algo ppo) or with an exploration bonus: random
 network distillation (rnd), intrinsic curiosity (icm), an elliptical episodic bonus (e3b). All
@@ -56,28 +57,12 @@ INTERRUPTED = 130
 STOPPING = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    commands.add_parser(
-        "train",
-        help="train recurrent PPO, RND, ICM or E3B, with checkpoints",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        fill=fill,
-    )
-
-
 def fill(parser: Parser) -> None:
     """Add the arguments, which the options of the baselines decide."""
-    parser.set_defaults(run=run)
     out = parser.add_argument_group("where")
-    out.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="the run directory, a new one"
-    )
-    out.add_argument("--resume", action="store_true", help="go on with the run in DIR")
-    out.add_argument(
-        "--config", type=Path, metavar="FILE", help="options from a file: .toml, .yaml"
-    )
+    flag(out, "--out DIR", "the run directory, a new one", Path, required=True)
+    flag(out, "--resume", "go on with the run in DIR")
+    flag(out, "--config FILE", "options from a file: .toml, .yaml", Path)
     add_training(parser)
     add_training_options(parser)
 
@@ -85,20 +70,8 @@ def fill(parser: Parser) -> None:
 def add_training(parser: Parser) -> None:
     """Add what says how a run is carried out, which does not change its result."""
     how = parser.add_argument_group("how it is carried out; the result is the same")
-    how.add_argument(
-        "--chunk",
-        type=whole(),
-        default=1,
-        metavar="K",
-        help="updates in one call of the compiled program (default %(default)s)",
-    )
-    how.add_argument(
-        "--save-every",
-        type=real(0, 1e9),
-        default=60.0,
-        metavar="SECONDS",
-        help="seconds between checkpoints (default %(default)g)",
-    )
+    flag(how, "--chunk K", "updates in one call of the compiled program", whole(), 1)
+    flag(how, "--save-every SECONDS", "seconds between checkpoints", real(0, 1e9), 60.0)
     how.add_argument(
         "--minutes",
         type=_end_after,
@@ -113,7 +86,7 @@ def add_training(parser: Parser) -> None:
         default=None,
         help="write DIR/tensorboard (default: where tensorboard is installed)",
     )
-    how.add_argument("--wandb", metavar="PROJECT", help="also log to Weights & Biases")
+    flag(how, "--wandb PROJECT", "also log to Weights & Biases", str)
 
 
 def _end_after(minutes: str) -> float:
@@ -236,10 +209,5 @@ def stopping() -> Iterator[Callable[[], bool]]:
         asked.append(signum)
         print("\nstopping after this update; once more: at once", file=sys.stderr, flush=True)
 
-    numbers = [getattr(signal, name) for name in STOPPING if hasattr(signal, name)]
-    before = {signum: signal.signal(signum, ask) for signum in numbers}
-    try:
+    with handling(STOPPING, ask):
         yield lambda: bool(asked)
-    finally:
-        for signum, handler in before.items():
-            signal.signal(signum, handler)

@@ -7,13 +7,8 @@ import importlib
 from collections.abc import Sequence
 from typing import Any
 
-from .arguments import (
-    Parser,
-    UsageError,
-    add_options,
-    given_options,
-    with_map,
-)
+from .arguments import Parser, UsageError, add_options
+from .opening import given_options, with_map
 
 
 def baselines(module: str) -> Any:

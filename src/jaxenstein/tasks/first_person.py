@@ -22,6 +22,7 @@ from ..errors import SettingError
 from ..maps.tilemap import TileMap
 from ..spaces import Box, Dict, Space
 from .levels import read_level
+from .steering import SteeringParams
 
 ObservationKind = Literal["rgb", "gray", "depth", "labels", "dict"]
 MAX_PIXELS = 4096
@@ -114,7 +115,7 @@ class FirstPerson(Environment[S, P]):
 
     def stride(self, params: P) -> float:
         """The most tiles that a step of the world moves the player."""
-        return float(getattr(params, "move_distance", 0.0))
+        return float(params.move_distance) if isinstance(params, SteeringParams) else 0.0
 
     def observe(self, state: S, params: P) -> Any:
         """Draw the observation of a state; see the class for its kinds."""

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...batching import varying, where_few
-from ...batching import where_few
 from ..health import FULL_HEALTH
 from .fixed import ONE
 from .geometry import BLOCK_BITS, RADIUS, Geometry

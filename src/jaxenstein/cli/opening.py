@@ -1,0 +1,152 @@
+"""What becomes of parsed arguments: options, environments, and what is told on the way."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from ..errors import MapWarning
+from .arguments import PREFIX, TABLES, UsageError
+
+if TYPE_CHECKING:
+    from ..recipe import Recipe
+    from ..tasks.first_person import FirstPerson
+
+
+def given_options(options: argparse.Namespace) -> dict[str, Any]:
+    """The options that were given as arguments, by name; those of a map file are its texts."""
+    given = {
+        name.removeprefix(PREFIX): value
+        for name, value in vars(options).items()
+        if name.startswith(PREFIX)
+    }
+    if getattr(options, "id", None) is not None:
+        given["env"] = options.id
+    import_module_of(given.get("env"))
+    for name in TABLES:
+        if name in given:
+            given[name] = dict(_entry(name, text) for text in given[name])
+    return given
+
+
+def _entry(option: str, text: str) -> tuple[str, Any]:
+    """NAME and the value of NAME=VALUE, which is a number, true, false, a list or a text."""
+    flag, metavar = TABLES[option]
+    name, equals, value = text.partition("=")
+    if not equals or not name or not value:
+        raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {text!r}")
+    parts = [_value(part.strip()) for part in value.split(",")]
+    return name.replace("-", "_"), parts if option == "grid" or len(parts) > 1 else parts[0]
+
+
+def _value(text: str) -> Any:
+    if text in ("true", "false", "none"):
+        return {"true": True, "false": False, "none": None}[text]
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return kind(text)
+    return text
+
+
+def open_environment(
+    given: Mapping[str, Any], instead_of: Recipe | None = None
+) -> tuple[FirstPerson[Any, Any], Any, str]:
+    """An environment, without automatic resets; warnings about its map are printed.
+
+    Args:
+        given: as `given_options` returns it.
+        instead_of: what is not given is as in this one.
+
+    Returns:
+        The environment, its params, and a name for files.
+
+    Raises:
+        UsageError: neither an ID nor a map is given.
+        JAXensteinError: it cannot be built.
+    """
+    recipe, name = open_recipe(given, instead_of)
+    env, params = recipe.build()
+    return cast("FirstPerson[Any, Any]", env), params, name
+
+
+def open_recipe(given: Mapping[str, Any], instead_of: Recipe | None = None) -> tuple[Recipe, str]:
+    """How to build that environment, and the name for files."""
+    from ..settings import changed, recipe_from
+
+    named = len({"env", "map_file"} & set(given))
+    if named == 2 or (named == 0 and instead_of is None):
+        raise UsageError("jaxenstein: give either the ID of an environment or --map-file FILE")
+    name = (
+        Path(given["map_file"]).stem
+        if "map_file" in given
+        else given.get("env", "").rpartition(":")[2]
+    )
+    with telling_warnings():
+        options = with_map(given)
+        return (changed(instead_of, options) if instead_of else recipe_from(options)), name
+
+
+@contextlib.contextmanager
+def handling(names: Iterable[str], handler: Callable[[int, object], None]) -> Iterator[None]:
+    """Answer the signals of these names, as far as this system has them, by a handler."""
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    before = {number: signal.signal(number, handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+@contextlib.contextmanager
+def telling_warnings() -> Iterator[None]:
+    """Print the warnings about maps, one line each."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", MapWarning)
+        yield
+    for warning in {str(warning.message): warning for warning in caught}.values():
+        print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)
+
+
+def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
+    """The options with the texts of a map file, which may be relative to a folder, for its name."""
+    from ..maps.map_files import read_map
+
+    given = dict(given)
+    if "map_file" in given:
+        texts = read_map(folder / given.pop("map_file"))
+        given |= {"map" if name == "text" else name: text for name, text in texts.items()}
+    return given
+
+
+def import_modules(names: Iterable[str]) -> None:
+    """Import modules of tasks of one's own, also from the current folder.
+
+    Raises:
+        UsageError: there is no such module.
+    """
+    if os.getcwd() not in sys.path:
+        # At the end, so that nothing there takes the place of a library.
+        sys.path.append(os.getcwd())
+    for name in names:
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            # A module that the named one asks for is missing: that is its own error.
+            if not f"{name}.".startswith(f"{error.name}."):
+                raise
+            raise UsageError(f"jaxenstein: there is no module {error.name!r} to import") from error
+
+
+def import_module_of(id: str | None) -> None:
+    """Import the module of an ID such as my_module:my-task; of others there is none."""
+    module, colon, _ = (id or "").rpartition(":")
+    import_modules([module] * bool(colon and module))
