@@ -61,8 +61,7 @@ def of_step(env: Any, before: Any, after: Any, outcome: Any, params: Any) -> Che
         == jnp.where(ended, 0, before.time + 1),
         "the time limit truncates": truncated
         == (info["episode_length"] >= params.max_steps_in_episode),
-        "a step is no longer than the distance": (walked <= env.stride(params) + 1e-4)
-        | elsewhere,
+        "a step is no longer than the distance": (walked <= env.stride(params) + 1e-4) | elsewhere,
     }
     for name in env.about().lasting:
         lost = jnp.any(getattr(before, name) & ~getattr(after, name))

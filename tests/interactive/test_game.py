@@ -13,7 +13,7 @@ import pytest
 import jaxenstein
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.controls import keys_of
-from jaxenstein.interactive.display import Box, Event
+from jaxenstein.interactive.display import Box, Display, Event
 from jaxenstein.interactive.game import Game, draw, play, wait_for
 from jaxenstein.registry import ENTRIES
 from jaxenstein.tasks.steering import BACKWARD, FORWARD, INTERACT, TURN_LEFT, TURN_RIGHT
@@ -213,10 +213,10 @@ def test_every_action_of_every_environment_has_a_key(id: str) -> None:
     assert not any(key.isdigit() for several in keys.values() for key in several)
 
 
-class Script:
+class Script(Display):
     """A display that plays a list of keys, one whenever the game has nothing left to do."""
 
-    finer = 1
+    finer, gap = 1, 0
 
     def __init__(self, keys: Sequence[str] = ()) -> None:
         self.keys = list(keys)
@@ -233,6 +233,12 @@ class Script:
         overlay: Sequence[str] = (),
     ) -> None:
         self.shown.append((frame, list(lines), beside, list(overlay)))
+
+    def close(self) -> None:
+        self.keys.clear()
+
+    def area(self, lines: int) -> Box:
+        raise NotImplementedError
 
     def beside_area(self, lines: int) -> Box:
         assert lines == 2

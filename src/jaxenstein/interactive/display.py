@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Sequence
-from typing import Literal, NamedTuple, Protocol
+from typing import ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 
 from ..errors import SettingError
+
+# A picture beside the view gets at most this share of the width.
+BESIDE_SHARE = 0.5
+# Seconds after which waiting looks at signals such as that of Ctrl-C, and for another size.
+LONGEST_WAIT = 0.25
 
 
 class DisplayError(SettingError):
@@ -36,15 +42,34 @@ class Box(NamedTuple):
     height: int
 
 
-class Display(Protocol):
-    """A place for a picture, a second one beside it, and text.
+class Display(abc.ABC):
+    """A place for a picture, a second one beside it, and text; leaving its context closes it.
 
     Attributes:
         finer: how many times larger than its room a map should be drawn, to be shrunk smoothly.
+        gap: pixels between the two pictures.
+        view: where the last frame was drawn, in pixels; None if nowhere.
+        beside: where the picture beside it was drawn; None if nowhere.
     """
 
-    finer: int
+    finer: ClassVar[int]
+    gap: ClassVar[int]
+    view: Box | None = None
+    beside: Box | None = None
 
+    def __enter__(self) -> Self:
+        """The display."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close it."""
+        self.close()
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """Close the display; closing it again does nothing."""
+
+    @abc.abstractmethod
     def show(
         self,
         frame: np.ndarray | None,
@@ -61,23 +86,37 @@ class Display(Protocol):
             beside: uint8[h, w, 3], a picture to the right of the frame.
             overlay: text in a box on top of everything.
         """
-        ...
+
+    @abc.abstractmethod
+    def area(self, lines: int) -> Box:
+        """The room for pictures above so many lines of text, in pixels."""
 
     def beside_area(self, lines: int) -> Box:
         """The room for a picture beside the frame, above so many lines of text."""
-        ...
+        area = self.area(lines)
+        width = max(1, int(BESIDE_SHARE * (area.width - self.gap)))
+        return area._replace(left=area.left + area.width - width, width=width)
+
+    def arranged(
+        self, frame: np.ndarray | None, beside: np.ndarray | None, lines: int
+    ) -> list[tuple[np.ndarray, Box]]:
+        """The pictures that there are and where they go, which `view` and `beside` say from now."""
+        area, side = self.area(lines), self.beside_area(lines)
+        self.view, self.beside = arrange(area, side, frame, beside, self.gap)
+        placed = ((frame, self.view), (beside, self.beside))
+        return [(picture, box) for picture, box in placed if picture is not None and box]
 
     def make_room(self, beside: bool) -> None:
         """Grow for a picture beside the frame, or shrink back, if that is possible."""
-        ...
+        del beside
 
+    @abc.abstractmethod
     def events(self, timeout: float = 0.0) -> list[Event]:
         """What happened since the last call; to be called often.
 
         Args:
             timeout: seconds to wait for something to happen, asleep; it may be less.
         """
-        ...
 
 
 def fit(area: Box, height: int, width: int) -> Box:

@@ -14,14 +14,13 @@ import select
 import sys
 import time
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from PIL import Image
 
 from ..view.recording import BACKGROUND, TEXT
-from .display import Box, DisplayError, Event, arrange
+from .display import LONGEST_WAIT, Box, Display, DisplayError, Event
 
 HALF_BLOCK = "\u2580"
 # Alternate screen, no cursor, no wrapping at the right edge; and back.
@@ -33,9 +32,6 @@ BEGIN, END = "\x1b[?2026h", "\x1b[?2026l"
 ASK, ANSWER, PATIENCE = "\x1b[6n", re.compile(rb"\x1b\[\d+;\d+R"), 1.0
 # Seconds in which the rest of an escape sequence has to follow.
 ESCAPE_WAIT = 0.1
-# Seconds after which waiting looks whether the terminal has another size.
-LONGEST_WAIT = 0.25
-BESIDE_SHARE = 0.5
 
 SEQUENCE = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]|O[A-Za-z])")
 UNFINISHED = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*|O)?$")
@@ -137,17 +133,14 @@ class Cells(NamedTuple):
         return "".join(out)
 
 
-class Terminal:
-    """A display of characters. Use it as a context manager: leaving restores the terminal.
+class Terminal(Display):
+    """A display of characters, whose pixels are half ones. Leaving its context restores it.
 
     Keys are told when they are pressed, and as released at once: a terminal does not say more.
-
-    Attributes:
-        view: where the last frame was drawn, in pixels of half a character; None if nowhere.
-        beside: where the picture beside it was drawn; None if nowhere.
     """
 
     finer = 3
+    gap = 1
 
     def __init__(self, source: int = 0, target: int = 1) -> None:
         """Take a terminal, and leave it as it is until the context is entered.
@@ -178,8 +171,6 @@ class Terminal:
         self._shown: Cells | None = None
         self._size = (80, 24)
         self._size = self.size
-        self.view: Box | None = None
-        self.beside: Box | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -208,15 +199,6 @@ class Terminal:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Restore the terminal."""
-        self.close()
-
     def close(self) -> None:
         """Restore the terminal; doing it again does nothing."""
         if self._saved is None:
@@ -230,15 +212,6 @@ class Terminal:
             termios.tcflush(self._source, termios.TCIFLUSH)
             termios.tcsetattr(self._source, termios.TCSANOW, saved)
 
-    def make_room(self, beside: bool) -> None:
-        """A terminal keeps its size."""
-
-    def beside_area(self, lines: int) -> Box:
-        """The room for a picture beside the frame, above so many lines of text."""
-        area = self._area(lines)
-        width = max(1, int(BESIDE_SHARE * (area.width - 1)))
-        return area._replace(left=area.width - width, width=width)
-
     def show(
         self,
         frame: np.ndarray | None,
@@ -248,16 +221,13 @@ class Terminal:
         overlay: Sequence[str] = (),
     ) -> None:
         """Draw what has changed; see `Display.show`."""
-        area, side = self._area(len(lines)), self.beside_area(len(lines))
-        self.view, self.beside = arrange(area, side, frame, beside, 1)
         columns, rows = self._size
         canvas = np.empty((2 * rows, columns, 3), np.uint8)
         canvas[:] = BACKGROUND
-        for picture, box in ((frame, self.view), (beside, self.beside)):
-            if picture is not None and box is not None:
-                _paste(canvas, picture, box)
+        for picture, box in self.arranged(frame, beside, len(lines)):
+            _paste(canvas, picture, box)
         cells = Cells.of_picture(canvas)
-        first = area.height // 2
+        first = self.area(len(lines)).height // 2
         for i, line in enumerate(lines):
             cells.write(first + i, 0, line.ljust(columns))
         if overlay:
@@ -283,7 +253,7 @@ class Terminal:
             events.append(Event("redraw"))
         return [*events, Event("close")] if self._gone else events
 
-    def _area(self, lines: int) -> Box:
+    def area(self, lines: int) -> Box:
         """The room for pictures above so many lines of text, in pixels."""
         columns, rows = self._size
         return Box(0, 0, columns, 2 * max(1, rows - lines))

@@ -10,26 +10,21 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from ..view.recording import BACKGROUND, TEXT
-from .display import Box, DisplayError, Event, arrange
+from .display import LONGEST_WAIT, Box, Display, DisplayError, Event
 
 # Pixels around the pictures, at the sides of text, and of a line of text.
 GAP, MARGIN, LINE, LETTERS = 6, 12, 22, 22
 # The darkness of what is behind an overlay, 0 to 255.
 SHADE = 208
-# A picture beside the view gets at most this share of the width.
-BESIDE_SHARE = 0.5
 # SDL's drivers that draw without showing.
 UNSEEN = ("dummy", "offscreen")
 # Where Linux says which display there is.
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
-# Seconds after which waiting looks at signals such as that of Ctrl-C.
-LONGEST_WAIT = 0.25
 
 
 def import_pygame() -> Any:
@@ -47,15 +42,11 @@ def import_pygame() -> Any:
         ) from error
 
 
-class Window:
-    """The window of this process; there can be one at a time. Use it from the main thread.
-
-    Attributes:
-        view: where the last frame was drawn; None if there was none.
-        beside: where the picture beside it was drawn; None if there was none.
-    """
+class Window(Display):
+    """The window of this process; there can be one at a time. Use it from the main thread."""
 
     finer = 1
+    gap = GAP
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
         """Open a window that can be resized.
@@ -86,21 +77,6 @@ class Window:
             pygame.display.quit()
             raise DisplayError("no window can be opened: there is no display")
         self._font = pygame.font.Font(None, LETTERS)
-        self.view: Box | None = None
-        self.beside: Box | None = None
-
-    def __enter__(self) -> Self:
-        """The window."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close it."""
-        self.close()
 
     @property
     def size(self) -> tuple[int, int]:
@@ -147,11 +123,9 @@ class Window:
         """Draw everything anew; see `Display.show`."""
         surface = self._pygame.display.get_surface()
         surface.fill(BACKGROUND)
-        area, side = self._area(len(lines)), self.beside_area(len(lines))
-        self.view, self.beside = arrange(area, side, frame, beside, GAP)
-        for picture, box in ((frame, self.view), (beside, self.beside)):
-            if picture is not None and box is not None:
-                self._draw(surface, picture, box)
+        for picture, box in self.arranged(frame, beside, len(lines)):
+            self._draw(surface, picture, box)
+        area = self.area(len(lines))
         for i, line in enumerate(lines):
             top = area.top + area.height + GAP + i * LINE
             surface.blit(self._font.render(line, True, TEXT), (MARGIN, top))
@@ -159,23 +133,13 @@ class Window:
             self._draw_overlay(surface, overlay)
         self._pygame.display.flip()
 
-    def beside_area(self, lines: int) -> Box:
-        """The room for a picture beside the frame, above so many lines of text."""
-        area = self._area(lines)
-        width = max(1, int(BESIDE_SHARE * (area.width - GAP)))
-        return area._replace(left=area.left + area.width - width, width=width)
-
     def pixels(self) -> np.ndarray:
         """uint8[height, width, 3]: what the window shows."""
         surface = self._pygame.display.get_surface()
         return self._pygame.surfarray.array3d(surface).swapaxes(0, 1).copy()
 
     def events(self, timeout: float = 0.0) -> list[Event]:
-        """What happened since the last call; to be called often, or the window seems dead.
-
-        Args:
-            timeout: seconds to wait for something to happen, asleep; it may be less.
-        """
+        """What happened since the last call; to be called often, or the window seems dead."""
         pygame = self._pygame
         found = []
         if timeout > 0:
@@ -188,7 +152,7 @@ class Window:
         """Close the window; closing it again does nothing."""
         self._pygame.display.quit()
 
-    def _area(self, lines: int) -> Box:
+    def area(self, lines: int) -> Box:
         """The room for pictures above so many lines of text."""
         width, height = self.size
         text = lines * LINE + GAP if lines else 0
@@ -212,7 +176,7 @@ class Window:
         for i, text in enumerate(texts):
             box.blit(text, (MARGIN, MARGIN + i * LINE))
         box.set_alpha(SHADE)
-        area = self.view or self._area(0)
+        area = self.view or self.area(0)
         left, top = area.left + (area.width - width) // 2, area.top + (area.height - height) // 2
         surface.blit(box, (max(0, left), max(0, top)))
 
