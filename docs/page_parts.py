@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 
 import jaxenstein
 from docs.families import Family
@@ -59,9 +60,10 @@ def turned(text: str) -> str:
 
 
 def info_table(env: Any, params: Any) -> str:
-    """The entries of `info` with their types, from a trace of a step."""
-    _, state = jax.eval_shape(env.reset, jax.random.key(0), params)
-    info = jax.eval_shape(env.step, jax.random.key(0), state, 0, params)[5]
+    """The entries of `info` with their types, from a trace of a step that draws no frame."""
+    key, params = jax.random.key(0), env.check_params(params)
+    state = jax.eval_shape(env.init_state, key, params)
+    info = jax.eval_shape(env.advance, key, state, jnp.int32(0), params)[3]
     meanings = meanings_of(env)
     rows = [
         (f"`{name}`", f"{leaf.dtype}{list(leaf.shape)}", meanings[name])

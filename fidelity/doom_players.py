@@ -14,12 +14,13 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
 import jaxenstein
+from fidelity.players import mean_and_error
 from jaxenstein.adapters.vizdoom import play_game
 from jaxenstein.episodes.policies import named_policy
 from jaxenstein.files import atomic, check_writable
@@ -78,12 +79,6 @@ def compare(id: str, name: str, frame_skip: int, episodes: int, seed: int) -> Ro
         (float(np.mean(played.successes > 0)), float(games.successes.mean())),
         apart / error if error else math.inf if apart else 0.0,
     )
-
-
-def mean_and_error(values: Any) -> tuple[float, float]:
-    """The mean and its standard error."""
-    values = np.asarray(values, np.float64)
-    return float(values.mean()), float(values.std(ddof=1) / math.sqrt(len(values)))
 
 
 def in_words(row: Row) -> str:

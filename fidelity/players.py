@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
-import statistics
 import time
-from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -33,11 +31,11 @@ ORIGINALS = {
 _HEADINGS = 4
 
 
-def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
+def mean_and_error(values: Any) -> tuple[float, float]:
     """Mean and its standard error (nan for fewer than two values)."""
-    if len(values) < 2:
-        return statistics.fmean(values), math.nan
-    return statistics.fmean(values), statistics.stdev(values) / math.sqrt(len(values))
+    values = np.asarray(values, np.float64)
+    error = values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan
+    return float(values.mean()), float(error)
 
 
 def uniform_walk(env: Environment[Any, Any], params: Any) -> Choose:

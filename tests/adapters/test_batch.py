@@ -20,6 +20,7 @@ from jaxenstein.adapters import batch as module
 from jaxenstein.adapters.batch import Batch
 from jaxenstein.tasks.navigation import Navigation
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
 # Fast feet reach the goal at different times; the others run out of time.
 MAP = "#######\n#S.rGG#\n#SS...#\n#######"
 COUNT = 9

@@ -14,6 +14,7 @@ gymnasium = pytest.importorskip("gymnasium")
 single = pytest.importorskip("jaxenstein.adapters.gymnasium")
 vector = pytest.importorskip("jaxenstein.adapters.gymnasium_vector")
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
 AutoresetMode = gymnasium.vector.AutoresetMode
 SMALL = {"height": 8, "width": 12}
 MAP = "#######\n#S.rGG#\n#SS...#\n#######"

@@ -18,6 +18,7 @@ from jaxenstein.errors import SettingError, UnknownEnvironmentError
 
 pytest.importorskip("gymnax")
 pytestmark = [
+    pytest.mark.usefixtures("plain_frames"),
     # Raised inside of gymnax and of what it imports.
     pytest.mark.filterwarnings("ignore::DeprecationWarning:(gymnax|gymnasium|flax|chex|distrax).*"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning:(jaxopt|tensorflow_probability).*"),

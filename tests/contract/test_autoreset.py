@@ -6,6 +6,7 @@ import pytest
 
 import jaxenstein
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
 MAP = "#####\n#S.G#\n#####"
 FORWARD, STAY = 2, -1
 

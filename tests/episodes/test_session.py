@@ -13,6 +13,7 @@ import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.episodes.session import NO_OP, Session
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
 MAP = "######\n#S..G#\n#....#\n######\n"
 World = tuple[Any, Any]
 

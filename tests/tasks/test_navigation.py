@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import jaxenstein
 from jaxenstein.tasks.steering import BACKWARD, FORWARD, INTERACT, TURN_LEFT, TURN_RIGHT
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
 # Every kind of door and key; the goal behind a chain of doors.
 HOUSE = """
 ###########
