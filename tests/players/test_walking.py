@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxenstein import make
+from jaxenstein import from_ascii, make
 from jaxenstein.players import play
 from jaxenstein.players.walking import SHORTEST_PATH, distance_tables
 from jaxenstein.tasks.navigation import Navigation
@@ -33,6 +33,31 @@ def test_players_find_their_way_with_a_frame_skip(name, skip):
     env, params = make(name, frame_skip=skip, **SIZE)
     episodes = play(env, SHORTEST_PATH, params, jax.random.key(0), starts(env, params, 16))
     assert episodes.terminated.all()
+
+
+BENDS = """
+#########
+#S..#...#
+###.#.#.#
+#...#.#.#
+#.###.#.#
+#.....#G#
+#########
+""".strip()
+
+
+@pytest.mark.parametrize(("skip", "turn", "least"), [(1, 90, 64), (6, 15, 58)])
+def test_wide_turns_and_strides_arrive_from_any_heading(skip, turn, least):
+    """Aligned to less than half a turn, a step may lead into the wall of the corridor.
+
+    Six steps are 0.9 tiles: one start in twenty can only pass the goal, whose radius is 0.35,
+    until a wall has put it onto other tracks.
+    """
+    env, params = from_ascii(BENDS, frame_skip=skip, **SIZE)
+    params = params.replace(turn_angle=np.float32(np.radians(turn)))
+    episodes = play(env, SHORTEST_PATH, params, jax.random.key(0), starts(env, params, 64))
+    assert int((episodes.successes > 0).sum()) >= least
+    assert int(np.median(episodes.length)) < 400
 
 
 def test_shortest_path_is_hardly_longer_than_its_tiles():

@@ -31,9 +31,12 @@ _MOST_KEYS = 8
 _BESIDE = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
 # Added to half a turn (radians), lest rounding turn a player to and fro for ever.
 _SLACK = 1e-3
-# A stride of more tiles than this may carry a player past a goal again and again, on the same way
-# to and fro; so at the goal's tile it acts by chance so often.
-_LONG_STRIDE, _CHANCE = 0.35, 0.25
+# Turns of more radians or strides of more tiles are looked at before they are taken.
+_WIDE_TURN, _LONG_STRIDE = 0.3, 0.35
+# Headings that are looked at, this many turns either way; and what a stride must gain, in tiles.
+_TURNS, _LEAST_GAIN = 6, 1e-3
+# How often a player acts by chance where its strides may carry it past the place.
+_CHANCE = 0.25
 
 
 class Gait(NamedTuple):
@@ -45,7 +48,7 @@ class Gait(NamedTuple):
         forward: the one that walks.
         angle: radians of a turn, which may be several steps of the world (`frame_skip`).
         step: tiles of one step of the world.
-        stride: tiles of a decision.
+        steps: steps of the world in a decision.
     """
 
     left: int
@@ -53,7 +56,7 @@ class Gait(NamedTuple):
     forward: int
     angle: Any
     step: Any
-    stride: Any
+    steps: int
 
 
 class OnFoot(Protocol):
@@ -84,8 +87,8 @@ def gait(env: Any, params: Any) -> Gait:
     Raises:
         SettingError: it has no actions to walk with.
     """
-    angle, step = params.turn_angle * env.frame_skip, params.move_distance
-    return Gait(*walking_actions(env.action_names), angle, step, step * env.frame_skip)
+    angle = params.turn_angle * env.frame_skip
+    return Gait(*walking_actions(env.action_names), angle, params.move_distance, env.frame_skip)
 
 
 def walking_actions(names: Sequence[str]) -> tuple[int, int, int]:
@@ -111,12 +114,11 @@ def shortest_path(env: OnFoot, params: Any) -> Choose:
     def choose(key: jax.Array, state: Any) -> jax.Array:
         field = env.distance_field(state)
         scene = env.scene(state, params)
-        target, there = next_tile(field, state)
-        action = towards(body, scene, target.astype(jnp.float32) + 0.5 - scene.position)
-        chance_key, action_key = jax.random.split(key)
-        lost = there & (body.stride > _LONG_STRIDE) & jax.random.bernoulli(chance_key, _CHANCE)
-        some = jnp.array((body.left, body.right, body.forward), jnp.int32)
-        action = jnp.where(lost, jax.random.choice(action_key, some), action)
+        target, _ = next_tile(field, state)
+        offset = target.astype(jnp.float32) + 0.5 - scene.position
+        wide = (body.angle > _WIDE_TURN) | (body.step * body.steps > _LONG_STRIDE)
+        looked = best_stride(body, scene, offset, field, key)
+        action = jnp.where(wide, looked, towards(body, scene, offset))
         if interact is None:
             return action
         opens = faces_door(scene, target, params.interact_distance)
@@ -140,17 +142,99 @@ def towards(body: Gait, scene: Scene, offset: jax.Array) -> jax.Array:
         scene: where it is, and what is solid.
         offset: float32[2], from the player to the place, in tiles.
     """
-    error = jnp.arctan2(offset[1], offset[0]) - scene.heading
-    error = jnp.mod(error + math.pi, 2 * math.pi) - math.pi
+    error, aligned, turns = _turns(body, scene, offset)
     side = jnp.where(error > 0, 1.0, -1.0)
-    aligned = jnp.abs(error) <= 0.5 * body.angle + _SLACK
-    turns = jnp.where(aligned, 0.0, jnp.round(error / body.angle))
     beyond = jnp.where(error > turns * body.angle, turns + 1, turns - 1)
     astray = _blocked(body, scene, turns) & ~_blocked(body, scene, beyond)
     side = jnp.where(astray, jnp.sign(beyond), side)
     ahead = jnp.where(astray, beyond == 0, aligned)
     turn = jnp.where(side > 0, jnp.int32(body.right), jnp.int32(body.left))
     return jnp.where(ahead, jnp.int32(body.forward), turn)
+
+
+def _turns(body: Gait, scene: Scene, offset: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Radians to the right of a place; whether no turn is nearer to it; the turns that are."""
+    error = jnp.arctan2(offset[1], offset[0]) - scene.heading
+    error = jnp.mod(error + math.pi, 2 * math.pi) - math.pi
+    aligned = jnp.abs(error) <= 0.5 * body.angle + _SLACK
+    return error, aligned, jnp.where(aligned, 0.0, jnp.round(error / body.angle))
+
+
+def best_stride(
+    body: Gait, scene: Scene, offset: jax.Array, field: jax.Array, key: jax.Array
+) -> jax.Array:
+    """int32[]: as `towards`, for wide turns and long strides, which are looked at before.
+
+    The nearest heading to the way may end at the wall beside it, or farther off. Of all headings
+    the one is taken that gains most a decision; every stride leaves less to go, so that nobody
+    walks to and fro for ever. Where none does, the player acts by chance, and so it does now and
+    then where a stride may go past the place, which counts if it lies on the way.
+
+    Args:
+        body: how it moves.
+        scene: where it is, and what is solid.
+        offset: float32[2], from the player to the next tile's centre.
+        field: int32[rows, columns], tiles on foot to where it goes.
+        key: of what is left to chance.
+    """
+    _, _, nearest = _turns(body, scene, offset)
+    turns = jnp.concatenate([nearest[None], np.arange(-_TURNS, _TURNS + 1, dtype=np.float32)])
+    here = remaining(field, scene.position)
+    after, passed = jax.vmap(functools.partial(_stride, body, scene, field))(turns)
+    close = here < 1
+    gains = here - jnp.where(close, passed, after)
+    rates = jnp.where(gains > _LEAST_GAIN, gains / (jnp.abs(turns) + 1), -jnp.inf)
+    # With single steps the nearest heading will do, unless it gains nothing.
+    plain = (gains[0] > _LEAST_GAIN) & (body.steps == 1)
+    chosen = jnp.where(plain, nearest, turns[jnp.argmax(rates)])
+    turn = jnp.where(chosen > 0, jnp.int32(body.right), jnp.int32(body.left))
+    action = jnp.where(chosen == 0, jnp.int32(body.forward), turn)
+    some = jnp.array((body.left, body.right, body.forward), jnp.int32)
+    chance_key, action_key = jax.random.split(key)
+    passing = close & (body.step * body.steps > _LONG_STRIDE)
+    lost = passing & jax.random.bernoulli(chance_key, _CHANCE)
+    lost = lost | jnp.all(jnp.isneginf(rates))
+    return jnp.where(lost, jax.random.choice(action_key, some), action)
+
+
+def _stride(
+    body: Gait, scene: Scene, field: jax.Array, turns: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """What is left to go after a decision to walk, so many turns to the right; the least on it."""
+    step = forward(scene.heading + turns * body.angle) * body.step
+
+    def one(position: jax.Array, _: None) -> tuple[jax.Array, jax.Array]:
+        position = walk(scene.level, scene.closed, position, step)
+        return position, remaining(field, position)
+
+    start = varying(scene.position, scene, step)
+    left = jax.lax.scan(one, start, length=body.steps)[1]
+    return left[-1], jnp.min(left)
+
+
+def remaining(field: jax.Array, position: jax.Array) -> jax.Array:
+    """float32[]: tiles to walk from a position to where a field leads, by the tile beside it.
+
+    Args:
+        field: int32[rows, columns], tiles on foot to the target.
+        position: float32[2], (x, y) in tiles.
+    """
+    cell = jnp.floor(position).astype(jnp.int32)
+    tiles, steps = _beside(field, cell)
+    offset = tiles.astype(jnp.float32) + 0.5 - position[None]
+    ways = steps.astype(jnp.float32) + jnp.sqrt(jnp.sum(offset**2, axis=-1))
+    own = jnp.sqrt(jnp.sum((cell.astype(jnp.float32) + 0.5 - position) ** 2))
+    return jnp.where(field[cell[1], cell[0]] == 0, own, jnp.min(ways))
+
+
+def _beside(field: jax.Array, cell: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """int32[4, 2], the tiles beside one; int32[4], what the field says of them."""
+    rows, columns = field.shape
+    beside = cell[None] + _BESIDE
+    last = np.array((columns - 1, rows - 1), np.int32)
+    inside = jnp.all((beside >= 0) & (beside <= last[None]), axis=-1)
+    safe = jnp.clip(beside, 0, last[None])
+    return beside, jnp.where(inside, field[safe[:, 1], safe[:, 0]], FAR)
 
 
 def _blocked(body: Gait, scene: Scene, turns: jax.Array) -> jax.Array:
@@ -170,13 +254,8 @@ def next_tile(field: jax.Array, state: Any) -> tuple[jax.Array, jax.Array]:
         field: int32[rows, columns], tiles on foot to the target.
         state: with position and heading.
     """
-    rows, columns = field.shape
     cell = jnp.floor(state.position).astype(jnp.int32)
-    beside = cell[None] + _BESIDE
-    last = np.array((columns - 1, rows - 1), np.int32)
-    inside = jnp.all((beside >= 0) & (beside <= last[None]), axis=-1)
-    safe = jnp.clip(beside, 0, last[None])
-    steps = jnp.where(inside, field[safe[:, 1], safe[:, 0]], FAR)
+    beside, steps = _beside(field, cell)
     offset = beside.astype(jnp.float32) + 0.5 - state.position[None]
     ahead = jnp.sum(offset * forward(state.heading)[None], axis=-1)
     cosine = ahead / jnp.sqrt(jnp.sum(offset**2, axis=-1))
