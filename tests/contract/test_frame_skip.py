@@ -11,6 +11,7 @@ import pytest
 import jaxenstein
 from jaxenstein.players import player_of
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
 SIZE = {"height": 8, "width": 8}
 STEPS = 60
 # The entries of `info` that tell of a state; the others are events.

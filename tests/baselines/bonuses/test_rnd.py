@@ -30,7 +30,7 @@ NUMBERS = numbers_of("rnd")
 @pytest.fixture(scope="module")
 def trained():
     bonus = bonus_of("rnd")
-    before = bonus.init(KEY)
+    before = jax.jit(bonus.init)(KEY)
     return bonus, before, train(bonus, before, experience(), NUMBERS, 150)[0]
 
 
@@ -38,7 +38,7 @@ def test_rnd_rewards_what_a_step_led_to(trained):
     bonus, state, _ = trained
     data = experience()
     reward, _, _ = jax.jit(bonus.reward)(state, NUMBERS, data)
-    error = bonus.error(state, data.obs)
+    error = jax.jit(bonus.error)(state, data.obs)
     np.testing.assert_allclose(reward, error[1:], rtol=1e-5)
     assert np.all(np.asarray(error) > 0)
 
@@ -57,7 +57,7 @@ def test_rnd_falls_where_it_has_been(trained):
     wanted = ~np.asarray(seen.ended)
 
     def mean(state, data):
-        return np.mean(np.asarray(bonus.error(state, data.obs))[1:][wanted])
+        return np.mean(np.asarray(jax.jit(bonus.error)(state, data.obs))[1:][wanted])
 
     fall, other = (mean(after, data) / mean(before, data) for data in (seen, unseen))
     assert fall < 0.1
@@ -85,7 +85,7 @@ def test_no_frames_at_all_train_nothing(trained):
 
 def test_pixel_statistics_are_those_of_all_frames_and_used_before_they_change():
     bonus = bonus_of("rnd", rnd_normalise_observations=True)
-    state, reward = bonus.init(KEY), jax.jit(bonus.reward)
+    state, reward = jax.jit(bonus.init)(KEY), jax.jit(bonus.reward)
     seen = []
     for seed in range(3):
         data = experience(seed)
@@ -98,7 +98,7 @@ def test_pixel_statistics_are_those_of_all_frames_and_used_before_they_change():
         np.testing.assert_allclose(state.pixels[0][0].variance, every.var(0), atol=1e-5)
         used = state.pixels if seed == 0 else pixels
         led_to = jax.tree.map(lambda leaf: leaf[1:], data.obs)
-        error = bonus.error(state.replace(pixels=used), led_to)
+        error = jax.jit(bonus.error)(state.replace(pixels=used), led_to)
         np.testing.assert_allclose(metrics["rnd_error"], jnp.mean(error), rtol=1e-4)
         (whitened,), _ = bonus._whiten(used, led_to, jnp.float32)
         mean, deviation = (np.asarray(a)[..., 0] for a in (used[0][0].mean, used[0][0].deviation))
@@ -125,7 +125,7 @@ def test_whitening_begins_with_random_play():
     steps, own = 40, {"rnd_normalise_observations": True, "rnd_warm_up": 40}
     loop = dataclasses.replace(loop_of("rnd", **own), simulator=Brightening())  # type: ignore[arg-type]
     bonus: Any = loop.bonus
-    before = bonus.init(KEY)
+    before = jax.jit(bonus.init)(KEY)
     state = jax.jit(loop._warm_up)(before, KEY)
     (images,), vector = state.pixels
     shades = 10 * np.arange(BATCH) + 3 * (1 + np.arange(steps))[:, None]
@@ -139,7 +139,7 @@ def test_whitening_begins_with_random_play():
         np.testing.assert_array_equal(a, b)
     data = experience()
     _, _, metrics = bonus.reward(state, NUMBERS, data)
-    error = bonus.error(state, data.led_to)
+    error = jax.jit(bonus.error)(state, data.led_to)
     np.testing.assert_allclose(metrics["rnd_error"], jnp.mean(error), rtol=1e-4)
     off = loop_of("rnd", rnd_warm_up=40)
     assert off._warm_up(before, KEY) is before
@@ -147,14 +147,14 @@ def test_whitening_begins_with_random_play():
 
 def test_the_predictor_may_be_deeper():
     def layers(bonus: Any) -> list[int]:
-        state = bonus.init(KEY)
+        state = jax.jit(bonus.init)(KEY)
         return [len(part["embedding"]["params"]) for part in (state.target, state.predictor)]
 
     assert layers(bonus_of("rnd")) == [3, 3]
     assert layers(bonus_of("rnd", rnd_deeper=2)) == [3, 5]
     data, bonus = experience(), bonus_of("rnd", rnd_deeper=2)
-    before = bonus.init(KEY)
+    before = jax.jit(bonus.init)(KEY)
     after, _ = train(bonus, before, data, NUMBERS, 20)
-    assert jnp.mean(bonus.error(after, data.obs)) < jnp.mean(bonus.error(before, data.obs))
+    assert jnp.mean(jax.jit(bonus.error)(after, data.obs)) < jnp.mean(jax.jit(bonus.error)(before, data.obs))
     with pytest.raises(SettingError, match="rnd_deeper must be a whole number from 0, not -1"):
         bonus_of("rnd", rnd_deeper=-1)
