@@ -125,7 +125,7 @@ def test_whitening_begins_with_random_play():
     steps, own = 40, {"rnd_normalise_observations": True, "rnd_warm_up": 40}
     loop = dataclasses.replace(loop_of("rnd", **own), simulator=Brightening())  # type: ignore[arg-type]
     bonus: Any = loop.bonus
-    before = jax.jit(bonus.init)(KEY)
+    before = bonus.init(KEY)
     state = jax.jit(loop._warm_up)(before, KEY)
     (images,), vector = state.pixels
     shades = 10 * np.arange(BATCH) + 3 * (1 + np.arange(steps))[:, None]
@@ -139,7 +139,7 @@ def test_whitening_begins_with_random_play():
         np.testing.assert_array_equal(a, b)
     data = experience()
     _, _, metrics = bonus.reward(state, NUMBERS, data)
-    error = jax.jit(bonus.error)(state, data.led_to)
+    error = bonus.error(state, data.led_to)
     np.testing.assert_allclose(metrics["rnd_error"], jnp.mean(error), rtol=1e-4)
     off = loop_of("rnd", rnd_warm_up=40)
     assert off._warm_up(before, KEY) is before
@@ -147,14 +147,14 @@ def test_whitening_begins_with_random_play():
 
 def test_the_predictor_may_be_deeper():
     def layers(bonus: Any) -> list[int]:
-        state = jax.jit(bonus.init)(KEY)
+        state = bonus.init(KEY)
         return [len(part["embedding"]["params"]) for part in (state.target, state.predictor)]
 
     assert layers(bonus_of("rnd")) == [3, 3]
     assert layers(bonus_of("rnd", rnd_deeper=2)) == [3, 5]
     data, bonus = experience(), bonus_of("rnd", rnd_deeper=2)
-    before = jax.jit(bonus.init)(KEY)
+    before = bonus.init(KEY)
     after, _ = train(bonus, before, data, NUMBERS, 20)
-    assert jnp.mean(jax.jit(bonus.error)(after, data.obs)) < jnp.mean(jax.jit(bonus.error)(before, data.obs))
+    assert jnp.mean(bonus.error(after, data.obs)) < jnp.mean(bonus.error(before, data.obs))
     with pytest.raises(SettingError, match="rnd_deeper must be a whole number from 0, not -1"):
         bonus_of("rnd", rnd_deeper=-1)
