@@ -34,9 +34,9 @@ import jax
 import jax.numpy as jnp
 
 from .. import registry
-from ..environment import AnyEnvironment, Environment
+from ..environment import AnyEnvironment
 from ..errors import SettingError
-from .functional import check_resets, event_names
+from .functional import check_fit, event_names
 
 try:
     from brax.envs import base
@@ -76,11 +76,7 @@ class BraxEnvironment(base.Env):
             SettingError: it is no environment or resets by itself, or the params are of another
                 kind.
         """
-        if not isinstance(env, Environment):
-            raise SettingError(
-                f"an environment as jaxenstein.make returns it is needed, not {env!r}"
-            )
-        check_resets(env, (None,), "Brax")
+        check_fit(env, (None,), "Brax")
         self.env = env
         self.params = env.check_params(params)
 

@@ -7,16 +7,18 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..environment import AnyEnvironment, Info
+from ..environment import AnyEnvironment, Environment, Info
 from ..errors import SettingError
 
 
-def check_resets(env: AnyEnvironment, allowed: tuple[str | None, ...], partner: str) -> None:
-    """Refuse an environment whose automatic resets are not what the partner's loops expect.
+def check_fit(env: Any, allowed: tuple[str | None, ...], partner: str) -> None:
+    """Refuse what is no environment, or whose resets are not what the partner's loops expect.
 
     Raises:
         SettingError: naming what would be right.
     """
+    if not isinstance(env, Environment):
+        raise SettingError(f"an environment as jaxenstein.make returns it is needed, not {env!r}")
     if env.autoreset not in allowed:
         right = " or ".join(f"autoreset={mode!r}" for mode in allowed)
         raise SettingError(f"{partner} needs an environment with {right}, not {env.autoreset!r}")

@@ -251,17 +251,18 @@ def warn_of_no_render_mode(env: Any) -> None:
     )
 
 
-def frames(batch: Batch, observation: Any) -> np.ndarray:
+def frames(batch: Batch, observation: Any = None) -> np.ndarray:
     """uint8[N, height, width, 3]: pictures of the states of a batch, in colours.
 
     Args:
         batch: of environments that are seen in first person.
-        observation: of these states, where it shows colours there is nothing to draw.
+        observation: of these states: where it shows colours there is nothing to draw. None if
+            it may have been written to.
     """
     if batch.states is None:
         raise gymnasium.error.ResetNeeded("call reset before render")
     env: Any = batch.env
-    if env.observation in ("rgb", "dict"):
+    if observation is not None and env.observation in ("rgb", "dict"):
         return np.array(observation["image"] if env.observation == "dict" else observation)
     coloured = dataclasses.replace(env, observation="rgb")
     return np.array(_observe(coloured, batch.states, batch.params))

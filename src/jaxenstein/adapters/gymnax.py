@@ -31,9 +31,8 @@ import jax.numpy as jnp
 
 from .. import registry
 from .. import spaces as own
-from ..environment import AnyEnvironment, Environment, Info
-from ..errors import SettingError
-from .functional import check_resets
+from ..environment import AnyEnvironment, Info
+from .functional import check_fit
 
 try:
     from gymnax.environments import environment as base
@@ -66,11 +65,7 @@ class GymnaxEnvironment(base.Environment):
         Raises:
             SettingError: it is no environment, or one without resets in the same step.
         """
-        if not isinstance(env, Environment):
-            raise SettingError(
-                f"an environment as jaxenstein.make returns it is needed, not {env!r}"
-            )
-        check_resets(env, ("same-step",), "gymnax")
+        check_fit(env, ("same-step",), "gymnax")
         super().__init__()
         self.env = env
 

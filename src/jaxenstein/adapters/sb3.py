@@ -8,7 +8,6 @@ JAX drew and any other: its `CnnPolicy` turns uint8[H, W, C] round by itself, fr
 from __future__ import annotations
 
 import dataclasses
-import functools
 import time
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -30,7 +29,7 @@ except ImportError as error:
         f"Stable-Baselines3 is not installed ({error}): pip install 'jaxenstein[sb3]'"
     ) from error
 
-from .gymnasium import check_render_mode, gymnasium_space, resolve
+from .gymnasium import check_render_mode, frames, gymnasium_space, resolve
 
 Indices = None | int | Iterable[int]
 
@@ -186,9 +185,7 @@ class SB3VecEnv(VecEnv):
             return [None] * self.num_envs
         if self.batch.states is None:
             raise SettingError("call reset before render")
-        # Drawn anew: what `step` returned may have been written to since, or not be in colours.
-        env = dataclasses.replace(self.batch.env, observation="rgb")
-        return list(np.array(_observe(env, self.batch.states, self.batch.params)))
+        return list(frames(self.batch))
 
     def _endings(self, ended: Ended[np.ndarray]) -> Iterable[tuple[int, dict[str, Any]]]:
         """The index of each environment that ended, and its info."""
@@ -250,8 +247,3 @@ def _rows(tree: Any, count: int) -> list[Any]:
     if isinstance(tree, dict):
         return [{name: values[i] for name, values in tree.items()} for i in range(count)]
     return list(tree)
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _observe(env: AnyEnvironment, states: Any, params: Any) -> jax.Array:
-    return jax.vmap(env.observe, (0, None))(states, params)

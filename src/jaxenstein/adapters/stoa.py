@@ -24,9 +24,8 @@ import jax.numpy as jnp
 
 from .. import registry
 from .. import spaces as own
-from ..environment import AnyEnvironment, Environment
-from ..errors import SettingError
-from .functional import check_resets, first_info
+from ..environment import AnyEnvironment
+from .functional import check_fit, first_info
 
 try:
     import stoa
@@ -64,11 +63,7 @@ class StoaEnvironment(stoa.Environment):
             SettingError: it is no environment or resets in the next step, or the params are of
                 another kind.
         """
-        if not isinstance(env, Environment):
-            raise SettingError(
-                f"an environment as jaxenstein.make returns it is needed, not {env!r}"
-            )
-        check_resets(env, (None, "same-step"), "Stoa")
+        check_fit(env, (None, "same-step"), "Stoa")
         super().__init__()
         self.env = env
         self.params = env.check_params(params)

@@ -130,18 +130,14 @@ def play(
         if notify is not None:
             notify(len(session.actions))
     trajectory = None if recipe is None else make_trajectory(session, digests, recipe)
-    episode = builder.build(env.observation, tilemap)
     return dataclasses.replace(
-        episode,
-        name=env.name,
-        field_of_view=float(env.field_of_view),
-        longest_step=longest_step(env, session.params),
+        builder.build(env, session.params, tilemap),
         ending="terminated" if session.terminated else "truncated" * session.truncated,
         trajectory=trajectory,
     )
 
 
-def longest_step(env: AnyEnvironment, params: Any) -> float:
+def longest_step(env: FirstPerson[Any, Any], params: Any) -> float:
     """Tiles beyond which a step on the map from above is a new start."""
     # With some room for rounding.
     return max(JUMP, 1.001 * env.frame_skip * env.stride(params))
@@ -192,8 +188,8 @@ class EpisodeBuilder:
         self.rewards.append(session.rewards[-1])
         self.events.append(event_text(session))
 
-    def build(self, kind: str, tilemap: TileMap | None) -> Episode:
-        """The finished episode; `kind` is the environment's `observation`."""
+    def build(self, env: FirstPerson[Any, Any], params: Any, tilemap: TileMap | None) -> Episode:
+        """The finished episode of an environment."""
 
         def over_time(name: str, dtype: type) -> np.ndarray:
             return np.stack([np.asarray(shot[name]) for shot in self.snapshots]).astype(dtype)
@@ -202,7 +198,7 @@ class EpisodeBuilder:
         if tilemap is not None:
             closed = closed_doors(tilemap, self.snapshots[0]["doors"], closed)
         return Episode(
-            frames=picture(np.stack(self.frames), kind),
+            frames=picture(np.stack(self.frames), env.observation),
             positions=over_time("positions", np.float32),
             headings=over_time("headings", np.float32),
             rewards=np.array(self.rewards, np.float32),
@@ -216,6 +212,9 @@ class EpisodeBuilder:
                 name: np.array([float(shot["variables"][name]) for shot in self.snapshots])
                 for name in names
             },
+            name=env.name,
+            field_of_view=float(env.field_of_view),
+            longest_step=longest_step(env, params),
         )
 
 

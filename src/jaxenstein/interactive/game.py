@@ -95,20 +95,11 @@ class Game:
 
     def episodes(self) -> list[Episode]:
         """Everything played, if it was kept; episodes without an action are left out."""
-        found = []
-        for builder, tilemap in self._builders:
-            if builder.rewards or len(self._builders) == 1:
-                episode = builder.build(self.env.observation, tilemap)
-                angle = float(self.env.field_of_view)
-                found.append(
-                    dataclasses.replace(
-                        episode,
-                        name=self.env.name,
-                        field_of_view=angle,
-                        longest_step=self._longest_step,
-                    )
-                )
-        return found
+        return [
+            builder.build(self.env, self.params, tilemap)
+            for builder, tilemap in self._builders
+            if builder.rewards or len(self._builders) == 1
+        ]
 
     @property
     def frame(self) -> np.ndarray:
