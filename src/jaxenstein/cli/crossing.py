@@ -20,11 +20,11 @@ HEIGHT, WIDTH, SCALE, MAP = 120, 160, 2, 240
 
 
 class Both(Sequence[np.ndarray]):
-    """The pictures of two episodes, one above the other; the shorter one waits at its end."""
+    """The pictures of two episodes side by side; the shorter one waits at its end."""
 
-    def __init__(self, above: Pictures, below: Pictures) -> None:
+    def __init__(self, left: Pictures, right: Pictures) -> None:
         """Take both."""
-        self._parts = above, below
+        self._parts = left, right
 
     def __len__(self) -> int:
         """How many there are."""
@@ -32,22 +32,23 @@ class Both(Sequence[np.ndarray]):
 
     def __getitem__(self, index: int) -> np.ndarray:  # type: ignore[override]
         """One of them."""
-        return np.concatenate([part[min(index, len(part) - 1)] for part in self._parts])
+        return np.concatenate([part[min(index, len(part) - 1)] for part in self._parts], axis=1)
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """All of them in order."""
         return (self[index] for index in range(len(self)))
 
 
-def film(policy: Any, seed: int) -> tuple[Both, str]:
+def film(policy: Any, seed: int, every: int = 1) -> tuple[Both, str]:
     """Play an episode in the game and one here that starts where that did.
 
     Args:
         policy: a trained policy; see `baselines.load_policy`.
         seed: of both.
+        every: show every so many steps.
 
     Returns:
-        The pictures, ours above, and both summaries in one line.
+        The pictures, ours at the left, and both summaries in one line.
     """
     env, params = policy.env, policy.params
     shown = dataclasses.replace(
@@ -62,7 +63,7 @@ def film(policy: Any, seed: int) -> tuple[Both, str]:
     here = _episode(
         session, policy, lambda played: np.asarray(draw(played.state, played.params)), env.name
     )
-    pictures = [compose(part, scale=SCALE, map_size=MAP) for part in (here, there)]
+    pictures = [compose(part, scale=SCALE, map_size=MAP, every=every) for part in (here, there)]
     return Both(*pictures), f"{here.summary()}; {there.summary()}"
 
 
