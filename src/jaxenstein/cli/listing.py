@@ -78,7 +78,9 @@ def pretrained_agents() -> str:
     from .training import baselines
 
     trained = baselines("trained")
-    table = [("NAME", "ENVIRONMENT", "ALGO", "STEPS", "RETURN", "SUCCESS", "GREEDY")]
+    table: list[tuple[str, ...]] = [
+        ("NAME", "ENVIRONMENT", "ALGO", "STEPS", "RETURN", "SUCCESS", "GREEDY")
+    ]
     for name, file in trained.pretrained().items():
         plain = trained.read_config(file)
         config, score = plain["config"], plain["agent"]["score"]

@@ -131,10 +131,12 @@ def test_the_figure_shows_what_was_measured(folder: Path) -> None:
     figure = draw([*curves_of(folder, "success", points=3), lone], "success")
     (axes,) = figure.axes
     first, second = axes.lines
-    np.testing.assert_allclose(first.get_xydata(), [[64, 0.15], [128, 0.825], [192, 1]])
-    np.testing.assert_allclose(second.get_xydata(), [[20, 0.5]])
+    np.testing.assert_allclose(np.asarray(first.get_xydata()), [[64, 0.15], [128, 0.825], [192, 1]])
+    np.testing.assert_allclose(np.asarray(second.get_xydata()), [[20, 0.5]])
     assert second.get_marker() == "o"
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["run (2 runs)", "lone"]
+    legend = axes.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["run (2 runs)", "lone"]
     assert axes.get_ylabel() == "success rate"
 
 
