@@ -1,0 +1,110 @@
+"""What Doom's scenarios show here and in the game, from the poses of random episodes.
+
+    python -m fidelity.doom_frames [--frames N] [--seed N] [--json FILE] [--picture FILE.png]
+
+Needs the extra `vizdoom`. The game plays; from each of its states, with its pose and its things,
+our frame is drawn beside its own: the share of pixels whose label agrees, the error of depth where
+the game can tell it, and the difference of the colours, whose textures are one colour here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+import jaxenstein
+from jaxenstein.adapters.vizdoom import GameSession
+from jaxenstein.files import atomic, check_writable
+from jaxenstein.view.recording import mosaic, save_png
+
+IDS = ("doom-my-way-home", "doom-health-gathering", "doom-health-gathering-supreme")
+SIZE = {"height": 120, "width": 160}
+# Decisions between two frames that are compared; an action is held for four tics.
+APART, HOLD = 5, 4
+# Beyond this many map units the game's walls all have the depth's value 63.
+FARTHEST = 450
+PICTURES = 4
+
+Pairs = list[tuple[np.ndarray, np.ndarray]]
+
+
+def collect(id: str, kind: str, frames: int, seed: int) -> Pairs:
+    """Frames here and in the game, `frames` of them, from the states of random episodes."""
+    env, params = jaxenstein.make(id, observation=kind, frame_skip=HOLD, **SIZE)
+    draw, random, pairs = jax.jit(env.observe), np.random.default_rng(seed), []
+    with GameSession(env, params, seed) as session:
+        while len(pairs) < frames:
+            for _ in range(APART):
+                if session.over:
+                    session.reset(session.seed + 1)
+                session.step(int(random.integers(env.num_actions)))
+            if not session.over:
+                ours = np.asarray(draw(session.state, session.params))
+                pairs.append((ours, np.asarray(session.observation)))
+    return pairs
+
+
+def compare(id: str, frames: int, seed: int) -> tuple[dict[str, Any], Pairs]:
+    """The figures of a scenario, and its pairs of pictures."""
+    labels = collect(id, "labels", frames, seed)
+    depths = collect(id, "depth", frames, seed)
+    pictures = collect(id, "rgb", frames, seed)
+    unit = jaxenstein.make(id)[0].unit  # type: ignore[attr-defined]
+    here, there = (np.stack(side) * unit for side in zip(*depths, strict=True))
+    near = here < FARTHEST
+    error = np.abs(here - there)[near]
+    figures = {
+        "id": id,
+        "frames": frames,
+        "labels_equal": float(np.mean([np.mean(a == b) for a, b in labels])),
+        "depth_within_range": float(near.mean()),
+        "depth_error_units": {str(q): float(np.quantile(error, q / 100)) for q in (50, 90, 99)},
+        "colour_difference": float(
+            np.mean([np.abs(a.astype(int) - b).mean() for a, b in pictures])
+        ),
+    }
+    return figures, pictures
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Play, compare, print and write."""
+    parser = argparse.ArgumentParser(description="Compare frames here and in the game.")
+    parser.add_argument("--frames", type=int, default=100, help="of each (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="some pairs, ours above")
+    options = parser.parse_args(argv)
+    for path in (options.json, options.picture):
+        if path:
+            check_writable(path)
+    rows, shown = [], []
+    for id in IDS:
+        figures, pairs = compare(id, options.frames, options.seed)
+        rows.append(figures)
+        shown += pairs[:: max(1, len(pairs) // PICTURES)][:PICTURES]
+        errors = ", ".join(f"{q} %: {v:.1f}" for q, v in figures["depth_error_units"].items())
+        print(
+            f"{id}: {figures['labels_equal']:.2%} of labels equal; depth errors in map units "
+            f"({errors}) of the {figures['depth_within_range']:.0%} nearer than {FARTHEST}; "
+            f"colours differ by {figures['colour_difference']:.1f} of 255",
+            flush=True,
+        )
+    if options.json:
+        with atomic(options.json) as path:
+            path.write_text(json.dumps(rows, indent=1))
+    if options.picture:
+        ours, theirs = (np.stack(side) for side in zip(*shown, strict=True))
+        rowed = [np.concatenate(pair) for pair in zip(ours, theirs, strict=True)]
+        save_png(mosaic(np.stack(rowed), PICTURES), options.picture)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
