@@ -104,9 +104,9 @@ def _my_way_home(
 
 def _t_maze() -> Build:
     from .maps.ascii import load_layout
-    from .tasks.t_maze import TMaze
+    from .tasks.t_maze import DEFAULTS, TMaze
 
-    return functools.partial(TMaze, tilemap=load_layout("t-maze"))
+    return functools.partial(TMaze, tilemap=load_layout("t-maze"), defaults=DEFAULTS)
 
 
 def _health_gathering() -> Build:

@@ -67,7 +67,7 @@ def tile_of(x: float, y: float) -> tuple[int, int]:
 
 
 def test_names() -> None:
-    assert layout_names() == (*sorted(MAZES), "key-door", "my-way-home", "simple")
+    assert layout_names() == (*sorted(MAZES), "key-door", "my-way-home", "simple", "t-maze")
     with pytest.raises(MapError, match="did you mean 'simple'"):
         load_layout("simpel")
     with pytest.raises(MapError, match="unknown layout"):

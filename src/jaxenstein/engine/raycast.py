@@ -35,13 +35,9 @@ BLOCK = 64
 SMALL_BLOCK = 16
 # A direction component below this never crosses a line inside any map.
 PARALLEL = 1e-12
-# What a ray enters is looked up for one that runs beside it, by so much of a tile or less. A ray
-# through a corner then passes it on one side for both kinds of line, whichever way each is
-# rounded: it slips neither into the tile across nor between two that touch there. Where it hits a
-# face counts as so much further on.
+# Crossings count as this much of a tile further on. A ray through a corner then enters the tile
+# across it on both kinds of line, whichever way each is rounded, and does not slip between.
 NUDGE = 2.0**-16
-# On a line that a ray meets at a small angle, its neighbour is this many times as far at most.
-SLANT = 64.0
 
 
 class Hits(PyTreeNode):
@@ -68,8 +64,7 @@ class Aim(PyTreeNode):
     Attributes:
         first: float32[W], depth of the first line.
         spacing: float32[W], depth from one line to the next.
-        place: int32[W], y at the first line of the ray beside it, in fixed point.
-        shift: int32[W], from there to the ray's own place.
+        place: int32[W], y at the first line, in fixed point.
         stride: int32[W], y from one line to the next.
         forwards: bool[W], whether x grows along the ray.
         home: int32[], column of the eye.
@@ -81,7 +76,6 @@ class Aim(PyTreeNode):
     first: jax.Array
     spacing: jax.Array
     place: jax.Array
-    shift: jax.Array
     stride: jax.Array
     forwards: jax.Array
     home: jax.Array
@@ -122,25 +116,12 @@ def aim(
     floor = jnp.floor(position)
     home, inside = floor.astype(jnp.int32) + level.margin, position - floor
     ray_x, ray_y = rays(heading, camera)
-    # The ray beside it begins in the eye's tile, too, or it would miss a line that the eye's meets.
-    room = jnp.where(ray_y >= 0, inside[1], 1 - inside[1])
-    side = jnp.where(room > NUDGE * _slant(ray_y, ray_x), jnp.float32(-1), jnp.float32(1))
-    vertical = _aim_at_lines(columns, home, inside, ray_x, ray_y, side)
-    return vertical, _aim_at_lines(rows, home[::-1], inside[::-1], ray_y, ray_x, -side)
-
-
-def _slant(across: jax.Array, ray: jax.Array) -> jax.Array:
-    """float32[W]: how much farther off than a ray's neighbour is the place where it is met."""
-    return jnp.clip(jnp.abs(across) / jnp.maximum(jnp.abs(ray), PARALLEL), 1, SLANT)
+    vertical = _aim_at_lines(columns, home, inside, ray_x, ray_y)
+    return vertical, _aim_at_lines(rows, home[::-1], inside[::-1], ray_y, ray_x)
 
 
 def _aim_at_lines(
-    words: jax.Array,
-    home: jax.Array,
-    inside: jax.Array,
-    ray: jax.Array,
-    across: jax.Array,
-    side: jax.Array,
+    words: jax.Array, home: jax.Array, inside: jax.Array, ray: jax.Array, across: jax.Array
 ) -> Aim:
     """Aim at the lines of one kind; described here for the vertical ones.
 
@@ -150,7 +131,6 @@ def _aim_at_lines(
         inside: float32[2], (x, y) of the eye within that tile.
         ray: float32[W], x component of each ray.
         across: float32[W], y component.
-        side: float32[W], whether the ray beside it is further on along a line (1) or less far (-1).
     """
     lines, n_words = words.shape
     fraction_bits = WORD - 1 - max(lines, n_words * WORD).bit_length()
@@ -158,17 +138,14 @@ def _aim_at_lines(
     forwards = ray >= 0
     spacing = 1 / jnp.maximum(jnp.abs(ray), PARALLEL)
     first = jnp.where(forwards, 1 - inside[0], inside[0]) * spacing
-    onwards = jnp.sign(across) * NUDGE
-    place = inside[1] + first * across + onwards
-    shift = jnp.rint(onwards * (1 - side * _slant(across, ray)) * one).astype(jnp.int32)
+    place = inside[1] + first * across + jnp.sign(across) * NUDGE
     column = jnp.clip(home[0], 0, lines - 1)
     order = jnp.arange(lines - 1, dtype=jnp.int32)
     ahead, behind = jnp.minimum(column + 1 + order, lines - 1), jnp.maximum(column - 1 - order, 0)
     return Aim(
         first=first,
         spacing=spacing,
-        place=jnp.floor(place * one).astype(jnp.int32) + (home[1] << fraction_bits) - shift,
-        shift=shift,
+        place=jnp.floor(place * one).astype(jnp.int32) + (home[1] << fraction_bits),
         stride=jnp.rint(across * spacing * one).astype(jnp.int32),
         forwards=forwards,
         home=column,
@@ -243,16 +220,13 @@ def look_up(aims: tuple[Aim, Aim], hits: tuple[jax.Array, jax.Array], level: Lev
     places = [aim.place + aim.stride * hit for aim, hit in zip(aims, hits, strict=True)]
     horizontal = depths[1] < depths[0]
     place = jnp.where(horizontal, places[1], places[0])
-    shift = jnp.where(horizontal, crosswise.shift, vertical.shift)
     bits = jnp.where(
         horizontal, jnp.int32(crosswise.fraction_bits), jnp.int32(vertical.fraction_bits)
     )
     across = lax.shift_right_arithmetic(place, bits)
     column = jnp.clip(jnp.where(horizontal, across, lines[0]), 0, level.size[0] - 1)
     row = jnp.clip(jnp.where(horizontal, lines[1], across), 0, level.size[1] - 1)
-    one = 1 << bits
-    within = jnp.clip(place + shift - (across << bits), 0, one)
-    along = within.astype(jnp.float32) / one.astype(jnp.float32)
+    along = (place - (across << bits)).astype(jnp.float32) / (1 << bits).astype(jnp.float32)
     # Seen from outside, places on the north and east faces run against the axis.
     mirrored = jnp.where(horizontal, crosswise.forwards, ~vertical.forwards)
     return Hits(

@@ -117,7 +117,7 @@ def write_trained(file: Path, trained: Trained, weights: Weights, score: Mapping
         for path, leaf in leaves:
             with archive.open(f"{jax.tree_util.keystr(path)}.npy", "w") as entry:
                 array = np.asarray(leaf[0], weights, order="C")
-                np.lib.format.write_array(entry, array, allow_pickle=False)
+                np.save(entry, array)
 
 
 def read_trained(file: Path) -> Trained:
