@@ -16,7 +16,8 @@ import struct
 import sys
 from pathlib import Path
 
-from fidelity.vizdoom_game import complaint, load_vizdoom
+from fidelity.vizdoom_game import complaint
+from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import JAXensteinError, MapError
 from jaxenstein.tasks.doom.walls import DoomMap, Line, Thing, load_map
 

@@ -22,7 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from fidelity.doom_recording import Recording, record
-from fidelity.vizdoom_game import complaint, load_vizdoom
+from fidelity.vizdoom_game import complaint
+from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.tasks.doom.buttons import (

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.vizdoom_game import load_vizdoom, running
+from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
 from jaxenstein.tasks.doom.fixed import to_fixed
 
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "VELOCITY_X", "VELOCITY_Y", "HEALTH")

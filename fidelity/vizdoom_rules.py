@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 
 from fidelity.players import mean_and_error
-from fidelity.vizdoom_game import complaint, load_vizdoom, running
+from fidelity.vizdoom_game import complaint
+from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.tasks.doom.walls import MAP_SPOT, load_map
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.vizdoom_game import load_vizdoom
+from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.tasks.doom.lattice import Tiles
 from jaxenstein.tasks.doom.walls import ARMOUR, DoomMap

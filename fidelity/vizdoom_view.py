@@ -54,8 +54,9 @@ from fidelity.view_errors import (
     recognised,
     wall_colours,
 )
-from fidelity.vizdoom_game import complaint, running
+from fidelity.vizdoom_game import complaint
 from fidelity.vizdoom_screen import VARIABLES, DepthScale, View, calibrate, collect, prepare
+from jaxenstein.adapters.vizdoom_buffers import running
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.level import Level
 from jaxenstein.engine.raycast import cast
@@ -96,8 +97,9 @@ def run(poses: int, seed: int, size: str) -> dict[str, object]:
     """Collect the views, compare, print; all figures."""
     doom_map = load_map("my-way-home")
     tiles = rasterise(doom_map)
-    chosen = {"seed": seed, "variables": VARIABLES, "size": size.upper()}
-    with running("my_way_home", prepare=prepare, **chosen) as game:
+    width, height = map(int, size.split("x"))
+    chosen = {"seed": seed, "variables": VARIABLES, "prepare": prepare}
+    with running("my_way_home", size=(width, height), **chosen) as game:
         game.new_episode()
         game.send_game_command("r_drawflat 1")
         scale = calibrate(game, tiles)

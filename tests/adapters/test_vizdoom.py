@@ -16,6 +16,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.adapters import vizdoom_buffers
+from jaxenstein.cli import main
 from jaxenstein.episodes.policies import Script
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.symbols import CEILING, FLOOR
@@ -161,7 +162,7 @@ def test_labels_of_a_buffer() -> None:
     assert image[6].tolist() == [7, 113]
 
 
-def test_what_the_game_has_not() -> None:
+def test_what_the_game_has_not(capsys: pytest.CaptureFixture[str]) -> None:
     sparse, params = jaxenstein.make("doom-my-way-home-sparse", **SETTINGS)
     with pytest.raises(SettingError, match="no scenario that ViZDoom comes with"):
         vizdoom.GameSession(sparse, params)
@@ -171,6 +172,9 @@ def test_what_the_game_has_not() -> None:
     if not INSTALLED:
         with pytest.raises(ImportError, match=r"pip install 'jaxenstein\[vizdoom\]'"):
             vizdoom_buffers.load_vizdoom()
+        # Told at once, before the run is even looked for.
+        assert main(["evaluate", "nothing", "--in", "vizdoom"]) == 2
+        assert "ViZDoom is not installed" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")

@@ -53,4 +53,4 @@ def test_without_vizdoom_a_script_says_what_to_install(main, monkeypatch, capsys
 
     monkeypatch.setattr(importlib, "import_module", missing)
     assert main() == 2
-    assert "pip install '.[bench]'" in capsys.readouterr().err
+    assert "pip install 'jaxenstein[vizdoom]'" in capsys.readouterr().err

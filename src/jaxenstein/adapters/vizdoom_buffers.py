@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from ..errors import SettingError
+from ..errors import JAXensteinError, SettingError
 from ..maps.symbols import CEILING, FLOOR
 
 # Screens of the ratio 4 to 3; the smallest one that has as many pixels as the image is taken.
@@ -27,17 +27,21 @@ LUMA = (0.299, 0.587, 0.114)
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "VELOCITY_X", "VELOCITY_Y", "HEALTH")
 
 
+class MissingViZDoomError(JAXensteinError, ImportError):
+    """ViZDoom is needed and not installed."""
+
+
 def load_vizdoom() -> Any:
     """The vizdoom module.
 
     Raises:
-        ImportError: it is not installed; the message names the extra.
+        MissingViZDoomError: it is not installed; the message names the extra.
     """
     try:
         # By its name: a type checker would take the file beside this one for it.
         return importlib.import_module("vizdoom")
     except ImportError as error:
-        raise ImportError(
+        raise MissingViZDoomError(
             f"ViZDoom is not installed ({error}): pip install 'jaxenstein[vizdoom]'"
         ) from error
 

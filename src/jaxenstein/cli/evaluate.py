@@ -62,7 +62,9 @@ def run(options: argparse.Namespace) -> None:
     agents = baselines("agents")
     if options.game is not None:
         # Before anything is played, lest it be for nothing that the game is missing.
-        from ..adapters import vizdoom  # noqa: F401
+        from ..adapters.vizdoom_buffers import load_vizdoom
+
+        load_vizdoom()
     if options.json is not None:
         check_writable(options.json)
     if options.gif is not None:
