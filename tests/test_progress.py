@@ -30,6 +30,27 @@ def test_line_shows_fraction_rate_and_time_left(clock: list[float]) -> None:
     assert bar.line() == "rollout [######------------------]  25%  125 steps/s  12 s left"
 
 
+def test_compiling_is_said_and_not_counted(clock: list[float]) -> None:
+    bar = Progress(100, "work", compiles=True, stream=io.StringIO())
+    with bar:
+        assert "compiling" in bar.stream.getvalue()  # type: ignore[attr-defined]
+        clock[0] += 50
+        assert "compiling" in bar.line()
+        bar.update(0)
+    assert "compiling" not in bar.line()
+    clock[0] += 1
+    bar.update(20)
+    assert "20 steps/s  4.0 s left" in bar.line()
+
+
+def test_a_line_may_be_said_above(clock: list[float]) -> None:
+    stream = Terminal()
+    bar = Progress(10, "work", stream=stream)
+    bar.show()
+    bar.say("careful")
+    assert re.search(r"\r\x1b\[Kcareful\n\rwork \[", stream.getvalue())
+
+
 def test_terminal_line_is_redrawn_in_place(clock: list[float]) -> None:
     stream = Terminal()
     with Progress(10, "work", stream=stream) as bar:

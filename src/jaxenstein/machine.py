@@ -53,9 +53,14 @@ def describe_machine() -> dict[str, Any]:
 
 def cpu_model() -> str:
     """The processor's name as the system tells it."""
+    return cpu_fact("model name") or platform.processor() or platform.machine()
+
+
+def cpu_fact(*names: str) -> str:
+    """What Linux tells of the first processor under one of these names, "" for nothing."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
-            name, _, model = line.partition(":")
-            if name.strip() == "model name":
-                return model.strip()
-    return platform.processor() or platform.machine()
+            name, _, value = line.partition(":")
+            if name.strip() in names:
+                return value.strip()
+    return ""

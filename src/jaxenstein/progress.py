@@ -24,7 +24,13 @@ class Progress:
     """
 
     def __init__(
-        self, total: int, label: str, *, unit: str = "steps", stream: TextIO | None = None
+        self,
+        total: int,
+        label: str,
+        *,
+        unit: str = "steps",
+        compiles: bool = False,
+        stream: TextIO | None = None,
     ) -> None:
         """Start the clock.
 
@@ -32,6 +38,8 @@ class Progress:
             total: the amount at which the work is done, in `unit`.
             label: what is being done, shown before the bar.
             unit: what `total` counts.
+            compiles: whether the work begins with compiling, until the first update: it is said,
+                and not counted in the rate.
             stream: where to write, by default standard error.
         """
         self.total = max(total, 1)
@@ -39,15 +47,16 @@ class Progress:
         self.unit = unit
         self.stream = sys.stderr if stream is None else stream
         self.live = self.stream.isatty()
-        self.done = 0
+        self.done: float = 0
         self.note = ""
-        self._done_before = 0
+        self._compiling = compiles
+        self._done_before: float = 0
         self._start = self._shown = time.monotonic()
         self._complete = False
 
     def __enter__(self) -> Self:
         """Show the empty bar."""
-        if self.live:
+        if self.live or self._compiling:
             self.show()
         return self
 
@@ -59,13 +68,16 @@ class Progress:
             self.stream.write("\n")
         self.stream.flush()
 
-    def restart(self, done: int) -> None:
+    def restart(self, done: float) -> None:
         """Measure the rate from here on: `done` was done before, or took longer than the rest."""
         self.done = self._done_before = done
         self._start = time.monotonic()
 
-    def update(self, done: int) -> None:
+    def update(self, done: float) -> None:
         """Say that `done` of the total is done; redraws only as often as is useful."""
+        if self._compiling:
+            self._compiling = False
+            self.restart(done)
         self.done = done
         interval = LIVE_INTERVAL if self.live else SPARSE_INTERVAL
         if time.monotonic() - self._shown >= interval:
@@ -92,7 +104,8 @@ class Progress:
         # Below one a second the time left says more.
         speed = f"{si(rate)} {self.unit}/s" if rate >= 1 else ""
         head = f"{self.label} [{bar}] {fraction:4.0%}"
-        return "  ".join(filter(None, [head, speed, self.note, when]))
+        note = "compiling" if self._compiling else self.note
+        return "  ".join(filter(None, [head, speed, note, when]))
 
     def show(self) -> None:
         """Show the current state now."""

@@ -28,6 +28,7 @@ from . import (
 )
 from .arguments import Parser, UsageError
 from .opening import import_modules
+from .programs import keep_programs
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
 
@@ -76,6 +77,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         options = build_parser().parse_args(argv)
+        # A program that gives the arguments decides for itself what JAX does.
+        if argv is None and not options.no_cache:
+            keep_programs()
         if options.modules:
             import_modules(options.modules)
         code = options.run(options)
@@ -110,7 +114,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"jaxenstein {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
-    parser.set_defaults(run=lambda _: parser.print_help(), modules=None)
+    parser.set_defaults(run=lambda _: parser.print_help(), modules=None, no_cache=True)
     for name, command in COMMANDS.items():
         sub = commands.add_parser(
             name,
@@ -126,6 +130,11 @@ def build_parser() -> Parser:
             action="append",
             metavar="MODULE",
             help="import a module of tasks of your own, which a file names",
+        )
+        sub.add_argument(
+            "--no-cache",
+            action="store_true",
+            help="do not keep compiled programs for the next call",
         )
     return parser
 

@@ -17,7 +17,7 @@ from .listing import format_table
 from .training import baselines
 
 if TYPE_CHECKING:
-    from ..baselines.runs.agents import Result
+    from ..baselines.runs.result import Result
 
 HELP = "evaluate trained agents, and record one"
 DESCRIPTION = """\
@@ -73,26 +73,23 @@ def run(options: argparse.Namespace) -> None:
     if options.number is not None:
         agents.chosen_run(trained, options.number)
     names = agents.run_names(trained.experiment)
-    ways, results = {"greedy": True, "sampled": False}, {}
     settings = {"episodes": options.episodes, "seed": options.seed}
-    with Progress(2, "evaluating", unit="ways") as progress:
-        for done, (name, greedy) in enumerate(ways.items(), 1):
-            results[name] = agents.evaluate(trained, greedy=greedy, **settings)
-            progress.update(done)
+    total = len(agents.WAYS) * len(names) * options.episodes
+    with Progress(total, "evaluating", unit="episodes", compiles=True) as progress:
+        results = agents.evaluate_both(trained, notify=progress.update, **settings)
     if options.game is not None:
-        total = len(ways) * len(names) * options.episodes
         with Progress(total, "playing ViZDoom", unit="episodes") as progress:
-            for index, (name, greedy) in enumerate(ways.items()):
-                done = index * total // len(ways)
+            for index, (name, greedy) in enumerate(agents.WAYS.items()):
+                done = index * total // len(agents.WAYS)
                 results[f"{name}, in ViZDoom"] = agents.evaluate_in_game(
                     trained,
                     greedy=greedy,
                     notify=lambda more, done=done: progress.update(done + more),
                     **settings,
                 )
-    total = trained.experiment.config.updates
+    updates = trained.experiment.config.updates
     many = f"{len(names)} run{'s' * (len(names) > 1)}, {options.episodes} episodes each"
-    print(f"{options.folder}: update {trained.update} of {total}, {many}")
+    print(f"{options.folder}: update {trained.update} of {updates}, {many}")
     print(table(results))
     if options.json is not None:
         report = {name: result.to_json(names) for name, result in results.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..progress import Progress
 from .arguments import Parser, add_run, add_seed, flag, whole
 from .evaluate import table
 from .training import baselines
@@ -35,13 +36,17 @@ def fill(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the file, and say how good its agent is."""
-    results = baselines("agents").export_policy(
-        options.folder,
-        options.out,
-        options.number,
-        weights=options.weights,
-        episodes=options.episodes,
-        seed=options.seed,
-    )
+    agents = baselines("agents")
+    total = len(agents.WAYS) * options.episodes
+    with Progress(total, "evaluating", unit="episodes", compiles=True) as progress:
+        results = agents.export_policy(
+            options.folder,
+            options.out,
+            options.number,
+            weights=options.weights,
+            episodes=options.episodes,
+            seed=options.seed,
+            notify=progress.update,
+        )
     print(table(results))
     print(f"wrote {options.out}, {options.out.stat().st_size / 1e3:.0f} kB")

@@ -107,7 +107,7 @@ def run(options: argparse.Namespace) -> None:
         check_trajectory(options.save)
     recipe = None if options.save is None else recipe_of(env, params)
     policy, steps = _policy(env, params, options, agent)
-    with Progress(steps, "playing") as progress:
+    with Progress(steps, "playing", compiles=True) as progress:
         session = Session(env, params, options.seed)
         episode = play(session, policy, steps, recipe, notify=progress.update)
         progress.total = max(episode.steps, 1)

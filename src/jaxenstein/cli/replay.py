@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
 
     trajectory = load_trajectory(options.file)
     steps = len(trajectory.actions)
-    with Progress(steps, "playing") as progress:
+    with Progress(steps, "playing", compiles=True) as progress:
         played = replay(trajectory, notify=progress.update)
     written = save_pictures(played.episode, options)
     print(played.report())

@@ -126,14 +126,12 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     with (
         folder.locked(),
         opened_sinks(folder, options) as sinks,
-        Progress(total * many, folder.path.name) as progress,
+        Progress(total * many, folder.path.name, compiles=True) as progress,
         stopping() as stop,
     ):
-        progress.note = "compiling"
         watch = baselines("stalled").StallWatch(len(experiment.runs))
 
         def notify(update: int, rows: Sequence[Row]) -> None:
-            compiled = not recent
             recent.extend(rows)
             # A run that goes on has rows of before.
             seen = rows or (baselines("metrics").read_metrics(folder.path) if update else [])
@@ -141,11 +139,9 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
                 progress.say(f"jaxenstein: warning: {warning}")
             if rows or update == total:
                 progress.note = note_of(recent)
-            # The first chunk takes longer than the others: it is compiled.
-            if compiled:
-                progress.restart(update * many)
-                progress.show()
-            progress.update(update * many)
+                progress.update(update * many)
+            else:
+                progress.done = update * many
 
         done = runs.train(
             folder,

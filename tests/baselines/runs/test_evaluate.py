@@ -19,8 +19,9 @@ pytest.importorskip("flax")
 
 import jaxenstein
 from jaxenstein import SettingError
-from jaxenstein.baselines.runs.agents import Result, best_run, evaluate, load_policy
+from jaxenstein.baselines.runs.agents import best_run, evaluate, load_policy
 from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.result import Result
 from jaxenstein.baselines.runs.trained import load_trained
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record

@@ -29,6 +29,64 @@ class Evaluation(PyTreeNode):
     terminated: jax.Array
 
 
+class Playing(PyTreeNode):
+    """Episodes that are being played.
+
+    Attributes:
+        steps: int32[], taken so far.
+        actors: of `E` environments.
+        running: bool[E], whose first episode goes on.
+        result: of the episodes so far.
+    """
+
+    steps: jax.Array
+    actors: Actors
+    running: jax.Array
+    result: Evaluation
+
+
+def begin(simulator: Simulator, network: ActorCritic, key: jax.Array, episodes: int) -> Playing:
+    """One episode in each of `episodes` environments, before its first step."""
+    actors = start(simulator, network, jax.random.split(key)[0], episodes)
+    nothing = Evaluation(
+        episode_return=jnp.zeros(episodes, jnp.float32),
+        episode_length=jnp.zeros(episodes, jnp.int32),
+        success=jnp.zeros(episodes, bool),
+        terminated=jnp.zeros(episodes, bool),
+    )
+    return Playing(jnp.int32(0), actors, jnp.ones(episodes, bool), nothing)
+
+
+def advance(
+    simulator: Simulator,
+    network: ActorCritic,
+    params: Any,
+    key: jax.Array,
+    playing: Playing,
+    until: Any,
+    greedy: bool,
+) -> Playing:
+    """Play on until the last episode ends, or so many steps have been taken since the beginning."""
+    play_key = jax.random.split(key)[1]
+
+    def body(before: Playing) -> Playing:
+        running, result = before.running, before.result
+        action_key, step_key = jax.random.split(jax.random.fold_in(play_key, before.steps))
+        actors, reward, outcome = _step(
+            simulator, network, params, before.actors, action_key, step_key, greedy
+        )
+        result = Evaluation(
+            episode_return=result.episode_return + jnp.where(running, reward, 0),
+            episode_length=result.episode_length + running.astype(jnp.int32),
+            success=result.success | (running & outcome.reached),
+            terminated=result.terminated | (running & outcome.terminated),
+        )
+        running = running & ~(outcome.terminated | outcome.truncated)
+        return Playing(before.steps + 1, actors, running, result)
+
+    return jax.lax.while_loop(lambda p: jnp.any(p.running) & (p.steps < until), body, playing)
+
+
 def evaluate(
     simulator: Simulator,
     network: ActorCritic,
@@ -38,32 +96,9 @@ def evaluate(
     greedy: bool,
 ) -> Evaluation:
     """Play one episode in each of `episodes` environments, until the last one ends."""
-    start_key, play_key = jax.random.split(key)
-    actors = start(simulator, network, start_key, episodes)
-    nothing = Evaluation(
-        episode_return=jnp.zeros(episodes, jnp.float32),
-        episode_length=jnp.zeros(episodes, jnp.int32),
-        success=jnp.zeros(episodes, bool),
-        terminated=jnp.zeros(episodes, bool),
-    )
-
-    def body(carry: tuple[Any, ...]) -> tuple[Any, ...]:
-        index, actors, running, result = carry
-        action_key, step_key = jax.random.split(jax.random.fold_in(play_key, index))
-        actors, reward, outcome = _step(
-            simulator, network, params, actors, action_key, step_key, greedy
-        )
-        result = Evaluation(
-            episode_return=result.episode_return + jnp.where(running, reward, 0),
-            episode_length=result.episode_length + running.astype(jnp.int32),
-            success=result.success | (running & outcome.reached),
-            terminated=result.terminated | (running & outcome.terminated),
-        )
-        running = running & ~(outcome.terminated | outcome.truncated)
-        return index + 1, actors, running, result
-
-    carry = (jnp.int32(0), actors, jnp.ones(episodes, bool), nothing)
-    return jax.lax.while_loop(lambda c: jnp.any(c[2]), body, carry)[-1]
+    playing = begin(simulator, network, key, episodes)
+    forever = jnp.int32(jnp.iinfo(jnp.int32).max)
+    return advance(simulator, network, params, key, playing, forever, greedy).result
 
 
 def _step(

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ...errors import SettingError
 from .bonus import Metrics
-from .evaluation import Evaluation, evaluate
+from .evaluation import Evaluation, Playing, advance, begin
 from .hparams import HParams
 from .loop import Loop
 from .state import TrainState, key_data, wrap_key
+
+# Steps of an evaluation in one call, between which it is told how far it is.
+SLICE = 16
 
 
 class ManyRuns:
@@ -25,7 +30,8 @@ class ManyRuns:
         """Take the loop of one run."""
         self._loop = loop
         self._start = jax.jit(loop.start)
-        self._evaluate = jax.jit(self._play, static_argnames=("episodes", "greedy"))
+        self._begin = jax.jit(self._first, static_argnames="episodes")
+        self._advance = jax.jit(self._play, static_argnames="greedy")
         self._train = jax.jit(self._updates, static_argnames="updates")
 
     def init(self, keys: jax.Array, hparams: HParams | None = None) -> TrainState:
@@ -48,21 +54,45 @@ class ManyRuns:
         return self._train(state, hparams, updates=updates)
 
     def evaluate(
-        self, params: Any, key: jax.Array, episodes: int, greedy: bool = False
+        self,
+        params: Any,
+        key: jax.Array,
+        episodes: int,
+        greedy: bool = False,
+        notify: Callable[[np.ndarray, np.ndarray], object] = lambda running, length: None,
     ) -> Evaluation:
-        """Evaluate all runs on the same draws; results [R, episodes]."""
-        return self._evaluate(params, key_data(key), episodes=episodes, greedy=greedy)
+        """Evaluate all runs on the same draws; results [R, episodes].
+
+        `notify` is called now and then with which episodes go on, bool[R, episodes], and how long
+        they are, int32[R, episodes].
+        """
+        data, until, running = key_data(key), 0, np.True_
+        playing = self._begin(params, data, episodes=episodes)
+        while np.any(running):
+            until += SLICE
+            playing = self._advance(params, data, playing, np.int32(until), greedy=greedy)
+            running, length = jax.device_get((playing.running, playing.result.episode_length))
+            notify(running, length)
+        return playing.result
 
     def _updates(
         self, state: TrainState, hparams: HParams, updates: int
     ) -> tuple[TrainState, Metrics]:
         return jax.vmap(lambda s, h: self._loop.updates(s, h, updates))(state, hparams)
 
-    def _play(self, params: Any, data: jax.Array, episodes: int, greedy: bool) -> Evaluation:
+    def _first(self, params: Any, data: jax.Array, episodes: int) -> Playing:
         loop, key = self._loop, wrap_key(data)
-        return jax.vmap(lambda p: evaluate(loop.simulator, loop.network, p, key, episodes, greedy))(
-            params
-        )
+        return jax.vmap(lambda _: begin(loop.simulator, loop.network, key, episodes))(params)
+
+    def _play(
+        self, params: Any, data: jax.Array, playing: Playing, until: jax.Array, greedy: bool
+    ) -> Playing:
+        loop, key = self._loop, wrap_key(data)
+
+        def play(params: Any, playing: Playing) -> Playing:
+            return advance(loop.simulator, loop.network, params, key, playing, until, greedy)
+
+        return jax.vmap(play)(params, playing)
 
 
 def _spread(hparams: HParams, runs: int) -> HParams:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +15,9 @@ from jax.typing import ArrayLike
 from ...errors import SettingError
 from ...files import check_writable
 from ..learning.observations import observation_spec
-from .bootstrap import Interval, mean_interval
 from .folder import RunFolder, run_names
 from .metrics import METRICS, read_metrics
+from .result import Result
 from .trained import SUFFIX, Trained, Weights, load_trained, write_trained
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from ..learning.learner import PolicyCarry
 
     Act = Callable[[Any, PolicyCarry, jax.Array | None], tuple[jax.Array, PolicyCarry]]
+
+WAYS = {"greedy": True, "sampled": False}
+"""Ways of acting, and whether they take the most likely action."""
 
 
 class TrainedPolicy:
@@ -152,6 +155,7 @@ def export_policy(
     weights: Weights = "float16",
     episodes: int = 100,
     seed: int = 0,
+    notify: Callable[[float], object] = lambda done: None,
 ) -> dict[str, Result]:
     """Write one agent of a run directory into a file of its own, with what it achieves.
 
@@ -162,6 +166,7 @@ def export_policy(
         weights: precision of its numbers; the agent of the file is the one that is evaluated.
         episodes: to evaluate it by, greedy and sampled.
         seed: of their draws.
+        notify: called with the number of episodes played so far, of `2 * episodes`.
 
     Returns:
         How it did, by `"greedy"` and `"sampled"`.
@@ -178,12 +183,7 @@ def export_policy(
     agent = trained.one(chosen_run(trained, run))
     rounded = lambda leaf: leaf.astype(weights).astype(np.float32)  # noqa: E731
     agent = dataclasses.replace(agent, params=jax.tree.map(rounded, agent.params))
-    results = {
-        "greedy" if greedy else "sampled": evaluate(
-            agent, episodes=episodes, seed=seed, greedy=greedy
-        )
-        for greedy in (True, False)
-    }
+    results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)
     names = run_names(agent.experiment)
     score = {name: result.to_json(names) for name, result in results.items()}
     write_trained(out, agent, weights, score)
@@ -222,48 +222,34 @@ def best_run(folder: RunFolder) -> int:
     return int(np.lexsort((lengths, -np.nan_to_num(returns, nan=-np.inf)))[0])
 
 
-@dataclasses.dataclass(frozen=True)
-class Result:
-    """How one way of acting did, over all runs of a directory.
-
-    Attributes:
-        greedy: whether the most likely actions were taken.
-        returns: float32[runs, episodes], undiscounted.
-        lengths: int32[runs, episodes], steps.
-        successes: bool[runs, episodes].
-    """
-
-    greedy: bool
-    returns: np.ndarray
-    lengths: np.ndarray
-    successes: np.ndarray
-
-    @property
-    def best(self) -> int:
-        """The run with the highest mean return; of equal ones that with the shortest episodes."""
-        order = np.lexsort((self.lengths.mean(axis=1), -self.returns.mean(axis=1)))
-        return int(order[0])
-
-    def interval(self, values: np.ndarray) -> Interval:
-        """Mean of values[runs, episodes] with a 95 % bootstrap interval.
-
-        With several runs these are drawn, and episodes within them; with one, episodes alone.
-        """
-        return mean_interval(np.asarray(values, np.float64))
-
-    def to_json(self, names: Sequence[str]) -> dict[str, Any]:
-        """As plain JSON values, with every run's means by its name."""
-        fields = {"return": self.returns, "length": self.lengths, "success": self.successes}
-        overall = {name: dataclasses.asdict(self.interval(v)) for name, v in fields.items()}
-        runs = {
-            run: {name: float(np.mean(values[number])) for name, values in fields.items()}
-            for number, run in enumerate(names)
-        }
-        return {"episodes": int(self.returns.shape[1]), **overall, "runs": runs}
+def evaluate_both(
+    trained: Trained,
+    *,
+    episodes: int = 100,
+    seed: int = 0,
+    notify: Callable[[float], object] = lambda done: None,
+) -> dict[str, Result]:
+    """As `evaluate`, `"greedy"` and then `"sampled"`."""
+    results = {}
+    for name, greedy in WAYS.items():
+        before = len(results) * episodes * len(trained.experiment.runs)
+        results[name] = evaluate(
+            trained,
+            episodes=episodes,
+            seed=seed,
+            greedy=greedy,
+            notify=lambda done, before=before: notify(before + done),
+        )
+    return results
 
 
 def evaluate(
-    trained: Trained, *, episodes: int = 100, seed: int = 0, greedy: bool = False
+    trained: Trained,
+    *,
+    episodes: int = 100,
+    seed: int = 0,
+    greedy: bool = False,
+    notify: Callable[[float], object] = lambda done: None,
 ) -> Result:
     """Play whole episodes with all agents, on the same draws.
 
@@ -272,10 +258,19 @@ def evaluate(
         episodes: of each run.
         seed: of the draws.
         greedy: take the most likely action instead of drawing one.
+        notify: called with the number of episodes played so far, over all runs; one that goes on
+            counts as its part of the time limit.
     """
     key = jax.random.key(seed, impl="threefry2x32")
-    many = trained.experiment.learner.many
-    played = many.evaluate(trained.params, key, episodes, greedy)
+    learner = trained.experiment.learner
+    longest = np.asarray(learner.env.most_steps(learner.env_params))
+    played = learner.many.evaluate(
+        trained.params,
+        key,
+        episodes,
+        greedy,
+        lambda running, length: notify(float(np.where(running, length / longest, 1).sum())),
+    )
     played = jax.device_get(played)
     return Result(greedy, played.episode_return, played.episode_length, played.success)
 

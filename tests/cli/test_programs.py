@@ -1,0 +1,105 @@
+"""Compiled programs that the command keeps."""
+
+from __future__ import annotations
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from jaxenstein.cli import programs
+
+ROLLOUT = ["rollout", "simple", "--height", "8", "--width", "8", "--envs", "2", "--steps", "3"]
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A home whose folders nobody has made yet, and JAX told of no folder."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home" / "cache"))
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+    monkeypatch.delenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", raising=False)
+    return tmp_path / "home"
+
+
+def rollout(*arguments: str) -> tuple[list[str], str]:
+    """What it prints but for times, and what it says beside."""
+    command = [sys.executable, "-m", "jaxenstein.cli", *ROLLOUT, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return [line for line in done.stdout.splitlines() if "steps/s" not in line], done.stderr
+
+
+def kept(folder: Path) -> dict[str, int]:
+    return {path.name: path.stat().st_mtime_ns for path in folder.rglob("*-cache")}
+
+
+@pytest.mark.slow
+def test_the_second_call_finds_what_the_first_compiled(home: Path) -> None:
+    shown, _ = rollout("--no-cache")
+    assert not home.exists()
+    assert rollout()[0] == shown
+    before = kept(home)
+    assert before
+    (folder,) = (home / "cache" / "jaxenstein").iterdir()
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    again, said = rollout()
+    assert again == shown
+    assert kept(home) == before
+    assert "warning" not in said.lower()
+
+
+def test_jax_is_told_of_the_folder_unless_it_knows_one(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: dict[str, object] = {}
+    monkeypatch.setattr("jax.config.update", told.__setitem__)
+    programs.keep_programs()
+    assert told["jax_compilation_cache_dir"] == str(programs.programs_folder())
+    assert programs.programs_folder().is_dir()
+    told.clear()
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "elsewhere")
+    programs.keep_programs()
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR")
+    programs.programs_folder().chmod(0o777)
+    programs.keep_programs()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home / "file"))
+    (home / "file").write_text("no folder")
+    programs.keep_programs()
+    assert told == {}
+
+
+def test_the_least_recently_used_programs_go(home: Path) -> None:
+    folder = home / "cache" / "jaxenstein" / "x"
+    folder.mkdir(parents=True)
+    (folder / "note").write_bytes(bytes(1000))
+    for age, name in enumerate(("new", "middle", "old")):
+        (folder / f"{name}-cache").write_bytes(bytes(10))
+        os.utime(folder / f"{name}-cache", (1e9 - age, 1e9 - age))
+    programs.make_room(folder.parent, limit=30)
+    assert len(kept(folder)) == 3
+    programs.make_room(folder.parent, limit=19)
+    assert list(kept(folder)) == ["new-cache"]
+    assert (folder / "note").exists()
+
+
+def test_a_folder_of_others_is_not_ours(home: Path) -> None:
+    (home / "folder").mkdir(parents=True)
+    (home / "folder").chmod(0o700)
+    (home / "link").symlink_to(home / "folder")
+    assert programs.is_ours(home / "folder")
+    assert not programs.is_ours(home / "link")
+    (home / "folder").chmod(0o770)
+    assert not programs.is_ours(home / "folder")
+
+
+def test_another_processor_has_a_folder_of_its_own(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = programs.programs_folder()
+    assert folder == programs.programs_folder()
+    monkeypatch.setattr("jaxenstein.machine.cpu_fact", lambda *names: "another")
+    assert programs.programs_folder() != folder
