@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .episodes.replaying import Replay, replay
     from .episodes.session import Session
     from .episodes.trajectory_file import load_trajectory
+    from .maps.sample_maps import sample_map
     from .trajectory import Trajectory
     from .view.episode import Episode
     from .view.frames import Frame, show
@@ -37,6 +38,7 @@ _LAZY = {
     "load_trajectory": ".episodes.trajectory_file",
     "record": ".episodes.recorder",
     "replay": ".episodes.replaying",
+    "sample_map": ".maps.sample_maps",
     "show": ".view.frames",
 }
 
@@ -64,6 +66,7 @@ __all__ = [
     "record",
     "register",
     "replay",
+    "sample_map",
     "show",
 ]
 

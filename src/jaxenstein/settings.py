@@ -88,7 +88,8 @@ def environment_options() -> dict[str, Option]:
             place,
             "text",
             None,
-            "a file with a map, instead of an id; 'jaxenstein list --symbols' explains the symbols",
+            "a file with a map, instead of an id, or samples/NAME; 'jaxenstein list' explains with "
+            "--symbols the symbols, and prints with --samples those maps",
         ),
         Option(
             "heading",

@@ -12,13 +12,14 @@ from .opening import import_module_of
 
 HELP = "list the environments"
 DESCRIPTION = """\
-List the environments, with --symbols the characters of text maps, with --pretrained the trained
-agents that come with this package.
+List the environments, with --symbols the characters of text maps, with --samples
+small maps to play with, with --pretrained the trained agents that come with this package.
 """
 EPILOG = """\
 examples:
   jaxenstein list
   jaxenstein list --symbols
+  jaxenstein list --samples
   jaxenstein list --pretrained
   jaxenstein list my_module:my-task
 """
@@ -36,6 +37,7 @@ def fill(parser: Parser) -> None:
         "ids", nargs="*", metavar="ID", help="which ones, also MODULE:NAME (default: all)"
     )
     flag(parser, "--symbols", "explain the characters of text maps instead")
+    flag(parser, "--samples", "the small maps to play with instead")
     flag(parser, "--pretrained", "the trained agents of this package instead")
 
 
@@ -45,6 +47,12 @@ def run(options: argparse.Namespace) -> None:
         from ..maps.symbols import legend
 
         print(legend())
+        return
+    if options.samples:
+        from ..maps.sample_maps import SAMPLES, sample_map
+
+        maps = [f"samples/{name}: {about}\n{sample_map(name)}" for name, about in SAMPLES.items()]
+        print("\n\n".join(maps))
         return
     if options.pretrained:
         print(pretrained_agents())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import MapError
+from .sample_maps import sample_map
 
 
 def read_map(path: Path) -> dict[str, str]:
@@ -13,9 +14,13 @@ def read_map(path: Path) -> dict[str, str]:
     They are `text`, and `regions` or `faces` where there is such a file beside it: of `maze.txt`,
     `maze.regions.txt` or `maze.faces.txt`.
 
+    `samples/NAME` is a map of `sample_map` where there is no such file.
+
     Raises:
-        MapError: a file cannot be read.
+        MapError: a file cannot be read, or there is no such sample.
     """
+    if path.parent.name == "samples" and not path.suffix and not path.exists():
+        return {"text": sample_map(path.name)}
     texts = {"text": read_text(path, "map")}
     for kind in ("regions", "faces"):
         if beside(path, kind).is_file():

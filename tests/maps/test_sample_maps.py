@@ -1,0 +1,38 @@
+"""The small maps to play with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import jaxenstein
+from jaxenstein.cli import main
+from jaxenstein.maps.sample_maps import SAMPLES, sample_map
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_each_can_be_solved_and_is_listed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A goal that cannot be reached would be a warning, which is an error here."""
+    env, params = jaxenstein.from_ascii(jaxenstein.sample_map(name))
+    assert int(params.max_steps_in_episode) == 1000
+    assert env.tilemap.tile_text().splitlines() == sample_map(name).splitlines()
+    assert main(["list", "--samples"]) == 0
+    assert f"samples/{name}: {SAMPLES[name]}\n{sample_map(name)}\n" in capsys.readouterr().out
+
+
+def test_each_file_has_a_name() -> None:
+    folder = Path(jaxenstein.__file__).parent / "maps" / "samples"
+    assert {path.stem for path in folder.glob("*.txt")} == set(SAMPLES)
+
+
+def test_samples_stand_in_for_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    env, _ = jaxenstein.from_file("samples/rooms")
+    assert env.name == "rooms"
+    assert len(env.tilemap.spawns) == sample_map("rooms").count("S")
+    with pytest.raises(jaxenstein.MapError, match=r"'room', did you mean 'rooms'\?"):
+        jaxenstein.from_file("samples/room")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "samples").mkdir()
+    (tmp_path / "samples" / "rooms").write_text("####\n#SG#\n####")
+    assert len(jaxenstein.from_file("samples/rooms")[0].tilemap.spawns) == 1
