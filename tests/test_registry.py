@@ -111,6 +111,12 @@ def test_unknown_ids_name_the_nearest(name, hint):
         make(name)
 
 
+@pytest.mark.parametrize("name", ["\x1b[2J", "two\nlines", 3])
+def test_names_are_texts_of_one_line(name):
+    with pytest.raises(jaxenstein.SettingError, match="name must be a text of one line, not"):
+        jaxenstein.from_ascii("####\n#SG#\n####", name=name)
+
+
 def test_unknown_settings_name_the_nearest():
     with pytest.raises(jaxenstein.SettingError, match="'heigth', did you mean 'height'"):
         make("simple", heigth=3)

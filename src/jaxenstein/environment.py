@@ -88,6 +88,8 @@ class Environment(abc.ABC, Generic[S, P]):
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             object.__setattr__(self, field.name, as_static(field.name, value))
+        if not isinstance(self.name, str) or not self.name.isprintable():
+            raise SettingError(f"name must be a text of one line, not {self.name!r}")
         if self.autoreset is not None and self.autoreset not in get_args(Autoreset):
             modes = ", ".join(map(repr, (*get_args(Autoreset), None)))
             raise SettingError(f"autoreset must be one of {modes}, not {self.autoreset!r}")

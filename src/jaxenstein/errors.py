@@ -1,4 +1,4 @@
-"""The errors and warnings that this package raises, and the phrase that suggests a name."""
+"""The errors and warnings that this package raises, and how they are put in words."""
 
 from __future__ import annotations
 
@@ -57,6 +57,17 @@ class TrajectoryError(JAXensteinError):
 
 class MapWarning(UserWarning):
     """A map that can be used but is likely not what its author meant."""
+
+
+def one_line(text: str) -> str:
+    r"""A text as one line for a terminal: what that would obey is written out.
+
+    Examples:
+        >>> one_line("a\n  b\x1b[2J")
+        'a b\\x1b[2J'
+    """
+    line = " ".join(text.split())
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in line)
 
 
 def nearest(word: str, candidates: Iterable[str]) -> str:

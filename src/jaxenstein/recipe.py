@@ -19,6 +19,7 @@ from .errors import (
     SettingError,
     TrajectoryError,
     UnknownEnvironmentError,
+    one_line,
 )
 from .tasks.first_person import RESETTING, SEEN
 from .tasks.navigation import Navigation
@@ -77,7 +78,7 @@ class Recipe:
         except JAXensteinError:
             raise
         except (TypeError, ValueError, IndexError, OverflowError, AttributeError) as error:
-            raise SettingError(f"a setting is unusable: {' '.join(str(error).split())}") from error
+            raise SettingError(f"a setting is unusable: {one_line(str(error))}") from error
         return env, params
 
 

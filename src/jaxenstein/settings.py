@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import sys
 import typing
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal
@@ -130,7 +131,9 @@ def coerce(option: Option, value: Any) -> Any:
         SettingError: it is of another kind.
     """
     name, kind = option.name, option.kind
-    number = isinstance(value, int | float) and not isinstance(value, bool)
+    # A whole number may be too large for a float.
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    number = isinstance(value, float) or (whole and abs(value) <= sys.float_info.max)
     if kind == "count" and number and math.isfinite(value) and value == int(value):
         return int(value)
     if kind == "number" and number:

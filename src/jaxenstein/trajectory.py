@@ -142,6 +142,11 @@ def _dumps(value: Any) -> str:
     return json.dumps(value, allow_nan=False, ensure_ascii=False)
 
 
+def digest_spacing(states: int) -> int:
+    """How many of an episode's states each digest covers, for no more than `MOST_DIGESTS`."""
+    return -(-states // MOST_DIGESTS)
+
+
 def runs(values: Iterable[Any]) -> list[list[Any]]:
     """Values as [value, how often] each, for as long as they repeat."""
     return [[value, len(list(group))] for value, group in itertools.groupby(values)]

@@ -337,42 +337,51 @@ def test_a_recurrent_ppo_in_a_scan_trains() -> None:
     assert per_step < 200
 
 
+ROLLOUT = {"num_steps": 8, "num_epochs": 2, "num_minibatches": 2, "normalize_observations": True}
+REPLAY = {"buffer_size": 512, "fill_buffer": 40, "batch_size": 32, "num_epochs": 2, "gamma": 0.5}
+# Of each algorithm: what it sees, its settings, and the networks that it trains.
+REJAX = {
+    "PPO": ("rgb", ROLLOUT | {"max_grad_norm": 0.5}, ("actor_ts", "critic_ts")),
+    "DQN": ("depth", REPLAY | {"exploration_fraction": 0.5, "polyak": 0.5}, ("q_ts",)),
+    "PQN": ("rgb", ROLLOUT, ("q_ts",)),
+}
+
+
 @pytest.mark.usefixtures("partner_promotion")
-def test_rejax_ppo_trains() -> None:
+@pytest.mark.parametrize("algorithm", REJAX)
+def test_rejax_trains(algorithm: str) -> None:
     rejax = pytest.importorskip("rejax")
-    # Near enough for chance to reach it.
-    near = jaxenstein.from_ascii("####\n#SG#\n####", heading=0.0, **SMALL)
-    env, params = adapter.from_env(*near)
-    params = params.replace(max_steps_in_episode=20)
-    ppo = rejax.PPO.create(
+    observation, settings, networks = REJAX[algorithm]
+    # One step forward from the goal, so that chance finds it.
+    near = "####\n#SG#\n####"
+    made = jaxenstein.from_ascii(near, heading=0.0, observation=observation, **SMALL)
+    env, params = adapter.from_env(*made)
+    params = params.replace(max_steps_in_episode=20, move_distance=0.7)
+    learner = getattr(rejax, algorithm).create(
         env=env,
         env_params=params,
-        agent_kwargs={"hidden_layer_sizes": (16,)},
         num_envs=4,
-        num_steps=8,
-        num_epochs=2,
-        num_minibatches=2,
-        total_timesteps=96,
-        eval_freq=32,
+        total_timesteps=512,
+        eval_freq=256,
         skip_initial_evaluation=True,
-        max_grad_norm=0.5,
         learning_rate=1e-3,
-        normalize_observations=True,
+        **settings,
     )
-    assert ppo.discrete
-    assert ppo.action_dim == 5
-    state, (lengths, returns) = jax.jit(ppo.train)(jax.random.PRNGKey(0))
-    assert lengths.shape == returns.shape == (3, 128)
-    assert state.global_step == 96
-    assert ((lengths >= 1) & (lengths <= 20)).all()
+    state, (lengths, returns) = jax.jit(learner.train)(jax.random.PRNGKey(0))
+    assert lengths.shape == returns.shape == (2, 128)
+    assert state.global_step == 512
     assert np.isin(returns, (0, 1)).all()
-    assert (returns == 1).any()
-    before = ppo.init_state(jax.random.PRNGKey(0))
-    moved = jax.tree.map(
-        lambda new, old: bool((new != old).any()), state.actor_ts.params, before.actor_ts.params
-    )
-    assert all(jax.tree.leaves(moved))
-    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(state.critic_ts.params))
+    # Who does not come to the goal has all the time there is.
+    np.testing.assert_array_equal(lengths[returns == 0], 20)
+    assert (lengths[returns == 1] <= 20).all()
+    assert returns[-1].mean() > 0.9
+    before = learner.init_state(jax.random.PRNGKey(0))
+    for network in networks:
+        trained = getattr(state, network).params
+        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(trained))
+        start = getattr(before, network).params
+        moved = jax.tree.map(lambda new, old: bool((new != old).any()), trained, start)
+        assert all(jax.tree.leaves(moved))
 
 
 def test_mistakes_are_named() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 import jaxenstein
 from jaxenstein.cli import bench, build_parser, listing, main, rollout
 from jaxenstein.cli.opening import given_options, open_environment
+from jaxenstein.trajectory import FORMAT, FORMAT_VERSION
 
 MAP = "#####\n#S.G#\n#####\n"
 
@@ -229,6 +231,17 @@ def test_warnings_about_a_map_are_one_line(
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("jaxenstein: warning: ")
     assert "none" in second
+
+
+def test_errors_do_not_command_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A terminal obeys some signs, and a file may have them in the name of an entry."""
+    table = {"format": FORMAT, "format_version": FORMAT_VERSION, "made_by": {}, "\x1b[2J\u202e": 1}
+    (tmp_path / "a.json").write_text(json.dumps(table))
+    assert main(["replay", str(tmp_path / "a.json")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(r"unknown entry '\x1b[2J\u202e'")
 
 
 def test_bench_table_lines_up() -> None:

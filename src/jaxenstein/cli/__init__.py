@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ..errors import JAXensteinError
+from ..errors import JAXensteinError, one_line
 from ..files import OutputError
 from ..version import __version__
 from . import (
@@ -140,8 +140,7 @@ def build_parser() -> Parser:
 
 
 def _complain(message: str, code: int) -> int:
-    line = " ".join(message.split())
-    print(line, file=sys.stderr)
+    print(one_line(message), file=sys.stderr)
     return code
 
 

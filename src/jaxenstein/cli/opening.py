@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ..errors import MapWarning
+from ..errors import MapWarning, one_line
 from .arguments import PREFIX, TABLES, UsageError
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def telling_warnings() -> Iterator[None]:
         warnings.simplefilter("always", MapWarning)
         yield
     for warning in {str(warning.message): warning for warning in caught}.values():
-        print(f"jaxenstein: warning: {' '.join(str(warning.message).split())}", file=sys.stderr)
+        print(f"jaxenstein: warning: {one_line(str(warning.message))}", file=sys.stderr)
 
 
 def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..machine import made_by
 from ..recipe import Recipe, recipe_of
-from ..trajectory import DIGITS, MOST_DIGESTS, Checks, Trajectory
+from ..trajectory import DIGITS, Checks, Trajectory, digest_spacing
 from .session import Session
 
 
@@ -30,7 +30,7 @@ class Digests:
 
     def checks(self, session: Session) -> Checks:
         """What the session came to."""
-        every = -(-len(self._states) // MOST_DIGESTS)
+        every = digest_spacing(len(self._states))
         return Checks(
             rewards=tuple(session.rewards),
             terminated=session.terminated,

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import string
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 from ..environment import AnyEnvironment
 from ..errors import JAXensteinError, TrajectoryError
 from ..recipe import TEXTS, Recipe
-from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory
+from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory, digest_spacing
 from .session import NO_OP
 
 # A run may claim any length; an episode of so many steps would take weeks.
@@ -120,6 +121,8 @@ def _checks(table: Table, steps: int) -> Checks:
     within = "checks."
     _only(table, within, _names(Checks))
     every = _take(table, "every", _whole(1, None), within)
+    if every != (right := digest_spacing(steps + 1)):
+        raise TrajectoryError(f"'{within}every' must be {right} for {steps} actions, not {every}")
     wanted = -(-(steps + 1) // every)
     checks = Checks(
         rewards=_runs(table, "rewards", within, _real),
@@ -199,7 +202,9 @@ def _whole(least: int | None, most: int | None) -> Callable[[Any], int]:
 
 
 def _real(value: Any) -> float:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    # A whole number may be too large for a float; NaN is equal to nothing.
+    if not number or not abs(value) <= sys.float_info.max:
         raise ValueError("a finite number")
     return float(value)
 
@@ -215,8 +220,8 @@ def _flag(value: Any) -> bool:
 
 
 def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise ValueError("a text")
+    if not isinstance(value, str) or not value.isprintable():
+        raise ValueError("a text of one line")
     return value
 
 

@@ -63,6 +63,7 @@ def test_replace_names_the_nearest_setting():
         ({"entropy": float("nan")}, "entropy must be a finite"),
         ({"entropy": None}, "entropy must be a finite number at least 0, not None"),
         ({"gae_lambda": "high"}, "gae_lambda must be a number, not 'high'"),
+        ({"gae_lambda": 10**400}, "gae_lambda must be a number, not 1000"),
     ],
 )
 def test_a_wrong_number_is_named(numbers, message):

@@ -237,6 +237,8 @@ def test_a_file_gives_options_and_flags_win(tmp_path: Path) -> None:
         ("algo = ", "run.toml is not TOML"),
         ("lerning_rate = 1", "run.toml: unknown option 'lerning_rate', did you mean"),
         ('num_envs = "8"', "run.toml: num_envs must be a whole number, not '8'"),
+        (f"num_envs = {10**400}", "run.toml: num_envs must be a whole number, not 1000"),
+        (f"gamma = {-(10**400)}", "run.toml: gamma must be a number, not -1000"),
     ],
 )
 def test_a_wrong_file_is_told(tmp_path: Path, text: str, message: str) -> None:

@@ -104,7 +104,7 @@ def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
         return value
     try:
         numbers = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise SettingError(f"{name} must be a number, not {value!r}") from None
     highest = limits.get("highest", math.inf)
     above = limits.get("positive", False)

@@ -17,7 +17,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ...errors import SettingError
+from ...errors import SettingError, one_line
 from ...files import PART, OutputError, atomic, make_folder
 
 KEEP = 2
@@ -94,7 +94,7 @@ class Checkpoints:
                 raise
             # A damaged file makes the readers below raise anything.
             except Exception as error:
-                reason = " ".join(str(error).split())[:200] or type(error).__name__
+                reason = one_line(str(error))[:200] or type(error).__name__
                 damaged.append(f"{path}: {reason}")
         if damaged:
             raise CheckpointError(f"no checkpoint can be read: {'; '.join(damaged)}")

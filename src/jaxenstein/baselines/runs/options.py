@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...errors import SettingError, nearest
+from ...errors import SettingError, nearest, one_line
 from ...settings import Option, check, environment_options, options_of, recipe_from
 from ...settings import given_by as environment_given_by
 from ..learning.algorithms import Algorithm, algorithms, renamed
@@ -93,7 +93,7 @@ def _yaml(path: Path, text: str) -> Any:
             raise yaml.YAMLError("'*name' is not known here; write the value again")
         return yaml.safe_load(text) or {}
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise SettingError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+        raise SettingError(f"{path} is not YAML: {one_line(str(error))}") from error
 
 
 def resolve(given: Mapping[str, Any]) -> Experiment:

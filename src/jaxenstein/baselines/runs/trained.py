@@ -17,7 +17,7 @@ from typing import Any, Literal
 import jax
 import numpy as np
 
-from ...errors import JAXensteinError, SettingError, nearest
+from ...errors import JAXensteinError, SettingError, nearest, one_line
 from ...files import atomic
 from .checkpoints import read_tree
 from .experiment import Experiment
@@ -167,5 +167,5 @@ def read_config(file: Path) -> dict[str, Any]:
 
 
 def _unreadable(file: Path, error: Exception) -> SettingError:
-    reason = " ".join(str(error).split())[:200] or type(error).__name__
+    reason = one_line(str(error))[:200] or type(error).__name__
     return SettingError(f"{file} is not an agent that 'jaxenstein export' wrote: {reason}")
