@@ -26,6 +26,8 @@ class HParams(PyTreeNode):
         value: coefficient of the value loss.
         gradient_norm: global norm that gradients are clipped to, PPO's and the bonus' alike.
         advantage_floor: added to the advantages' deviation where they are divided by it.
+        target_kl: once the policy has moved so far from the one that played (approximate_kl of a
+            minibatch), the rest of the update is left out; None: never.
         bonus_learning_rate: of the bonus' Adam, at the start.
         bonus_reward: factor of the exploration bonus.
         bonus_advantage: weight of the intrinsic advantages beside the extrinsic ones, where the
@@ -46,6 +48,7 @@ class HParams(PyTreeNode):
     value: Any = 0.5
     gradient_norm: Any = positive(0.5)
     advantage_floor: Any = 1e-8
+    target_kl: Any = positive(None)
     bonus_learning_rate: Any = 3e-4  # the paper prints none for RND
     bonus_reward: Any = 1.0
     bonus_advantage: Any = 1.0

@@ -27,8 +27,8 @@ from .observations import ObservationSpec
 Layers = tuple[tuple[int, int, int], ...]
 Prepare = Callable[[Any, DTypeLike], tuple[list[jax.Array], jax.Array]]
 
-# Frames that are encoded at once on a CPU.
-PIECE = 16
+# Pixels that are encoded at once on a CPU: 16 frames of 64x64, 256 of 16x16.
+PIECE = 16 * 64 * 64
 
 NATURE: Layers = ((8, 4, 32), (4, 2, 64), (3, 1, 64))
 """(kernel, stride, features) of Mnih et al. 2015; for images from 36 pixels on."""
@@ -201,10 +201,11 @@ class Eye:
         in the cache: twice as fast, and it takes far less memory.
         """
         length, batch = jax.tree.leaves(obs)[0].shape[:2]
+        pixels = batch * max((shape[0] * shape[1] for shape in self.spec.images), default=1)
         piece = max(
             size
             for size in range(1, length + 1)
-            if length % size == 0 and (size == 1 or size * batch <= PIECE)
+            if length % size == 0 and (size == 1 or size * pixels <= PIECE)
         )
         if jax.default_backend() != "cpu" or piece == length:
             return self.encode(params, obs, prepare)

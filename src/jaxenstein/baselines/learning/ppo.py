@@ -146,17 +146,22 @@ def train(
         batch = batch.replace(advantage=normalise(batch.advantage, hparams))
 
     def body(carry: Any, environments: jax.Array) -> tuple[Any, Metrics]:
-        params, state = carry
+        params, state, going = carry
         part = batch.take(environments)
 
         def total(params: Any) -> tuple[jax.Array, Metrics]:
             return loss(network, config, params, part, hparams)
 
         gradients, metrics = jax.grad(total, has_aux=True)(params)
-        params, state, size = optimiser.step(gradients, state, params, rate, hparams.gradient_norm)
-        return (params, state), metrics | {"gradient_norm": size}
+        *learnt, size = optimiser.step(gradients, state, params, rate, hparams.gradient_norm)
+        if hparams.target_kl is not None:
+            going &= metrics["approximate_kl"] <= hparams.target_kl
+            learnt = jax.tree.map(
+                lambda new, old: jnp.where(going, new, old), learnt, [params, state]
+            )
+        return (*learnt, going), metrics | {"gradient_norm": size}
 
-    (params, optimiser_state), metrics = passes(
-        key, config, config.epochs, body, (params, optimiser_state)
+    (params, optimiser_state, _), metrics = passes(
+        key, config, config.epochs, body, (params, optimiser_state, jnp.bool_(True))
     )
     return params, optimiser_state, metrics
