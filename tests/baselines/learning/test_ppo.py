@@ -1,5 +1,6 @@
 """PPO's parts against hand computation and finite differences."""
 
+import functools
 from typing import Any
 
 import jax
@@ -16,7 +17,7 @@ from jaxenstein.baselines.learning import optimiser, ppo
 from jaxenstein.baselines.learning.minibatches import draw_minibatches, passes, take
 from jaxenstein.baselines.learning.networks import ActorCritic
 from jaxenstein.baselines.learning.observations import ObservationSpec, Part
-from jaxenstein.baselines.learning.rollout import Steps
+from jaxenstein.baselines.learning.rollout import Steps, log_prob
 from tests.baselines.worlds import enable_x64
 
 
@@ -125,6 +126,38 @@ def test_advantages_are_normalised_over_minibatches_or_the_rollout():
     assert abs(parts - expected(batch)) > 1e-3
     config = config.replace(normalise_advantages="minibatch")
     np.testing.assert_allclose(trained(config), parts, rtol=1e-4)
+
+
+def test_an_update_stops_at_a_distance_from_the_policy_that_played():
+    spec = ObservationSpec((Part((3,), False, "log"),))
+    config = Config(
+        num_envs=4, minibatches=2, rollout=4, total_steps=16, epochs=3, features=5, hidden=4, head=5
+    )  # fmt: skip
+    network = ActorCritic(spec, 2, 2, config)
+    params, rate = network.init(jax.random.key(0)), jnp.float32(0.01)
+    batch = make_batch(np.random.default_rng(3), batch=4)
+    logits, _, _ = network.unroll(
+        params, batch.steps.obs, batch.steps.previous, batch.steps.first, batch.memory
+    )
+    played = log_prob(logits, batch.steps.action)
+    batch = batch.replace(steps=batch.steps.replace(log_prob=played))
+
+    def trained(target: float | None) -> Any:
+        h = HParams(target_kl=target).check()
+        return ppo.train(
+            network, config, jax.random.key(1), params, optimiser.init(params), batch, h, rate
+        )[:2]
+
+    # The first minibatch finds the policy where it was, and the second no more.
+    key, adam = jax.random.split(jax.random.key(1), 3)[0], optimiser.init(params)
+    part = batch.take(draw_minibatches(key, config)[0])
+    gradients = jax.grad(lambda p: ppo.loss(network, config, p, part, HParams())[0])(params)
+    once = optimiser.step(gradients, adam, params, rate, jnp.float32(0.5))[:2]
+    close = functools.partial(np.testing.assert_allclose, rtol=1e-5, atol=1e-7)
+    jax.tree.map(close, trained(1e-9), (*once,))
+    jax.tree.map(close, trained(1e9), trained(None))
+    moved = jax.tree.map(lambda a, b: float(jnp.max(jnp.abs(a - b))), trained(None), once)
+    assert max(jax.tree.leaves(moved[0])) > 0.01
 
 
 @pytest.mark.parametrize(

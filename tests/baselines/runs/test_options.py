@@ -86,7 +86,7 @@ def test_defaults_are_those_of_the_paper() -> None:
 TUNED = {
     "num_envs": 64, "rollout": 128, "learning_rate": 1e-3, "anneal": False, "value_clip": 10.0,
     "advantage_floor": 0.01, "features": 64, "hidden": 64, "head": 64,
-    "convolutions": ((4, 2, 16), (3, 2, 32)),
+    "convolutions": ((4, 4, 32),),
 }  # fmt: skip
 
 
@@ -108,11 +108,11 @@ def test_recipes_are_defaults_below_what_is_given(algo: str, own: dict[str, Any]
     assert flat(recipe="paper") == paper
     assert paper == {**Config(algo=algo).flat(), **HParams().flat(), **_own_numbers(algo)}
     assert flat(recipe="tuned") == {**paper, **TUNED, **own}
-    given = {"recipe": "tuned", "network": "tiny", "head": 8, "anneal": True, "clip": 0.1}
-    sizes = {"features": 32, "hidden": 32, "head": 8}
+    given = {"recipe": "tuned", "network": "small", "head": 8, "anneal": True, "clip": 0.1}
+    sizes = {"convolutions": ((4, 2, 16), (3, 2, 32)), "head": 8}
     assert flat(**given) == {**paper, **TUNED, **own, **sizes, "anneal": True, "clip": 0.1}
     network = {name: TUNED[name] for name in ("features", "hidden", "head", "convolutions")}
-    assert flat(network="small") == {**paper, **network}
+    assert flat(network="tiny") == {**paper, **network}
 
 
 def _own_numbers(algo: str) -> dict[str, Any]:
@@ -123,12 +123,12 @@ def _own_numbers(algo: str) -> dict[str, Any]:
 def test_presets_are_written_down_and_runs_without_any_are_the_papers() -> None:
     experiment = tiny(recipe="tuned", num_envs=8, total_steps=1024)
     plain = json.loads(json.dumps(experiment.to_json()))
-    assert plain["presets"] == {"recipe": "tuned", "network": "small"}
+    assert plain["presets"] == {"recipe": "tuned", "network": "tiny"}
     assert plain["hparams"]["learning_rate"] == 1e-3
     assert Experiment.from_json(plain) == experiment == resolve(given_by(experiment))
     del plain["presets"]
     assert experiment.differences(Experiment.from_json(plain)) == [
-        'presets.network ("small", not "paper")', 'presets.recipe ("tuned", not "paper")'
+        'presets.network ("tiny", not "paper")', 'presets.recipe ("tuned", not "paper")'
     ]  # fmt: skip
     plain["presets"] = {"recipe": "tunned"}
     with pytest.raises(SettingError, match="recipe must be one of 'paper', 'tuned', not 'tunned'"):

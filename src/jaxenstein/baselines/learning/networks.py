@@ -36,6 +36,9 @@ NATURE: Layers = ((8, 4, 32), (4, 2, 64), (3, 1, 64))
 SMALL: Layers = ((4, 2, 16), (3, 2, 32))
 """Layers for smaller images."""
 
+PATCHES: Layers = ((4, 4, 32),)
+"""Patches that do not overlap (as Dosovitskiy et al. 2021 embed them): one matrix product."""
+
 _SQRT2 = 2.0**0.5
 
 
