@@ -41,10 +41,12 @@ class Player:
         summary: what it does, for people.
         make: a function of an environment and its params that returns `choose(key, state)`, which
             is pure, so that it runs under `jax.jit`, `jax.vmap` and `jax.lax.scan`.
+        waits: why it takes no action where it takes none, for captions.
     """
 
     summary: str
     make: Callable[[Any, Any], Choose]
+    waits: str = ""
 
     def __call__(self, env: AnyEnvironment, params: Any) -> Choose:
         """What chooses the actions."""

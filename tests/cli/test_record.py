@@ -5,18 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from PIL import Image
 
 import jaxenstein
 from jaxenstein import SettingError
-from jaxenstein.about import Event
+from jaxenstein.about import Event, Player
 from jaxenstein.cli import main, record
 from jaxenstein.cli.record import parse_actions
-from jaxenstein.episodes.policies import GENERAL, Script, named_policy
+from jaxenstein.episodes.policies import GENERAL, Script, Scripted, named_policy
 from jaxenstein.episodes.recorder import event_words, play
-from jaxenstein.episodes.session import Session
+from jaxenstein.episodes.session import NO_OP, Session
 from jaxenstein.maps.ascii import parse_ascii
 from jaxenstein.maps.symbols import LABEL_COLOURS
 from jaxenstein.maps.things import APPLE, GOAL, KEY, MEDKIT
@@ -243,11 +245,22 @@ def test_the_expert_does_the_task(world: World) -> None:
     assert played.returns[-1] == 1
 
 
+def test_a_player_says_why_it_waits(world: World) -> None:
+    patient = Player("waits a while", lambda env, params: waiting, waits="waits: too early")
+    played = play(Session(*world), Scripted(patient, *world), 4)
+    assert played.events[:4] == ("waits: too early", "waits: too early", "", "")
+
+
+def waiting(key: jax.Array, state: Any) -> jax.Array:
+    del key
+    return jnp.where(state.time < 2, NO_OP, 0)
+
+
 @pytest.mark.slow
 def test_the_expert_of_health_gathering_looks_for_medkits() -> None:
     made = jaxenstein.make("health-gathering", height=8, width=8)
     survived = play(Session(*made), named_policy("expert", *made, 0), 150)
     idle = play(Session(*made), named_policy("idle", *made, 0), 150)
     assert survived.variables["health"].min() >= idle.variables["health"].min()
-    assert any("medkit" in event for event in survived.events)
-    assert not any("medkit" in event for event in idle.events)
+    assert any("took" in event for event in survived.events)
+    assert not any("took" in event for event in idle.events)

@@ -53,6 +53,7 @@ class Scripted:
 
     def __init__(self, player: Player, env: AnyEnvironment, params: Any) -> None:
         """Take the player."""
+        self.waits = player.waits
         self._params = params
         self._choose = _compiled(player, env)
 

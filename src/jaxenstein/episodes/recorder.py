@@ -127,6 +127,8 @@ def play(
         session.step(policy(session))
         add_frame()
         builder.add_step(session)
+        if session.actions[-1] == NO_OP and (words := getattr(policy, "waits", "")):
+            builder.events[-1] = ", ".join(filter(None, [builder.events[-1], words]))
         if notify is not None:
             notify(len(session.actions))
     trajectory = None if recipe is None else make_trajectory(session, digests, recipe)

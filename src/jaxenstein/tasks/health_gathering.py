@@ -108,7 +108,11 @@ def greedy_medkits(env: HealthGathering, params: HealthGatheringParams) -> Choos
     return choose
 
 
-GREEDY_MEDKITS = Player("goes to the nearest medkit; sees the whole state", greedy_medkits)
+GREEDY_MEDKITS = Player(
+    "goes to the nearest medkit and waits there while it is not needed; sees the whole state",
+    greedy_medkits,
+    waits="waits: no medkit is needed yet",
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

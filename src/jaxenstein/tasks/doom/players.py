@@ -173,7 +173,11 @@ def greedy_medkits(env: DoomHealthGathering, params: Any) -> Choose:
     return choose
 
 
-GREEDY_MEDKITS = Player("goes to the nearest medkit; sees the whole state", greedy_medkits)
+GREEDY_MEDKITS = Player(
+    "goes to the nearest medkit and waits there while it is not needed; sees the whole state",
+    greedy_medkits,
+    waits="waits: no medkit is needed yet",
+)
 
 
 def _walkable(geometry: Geometry, position: jax.Array, places: jax.Array) -> jax.Array:
