@@ -15,7 +15,7 @@ GENERATED = ROOT / "docs" / "commands.md"
 PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").glob("*.md")} - {GENERATED})]
 PAGES += sorted((ROOT / "docs" / "benchmarks").glob("*.md"))
 # What every sample may import: all else is a partner that may not be installed.
-AT_HAND = {*sys.stdlib_module_names, "PIL", "examples", "jax", "jaxenstein", "numpy"}
+AT_HAND = {*sys.stdlib_module_names, "PIL", "custom_task", "examples", "jax", "jaxenstein", "numpy"}
 
 
 class Sample(NamedTuple):

@@ -37,6 +37,7 @@ def test_there_are_samples() -> None:
 def test_the_samples_of_a_page_run_in_order(page: Path, tmp_path, monkeypatch) -> None:
     """Those of the README, the first page, are run by tests/test_readme.py."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(ROOT / "examples")
     monkeypatch.setattr(registry, "ENTRIES", dict(registry.ENTRIES))
     names: dict = {"__name__": "sample"}
     for sample in samples(page):
