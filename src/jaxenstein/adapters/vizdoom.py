@@ -112,7 +112,7 @@ class GameSession(Session):
     def reset(self, seed: int) -> Any:
         """Begin an episode of the game with `seed`; returns its first observation."""
         self.seed = check_seed(seed)
-        self._key = jax.random.key(self.seed, impl="threefry2x32")
+        self._key = None
         # Its generator begins alike for neighbouring numbers.
         self._game.set_seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0]))
         self._game.new_episode()
@@ -147,6 +147,8 @@ class GameSession(Session):
 
     def policy_key(self) -> jax.Array:
         """A key for choosing the next action."""
+        if self._key is None:  # not before: a game inside a compiled program must not call JAX
+            self._key = jax.random.key(self.seed, impl="threefry2x32")
         return jax.random.fold_in(self._key, len(self.actions))
 
     @property

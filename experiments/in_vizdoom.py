@@ -1,0 +1,142 @@
+"""Train in ViZDoom itself, with the same trainer and configuration, for as long as one likes.
+
+    python -m experiments.in_vizdoom CONFIG --out FILE [--minutes M] [--seed N]
+
+CONFIG is a file of `jaxenstein train --config` about a `doom-` environment. Every decision is asked
+of games that run beside (`jaxenstein.adapters.vizdoom.GameSession`), as many as `num_envs` says;
+all else is what `jaxenstein train` does. FILE gets a row of metrics after each update. Needs the
+extras `baselines` and `vizdoom`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.experimental import io_callback
+
+from jaxenstein.adapters.vizdoom import GameSession
+from jaxenstein.baselines import resolve
+from jaxenstein.baselines.learning.learner import Learner
+from jaxenstein.baselines.runs.options import read_file
+from jaxenstein.environment import Environment
+from jaxenstein.files import atomic, check_writable
+from jaxenstein.pytree import PyTreeNode
+
+
+class GameState(PyTreeNode):
+    """Which of the games it is, and the steps taken in it, so that no step can be left out.
+
+    Attributes:
+        game: int32[].
+        steps: int32[].
+    """
+
+    game: jax.Array
+    steps: jax.Array
+
+
+class Games:
+    """Games by gymnax' contract, reset in the step that ends an episode; only for `jax.vmap`."""
+
+    def __init__(self, env: Environment[Any, Any], params: Any, number: int) -> None:
+        """Start so many games."""
+        self.action_space, self.observation_space = env.action_space, env.observation_space
+        self._sessions = [GameSession(env, params, seed) for seed in range(number)]
+        self._next = 0
+        first = self._sessions[0].observation
+        self._seen = jax.ShapeDtypeStruct(first.shape, first.dtype)
+
+    def reset(self, key: jax.Array, params: Any) -> tuple[jax.Array, GameState]:
+        """The next game that has not been handed out, at the start of an episode."""
+        del params
+        shapes = (self._seen, jax.ShapeDtypeStruct((), np.int32))
+        obs, game = io_callback(self._begin, shapes, jax.random.bits(key))
+        return obs, GameState(game, jnp.int32(0))
+
+    def step(
+        self, key: jax.Array, state: GameState, action: jax.Array, params: Any
+    ) -> tuple[jax.Array, GameState, jax.Array, jax.Array, jax.Array, dict[str, Any]]:
+        """Hold an action in its game; `final_observation` is the last that the game showed."""
+        del params
+        flag = jax.ShapeDtypeStruct((), np.bool_)
+        shapes = (
+            self._seen, jax.ShapeDtypeStruct((), np.float32), flag, flag, flag, self._seen,
+            jax.ShapeDtypeStruct((), np.int32),
+        )  # fmt: skip
+        obs, reward, terminated, truncated, success, final, steps = io_callback(
+            self._play, shapes, state.game, state.steps, action, jax.random.bits(key)
+        )
+        info = {"success": success, "final_observation": final}
+        return obs, state.replace(steps=steps), reward, terminated, truncated, info
+
+    def close(self) -> None:
+        """Close all games."""
+        for session in self._sessions:
+            session.close()
+
+    def _begin(self, seed: Any) -> tuple[Any, ...]:
+        game, self._next = self._next, self._next + 1
+        return self._sessions[game].reset(int(seed)), np.int32(game)
+
+    def _play(self, game: Any, steps: Any, action: Any, seed: Any) -> tuple[Any, ...]:
+        session = self._sessions[int(game)]
+        final = obs = session.step(int(action))
+        flags = [np.bool_(f) for f in (session.terminated, session.truncated)]
+        flags.append(np.bool_(session.info["success"]))
+        reward = np.float32(session.rewards[-1])
+        if session.over:
+            obs = session.reset(int(seed))
+        return obs, reward, *flags, final, np.int32(steps + 1)
+
+
+def train(config: str, minutes: float, seed: int) -> list[dict[str, float]]:
+    """Train one run in the game; a row for each update."""
+    experiment = resolve({**read_file(Path(config)), "seed": seed, "seeds": 1})
+    env, params = experiment.recipe.build()
+    games = Games(env, params, experiment.config.num_envs)
+    learner = Learner(games, params, experiment.config)
+    state = learner.init(experiment.keys()[0], experiment.numbers())
+    rows: list[dict[str, float]] = []
+    begin = seconds = 0.0
+    while seconds < 60 * minutes:
+        state, metrics = learner.train_chunk(state, experiment.numbers(), 1)
+        row = {name: float(values[0]) for name, values in jax.device_get(metrics).items()}
+        steps = (len(rows) + 1) * experiment.config.steps_per_update
+        # The first update is compiled; time counts from there on.
+        begin = begin or time.perf_counter()
+        seconds = time.perf_counter() - begin
+        rows.append({"seed": seed, "steps": steps, "seconds": round(seconds, 1), **row})
+        print(
+            f"{seconds:6.0f} s  {steps} decisions  {row['successes']:.0f} of {row['episodes']:.0f} "
+            "episodes with success",
+            file=sys.stderr,
+        )
+    games.close()
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Train, and write the rows."""
+    parser = argparse.ArgumentParser(description="Train in ViZDoom itself.")
+    parser.add_argument("config")
+    parser.add_argument("--out", required=True, help="a file of JSON lines")
+    parser.add_argument("--minutes", type=float, default=8.0)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args(argv)
+    check_writable(arguments.out)
+    rows = train(arguments.config, arguments.minutes, arguments.seed)
+    with atomic(arguments.out) as path:
+        path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+
+if __name__ == "__main__":
+    main()
