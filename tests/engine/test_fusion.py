@@ -1,5 +1,7 @@
 """A staged function computes what the plain one does, under every transformation."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +11,7 @@ from jaxenstein.engine.fusion import repeat, staged
 
 
 def stage(position, table, flags):
-    """Several inputs and outputs of several types; the first leaf is a float, as `staged` asks."""
+    """Several inputs and outputs of several types."""
     total = position["x"].sum() + table.sum()
     return {
         "scaled": table * position["x"][0],
@@ -116,6 +118,36 @@ def test_of_a_batch_of_one_and_odd_witnesses() -> None:
         out = jax.jit(jax.vmap(staged(lambda v: (v, jnp.ones(3, jnp.float32)))))(x)
         np.testing.assert_array_equal(out[0], x)
         np.testing.assert_array_equal(out[1], np.ones((1, 3)))
+
+
+@pytest.mark.parametrize("still", ["varies", "constant", "unbatched", "constant scalar"])
+def test_nothing_is_fused_through_a_stage(still: str) -> None:
+    """Whatever its first argument is, a stage for columns is not computed again for each pixel.
+
+    The compiler fuses through all but a conditional, and a stage is one. Without it the cosine
+    of a column would stand beside the sum of its pixel in one fusion.
+    """
+    columns = staged(lambda heading, depth: jnp.cos(depth) + heading)
+
+    def draw(heading: jax.Array, depth: jax.Array) -> jax.Array:
+        rows = jnp.arange(16, dtype=jnp.float32)
+        return columns(heading, depth)[None] + rows[:, None]
+
+    def program(heading: jax.Array, depth: jax.Array) -> jax.Array:
+        if still == "constant":
+            heading = jnp.ones((4, 1), jnp.float32)
+        if still == "constant scalar":
+            return jax.vmap(draw, (None, 0))(jnp.float32(2), depth)
+        if still == "unbatched":
+            return jax.vmap(draw, (None, 0))(heading[0], depth)
+        return jax.vmap(draw)(heading, depth)
+
+    args = jnp.ones((4, 1), jnp.float32), jnp.ones((4, 8), jnp.float32)
+    text = jax.jit(program).lower(*args).compile().as_text()
+    parts = text.split("\n\n")
+    (cosine,) = [part for part in parts if " cosine(" in part]
+    assert len(re.findall(r" conditional\(", text)) == 1
+    assert "f32[4,16,8]" not in cosine, "the stage is computed for each pixel"
 
 
 def test_stages_may_follow_each_other() -> None:

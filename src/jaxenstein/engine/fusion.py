@@ -27,8 +27,8 @@ _NEVER = 0x7FA5A5A5
 def staged(stage: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap `stage` so that its results are computed once, into memory, before they are used.
 
-    The stage may take and return any pytrees of arrays; its first array leaf must be float32 or
-    int32: the predicate is taken from it. Works under any nesting of `jax.vmap`.
+    The stage may take and return any pytrees of arrays of numbers. Works under any nesting of
+    `jax.vmap`, and with arguments of which some, but not all, are constants of the program.
     """
     stage = _traced_once(stage)
 
@@ -102,10 +102,12 @@ def _behind_barrier(stage: Callable[..., Any]) -> Callable[..., Any]:
 
 def _behind_cond(stage: Callable[..., Any]) -> Callable[..., Any]:
     def run(*args: Any) -> Any:
-        first = jnp.ravel(jax.tree.leaves(args)[0])
-        if not first.size:
+        leaves = jax.tree.leaves(args)
+        if not all(leaf.size for leaf in leaves):
             return stage(*args)  # a batch of none
-        witness = first[0].astype(jnp.float32)
+        # Of every argument something: what is a constant of the program alone would tell the
+        # compiler the answer, as the pose does of a player who always starts at one place.
+        witness = sum(jnp.ravel(leaf)[0].astype(jnp.float32) for leaf in leaves)
         # True for every float32 but one signalling NaN; the compiler cannot rule that one out.
         always = lax.bitcast_convert_type(witness, jnp.uint32) != jnp.uint32(_NEVER)
         shapes = jax.eval_shape(stage, *args)
