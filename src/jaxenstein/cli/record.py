@@ -123,8 +123,7 @@ def run(options: argparse.Namespace) -> None:
 
 def policy_or_run(text: str) -> str | Path:
     """An argument type: the name of a policy, or the path of a trained agent."""
-    of_file = text.endswith(".npz") or text.startswith("pretrained/")
-    if text not in GENERAL and (of_file or os.path.isdir(text)):
+    if text not in GENERAL and (text.endswith(".npz") or "/" in text or os.path.isdir(text)):
         return Path(text)
     if text.isidentifier():
         return text
