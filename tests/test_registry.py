@@ -227,6 +227,12 @@ def test_a_map_file_is_read_with_what_lies_beside_it(tmp_path):
         jaxenstein.from_file(tmp_path / "nowhere.txt")
 
 
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="of Unix")
+def test_a_map_file_without_end_is_not_read_to_its_end():
+    with pytest.raises(MapError, match=r"the map /dev/zero: it has more than 16777216 characters"):
+        jaxenstein.from_file("/dev/zero")
+
+
 @pytest.mark.parametrize("text", ["maze.txt", Path("maps/maze.txt")])
 def test_a_file_name_in_place_of_a_map_is_recognised(text):
     with pytest.raises(MapError, match=r"maze\.txt' is the name of a file: from_file reads one"):

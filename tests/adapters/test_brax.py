@@ -135,6 +135,35 @@ def test_done_is_the_tasks_end_alone(env: adapter.BraxEnvironment) -> None:
     assert both.info["truncation"][-1] == 0
 
 
+@pytest.mark.parametrize("new_key", [jax.random.key, jax.random.PRNGKey])
+def test_nothing_happens_after_the_end(env: adapter.BraxEnvironment, new_key: Any) -> None:
+    steps = walk(env, env.reset(new_key(0)), one_hot(FORWARD), LIMIT)
+    goal = int(np.argmax(np.asarray(steps.done)))
+    assert 0 < goal < LIMIT - 1
+    np.testing.assert_array_equal(steps.reward, np.arange(LIMIT) == goal)
+    np.testing.assert_array_equal(steps.done, np.arange(LIMIT) >= goal)
+    np.testing.assert_array_equal(steps.metrics["reached_goal"], np.arange(LIMIT) >= goal)
+    np.testing.assert_array_equal(steps.pipeline_state.time[goal:], goal + 1)
+    frames = np.asarray(steps.obs[adapter.PIXELS])
+    np.testing.assert_array_equal(frames[goal:], frames[[goal] * (LIMIT - goal)])
+
+
+@pytest.mark.usefixtures("partner_promotion")
+@pytest.mark.parametrize("wrap", [training.wrap, adapter.wrap])
+def test_repeated_actions_pay_the_goal_once(env: adapter.BraxEnvironment, wrap: Any) -> None:
+    """Also where an action's first half reaches it, and the second would leave it again."""
+    batch = wrap(env, episode_length=LIMIT, action_repeat=4)
+    state = batch.reset(jax.random.split(jax.random.PRNGKey(0), 2))
+    steps = walk(batch, state, one_hot(FORWARD, 2), 2 * LIMIT // 4)
+    done = np.asarray(steps.done) > 0
+    assert done.any(axis=0).all()
+    np.testing.assert_array_equal(steps.reward, done)
+    returns = np.asarray(steps.info["episode_metrics"]["sum_reward"])
+    goals = np.asarray(steps.info["episode_metrics"]["reached_goal"])
+    assert (returns[done] == 1).all()
+    assert (goals[done] == 1).all()
+
+
 def test_events_are_metrics() -> None:
     env = adapter.make("key-door", height=12, width=16)
     first = env.reset(jax.random.key(0))

@@ -15,6 +15,7 @@ What fits and what does not:
   vectors alone do not take them.
 - Brax itself cuts episodes, in its `EpisodeWrapper`, and overwrites `info["truncation"]`. So `done`
   is the task's own end alone; give the wrapper `episode_length=env.episode_length`.
+  With `action_repeat` it steps on after an end: nothing happens then, and nothing is paid.
 - Brax' `AutoResetWrapper` begins every episode of an environment in the state of its first one.
   `wrap` draws a new one, and is passed as `wrap_env_fn`. Domain randomisation of Brax does not
   apply, as there is no `sys`; batches of params do the same in the environment itself.
@@ -27,6 +28,7 @@ Needs the extra `brax`.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -118,7 +120,7 @@ class BraxEnvironment(base.Env):
         )
 
     def step(self, state: base.State, action: Any) -> base.State:
-        """Take a step, without a reset.
+        """Take a step, without a reset; after the end of the task nothing changes.
 
         Args:
             state: as of `reset` or `step`; what wrappers put into its `info` is kept.
@@ -135,7 +137,7 @@ class BraxEnvironment(base.Env):
         metrics = {
             name: info.pop(name).astype(jnp.float32) for name in state.metrics if name in info
         }
-        return state.replace(
+        moved = state.replace(
             pipeline_state=after,
             obs=_observation(seen),
             reward=reward,
@@ -143,6 +145,8 @@ class BraxEnvironment(base.Env):
             metrics={**state.metrics, **metrics},
             info={**state.info, **info, "rng": key, "truncation": cut},
         )
+        stayed = state.replace(reward=jnp.zeros_like(reward))
+        return jax.tree.map(functools.partial(jnp.where, state.done > 0), stayed, moved)
 
     def observe(self, state: Any) -> dict[str, jax.Array]:
         """The observation of a state of the environment inside, as Brax' networks want it."""

@@ -7,6 +7,9 @@ from pathlib import Path
 from ..errors import MapError
 from .sample_maps import sample_map
 
+# A file that names another as its map, a device without end among them, must not fill the memory.
+LONGEST = 2**24
+
 
 def read_map(path: Path) -> dict[str, str]:
     """The settings of `from_ascii` that a map file gives.
@@ -40,9 +43,13 @@ def read_text(path: Path, what: str) -> str:
         MapError: it cannot be read.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            text = file.read(LONGEST + 1)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise MapError(f"cannot read the {what} {path}: {reason}") from error
     except UnicodeDecodeError as error:
         raise MapError(f"cannot read the {what} {path}: it is not text") from error
+    if len(text) > LONGEST:
+        raise MapError(f"cannot read the {what} {path}: it has more than {LONGEST} characters")
+    return text

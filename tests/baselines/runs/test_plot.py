@@ -78,6 +78,21 @@ def test_a_run_that_was_killed_is_drawn_as_far_as_it_is_whole(folder: Path) -> N
     np.testing.assert_array_equal(curve.steps, [32, 64, 96])
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("steps", value) for value in (None, "2", 2.5, 2**63, float("inf"))),
+        *(("return_sum", value) for value in (10**400, float("nan"), [1.0])),
+    ],
+)
+def test_rows_that_no_run_writes_are_told(folder: Path, name: str, value: object) -> None:
+    file = folder / "metrics.jsonl"
+    first, rest = file.read_text().split("\n", 1)
+    file.write_text(json.dumps(json.loads(first) | {name: value}) + "\n" + rest)
+    with pytest.raises(SettingError, match=r"metrics\.jsonl is damaged: "):
+        curves_of(folder)
+
+
 def test_band_is_that_of_all_resamples() -> None:
     """Against every one of the 27 draws of three runs, whose quantiles are exact."""
     values = np.array([0.0, 1.0, 5.0])

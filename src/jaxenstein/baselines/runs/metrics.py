@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,6 +15,8 @@ from ...errors import SettingError
 from ...files import append, writing
 
 METRICS = "metrics.jsonl"
+# Whole numbers in it are counts and seeds.
+LARGEST = 2**63 - 1
 Number = int | float | None
 Row = dict[str, Number]
 
@@ -130,6 +133,8 @@ def read_metrics(folder: Path) -> list[Row]:
         rows = [json.loads(line) for line in lines]
         if not all(isinstance(row, dict) and all(map(_is_number, row.values())) for row in rows):
             raise ValueError("a row is no table of numbers")
+        if not all(isinstance(row.get("steps"), int) for row in rows):
+            raise ValueError("the steps of a row are no whole number")
         return rows
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
@@ -139,7 +144,9 @@ def read_metrics(folder: Path) -> list[Row]:
 
 
 def _is_number(value: Any) -> bool:
-    return value is None or isinstance(value, int | float)
+    """Whether it is None or a number that a run may have written: no NaN, nothing huge."""
+    limit = LARGEST if isinstance(value, int) else sys.float_info.max
+    return value is None or (isinstance(value, int | float) and abs(value) <= limit)
 
 
 class TensorBoard:
