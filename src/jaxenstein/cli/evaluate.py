@@ -14,6 +14,7 @@ from ..view.episode import compose
 from ..view.recording import check_animation, save_animation
 from .arguments import Parser, add_agent, add_seed, flag, real, whole
 from .listing import format_table
+from .record import play_shown
 from .training import baselines
 
 if TYPE_CHECKING:
@@ -128,9 +129,8 @@ def _film(policy: Any, options: argparse.Namespace) -> None:
         save_animation(pictures, options.gif, options.fps)
         print(f"{summary}, wrote {options.gif}")
         return
-    from ..episodes.recorder import record
-
-    episode = record(policy.env, policy.params, policy, seed=options.seed)
+    env, params = policy.env, policy.params
+    episode = play_shown(env, params, options.seed, policy, int(env.most_steps(params)))
     episode = dataclasses.replace(episode, name=policy.name)
     with Progress(episode.steps + 1, "drawing", unit="frames") as progress:
         save_animation(compose(episode, notify=progress.update), options.gif, options.fps)

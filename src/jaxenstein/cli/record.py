@@ -28,6 +28,7 @@ from .opening import given_options, open_environment
 
 if TYPE_CHECKING:
     from ..baselines.runs.agents import TrainedPolicy
+    from ..recipe import Recipe
     from ..tasks.first_person import FirstPerson
 
 HELP = "write one episode as a GIF or MP4, with the map from above"
@@ -98,8 +99,6 @@ def run(options: argparse.Namespace) -> None:
     check_pictures(options)
     if (options.out, options.sheet, options.save) == (None, None, None):
         raise UsageError("jaxenstein record: give at least one of --out, --sheet and --save")
-    from ..episodes.recorder import play
-    from ..episodes.session import Session
     from ..recipe import recipe_of
     from ..trajectory import check_trajectory
 
@@ -107,10 +106,7 @@ def run(options: argparse.Namespace) -> None:
         check_trajectory(options.save)
     recipe = None if options.save is None else recipe_of(env, params)
     policy, steps = _policy(env, params, options, agent)
-    with Progress(steps, "playing", compiles=True) as progress:
-        session = Session(env, params, options.seed)
-        episode = play(session, policy, steps, recipe, notify=progress.update)
-        progress.total = max(episode.steps, 1)
+    episode = play_shown(env, params, options.seed, policy, steps, recipe)
     written = save_pictures(episode, options)
     if options.save is not None:
         episode.save(options.save)
@@ -119,6 +115,25 @@ def run(options: argparse.Namespace) -> None:
     stopper = "--steps" if episode.steps == options.steps else "--actions"
     facts.append(episode.ending or f"stopped by {stopper}")
     print(f"{name}: {', '.join(facts)}, wrote {' and '.join(map(str, written))}")
+
+
+def play_shown(
+    env: FirstPerson[Any, Any],
+    params: Any,
+    seed: int,
+    policy: Policy,
+    steps: int,
+    recipe: Recipe | None = None,
+) -> Episode:
+    """Play an episode, of at most so many steps, under a progress line."""
+    from ..episodes.recorder import play
+    from ..episodes.session import Session
+
+    with Progress(steps, "playing", compiles=True) as progress:
+        session = Session(env, params, seed)
+        episode = play(session, policy, steps, recipe, notify=progress.update)
+        progress.total = max(episode.steps, 1)
+    return episode
 
 
 def policy_or_run(text: str) -> str | Path:
