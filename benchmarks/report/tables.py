@@ -130,7 +130,7 @@ MIB = 2**20
 TABLES: Mapping[str, Table] = {
     "peers": BESIDE,
     "compare": BESIDE,
-    "frame-skip": BESIDE,
+    "frame-skip": Table((*BESIDE.columns, ratio("x no frames"))),
     "cores": Table((TITLE, *RATES, ratio("x one core")), {"cores": Bars("title")}),
     "environments": Table((ID, *RATES, HOME), {"environments": Bars("id")}, _with_axes),
     "batches": Table(

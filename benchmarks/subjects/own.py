@@ -4,6 +4,7 @@
   `size`, and any of `SETTINGS`, which the other kinds take too;
 - `loop`, `loop-async`: one environment, one call a step;
 - `frames-B`, `keep-B`, `fill-B`: frames alone, frames kept, and only writing as many bytes;
+- `rules-B`: as `scan-B`, without frames;
 - `stage-B stage=NAME`: one stage of a step (`stages.py`);
 - `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`);
 - `training-B`: whole updates of recurrent PPO; option `rollout`, steps of an update.
@@ -34,7 +35,7 @@ from benchmarks.subjects.common import (
     middle,
     random_actions,
 )
-from benchmarks.subjects.frames import FRAMES_KEPT, make_frames, make_keeping_rollout
+from benchmarks.subjects.frames import FRAMES_KEPT, make_frames, make_keeping_rollout, make_rules
 from benchmarks.subjects.stages import make_stage
 from jaxenstein.speed.random_rollout import make_random_rollout
 
@@ -93,6 +94,13 @@ def keep(batch: int, options: Options) -> Chunk:
     """As `scan`, and the frames are kept."""
     steps = max(1, FRAMES_KEPT // batch)
     rollout, start = make_keeping_rollout(*own_environment(options), batch, steps)
+    return repeat(rollout, start(jax.random.key(0)), batch * steps * frame_skip(options))
+
+
+def rules(batch: int, options: Options) -> Chunk:
+    """As `scan`, and nothing is drawn."""
+    steps = max(1, STEPS_A_CALL // batch)
+    rollout, start = make_rules(*own_environment(options), batch, steps)
     return repeat(rollout, start(jax.random.key(0)), batch * steps * frame_skip(options))
 
 
@@ -194,6 +202,7 @@ SUBJECTS: Subjects = {
     "loop-async": functools.partial(loop, asynchronous=True),
     "frames": frames,
     "keep": keep,
+    "rules": rules,
     "fill": fill,
     "stage": stage,
     "spread": spread,

@@ -2,8 +2,8 @@
 
 Every one of them reads a pixel of each frame, which shifts the next action, as the project's own
 subjects do. Nothing of JAX or of this project is imported here. Options of all of ViZDoom's:
-`scenario`, one of `SCENARIOS`; `frame_skip`; `size`, one of ViZDoom's resolutions; `resize`, to
-64x64 by `area` or `linear`, or `none`.
+`scenario`, one of `SCENARIOS`; `frame_skip`; `frames=no`, of the raw game without its screen;
+`size`, one of ViZDoom's resolutions; `resize`, to 64x64 by `area` or `linear`, or `none`.
 """
 
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
@@ -77,6 +77,14 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
     drawn, resize, pixel = random_actions(count), resizer(options.get("resize", "none")), 0
     skip = frame_skip(options)
 
+    def undrawn() -> int:
+        for _ in range(STEPS):
+            game.set_action(buttons[next(drawn)])
+            game.advance_action(skip, False)
+            if game.is_episode_finished():
+                game.new_episode()
+        return STEPS * skip
+
     def chunk() -> int:
         nonlocal pixel
         for _ in range(STEPS):
@@ -86,7 +94,7 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
             pixel = middle(resize(game.get_state().screen_buffer))
         return STEPS * skip
 
-    return chunk
+    return undrawn if options.get("frames") == "no" else chunk
 
 
 def envpool(batch: int, options: Options) -> Chunk:

@@ -120,11 +120,11 @@ def frame_skips(plan: Plan) -> Groups:
     """Steps of the world a second where an action lasts for several: here and in ViZDoom.
 
     The environments that are ViZDoom's own scenarios, `doom-...`, each beside theirs, and the
-    project's tasks of the same name.
+    project's tasks of the same name; and the rules alone of both.
     """
     groups = []
     for name in SCENARIOS:
-        rows = []
+        rows: list[Subject] = []
         for skip in plan.skips:
             words, axes = f"scenario={name} frame_skip={skip}", {"frame_skip": skip}
             told = f"frame skip {skip}"
@@ -136,7 +136,16 @@ def frame_skips(plan: Plan) -> Groups:
                 if own in environment_ids():
                     rows.append(_own(plan.batch, own, id=own, frame_skip=skip))
         base = f"scenario={name} frame_skip={plan.skips[0]}"
-        groups.append(_compared(rows, {"x resized": f"{RESIZED} {base}", "x raw": f"{RAW} {base}"}))
+        rows = _compared(rows, {"x resized": f"{RESIZED} {base}", "x raw": f"{RAW} {base}"})
+        if f"doom-{name}" in environment_ids():
+            undrawn, own = f"{RAW} scenario={name} frames=no", f"doom-{name}"
+            title = f"{own}, no frames, scan, {plan.batch} environments"
+            axes = {"batch": plan.batch, "id": own}
+            rows += [
+                _peer("vizdoom", undrawn, "ViZDoom, raw, no frames"),
+                Subject(f"rules-{plan.batch} id={own}", title, axes, {"x no frames": undrawn}),
+            ]
+        groups.append(rows)
     return groups
 
 

@@ -19,7 +19,7 @@ def short(monkeypatch):
     monkeypatch.setattr(own, "FRAMES_KEPT", 4)
 
 
-@pytest.mark.parametrize("kind", ["scan", "frames", "keep", "fill", "stage"])
+@pytest.mark.parametrize("kind", ["scan", "frames", "keep", "rules", "fill", "stage"])
 def test_own_subjects(short, kind):
     chunk, _ = serve.prepare(f"{kind}-2 id=simple size=8x6 stage=rules observation=rgb")
     assert chunk() == 4
