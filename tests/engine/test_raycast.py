@@ -12,6 +12,7 @@ from hypothesis import given
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.level import compile_level, level_from_walls
 from jaxenstein.engine.raycast import Hits, cast
+from tests.reference import raycaster
 from tests.reference.comparison import Tally, compare
 from tests.reference.search import SEEDS, several
 from tests.reference.worlds import World, draw_world
@@ -119,6 +120,21 @@ def test_exact_poses(case: Case) -> None:
     assert tally.excused < (0.35 if case.width > 7 else 0.5) * tally.rays
 
 
+@pytest.mark.parametrize(
+    ("rise", "beyond", "excused"),
+    [(1.0, 1e-4, True), (1.0, 5e-4, False), (0.01, 1e-3, True), (0.01, 2e-3, False)],
+)
+def test_only_rays_by_a_corner_are_excused(rise: float, beyond: float, excused: bool) -> None:
+    """What is said to meet a tile of a wall, and meets the next one so far from their border."""
+    solid = np.zeros((9, 9), bool)
+    solid[5] = True
+    eye, ray = np.array([3 + beyond, 5 - rise]), np.array([1.0, rise])
+    tile = np.array([3, 5])
+    said = raycaster.is_plausible(solid, eye, ray, 1.0, tile, raycaster.NORTH)
+    assert said == excused
+    assert raycaster.is_plausible(solid, eye, ray, 1.0, np.array([4, 5]), raycaster.NORTH)
+
+
 def cast_one(walls: np.ndarray, eye: tuple[float, float], heading: float) -> Hits:
     """The hits of seven rays in a map without doors."""
     level = compile_level(walls, np.zeros((0, 2), np.int32))
@@ -143,6 +159,37 @@ def test_no_ray_slips_through_a_corner(quarter: int, bordered: bool) -> None:
         hits = cast_one(walls, (float(x), float(y)), diagonal)
         np.testing.assert_allclose(hits.depth[0], 0, atol=1e-5)
         assert (np.asarray(hits.wall) == 5).all()
+
+
+@pytest.mark.parametrize("falling", [True, False])
+def test_nothing_is_seen_between_two_tiles_that_touch_at_a_corner(falling: bool) -> None:
+    """From many places, the middle ray of an odd image goes right through that corner."""
+    walls = np.zeros((17, 17), np.uint8)
+    corner = 8
+    walls[corner, corner - falling] = walls[corner - 1, corner - 1 + falling] = 5
+    rng = np.random.default_rng(1)
+    # Grid points and centres hit it exactly; what lies anywhere does but for rounding.
+    places = np.stack(np.meshgrid(*[np.arange(0.5, 17, 0.5)] * 2), -1).reshape(-1, 2)
+    places = np.concatenate([places, rng.uniform(0.3, 16.7, (800, 2))]).astype(np.float32)
+    offsets = corner - places.astype(np.float64)
+    sides = offsets[:, 0] * offsets[:, 1] * (1 if falling else -1)
+    places, offsets = places[sides > 1e-2], offsets[sides > 1e-2]
+    headings = np.arctan2(offsets[:, 1], offsets[:, 0]).astype(np.float32)
+    level = compile_level(walls, np.zeros((0, 2), np.int32))
+    camera = Camera(4, 7, 60)
+    hits = caster(camera)(level, np.zeros(0, bool), places, headings)
+
+    # Rays of the slow renderer to either side of it say how far the two tiles are.
+    forward = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
+    aside = 1e-3 * forward[:, ::-1] * [-1, 1]
+    solid = np.pad(walls != 0, 1, constant_values=True)
+    seen = [raycaster.march(solid, places + 1 + way * aside, forward) for way in (-1, 1)]
+    nearest, farthest = (f([s.depth for s in seen], axis=0) for f in (np.minimum.reduce, np.max))
+    reached = np.linalg.norm(offsets, axis=1)
+    np.testing.assert_array_less(farthest, 1.5 * reached + 1.0)
+    depth = np.asarray(hits.depth)[:, 3]
+    assert (depth > nearest - 1e-3).all()
+    assert (depth < np.maximum(farthest, reached) + 1e-3).all()
 
 
 @pytest.mark.parametrize("bordered", [True, False])

@@ -10,6 +10,8 @@ import numpy as np
 WEST, EAST, NORTH, SOUTH = range(4)
 # Float32 arithmetic may misplace a ray by this much per tile of its way (and one).
 ROUNDING = 2e-5
+# On a face that is met at a small angle, a ray beside comes this many times as far off at most.
+SLANT = 64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,8 +23,9 @@ class Sight:
         tile: int64[N, 2], (column, row); one column or row outside the map at most.
         face: int64[N], `WEST`, `EAST`, `NORTH` or `SOUTH`.
         along: float64[N], place on the face from its left edge to its right as seen, 0 to 1.
-        clearance: float64[N], least distance in tiles of a crossed tile border from a corner of a
-            solid tile, less `ROUNDING`. Where it is negative, float32 may see something else.
+        clearance: float64[N], least distance in tiles at which the ray passes a corner of a solid
+            tile on a crossed tile border, less `ROUNDING`. Where it is negative, float32 may see
+            something else.
     """
 
     depth: np.ndarray
@@ -81,7 +84,9 @@ def march(solid: np.ndarray, eyes: np.ndarray, rays: np.ndarray) -> Sight:
         corner = np.empty((going.size, 2), np.int64)
         corner[each, crossed] = border[each, crossed]
         corner[each, 1 - crossed] = np.rint(place)
-        room = np.abs(place - np.rint(place)) - ROUNDING * (1 + t)
+        sine = np.abs(ray[each, crossed]) / np.linalg.norm(ray, axis=1)
+        off = np.abs(place - np.rint(place))
+        room = off * np.maximum(sine, 1 / SLANT) - ROUNDING * (1 + t)
         room = np.where(corners[corner[:, 1], corner[:, 0]], room, np.inf)
         clearance[going] = np.minimum(clearance[going], room)
         tile[going, crossed] += step[going, crossed]
@@ -159,7 +164,9 @@ def is_plausible(
     axis = 0 if face in (WEST, EAST) else 1
     plane = low[axis] + (1 if face in (EAST, SOUTH) else 0)
     across = point[1 - axis] - low[1 - axis]
-    if abs(point[axis] - plane) > blur or not -blur <= across <= 1 + blur:
+    slant = min(SLANT, np.linalg.norm(ray) / max(abs(ray[axis]), 1e-12))
+    beyond = max(-across, across - 1)
+    if abs(point[axis] - plane) > blur or beyond > max(blur, ROUNDING * slant):
         return False
     return depth <= _first_core(solid, eye, ray, blur) + blur * (1 + depth)
 

@@ -35,9 +35,13 @@ BLOCK = 64
 SMALL_BLOCK = 16
 # A direction component below this never crosses a line inside any map.
 PARALLEL = 1e-12
-# Crossings count as this much of a tile further on. A ray through a corner then enters the tile
-# across it on both kinds of line, whichever way each is rounded, and does not slip between.
+# What a ray enters is looked up for one so much of a tile beside it. A ray through a corner then
+# passes it on one side for both kinds of line, whichever way each is rounded: it slips neither
+# through the tile across nor between two that touch there. Where it hits a face counts as so much
+# further on.
 NUDGE = 2.0**-16
+# On a line that is met at a small angle the ray beside is this many times as far off at most.
+SLANT = 64.0
 
 
 class Hits(PyTreeNode):
@@ -64,18 +68,21 @@ class Aim(PyTreeNode):
     Attributes:
         first: float32[W], depth of the first line.
         spacing: float32[W], depth from one line to the next.
-        place: int32[W], y at the first line, in fixed point.
+        place: int32[W], y at the first line of the ray beside it, in fixed point.
+        shift: int32[W], from there to the ray's own place.
         stride: int32[W], y from one line to the next.
         forwards: bool[W], whether x grows along the ray.
         home: int32[], column of the eye.
-        ahead: uint32[K, words], solid rows of the columns entered by rays that go forwards.
-        behind: uint32[K, words], the same for the others.
+        ahead: int32[K, words], bits of the solid rows of the columns entered by rays that go
+            forwards.
+        behind: int32[K, words], the same for the others.
         fraction_bits: bits of a place after the point.
     """
 
     first: jax.Array
     spacing: jax.Array
     place: jax.Array
+    shift: jax.Array
     stride: jax.Array
     forwards: jax.Array
     home: jax.Array
@@ -116,12 +123,21 @@ def aim(
     floor = jnp.floor(position)
     home, inside = floor.astype(jnp.int32) + level.margin, position - floor
     ray_x, ray_y = rays(heading, camera)
-    vertical = _aim_at_lines(columns, home, inside, ray_x, ray_y)
-    return vertical, _aim_at_lines(rows, home[::-1], inside[::-1], ray_y, ray_x)
+    # Towards the centre of the eye's tile, or the ray beside might begin beyond a line.
+    centre = 0.5 - inside
+    left = ray_x * centre[1] < ray_y * centre[0]
+    side = jnp.where(left, jnp.float32(-NUDGE), jnp.float32(NUDGE))
+    vertical = _aim_at_lines(columns, home, inside, ray_x, ray_y, side)
+    return vertical, _aim_at_lines(rows, home[::-1], inside[::-1], ray_y, ray_x, -side)
 
 
 def _aim_at_lines(
-    words: jax.Array, home: jax.Array, inside: jax.Array, ray: jax.Array, across: jax.Array
+    words: jax.Array,
+    home: jax.Array,
+    inside: jax.Array,
+    ray: jax.Array,
+    across: jax.Array,
+    side: jax.Array,
 ) -> Aim:
     """Aim at the lines of one kind; described here for the vertical ones.
 
@@ -131,6 +147,7 @@ def _aim_at_lines(
         inside: float32[2], (x, y) of the eye within that tile.
         ray: float32[W], x component of each ray.
         across: float32[W], y component.
+        side: float32[W], how far the ray beside is on the side where y grows for who looks along x.
     """
     lines, n_words = words.shape
     fraction_bits = WORD - 1 - max(lines, n_words * WORD).bit_length()
@@ -138,14 +155,19 @@ def _aim_at_lines(
     forwards = ray >= 0
     spacing = 1 / jnp.maximum(jnp.abs(ray), PARALLEL)
     first = jnp.where(forwards, 1 - inside[0], inside[0]) * spacing
-    place = inside[1] + first * across + jnp.sign(across) * NUDGE
+    onwards = jnp.sign(across) * NUDGE
+    place = jnp.floor((inside[1] + first * across + onwards) * one).astype(jnp.int32)
+    aside = jnp.where(forwards, side, -side) * jnp.minimum(spacing, SLANT)
+    shift = ((onwards - aside) * one).astype(jnp.int32)
+    words = lax.bitcast_convert_type(words, jnp.int32)
     column = jnp.clip(home[0], 0, lines - 1)
     order = jnp.arange(lines - 1, dtype=jnp.int32)
     ahead, behind = jnp.minimum(column + 1 + order, lines - 1), jnp.maximum(column - 1 - order, 0)
     return Aim(
         first=first,
         spacing=spacing,
-        place=jnp.floor(place * one).astype(jnp.int32) + (home[1] << fraction_bits),
+        place=place - shift + (home[1] << fraction_bits),
+        shift=shift,
         stride=jnp.rint(across * spacing * one).astype(jnp.int32),
         forwards=forwards,
         home=column,
@@ -188,21 +210,25 @@ def _march_block(
 ) -> jax.Array:
     """`hit` after the lines from `base` on, the farthest first, one for each pair of words."""
     steps = ahead.shape[0]
-    place = aim.place + aim.stride * (base + steps - 1)
+    # The complement of a place has that of its tile, by which the tile's bit becomes a word's sign.
+    place = ~(aim.place + aim.stride * (base + steps - 1))
     for k in reversed(range(steps)):
         tile = lax.shift_right_arithmetic(place, jnp.int32(aim.fraction_bits))
-        bit = (tile & (WORD - 1)).astype(jnp.uint32)
-        solid = jnp.right_shift(_word(aim, ahead[k], behind[k], tile), bit) & jnp.uint32(1)
-        hit = jnp.where(solid != 0, base + k, hit)
-        place = place - aim.stride
+        bit = tile & (WORD - 1)
+        solid = lax.shift_left(_word(aim, ahead[k], behind[k], tile), bit) < 0
+        hit = jnp.where(solid, base + k, hit)
+        place = place + aim.stride
     return hit
 
 
 def _word(aim: Aim, ahead: jax.Array, behind: jax.Array, tile: jax.Array) -> jax.Array:
-    """uint32[W]: of the words of one line, uint32[words] each way, the one with the tile's bit."""
+    """int32[W]: of the words of one line, int32[words] each way, the one with the tile's bit.
+
+    `tile` is the complement of the tile's number.
+    """
     word = jnp.where(aim.forwards, ahead[0], behind[0])
     for i in range(1, ahead.shape[0]):
-        word = jnp.where(tile >= i * WORD, jnp.where(aim.forwards, ahead[i], behind[i]), word)
+        word = jnp.where(tile < -i * WORD, jnp.where(aim.forwards, ahead[i], behind[i]), word)
     return word
 
 
@@ -220,13 +246,16 @@ def look_up(aims: tuple[Aim, Aim], hits: tuple[jax.Array, jax.Array], level: Lev
     places = [aim.place + aim.stride * hit for aim, hit in zip(aims, hits, strict=True)]
     horizontal = depths[1] < depths[0]
     place = jnp.where(horizontal, places[1], places[0])
+    shift = jnp.where(horizontal, crosswise.shift, vertical.shift)
     bits = jnp.where(
         horizontal, jnp.int32(crosswise.fraction_bits), jnp.int32(vertical.fraction_bits)
     )
     across = lax.shift_right_arithmetic(place, bits)
     column = jnp.clip(jnp.where(horizontal, across, lines[0]), 0, level.size[0] - 1)
     row = jnp.clip(jnp.where(horizontal, lines[1], across), 0, level.size[1] - 1)
-    along = (place - (across << bits)).astype(jnp.float32) / (1 << bits).astype(jnp.float32)
+    one = 1 << bits
+    within = jnp.clip(place + shift - (across << bits), 0, one)
+    along = within.astype(jnp.float32) / one.astype(jnp.float32)
     # Seen from outside, places on the north and east faces run against the axis.
     mirrored = jnp.where(horizontal, crosswise.forwards, ~vertical.forwards)
     return Hits(
