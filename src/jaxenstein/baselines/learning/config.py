@@ -44,6 +44,8 @@ class Config:
         features: size of the image features.
         hidden: size of the recurrent state.
         head: size of the hidden layer of the actor and of the critic.
+        zero_values: begin with values near zero (gain 0.01, as OpenAI's RND), so that before the
+            first reward there is nothing to learn from.
         recurrent: if false, memory and previous action are cleared at every step, for
             comparison.
         dtype: of the networks' computations; parameters and losses are always float32.
@@ -72,6 +74,7 @@ class Config:
     features: int = 256
     hidden: int = 256
     head: int = 256  # as pobax
+    zero_values: bool = False
     recurrent: bool = True
     dtype: Precision = "float32"
     convolution: Convolution = "matmul"

@@ -160,6 +160,7 @@ class Heads(nn.Module):
     actions: int
     values: int
     hidden: int
+    value_gain: float
     dtype: DTypeLike
 
     @nn.compact
@@ -169,7 +170,7 @@ class Heads(nn.Module):
         actor = nn.relu(dense(self.hidden, _SQRT2, self.dtype)(memory))
         logits = dense(self.actions, 0.01, self.dtype)(actor)
         critic = nn.relu(dense(self.hidden, _SQRT2, self.dtype)(memory))
-        return logits, dense(self.values, 1.0, self.dtype)(critic)
+        return logits, dense(self.values, self.value_gain, self.dtype)(critic)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -318,4 +319,5 @@ class ActorCritic:
 
     @functools.cached_property
     def _heads(self) -> Heads:
-        return Heads(self.actions, self.values, self.config.head, self.dtype)
+        gain = 0.01 if self.config.zero_values else 1.0
+        return Heads(self.actions, self.values, self.config.head, gain, self.dtype)
