@@ -144,6 +144,17 @@ def test_a_sequence_is_its_steps():
     np.testing.assert_allclose(memory, last, atol=1e-6)
 
 
+def test_values_may_begin_near_zero():
+    largest = {}
+    for near in (False, True):
+        _, _, network = small_network(zero_values=near)
+        logits, values, _ = network.unroll(network.init(KEY), *draw_inputs(network, (12, 16, 3)))
+        largest[near] = float(jnp.max(jnp.abs(values)))
+        assert jnp.max(jnp.abs(logits)) < 0.05
+    assert largest[False] > 0.01
+    np.testing.assert_allclose(largest[True], largest[False] / 100, rtol=1e-3)
+
+
 def test_the_first_step_knows_nothing_of_before():
     _, _, network = small_network()
     params = network.init(KEY)
