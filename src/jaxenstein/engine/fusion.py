@@ -107,7 +107,9 @@ def _behind_cond(stage: Callable[..., Any]) -> Callable[..., Any]:
             return stage(*args)  # a batch of none
         # Of every argument something: what is a constant of the program alone would tell the
         # compiler the answer, as the pose does of a player who always starts at one place.
-        witness = sum(jnp.ravel(leaf)[0].astype(jnp.float32) for leaf in leaves)
+        # Not of bytes and flags, which may be frames: over devices it is sent around.
+        whole = [leaf for leaf in leaves if leaf.dtype.itemsize == 4] or leaves
+        witness = sum(jnp.ravel(leaf)[0].astype(jnp.float32) for leaf in whole)
         # True for every float32 but one signalling NaN; the compiler cannot rule that one out.
         always = lax.bitcast_convert_type(witness, jnp.uint32) != jnp.uint32(_NEVER)
         shapes = jax.eval_shape(stage, *args)

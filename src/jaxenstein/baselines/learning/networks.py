@@ -205,11 +205,11 @@ class Eye:
         in the cache: twice as fast, and it takes far less memory.
         """
         length, batch = jax.tree.leaves(obs)[0].shape[:2]
-        pixels = batch * max((shape[0] * shape[1] for shape in self.spec.images), default=1)
+        pixels = max((shape[0] * shape[1] for shape in self.spec.images), default=1)
         piece = max(
             size
             for size in range(1, length + 1)
-            if length % size == 0 and (size == 1 or size * pixels <= PIECE)
+            if length % size == 0 and (size == 1 or size * batch * pixels <= PIECE)
         )
         if jax.default_backend() != "cpu" or piece == length:
             return self.encode(params, obs, prepare)

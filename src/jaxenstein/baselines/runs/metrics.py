@@ -133,7 +133,7 @@ def read_metrics(folder: Path) -> list[Row]:
         rows = [json.loads(line) for line in lines]
         if not all(isinstance(row, dict) and all(map(_is_number, row.values())) for row in rows):
             raise ValueError("a row is no table of numbers")
-        if not all(isinstance(row.get("steps"), int) for row in rows):
+        if not all(isinstance(row.get("steps", 0), int) for row in rows):
             raise ValueError("the steps of a row are no whole number")
         return rows
     except OSError as error:
