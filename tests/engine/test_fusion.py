@@ -143,7 +143,7 @@ def test_nothing_is_fused_through_a_stage(still: str) -> None:
         return jax.vmap(draw)(heading, depth)
 
     args = jnp.ones((4, 1), jnp.float32), jnp.ones((4, 8), jnp.float32)
-    text = jax.jit(program).lower(*args).compile().as_text()
+    text = str(jax.jit(program).lower(*args).compile().as_text())
     parts = text.split("\n\n")
     (cosine,) = [part for part in parts if " cosine(" in part]
     assert len(re.findall(r" conditional\(", text)) == 1

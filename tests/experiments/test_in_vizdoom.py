@@ -54,7 +54,7 @@ def test_games_step_by_themselves_and_begin_anew(monkeypatch: pytest.MonkeyPatch
         def step(carry: Any, t: jax.Array) -> Any:
             keys = jax.random.split(jax.random.fold_in(key, t))
             actions = jnp.stack([t, t + 1])
-            values = jax.vmap(lambda *a: games.step(*a, None))(keys, carry, actions)
+            values = jax.vmap(lambda k, s, a: games.step(k, s, a, None))(keys, carry, actions)
             return values[1], (values[0], *values[2:])
 
         return obs, jax.lax.scan(step, state, jnp.arange(6, dtype=jnp.int32))[1]
