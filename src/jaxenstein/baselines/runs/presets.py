@@ -67,8 +67,8 @@ RECIPES: Mapping[str, Recipe] = {
             "anneal": False,
             # With 0.2 the value of a goal, 1 and more, takes many updates to be learned.
             "value_clip": 10.0,
-            # The value head's first guesses are wrong by more than any reward, and the policy
-            # settles on what they seem to say.
+            # The value head's first guesses alone make advantages ten times the floor below, and
+            # the policy settles on what they seem to say.
             "zero_values": True,
             # Before the first goal the advantages are the value head's noise, which the paper's
             # 1e-8 blows up to deviation 1, and the policy settles on it.
