@@ -4,8 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax import lax
 
 from jaxenstein.batching import where_any, where_few
+from jaxenstein.engine.fusion import repeat, staged
 
 NEEDS = [np.zeros((2, 3), bool), np.array([[0, 0, 0], [0, 1, 0]], bool), np.ones((2, 3), bool)]
 
@@ -74,3 +76,41 @@ def test_where_few_brings_together_the_few_of_many(share: float) -> None:
     np.testing.assert_array_equal(total[chosen], y.sum(axis=1)[chosen])
     # What is not needed is never computed, so it stays as it was made.
     assert not np.asarray(twice)[~chosen].any()
+
+
+TABLE = jnp.asarray(np.random.default_rng(7).integers(0, 99, 11), jnp.int32)
+
+
+def _repeated(needed, x):
+    def body(i, carry, constants):
+        return carry + TABLE[i % 11] * constants
+
+    return jnp.where(needed, repeat(body)(jnp.int32(4), x, x), 0)
+
+
+@pytest.mark.parametrize("nested", [False, True])
+@pytest.mark.parametrize("run", [
+    lambda needed, x: jnp.where(needed, where_any(lambda x: TABLE[x % 11] + x)(needed, x), 0),
+    lambda needed, x: jnp.where(needed, where_few(lambda x: TABLE[x % 11] + x)(needed, x), 0),
+    lambda needed, x: staged(lambda x: TABLE[x % 11] * needed.astype(jnp.int32))(x),
+    _repeated,
+], ids=["where_any", "where_few", "staged", "repeat"])  # fmt: skip
+def test_inside_a_choice_that_differs_within_the_batch(run, nested: bool) -> None:
+    """`lax.cond` makes a batch of all arrays in its branches, also of those closed over."""
+
+    def choose(chosen, needed, x):
+        return lax.cond(chosen, run, lambda needed, x: x - 1, needed, x)
+
+    def plain(chosen, needed, x):
+        return jnp.where(chosen, run(needed, x), x - 1)
+
+    chosen, needed = (jnp.array(row, bool) for row in ([1, 0, 1, 1, 0, 0], [0, 1, 1, 1, 0, 1]))
+    x = jnp.arange(6, dtype=jnp.int32)
+    args = (chosen, needed, x)
+    expected = [plain(*row) for row in zip(*args, strict=True)]
+    if nested:
+        args = jax.tree.map(lambda v: v.reshape(2, 3), args)
+        got = jax.jit(jax.vmap(jax.vmap(choose)))(*args).reshape(-1)
+    else:
+        got = jax.jit(jax.vmap(choose))(*args)
+    np.testing.assert_array_equal(got, expected)

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.custom_batching import custom_vmap
+from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 
 # Members that `where_few` computes at a time: a share of the batch, and the fewest.
 CHUNK_SHARE, CHUNK = 4, 16
@@ -47,6 +48,26 @@ def _axes(leaf: Any) -> frozenset[str]:
     return frozenset(found)
 
 
+def lifted(function: Callable[..., Any], *args: Any) -> tuple[Callable[..., Any], list[jax.Array]]:
+    """`function` for arguments like these, and what it closes over as a first argument of its own.
+
+    `custom_vmap` cannot be batched where the arrays that its function closes over are, and a
+    `lax.cond` or `lax.switch` whose choice is batched makes a batch of every array in its branches.
+
+    Returns:
+        A function of (arrays, *args) that closes over none, and the arrays. Inside `jax.shard_map`
+        it holds for arguments that differ along the same axes of the mesh as these.
+    """
+    closed, shapes = jax.make_jaxpr(function, return_shape=True)(*args)
+    structure = jax.tree.structure(shapes)
+
+    def pure(arrays: list[jax.Array], *args: Any) -> Any:
+        run = jaxpr_as_fun(ClosedJaxpr(closed.jaxpr, arrays))
+        return jax.tree.unflatten(structure, run(*jax.tree.leaves(args)))
+
+    return pure, closed.consts
+
+
 def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap `function` to run for a whole batch only if one of its members needs the result.
 
@@ -57,6 +78,16 @@ def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
         A function of (needed bool[], *args), whose result is that of `function(*args)` where
         `needed` is true, and anything elsewhere.
     """
+
+    def run(needed: jax.Array, *args: Any) -> Any:
+        args = varying(args, needed, args)
+        pure, arrays = lifted(function, *args)
+        return _where_any(pure)(needed, arrays, *args)
+
+    return run
+
+
+def _where_any(function: Callable[..., Any]) -> Callable[..., Any]:
     # For each platform and for its shapes: Python's part of it is done once.
     function = jax.jit(function, inline=True)
 
@@ -81,7 +112,7 @@ def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
             needed = jnp.any(needed)
         axes = jax.tree.map(lambda batched: 0 if batched else None, tuple(in_batched[1:]))
         mapped = jax.vmap(function, in_axes=axes, axis_size=axis_size)
-        out = where_any(mapped)(needed, *args)
+        out = _where_any(mapped)(needed, *args)
         return out, jax.tree.map(lambda _: True, out)
 
     return call
@@ -92,42 +123,81 @@ def where_few(function: Callable[..., Any]) -> Callable[..., Any]:
 
     They are brought together, a quarter of the batch at a time, so that a round computes for
     members that all need it. On other backends than the CPU it runs for all: there, rounds cost
-    more than they save. The function may close over constants, but over no value of the trace
-    around it.
+    more than they save.
 
     Returns:
         A function of (needed bool[], *args), whose result is that of `function(*args)` where
         `needed` is true, and anything elsewhere.
     """
+
+    def run(needed: jax.Array, *args: Any) -> Any:
+        args = varying(args, needed, args)
+        pure, arrays = lifted(function, *args)
+        return _where_few(pure)(needed, arrays, *args)
+
+    return run
+
+
+def _where_few(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`where_few` of `function(shared, *args)`; what is shared is the same for all of a batch."""
     function = jax.jit(function, inline=True)
 
     @custom_vmap
-    def batched(needed: jax.Array, *args: Any) -> Any:
+    def call(needed: jax.Array, shared: list[jax.Array], *args: Any) -> Any:
+        return _where_any(function)(needed, shared, *args)
+
+    @call.def_vmap
+    def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
+        own, in_batched, args = _unshared(function, in_batched, args)
+        needed, *rest = _spread(axis_size, [in_batched[0], *in_batched[2:]], (args[0], *args[2:]))
+        out = _of_rows(own)(needed, args[1], *rest)
+        return out, jax.tree.map(lambda _: True, out)
+
+    return call
+
+
+def _of_rows(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`function(shared, *row)` of those rows of a batch that need it."""
+
+    @custom_vmap
+    def call(needed: jax.Array, shared: list[jax.Array], *args: Any) -> Any:
         def every(*values: Any) -> Any:
-            return varying(jax.vmap(function)(*values), needed, args)
+            return varying(jax.vmap(partial(function, shared))(*values), needed, shared, args)
 
         some = partial(_in_chunks, every)
         return lax.platform_dependent(needed, *args, cpu=some, default=lambda _, *a: every(*a))
 
-    @batched.def_vmap
+    @call.def_vmap
     def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
-        args = _spread(axis_size, in_batched, args)
-        inner = args[0].shape[1]
-        flat = jax.tree.map(lambda v: v.reshape(-1, *v.shape[2:]), args)
-        out = batched(*flat)
+        inner = args[0].shape[-1]
+
+        def repeated(leaf: jax.Array, batched: bool) -> jax.Array:
+            row = leaf[:, None] if batched else leaf[None]
+            return jnp.broadcast_to(row, (*row.shape[:batched], inner, *row.shape[1 + batched :]))
+
+        if any(jax.tree.leaves(in_batched[1])):
+            args = (args[0], jax.tree.map(repeated, args[1], in_batched[1]), *args[2:])
+        own, in_batched, args = _unshared(function, in_batched, args)
+        rows = _spread(axis_size, [in_batched[0], *in_batched[2:]], (args[0], *args[2:]))
+        needed, *rest = jax.tree.map(lambda v: v.reshape(-1, *v.shape[2:]), rows)
+        out = _of_rows(own)(needed, args[1], *rest)
         out = jax.tree.map(lambda v: v.reshape(axis_size, inner, *v.shape[1:]), out)
         return out, jax.tree.map(lambda _: True, out)
 
-    @custom_vmap
-    def call(needed: jax.Array, *args: Any) -> Any:
-        return where_any(function)(needed, *args)
-
-    @call.def_vmap
-    def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
-        out = batched(*_spread(axis_size, in_batched, args))
-        return out, jax.tree.map(lambda _: True, out)
-
     return call
+
+
+def _unshared(
+    function: Callable[..., Any], in_batched: list[Any], args: tuple[Any, ...]
+) -> tuple[Callable[..., Any], list[Any], tuple[Any, ...]]:
+    """Where the batch does not share what it should, that as one more of each member's own."""
+    if not any(jax.tree.leaves(in_batched[1])):
+        return function, in_batched, args
+
+    def own(_: Any, shared: Any, *rest: Any) -> Any:
+        return function(shared, *rest)
+
+    return own, [in_batched[0], [], *in_batched[1:]], (args[0], [], *args[1:])
 
 
 def _spread(axis_size: int, in_batched: list[Any], args: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -291,6 +291,25 @@ def test_step_renders_once():
     assert flops(twice.step) > 1.5 * once
 
 
+@pytest.mark.parametrize("name", ["my-way-home", "doom-health-gathering"])
+def test_a_choice_that_differs_within_the_batch(name) -> None:
+    """A user's `lax.cond` around `reset` and `step`, whose arrays it makes a batch of."""
+    env, params = jaxenstein.make(name, height=6, width=6)
+
+    def either(anew, key, state):
+        step = lambda key, state: env.step(key, state, jnp.int32(0), params)[:2]  # noqa: E731
+        return jax.lax.cond(anew, lambda key, _: env.reset(key, params), step, key, state)
+
+    keys = jax.random.split(jax.random.key(3), 3)
+    reset = jax.vmap(env.reset, (0, None))(keys, params)
+    actions = jnp.zeros(3, jnp.int32)
+    step = jax.vmap(env.step, (0, 0, 0, None))(keys, reset[1], actions, params)[:2]
+    chosen = jnp.array([False, True, False])
+    got = jax.jit(jax.vmap(either))(chosen, keys, reset[1])
+    for i, anew in enumerate(chosen):
+        alike(member(got, i, 0), member(reset if anew else step, i, 0))
+
+
 def test_a_batch_of_no_environments():
     env, params = build("key-door")
     obs, states = jax.vmap(env.reset, (0, None))(jax.random.split(jax.random.key(0), 0), params)

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jax import lax
 from jax.custom_batching import custom_vmap
 
-from ..batching import varying
+from ..batching import lifted, varying
 
 # Bits of a NaN that no computation makes.
 _NEVER = 0x7FA5A5A5
@@ -30,6 +30,17 @@ def staged(stage: Callable[..., Any]) -> Callable[..., Any]:
     The stage may take and return any pytrees of arrays of numbers. Works under any nesting of
     `jax.vmap`, and with arguments of which some, but not all, are constants of the program.
     """
+
+    def call(*args: Any) -> Any:
+        args = varying(args, args)
+        pure, arrays = lifted(stage, *args)
+        return _staged(pure)(arrays, *args)
+
+    return call
+
+
+def _staged(stage: Callable[..., Any]) -> Callable[..., Any]:
+    """`staged` of a function that closes over no array."""
     stage = _traced_once(stage)
 
     @custom_vmap
@@ -42,7 +53,7 @@ def staged(stage: Callable[..., Any]) -> Callable[..., Any]:
     def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
         axes = jax.tree.map(lambda batched: 0 if batched else None, tuple(in_batched))
         mapped = jax.vmap(stage, in_axes=axes, axis_size=axis_size)
-        out = staged(mapped)(*args)
+        out = _staged(mapped)(*args)
         return out, jax.tree.map(lambda _: True, out)
 
     return call
@@ -55,12 +66,26 @@ def repeat(body: Callable[..., Any]) -> Callable[..., Any]:
     select a round. Here further rounds are given to those that need none, and must not harm.
 
     Args:
-        body: called as `body(i, carry, constants)` for i = 0, 1, ...; returns the next carry. It
-            may hold no values of the trace around it: those are among the constants.
+        body: called as `body(i, carry, constants)` for i = 0, 1, ...; returns the next carry.
 
     Returns:
         A function of (rounds int32[], carry, constants) that returns the last carry.
     """
+
+    def call(rounds: jax.Array, carry: Any, constants: Any) -> Any:
+        carry, constants = varying((carry, constants), rounds, carry, constants)
+        pure, arrays = lifted(body, jnp.int32(0), carry, constants)
+
+        def lifted_body(i: jax.Array, carry: Any, constants: Any) -> Any:
+            return pure(constants[0], i, carry, constants[1])
+
+        return _repeat(lifted_body)(rounds, carry, (arrays, constants))
+
+    return call
+
+
+def _repeat(body: Callable[..., Any]) -> Callable[..., Any]:
+    """`repeat` of a body that closes over no array."""
 
     @custom_vmap
     def call(rounds: jax.Array, carry: Any, constants: Any) -> Any:
@@ -82,7 +107,7 @@ def repeat(body: Callable[..., Any]) -> Callable[..., Any]:
         carry = jax.tree.map(spread, carry, in_batched[1])
         axes = jax.tree.map(lambda batched: 0 if batched else None, in_batched[2])
         mapped = jax.vmap(body, in_axes=(None, 0, axes), axis_size=axis_size)
-        out = repeat(mapped)(rounds, carry, constants)
+        out = _repeat(mapped)(rounds, carry, constants)
         return out, jax.tree.map(lambda _: True, out)
 
     return call
