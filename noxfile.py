@@ -44,11 +44,14 @@ def lower_bounds(python: str) -> list[str]:
     return [line for line in oldest if python == PYTHONS[0] or line.startswith("jax ")]
 
 
-def run_tests(session: nox.Session, *tests: str, modules: tuple[str, ...] = ()) -> None:
+def run_tests(
+    session: nox.Session, *tests: str, modules: tuple[str, ...] = (), slow: bool = False
+) -> None:
     """Run some tests, after making sure that none is skipped for want of a module."""
+    chosen = () if slow else ("-m", "not slow")
     session.run("python", "-c", f"import {', '.join(('jax', *modules))}; print(jax.__version__)")
     session.run(
-        *("python", "-m", "pytest", "-q", "-m", "not slow", "-p", "no:cacheprovider"),
+        *("python", "-m", "pytest", "-q", *chosen, "-p", "no:cacheprovider"),
         *("-n", "auto", "--dist", "loadfile", *tests, *session.posargs),
         env={"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": None},
     )
@@ -96,7 +99,8 @@ def wheel(session: nox.Session) -> None:
     ids=list(PARTNERS),
 )
 def partners(session: nox.Session, partner: str) -> None:
-    """The adapters' tests beside a package that they are for, which may exclude others."""
+    """The adapters' tests beside a package that they are for, its trainings among them."""
     chosen = PARTNERS[partner]
     session.install("--editable", ".", *TOOLS, *chosen.requirements)
-    run_tests(session, *(f"{TESTS}/{test}" for test in chosen.tests), modules=chosen.modules)
+    tests = (f"{TESTS}/{test}" for test in chosen.tests)
+    run_tests(session, *tests, modules=chosen.modules, slow=True)

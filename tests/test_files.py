@@ -72,6 +72,17 @@ def test_impossible_targets_are_told_early(tmp_path: Path) -> None:
         make_folder(tmp_path / "file" / "below")
 
 
+def test_devices_and_pipes_are_not_replaced(tmp_path: Path) -> None:
+    """Who may write in their folder would lose `/dev/stdout`."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(os.devnull)
+    for name in ("pipe", "link"):
+        with pytest.raises(OutputError, match="it is a device or a pipe"), atomic(tmp_path / name):
+            pass
+    assert (tmp_path / "pipe").is_fifo()
+    assert (tmp_path / "link").is_char_device()
+
+
 def test_a_name_too_long_is_told_before_anything_is_made(tmp_path: Path) -> None:
     for path in (tmp_path / ("a" * 300), tmp_path / ("a" * 300) / "b.gif"):
         with pytest.raises(OutputError, match=r"^cannot write .*: file name too long$"):

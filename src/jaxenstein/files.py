@@ -106,8 +106,8 @@ def check_writable(path: str | Path) -> None:
     """Find out early, before long work, whether a file can be written at `path`.
 
     Raises:
-        OutputError: if `path` is a folder or no name for a file, or its own folder is missing or
-            cannot be written to.
+        OutputError: if `path` is a folder, a device, a pipe or no name for a file, or its own
+            folder is missing or cannot be written to.
     """
     path = Path(path)
     folder = path.parent
@@ -119,6 +119,8 @@ def check_writable(path: str | Path) -> None:
         raise OutputError(path, _reason(error)) from error
     if path.is_dir():
         raise OutputError(path, "it is a folder")
+    if path.exists() and not path.is_file():
+        raise OutputError(path, "it is a device or a pipe, in whose place a file would be put")
     if not folder.exists():
         raise OutputError(path, f"there is no folder {folder}")
     if not folder.is_dir():

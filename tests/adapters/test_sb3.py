@@ -13,6 +13,7 @@ import jaxenstein
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
+pytestmark = pytest.mark.usefixtures("plain_frames")
 
 from stable_baselines3 import PPO  # noqa: E402  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.evaluation import evaluate_policy  # noqa: E402  # pyright: ignore[reportMissingImports]
@@ -282,12 +283,17 @@ def test_ppo_trains(policy):
     assert mean > 0.9
 
 
-@pytest.mark.slow
 def test_ppo_takes_dictionaries():
-    venv = SB3VecEnv("key-door", num_envs=4, observation="dict", height=36, width=36)
-    model = PPO("MultiInputPolicy", venv, n_steps=16, batch_size=32, n_epochs=1, seed=0)
-    model.learn(128)
-    assert all(bool(torch.isfinite(p).all()) for p in model.policy.parameters())
+    """Of their names it makes attributes of a network, which must not have them already."""
+    venv = SB3VecEnv("key-door", num_envs=2, observation="dict", height=36, width=36)
+    model = PPO("MultiInputPolicy", venv, n_steps=8, batch_size=16, n_epochs=1, seed=0)
+    names = set(model.policy.features_extractor.extractors)
+    assert names == set(venv.observation_space.spaces) > {"image"}
+    before = [p.detach().clone() for p in model.policy.parameters()]
+    model.learn(16)
+    after = list(model.policy.parameters())
+    assert all(bool(torch.isfinite(p).all()) for p in after)
+    assert any(not torch.equal(a, b) for a, b in zip(before, after, strict=True))
 
 
 def test_without_the_partner(monkeypatch):

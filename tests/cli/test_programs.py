@@ -52,6 +52,41 @@ def test_the_second_call_finds_what_the_first_compiled(home: Path) -> None:
     assert "warning" not in said.lower()
 
 
+ADD = """
+import resource, sys
+from jaxenstein.cli.opening import telling_warnings
+from jaxenstein.cli.programs import keep_programs
+if len(sys.argv) > 1:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
+keep_programs()
+import jax
+print(jax.jit(lambda x: x * 3)(2))
+with telling_warnings():
+    print(jax.jit(lambda x: x * 5)(2))
+"""
+
+
+def add(*arguments: str) -> None:
+    command = [sys.executable, "-W", "error::DeprecationWarning", "-c", ADD, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "6\n10\n", "")
+
+
+def test_programs_that_were_cut_off_are_made_anew_without_a_word(home: Path) -> None:
+    """By a kill while they were written, or by a full disk, for which a limit stands."""
+    add("100")
+    assert not kept(home)
+    add()
+    before = {path: path.stat().st_size for path in home.rglob("*-cache")}
+    assert before
+    for path in before:
+        path.write_bytes(path.read_bytes()[:100])
+    add()
+    # What is told of later is made anew in the call after that.
+    add()
+    assert {path: path.stat().st_size for path in home.rglob("*-cache")} == before
+
+
 def test_jax_is_told_of_the_folder_unless_it_knows_one(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import MapWarning, one_line
 from .arguments import PREFIX, TABLES, UsageError
+from .programs import forget
 
 if TYPE_CHECKING:
     from ..recipe import Recipe
@@ -112,8 +113,9 @@ def telling_warnings() -> Iterator[None]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", MapWarning)
         yield
-    for warning in {str(warning.message): warning for warning in caught}.values():
-        print(f"jaxenstein: warning: {one_line(str(warning.message))}", file=sys.stderr)
+    for text in dict.fromkeys(str(warning.message) for warning in caught):
+        if not forget(text):
+            print(f"jaxenstein: warning: {one_line(text)}", file=sys.stderr)
 
 
 def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:

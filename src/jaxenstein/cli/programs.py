@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import stat
+import warnings
 from pathlib import Path
+from typing import Any
 
 # The most bytes that are kept when a command begins; the programs that were used last stay.
 LIMIT = 2**30
+# What JAX says where it cannot read or write the program of a function.
+_TROUBLE = re.compile(r"Error (?:reading|writing) persistent compilation cache entry for '(.*?)'")
 
 
 def keep_programs() -> None:
@@ -32,6 +37,30 @@ def keep_programs() -> None:
 
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    show = warnings.showwarning
+
+    def show_others(message: Any, *where: Any, **more: Any) -> None:
+        if not forget(str(message)):
+            show(message, *where, **more)
+
+    warnings.showwarning = show_others
+
+
+def forget(warning: str) -> bool:
+    """Remove the programs that JAX says it cannot read or write, so that they are made anew.
+
+    It would keep one that a full disk or a kill has cut off, and complain of it in every call.
+
+    Returns:
+        Whether the warning is about that.
+    """
+    found = _TROUBLE.match(warning)
+    if found is None or os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+        return False
+    for path in programs_folder().glob("*-cache"):
+        if path.name.startswith(f"{found[1]}-"):
+            path.unlink(missing_ok=True)
+    return True
 
 
 def programs_folder() -> Path:
