@@ -45,6 +45,10 @@ class Theme(PyTreeNode):
     sprite_labels: Array
     light: Light = static(default=Light())
 
+    def __repr__(self) -> str:
+        """Short: JAX asks for the words of every function that it traces, and of its tables."""
+        return f"Theme({len(self.wall_colours)} walls, {len(self.sprite_art)} sprites)"
+
 
 class Sprites(PyTreeNode):
     """Billboards, which always face the camera. N is their number.

@@ -30,13 +30,13 @@ class Evaluation(PyTreeNode):
 
 
 class Playing(PyTreeNode):
-    """Episodes that are being played.
+    """Episodes that are being played, E by each of R runs.
 
     Attributes:
         steps: int32[], taken so far.
-        actors: of `E` environments.
-        running: bool[E], whose first episode goes on.
-        result: of the episodes so far.
+        actors: of `R * E` environments, run after run.
+        running: bool[R, E], whose first episode goes on.
+        result: [R, E], of the episodes so far.
     """
 
     steps: jax.Array
@@ -45,16 +45,20 @@ class Playing(PyTreeNode):
     result: Evaluation
 
 
-def begin(simulator: Simulator, network: ActorCritic, key: jax.Array, episodes: int) -> Playing:
-    """One episode in each of `episodes` environments, before its first step."""
+def begin(
+    simulator: Simulator, network: ActorCritic, key: jax.Array, runs: int, episodes: int
+) -> Playing:
+    """Every episode before its first step; those of all runs begin alike."""
     actors = start(simulator, network, jax.random.split(key)[0], episodes)
+    actors = jax.tree.map(lambda leaf: jnp.concatenate([leaf] * runs), actors)
+    shape = runs, episodes
     nothing = Evaluation(
-        episode_return=jnp.zeros(episodes, jnp.float32),
-        episode_length=jnp.zeros(episodes, jnp.int32),
-        success=jnp.zeros(episodes, bool),
-        terminated=jnp.zeros(episodes, bool),
+        episode_return=jnp.zeros(shape, jnp.float32),
+        episode_length=jnp.zeros(shape, jnp.int32),
+        success=jnp.zeros(shape, bool),
+        terminated=jnp.zeros(shape, bool),
     )
-    return Playing(jnp.int32(0), actors, jnp.ones(episodes, bool), nothing)
+    return Playing(jnp.int32(0), actors, jnp.ones(shape, bool), nothing)
 
 
 def advance(
@@ -63,65 +67,59 @@ def advance(
     params: Any,
     key: jax.Array,
     playing: Playing,
-    until: Any,
-    greedy: bool,
+    until: jax.Array,
+    greedy: jax.Array,
 ) -> Playing:
-    """Play on until the last episode ends, or so many steps have been taken since the beginning."""
+    """Play on until the last episode ends, or so many steps have been taken since the beginning.
+
+    Args:
+        simulator: the environments.
+        network: what acts.
+        params: its parameters, [R, ...].
+        key: of the draws, the same ones for each run.
+        playing: the episodes so far.
+        until: int32[], steps.
+        greedy: bool[], take the most likely action instead of drawing one.
+    """
     play_key = jax.random.split(key)[1]
 
     def body(before: Playing) -> Playing:
         running, result = before.running, before.result
         action_key, step_key = jax.random.split(jax.random.fold_in(play_key, before.steps))
-        actors, reward, outcome = _step(
-            simulator, network, params, before.actors, action_key, step_key, greedy
+
+        def choose(params: Any, actors: Actors) -> tuple[jax.Array, jax.Array]:
+            logits, _, memory = network.step(
+                params, actors.obs, actors.previous, actors.first, actors.memory
+            )
+            drawn = jax.random.categorical(action_key, logits)
+            return jnp.where(greedy, jnp.argmax(logits, axis=-1), drawn), memory
+
+        runs, episodes = running.shape
+        apart = jax.tree.map(
+            lambda leaf: leaf.reshape(runs, episodes, *leaf.shape[1:]), before.actors
+        )
+        action, memory = jax.vmap(choose)(params, apart)
+        action = action.reshape(-1).astype(jnp.int32)
+        keys = jnp.concatenate([jax.random.split(step_key, episodes)] * runs)
+        outcome = simulator.step(keys, before.actors.env_state, action)
+        over = outcome.terminated | outcome.truncated
+        actors = before.actors.replace(
+            env_state=outcome.state,
+            obs=outcome.obs,
+            previous=action,
+            first=over,
+            memory=memory.reshape(-1, *memory.shape[2:]),
+        )
+        reward, reached, terminated, over = (
+            part.reshape(runs, episodes)
+            for part in (outcome.reward, outcome.reached, outcome.terminated, over)
         )
         result = Evaluation(
             episode_return=result.episode_return + jnp.where(running, reward, 0),
             episode_length=result.episode_length + running.astype(jnp.int32),
-            success=result.success | (running & outcome.reached),
-            terminated=result.terminated | (running & outcome.terminated),
+            success=result.success | (running & reached),
+            terminated=result.terminated | (running & terminated),
         )
-        running = running & ~(outcome.terminated | outcome.truncated)
-        return Playing(before.steps + 1, actors, running, result)
+        return Playing(before.steps + 1, actors, running & ~over, result)
 
     return jax.lax.while_loop(lambda p: jnp.any(p.running) & (p.steps < until), body, playing)
-
-
-def evaluate(
-    simulator: Simulator,
-    network: ActorCritic,
-    params: Any,
-    key: jax.Array,
-    episodes: int,
-    greedy: bool,
-) -> Evaluation:
-    """Play one episode in each of `episodes` environments, until the last one ends."""
-    playing = begin(simulator, network, key, episodes)
-    forever = jnp.int32(jnp.iinfo(jnp.int32).max)
-    return advance(simulator, network, params, key, playing, forever, greedy).result
-
-
-def _step(
-    simulator: Simulator,
-    network: ActorCritic,
-    params: Any,
-    actors: Actors,
-    action_key: jax.Array,
-    step_key: jax.Array,
-    greedy: bool,
-) -> tuple[Actors, jax.Array, Any]:
-    logits, _, memory = network.step(
-        params, actors.obs, actors.previous, actors.first, actors.memory
-    )
-    action = jnp.argmax(logits, axis=-1) if greedy else jax.random.categorical(action_key, logits)
-    action = action.astype(jnp.int32)
-    keys = jax.random.split(step_key, action.shape[0])
-    outcome = simulator.step(keys, actors.env_state, action)
-    actors = actors.replace(
-        env_state=outcome.state,
-        obs=outcome.obs,
-        previous=action,
-        first=outcome.terminated | outcome.truncated,
-        memory=memory,
-    )
-    return actors, outcome.reward, outcome

@@ -13,7 +13,7 @@ from ...errors import SettingError
 from ...pytree import PyTreeNode
 from .bonus import Metrics
 from .config import Config
-from .evaluation import Evaluation, evaluate
+from .evaluation import Evaluation
 from .hparams import HParams
 from .loop import Loop
 from .many import ManyRuns
@@ -91,7 +91,6 @@ class Learner:
         )
         self._start = jax.jit(self.loop.start)
         self._train = jax.jit(self.loop.updates, static_argnames="number")
-        self._evaluate = jax.jit(self._play, static_argnames=("episodes", "greedy"))
         self._policy = jax.jit(self._act_one)
         self._actions = jax.jit(self._act)
 
@@ -139,7 +138,9 @@ class Learner:
             episodes: how many.
             greedy: take the most likely action instead of drawing one.
         """
-        return self._evaluate(params, key_data(key), episodes=episodes, greedy=greedy)
+        several = jax.tree.map(lambda leaf: leaf[None], params)
+        played = self.many.evaluate(several, key, episodes, greedy)
+        return jax.tree.map(lambda leaf: leaf[0], played)
 
     def initial_carry(self) -> PolicyCarry:
         """The policy's memory at the beginning of an episode."""
@@ -190,9 +191,6 @@ class Learner:
             raise SettingError(
                 "random_clocks needs an environment of this package: it sets the clock of states"
             )
-
-    def _play(self, params: Any, data: jax.Array, episodes: int, greedy: bool) -> Evaluation:
-        return evaluate(self.simulator, self.network, params, wrap_key(data), episodes, greedy)
 
     def _act_one(
         self, params: Any, obs: Any, carry: PolicyCarry, data: jax.Array | None

@@ -30,8 +30,8 @@ class ManyRuns:
         """Take the loop of one run."""
         self._loop = loop
         self._start = jax.jit(loop.start)
-        self._begin = jax.jit(self._first, static_argnames="episodes")
-        self._advance = jax.jit(self._play, static_argnames="greedy")
+        self._begin = jax.jit(self._first, static_argnames=("runs", "episodes"))
+        self._advance = jax.jit(self._play)
         self._train = jax.jit(self._updates, static_argnames="updates")
 
     def init(self, keys: jax.Array, hparams: HParams | None = None) -> TrainState:
@@ -67,10 +67,11 @@ class ManyRuns:
         they are, int32[R, episodes].
         """
         data, until, running = key_data(key), 0, np.True_
-        playing = self._begin(params, data, episodes=episodes)
+        runs = len(jax.tree.leaves(params)[0])
+        playing = self._begin(data, runs=runs, episodes=episodes)
         while np.any(running):
             until += SLICE
-            playing = self._advance(params, data, playing, np.int32(until), greedy=greedy)
+            playing = self._advance(params, data, playing, np.int32(until), np.bool_(greedy))
             running, length = jax.device_get((playing.running, playing.result.episode_length))
             notify(running, length)
         return playing.result
@@ -80,19 +81,15 @@ class ManyRuns:
     ) -> tuple[TrainState, Metrics]:
         return jax.vmap(lambda s, h: self._loop.updates(s, h, updates))(state, hparams)
 
-    def _first(self, params: Any, data: jax.Array, episodes: int) -> Playing:
-        loop, key = self._loop, wrap_key(data)
-        return jax.vmap(lambda _: begin(loop.simulator, loop.network, key, episodes))(params)
+    def _first(self, data: jax.Array, runs: int, episodes: int) -> Playing:
+        loop = self._loop
+        return begin(loop.simulator, loop.network, wrap_key(data), runs, episodes)
 
     def _play(
-        self, params: Any, data: jax.Array, playing: Playing, until: jax.Array, greedy: bool
+        self, params: Any, data: jax.Array, playing: Playing, until: jax.Array, greedy: jax.Array
     ) -> Playing:
         loop, key = self._loop, wrap_key(data)
-
-        def play(params: Any, playing: Playing) -> Playing:
-            return advance(loop.simulator, loop.network, params, key, playing, until, greedy)
-
-        return jax.vmap(play)(params, playing)
+        return advance(loop.simulator, loop.network, params, key, playing, until, greedy)
 
 
 def _spread(hparams: HParams, runs: int) -> HParams:

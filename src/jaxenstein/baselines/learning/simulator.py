@@ -101,7 +101,9 @@ class OwnSimulator:
     def __init__(self, env: Environment[Any, Any], params: Any) -> None:
         """Take an environment and its params."""
         self.num_actions = env.num_actions
-        self._env = dataclasses.replace(env, autoreset="same-step", final_observation=False)
+        # Equal to those of recipes and sessions: what draws one is traced once for all of them.
+        self._env = dataclasses.replace(env, autoreset=None, final_observation=False)
+        self._resetting = dataclasses.replace(self._env, autoreset="same-step")
         self._params = params
 
     def reset(self, keys: jax.Array) -> tuple[Any, Any]:
@@ -115,7 +117,7 @@ class OwnSimulator:
     def _step(self, key: jax.Array, state: Any, action: jax.Array) -> Outcome:
         env, params = self._env, self._env.check_params(self._params)
         step_key, reset_key = jax.random.split(key)
-        turn = env.turn(step_key, reset_key, state, action, params)
+        turn = self._resetting.turn(step_key, reset_key, state, action, params)
         return Outcome(
             obs=env.observe(turn.state, params),
             state=turn.state,

@@ -47,7 +47,8 @@ class TrainedPolicy:
     def __init__(self, trained: Trained, run: int, greedy: bool) -> None:
         """Take the networks and which of them acts; see `load_policy`."""
         self._learner = trained.experiment.learner
-        self._weights = jax.tree.map(lambda leaf: leaf[run], trained.params)
+        one = jax.tree.map(lambda leaf: np.asarray(leaf)[run], trained.params)
+        self._weights = jax.device_put(one)
         self._carry = self._learner.initial_carry()
         self.env, self.params = self._learner.env, self._learner.env_params
         self.recipe = trained.experiment.recipe

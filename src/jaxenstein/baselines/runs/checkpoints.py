@@ -75,12 +75,13 @@ class Checkpoints:
             with contextlib.suppress(OSError):
                 self._path(old).unlink()
 
-    def restore(self, like: Any) -> Restored | None:
+    def restore(self, like: Any, whole: bool = True) -> Restored | None:
         """Read the newest checkpoint that is whole; None if there is none at all.
 
         Args:
             like: a pytree with the structure, shapes and dtypes of the state, of arrays or of
                 `jax.ShapeDtypeStruct`.
+            whole: False: `like` is a part of the state, and the rest is passed over.
 
         Raises:
             CheckpointError: none can be read, or they are of another state.
@@ -89,7 +90,7 @@ class Checkpoints:
         for update in reversed(self.updates()):
             path = self._path(update)
             try:
-                return Restored(update, _read(path, like), tuple(damaged))
+                return Restored(update, _read(path, like, whole), tuple(damaged))
             except CheckpointError:
                 raise
             # A damaged file makes the readers below raise anything.
@@ -152,9 +153,9 @@ def _arrays(state: Any) -> dict[str, Any]:
     return {jax.tree_util.keystr(path): np.asarray(_data(leaf), order="C") for path, leaf in leaves}
 
 
-def _read(path: Path, like: Any) -> Any:
+def _read(path: Path, like: Any, whole: bool) -> Any:
     with zipfile.ZipFile(path) as archive:
-        return read_tree(archive, like)
+        return read_tree(archive, like, () if whole else archive.namelist())
 
 
 def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()) -> Any:
@@ -170,8 +171,9 @@ def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()
     """
     leaves, structure = jax.tree_util.tree_flatten_with_path(like)
     wanted = {jax.tree_util.keystr(where): leaf for where, leaf in leaves}
-    found = {name.removesuffix(".npy") for name in archive.namelist() if name not in besides}
-    for name in sorted(found ^ set(wanted)):
+    found = {name.removesuffix(".npy") for name in archive.namelist()}
+    passed_over = {name.removesuffix(".npy") for name in besides} - set(wanted)
+    for name in sorted(found - passed_over ^ set(wanted)):
         what = "is not in it" if name in wanted else "is too much"
         raise CheckpointError(f"{archive.filename} is of another state: {name} {what}")
     filled = [_typed(_array(archive, name, leaf), leaf) for name, leaf in wanted.items()]

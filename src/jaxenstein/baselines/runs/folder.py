@@ -17,12 +17,13 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import jax
 
 from ...errors import JAXensteinError, SettingError
 from ...files import append, atomic, check_links, make_folder, writing
+from ...pytree import PyTreeNode
 from ...version import __version__
 from ..learning.placement import place
 from ..learning.state import TrainState
@@ -36,6 +37,12 @@ CONFIG, CHECKPOINTS, TIMING, LOCK = "config.json", "checkpoints", "timing.jsonl"
 SAVE_EVERY = 60.0
 
 Notify = Callable[[int, Sequence[Row]], object]
+
+
+class _Networks(PyTreeNode):
+    """What playing needs of a `TrainState`, under the same name."""
+
+    params: Any
 
 
 class RunFolder:
@@ -128,6 +135,22 @@ class RunFolder:
             CheckpointError: there are some, but none can be read.
         """
         return self.checkpoints.restore(self.template)
+
+    def networks(self) -> tuple[int, Any]:
+        """Updates of the newest checkpoint and the parameters of its networks, [runs, ...].
+
+        Raises:
+            SettingError: there is no checkpoint, or none can be read.
+        """
+        runs = len(self.experiment.runs)
+        one = jax.eval_shape(self.experiment.learner.network.init, jax.random.key(0))
+        like = _Networks(
+            jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((runs, *leaf.shape), leaf.dtype), one)
+        )
+        restored = self.checkpoints.restore(like, whole=False)
+        if restored is None:
+            raise SettingError(f"the run in {self.path} has no checkpoint yet")
+        return restored.update, restored.state.params
 
     @functools.cached_property
     def template(self) -> TrainState:
@@ -322,15 +345,3 @@ class Timing:
         row = {"update": update, "seconds": round(now - self._start, 3)}
         append(self._path, json.dumps({**row, "steps_per_second": round(rate, 1)}) + "\n")
         self._update, self._before = update, now
-
-
-def final_state(folder: RunFolder) -> tuple[int, TrainState]:
-    """Updates and state of the newest checkpoint.
-
-    Raises:
-        SettingError: there is no checkpoint.
-    """
-    restored = folder.restore()
-    if restored is None:
-        raise SettingError(f"the run in {folder.path} has no checkpoint yet")
-    return restored.update, restored.state

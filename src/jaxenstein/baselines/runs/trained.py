@@ -21,7 +21,7 @@ from ...errors import JAXensteinError, SettingError, nearest, one_line
 from ...files import atomic
 from .checkpoints import read_tree
 from .experiment import Experiment
-from .folder import CONFIG, RunFolder, checked, final_state, versions
+from .folder import CONFIG, RunFolder, checked, versions
 
 Weights = Literal["float16", "float32"]
 
@@ -85,8 +85,8 @@ def load_trained(path: str | Path) -> Trained:
             )
         return read_trained(known[path.name])
     folder = RunFolder.open(path)
-    update, state = final_state(folder)
-    return Trained(folder.path.name, folder.experiment, state.params, update, folder)
+    update, params = folder.networks()
+    return Trained(folder.path.name, folder.experiment, params, update, folder)
 
 
 def pretrained() -> dict[str, Path]:

@@ -30,7 +30,7 @@ SIGN, EDGE, PLACE, MEMBERS, ORDER = range(5)
 _NEVER = 2**31 - 1
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Geometry:
     """The walls of a map as tables; on the host, constants of a program.
 
