@@ -119,38 +119,3 @@ def around(rows: np.ndarray, edge: np.ndarray) -> np.ndarray:
     lowest = np.minimum(np.minimum(ends[:-2], ends[2:]), edge)
     highest = np.maximum(np.maximum(ends[:-2], ends[2:]), edge)
     return np.maximum(np.maximum(lowest - rows, rows - highest), 0.0)
-
-
-def wall_colours(screen: np.ndarray, top: np.ndarray, bottom: np.ndarray) -> np.ndarray:
-    """float[W, 3], mean RGB of the wall in each column of a screen; nan where none is seen.
-
-    Args:
-        screen: uint8[H, W, 3].
-        top: int[W], first row of the wall.
-        bottom: int[W], first row below it.
-    """
-    row = np.arange(len(screen))[:, None]
-    wall = ((row >= top) & (row < bottom))[..., None]
-    with np.errstate(invalid="ignore"):
-        return (screen * wall).sum(axis=0) / wall.sum(axis=0)
-
-
-def recognised(
-    known: np.ndarray, known_labels: np.ndarray, traits: np.ndarray, labels: np.ndarray
-) -> float:
-    """Share of columns whose traits say the same label as `labels`.
-
-    They say what most of the five known columns with the nearest traits are, by the sum of
-    differences.
-
-    Args:
-        known: float[K, T], traits of columns to learn from.
-        known_labels: int[K], their labels.
-        traits: float[N, T] of the columns to judge.
-        labels: int[N], what they should be.
-    """
-    from scipy.spatial import KDTree
-
-    nearest = known_labels[KDTree(known).query(traits, k=5, p=1)[1]]
-    said = [np.bincount(some).argmax() for some in nearest]
-    return float(np.mean(said == labels))

@@ -37,7 +37,6 @@ class View:
         bottom: int[W], first row below the wall; 0 in columns without a wall.
         value: int[W], of the depth buffer at the horizon.
         sprite: bool[W], whether something stands before the wall.
-        screen: uint8[H, W, 3], as the player sees it.
     """
 
     x: float
@@ -48,7 +47,6 @@ class View:
     bottom: np.ndarray
     value: np.ndarray
     sprite: np.ndarray
-    screen: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,6 @@ def look(game: Any) -> View:
         bottom=np.where(some, height - wall[::-1].argmax(axis=0), 0),
         value=state.depth_buffer[height // 2].astype(int),
         sprite=things.any(axis=0),
-        screen=state.screen_buffer.copy(),
     )
 
 

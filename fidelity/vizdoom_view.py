@@ -51,8 +51,6 @@ from fidelity.view_errors import (
     around,
     match_jumps,
     near_jumps,
-    recognised,
-    wall_colours,
 )
 from fidelity.vizdoom_game import complaint
 from fidelity.vizdoom_screen import VARIABLES, DepthScale, View, calibrate, collect, prepare
@@ -62,7 +60,7 @@ from jaxenstein.engine.level import Level
 from jaxenstein.engine.raycast import cast
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import atomic, check_writable
-from jaxenstein.tasks.doom.lattice import WALL, Tiles, rasterise
+from jaxenstein.tasks.doom.lattice import Tiles, rasterise
 from jaxenstein.tasks.doom.walls import load_map
 
 FIELD_OF_VIEW = 90.0
@@ -104,12 +102,11 @@ def run(poses: int, seed: int, size: str) -> dict[str, object]:
         game.send_game_command("r_drawflat 1")
         scale = calibrate(game, tiles)
         views = collect(game, doom_map, tiles, poses, seed)
-    height, width, _ = views[0].screen.shape
     screen = Projection(height, PIXEL_ASPECT * width / 2, doom_map.ceiling - doom_map.floor)
-    depth, wall = cast_views(views, tiles, width)
-    control, _ = cast_views(views, tiles, width, turned=CONTROL)
-    ours, wrong = (errors_of(views, depths, scale, screen) for depths in (depth, control))
-    ours["columns whose colours are those of the texture here"] = textures(views, depth, wall)
+    ours, wrong = (
+        errors_of(views, cast_views(views, tiles, width, turned), scale, screen)
+        for turned in (0.0, CONTROL)
+    )
     eyes = [view.eye for view in views]
     print(
         f"{poses} poses at {size}, eye {min(eyes):.1f} to {max(eyes):.1f} units above the floor.\n"
@@ -118,7 +115,7 @@ def run(poses: int, seed: int, size: str) -> dict[str, object]:
         f"| ours against the real screen | | heading {CONTROL:g} degree off |\n|---|---:|---:|"
     )
     for name, value in ours.items():
-        print(f"| {name} | {value:.6g} | {f'{wrong[name]:.6g}' if name in wrong else ''} |")
+        print(f"| {name} | {value:.6g} | {wrong[name]:.6g} |")
     about = {"vizdoom": importlib.metadata.version("vizdoom"), "size": size, "seed": seed}
     return about | {"poses": poses, "scale": vars(scale), "ours": ours, "control": wrong}
 
@@ -128,34 +125,26 @@ def heading_of(angle: float) -> float:
     return math.radians(-angle % 360.0)
 
 
-def cast_views(
-    views: Sequence[View], tiles: Tiles, width: int, turned: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """What the engine sees from each pose.
+def cast_views(views: Sequence[View], tiles: Tiles, width: int, turned: float = 0.0) -> np.ndarray:
+    """float64[N, width]: perpendicular depth in map units that the engine sees from each pose.
 
     Args:
         views: the poses, N of them.
         tiles: the map.
         width: columns of the image.
         turned: degrees by which to turn every pose to the left.
-
-    Returns:
-        float64[N, width], perpendicular depth in map units; uint8[N, width], labels of the faces.
     """
     position = np.array([tiles.to_position(view.x, view.y) for view in views], np.float32)
     heading = np.array([heading_of(view.angle + turned) for view in views], np.float32)
     camera = Camera(1, width, FIELD_OF_VIEW)
-    depth, wall = _cast(tiles.level(), jnp.asarray(position), jnp.asarray(heading), camera)
-    return np.asarray(depth, np.float64) * tiles.unit, np.asarray(wall)
+    depth = _cast(tiles.level(), jnp.asarray(position), jnp.asarray(heading), camera)
+    return np.asarray(depth, np.float64) * tiles.unit
 
 
 @functools.partial(jax.jit, static_argnames="camera")
-def _cast(
-    level: Level, position: jax.Array, heading: jax.Array, camera: Camera
-) -> tuple[jax.Array, jax.Array]:
-    def look(position: jax.Array, heading: jax.Array) -> tuple[jax.Array, jax.Array]:
-        hits = cast(position, heading, jnp.zeros(0, bool), level, camera)
-        return hits.depth, hits.wall
+def _cast(level: Level, position: jax.Array, heading: jax.Array, camera: Camera) -> jax.Array:
+    def look(position: jax.Array, heading: jax.Array) -> jax.Array:
+        return cast(position, heading, jnp.zeros(0, bool), level, camera).depth
 
     return jax.vmap(look)(position, heading)
 
@@ -200,25 +189,6 @@ def errors_of(
         "jumps of depth that were found": len(matched),
         "columns by which jumps are off, mean": float(np.mean(matched)) if matched else math.nan,
     }
-
-
-def textures(views: Sequence[View], depth: np.ndarray, wall: np.ndarray) -> float:
-    """Share of columns of every second pose with the colours that their texture has in the others.
-
-    Args:
-        views: the poses, N of them.
-        depth: float64[N, W], the engine's depths.
-        wall: uint8[N, W], labels of the faces that the engine sees.
-    """
-    colours = np.stack([wall_colours(view.screen, view.top, view.bottom) for view in views])
-    clear = np.stack([~view.sprite & (view.value > 0) for view in views])
-    use = clear & ~np.isnan(colours[..., 0]) & (wall > WALL)
-    # Light falls with depth, so columns are compared with those of about their own.
-    traits = np.concatenate([colours, 20 * np.log(depth)[..., None]], axis=-1)
-    sample = use & (np.arange(depth.shape[1]) % 8 == 0)
-    even = sample & (np.arange(len(views)) % 2 == 0)[:, None]
-    odd = sample & ~even
-    return recognised(traits[even], wall[even], traits[odd], wall[odd])
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -16,8 +16,6 @@ from fidelity.view_errors import (
     jumps,
     match_jumps,
     near_jumps,
-    recognised,
-    wall_colours,
 )
 from fidelity.vizdoom_screen import DepthScale, View
 from fidelity.vizdoom_view import cast_views, errors_of
@@ -70,22 +68,6 @@ def test_rows_within_the_range_of_the_next_columns() -> None:
     assert around(np.array([9.0, 19.0, 11.0, 21.5]), edge).tolist() == [1.0, 0.0, 1.0, 1.5]
 
 
-def test_colours_of_the_wall_alone() -> None:
-    screen = np.zeros((50, 2, 3), np.uint8)
-    screen[10:30, 0] = 100, 50, 0
-    screen[30:50, 0] = 200, 50, 0
-    found = wall_colours(screen, np.array([10, 50]), np.array([50, 0]))
-    assert found[0].tolist() == [150, 50, 0]
-    assert np.isnan(found[1]).all()
-
-
-def test_labels_by_the_nearest_neighbours() -> None:
-    known = np.concatenate([np.arange(8.0), 100 + np.arange(8.0)])[:, None]
-    labels = np.repeat([3, 4], 8)
-    judged = np.array([[1.5], [104.0], [2.0], [60.0]])
-    assert recognised(known, labels, judged, np.array([3, 4, 4, 4])) == 0.75
-
-
 ROOM = 512.0
 SCALE = DepthScale(step=7.0, offset=5.0, quantum=1, worst=0.0, samples=0)
 
@@ -117,7 +99,6 @@ def view_in_the_room(x: float, y: float, angle: float, eye: float) -> View:
         bottom=np.clip(np.rint(bottom), 0, 240).astype(int),
         value=SCALE.value_of(depth).astype(int),
         sprite=np.zeros(320, bool),
-        screen=np.zeros((240, 320, 3), np.uint8),
     )
 
 
@@ -130,7 +111,7 @@ def test_a_perfect_screen_agrees_and_a_wrong_heading_does_not() -> None:
         for pose in ((100.5, 200.25, 10.0, 41.0), (300.0, 77.7, 200.0, 38.0), (256, 256, 91, 44))
     ]
     ours, wrong = (
-        errors_of(views, cast_views(views, tiles, 320, turned)[0], SCALE, SCREEN)
+        errors_of(views, cast_views(views, tiles, 320, turned), SCALE, SCREEN)
         for turned in (0.0, 1.0)
     )
     assert ours["edges of walls on the screen (a column has up to two)"] > 1000

@@ -183,6 +183,9 @@ def test_evaluation_plays_whole_episodes():
     several = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), params)
     both = run.many.evaluate(several, KEY, 50)
     equal(jax.tree.map(lambda leaf: leaf[1], both), result)
+    run.many.evaluate(several, KEY, 50, greedy=True)
+    compiled: Any = run.many._advance
+    assert compiled._cache_size() == 2  # of one run and of two, for both ways of acting
 
 
 def test_policy_is_the_evaluations():

@@ -159,6 +159,12 @@ def test_another_state_is_refused_with_the_leaf_that_differs(store: Checkpoints)
         store.restore(other)
     with pytest.raises(CheckpointError, match=r"\['more'\] is not in it"):
         store.restore(state_of(1) | {"more": jnp.zeros(3)})
+    # A part of it is not another one.
+    part = store.restore({"flags": state_of(1)["flags"]}, whole=False)
+    assert part is not None
+    np.testing.assert_array_equal(part.state["flags"], state_of(1)["flags"])
+    with pytest.raises(CheckpointError, match=r"\['more'\] is not in it"):
+        store.restore({"more": jnp.zeros(3)}, whole=False)
 
 
 def test_a_killed_write_is_no_checkpoint(store: Checkpoints) -> None:
