@@ -225,6 +225,8 @@ def test_a_map_file_is_read_with_what_lies_beside_it(tmp_path):
     assert painted.tilemap.faces is not None
     with pytest.raises(MapError, match=r"cannot read the map .*nowhere\.txt: no such file"):
         jaxenstein.from_file(tmp_path / "nowhere.txt")
+    with pytest.raises(MapError, match=r"cannot read the map .*null byte"):
+        jaxenstein.from_file("maze\0.txt")
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="of Unix")

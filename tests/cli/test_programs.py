@@ -127,6 +127,9 @@ def test_a_folder_of_others_is_not_ours(home: Path) -> None:
     (home / "link").symlink_to(home / "folder")
     assert programs.is_ours(home / "folder")
     assert not programs.is_ours(home / "link")
+    for mode, safe in ((0o777, False), (0o1777, True)):
+        home.chmod(mode)
+        assert programs.is_ours(home / "folder") == safe
     (home / "folder").chmod(0o770)
     assert not programs.is_ours(home / "folder")
 

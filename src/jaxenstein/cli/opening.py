@@ -139,6 +139,8 @@ def import_modules(names: Iterable[str]) -> None:
         # At the end, so that nothing there takes the place of a library.
         sys.path.append(os.getcwd())
     for name in names:
+        if not all(part.isidentifier() for part in name.split(".")):
+            raise UsageError(f"jaxenstein: {name!r} names no module")
         try:
             importlib.import_module(name)
         except ModuleNotFoundError as error:
@@ -151,4 +153,4 @@ def import_modules(names: Iterable[str]) -> None:
 def import_module_of(id: str | None) -> None:
     """Import the module of an ID such as my_module:my-task; of others there is none."""
     module, colon, _ = (id or "").rpartition(":")
-    import_modules([module] * bool(colon and module))
+    import_modules([module] * bool(colon))

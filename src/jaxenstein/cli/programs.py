@@ -75,7 +75,9 @@ def programs_folder() -> Path:
 
 def is_ours(folder: Path) -> bool:
     """Whether it is a folder in which nobody else writes, and this process can."""
-    about = folder.lstat()
+    about, above = folder.lstat(), folder.parent.stat().st_mode
+    if above & stat.S_IWOTH and not above & stat.S_ISVTX:
+        return False  # anybody may put another in its place
     if not stat.S_ISDIR(about.st_mode) or not os.access(folder, os.W_OK):
         return False
     return not hasattr(os, "getuid") or (

@@ -45,11 +45,11 @@ def read_text(path: Path, what: str) -> str:
     try:
         with path.open(encoding="utf-8") as file:
             text = file.read(LONGEST + 1)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise MapError(f"cannot read the {what} {path}: {reason}") from error
     except UnicodeDecodeError as error:
         raise MapError(f"cannot read the {what} {path}: it is not text") from error
+    except (OSError, ValueError) as error:  # the latter for a name that none can have
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        raise MapError(f"cannot read the {what} {path}: {reason}") from error
     if len(text) > LONGEST:
         raise MapError(f"cannot read the {what} {path}: it has more than {LONGEST} characters")
     return text
