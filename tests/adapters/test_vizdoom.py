@@ -166,6 +166,8 @@ def test_what_the_game_has_not(capsys: pytest.CaptureFixture[str]) -> None:
     sparse, params = jaxenstein.make("doom-my-way-home-sparse", **SETTINGS)
     with pytest.raises(SettingError, match="no scenario that ViZDoom comes with"):
         vizdoom.GameSession(sparse, params)
+    with pytest.raises(SettingError, match="a seed must be a whole number from 0"):
+        vizdoom.GameSession(*jaxenstein.make("doom-my-way-home", **SETTINGS), seed=2**32)
     with pytest.raises(SettingError, match="larger than the game's largest"):
         vizdoom_buffers.screen_for(961, 100)
     assert vizdoom_buffers.screen_for(121, 100) == (320, 240)

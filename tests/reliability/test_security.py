@@ -18,6 +18,7 @@ from jaxenstein import SettingError
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import JAXensteinError
+from jaxenstein.files import atomic
 
 SOURCE = Path(jaxenstein.__file__).parent
 # What makes objects or runs code of what it reads.
@@ -128,6 +129,24 @@ def test_a_checkpoint_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> 
     assert restored is not None
     np.testing.assert_array_equal(restored.state["b"], state["b"])
     assert watch.seen == []
+
+
+def test_an_agent_is_read_and_nothing_else(watch: Watch) -> None:
+    pytest.importorskip("flax")
+    from jaxenstein.baselines.runs.trained import HERE, load_trained
+
+    load_trained(HERE / "key-door.npz")  # what it imports and compiles may be kept
+    watch.on = True
+    assert load_trained(HERE / "key-door.npz").update > 0
+    assert watch.seen == []
+
+
+def test_a_link_is_replaced_and_not_what_it_leads_to(treasure: Path, tmp_path: Path) -> None:
+    link(tmp_path / "map.json", treasure)
+    with atomic(tmp_path / "map.json") as part:
+        part.write_text("new")
+    assert (tmp_path / "map.json").read_text() == "new"
+    assert not (tmp_path / "map.json").is_symlink()
 
 
 @pytest.fixture

@@ -61,8 +61,10 @@ class GameSession(Session):
             seed: of the first episode.
 
         Raises:
-            SettingError: the game has no such scenario, or the image is larger than its screens.
+            SettingError: the game has no such scenario, the image is larger than its screens, or
+                the seed is none.
         """
+        check_seed(seed)
         if not isinstance(env, DoomScenario) or env.scenario is None:
             raise SettingError(
                 f"{env.name!r} is no scenario that ViZDoom comes with; doom-my-way-home, "
