@@ -6,14 +6,16 @@ import dataclasses
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
 import jaxenstein
-from docs import commands, environment_pages, page_parts, returns
+from docs import commands, environment_pages, episodes, page_parts, returns
 from docs.families import FAMILIES
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.docstrings import attributes
+from jaxenstein.view.episode import compose_side_by_side
 
 DOCS = Path(__file__).parents[2] / "docs"
 IDS = jaxenstein.environment_ids()
@@ -48,6 +50,19 @@ def test_pictures_and_animations_exist(pages) -> None:
 def test_animations_move(name) -> None:
     with Image.open(DOCS / "_static" / "episodes" / f"{name}.webp") as animation:
         assert getattr(animation, "n_frames", 1) > 10
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_films_have_room_to_say_why_the_expert_waits(name) -> None:
+    about = jaxenstein.make(name)[0].about()
+    if waits := about.expert and about.players[about.expert].waits:
+        view, beside = np.zeros((*episodes.VIEW, 3), np.uint8), episodes.BESIDE
+        page = Image.new("RGB", (beside, beside))
+        facts = ["step 480", "return 480", "health 100"]
+        without, told = (
+            compose_side_by_side(view, page, [*facts, event], scale=1) for event in ("", waits)
+        )
+        assert (without != told).any()
 
 
 def test_numbers_are_those_of_the_tasks() -> None:

@@ -111,7 +111,7 @@ def greedy_medkits(env: HealthGathering, params: HealthGatheringParams) -> Choos
 GREEDY_MEDKITS = Player(
     "goes to the nearest medkit and waits there while it is not needed; sees the whole state",
     greedy_medkits,
-    waits="waits: no medkit is needed yet",
+    waits="waits: healthy",
 )
 
 
