@@ -41,7 +41,6 @@ EYE, HEADING = (1.8, 1.9), 0.4
 SPRITE = (7.5, 4.5)
 # For the picture of the sprite's words: a key right ahead.
 NEAR_EYE, NEAR_KEY = (1.5, 3.5), (2.35, 3.42)
-OPEN = jnp.zeros(1, bool)
 
 
 def bits(*, closed: bool) -> np.ndarray:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..draws import draw_index
-from .fixed import FRACTION_BITS, ONE
+from .fixed import FRACTION_BITS
 from .walls import load_map
 
 RADIUS = 20
@@ -94,8 +94,3 @@ def _rectangles(free: np.ndarray, low: np.ndarray) -> Places:
         columns=table[:, 2],
         before=np.cumsum(table[:, 2] * table[:, 3]).astype(np.int32),
     )
-
-
-def in_units(place: jax.Array) -> jax.Array:
-    """float32: map units of 16.16 numbers."""
-    return place.astype(jnp.float32) * jnp.float32(1 / ONE)
