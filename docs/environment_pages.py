@@ -3,9 +3,10 @@
     python -m docs.environment_pages     # writes docs/environments/*.md
 
 Numbers come from the environments themselves, differences to the originals from
-docs/fidelity.md, returns from docs/returns.json (`python -m docs.returns`), changes from
-CHANGELOG.md, pictures from docs/images/environments (`python -m docs.gallery`), and animations from
-docs/_static/episodes (`python -m docs.episodes`).
+docs/fidelity.md, returns from docs/returns.json (`python -m docs.returns`), trained agents from
+docs/agents.json (`python -m docs.agents`), changes from CHANGELOG.md, pictures from
+docs/images/environments (`python -m docs.gallery`), and animations from docs/_static/episodes
+(`python -m docs.episodes`).
 """
 
 from __future__ import annotations
@@ -25,9 +26,10 @@ from docs.page_parts import (
     history,
     info_table,
     returns,
-    stored_rows,
     table,
 )
+from docs.scoreboard import scoreboard
+from jaxenstein.baselines.runs.trained import pretrained, read_config
 from jaxenstein.catalogue import ALIASES, ENTRIES
 from jaxenstein.cli.listing import GENERATED, extent
 from jaxenstein.docstrings import attributes
@@ -78,28 +80,6 @@ names: {aliases}.
 
 {pages}
 ```
-"""
-
-
-def scoreboard() -> str:
-    """The two ends of the scale that an agent's return is read on, for every environment."""
-    rows = []
-    for name in ENTRIES:
-        stored = stored_rows(name)
-        told = [f"{row['mean']:.4g} ({100 * row['success']:.0f} %)" for row in stored]
-        told = [*told, stored[-1]["player"]] if stored else ["not measured yet", "", ""]
-        rows.append((f"[`{name}`]({page_of(name)}.md#{name})", *told))
-    head = ("id", "random player", "player that knows the way", "which one")
-    return f"""# Scoreboard
-
-What an agent's return is worth: the mean return, and the share of episodes that reach the task's
-aim, of a player that draws every action uniformly and of one that knows the way and sees the whole
-state, over {stored_rows("simple")[0]["episodes"]} episodes each. The pages of the environments have
-the standard errors. What was trained so far, with seeds, curves and commands, is on the page of
-[results](../results.md); to measure an agent in the same way, `jaxenstein evaluate RUN`, or
-`jaxenstein.record` with a policy of your own.
-
-{table(head, rows, right=(1, 2))}
 """
 
 
@@ -160,6 +140,25 @@ Six views with the map at the time of the first, and the map at the start of an 
 ```
 
 {returns(name)}
+{agent(name)}"""
+
+
+def agent(name: str) -> str:
+    """The trained agent that comes with the package; nothing if there is none of this name."""
+    if name not in pretrained():
+        return ""
+    plain = read_config(pretrained()[name])
+    score, settings = plain["agent"]["score"]["sampled"], plain["environment"]["settings"]
+    decisions = plain["agent"]["update"] * plain["config"]["num_envs"] * plain["config"]["rollout"]
+    sees = f"{settings['width']}x{settings['height']} {settings.get('observation', 'rgb')}"
+    return f"""
+A trained agent, and what it sees: {plain["config"]["algo"].upper()} on {sees} with frame skip
+{settings.get("frame_skip", 1)}, {decisions:,} decisions; success in
+{score["success"]["mean"]:.0%} of {score["episodes"]} episodes.
+`jaxenstein play --policy pretrained/{name}` shows it, and the [scoreboard](scoreboard.md) those
+that were trained with it.
+
+{moving(f"{name}-agent")}
 """
 
 

@@ -4,7 +4,9 @@
 
 writes docs/_static/episodes/ID.webp, a still of it for readers who prefer less motion, and
 docs/images/environments/ID-map.png. The project's own recorder plays and draws them, with the
-player that knows the way. The same versions of JAX, Pillow and this code give the same files.
+player that knows the way. Where a trained agent `pretrained/ID` comes with the package,
+ID-agent.webp and its still show that one, and what it sees. The same versions of JAX, Pillow and
+this code give the same files.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from PIL import Image
 
 import jaxenstein
 from docs.command import each, parser_of
+from jaxenstein.baselines import load_policy
+from jaxenstein.baselines.runs.trained import pretrained
 from jaxenstein.files import atomic, make_folder
 from jaxenstein.view.episode import Episode, compose, overview
 from jaxenstein.view.recording import save_png
@@ -42,6 +46,12 @@ def play(name: str, seed: int = 1) -> Episode:
     return jaxenstein.record(env, params, "expert", seed=seed, steps=MOST_STEPS)
 
 
+def play_agent(name: str, seed: int = 1) -> Episode:
+    """An episode of the package's trained agent of that name."""
+    policy = load_policy(f"pretrained/{name}")
+    return jaxenstein.record(policy.env, policy.params, policy, seed=seed, steps=MOST_STEPS)
+
+
 def save_webp(pictures: Sequence[np.ndarray], path: Path) -> None:
     """Write an animation that repeats for ever, whole or not at all; its last picture stays."""
     first, *others = map(Image.fromarray, pictures)
@@ -59,10 +69,10 @@ def save_webp(pictures: Sequence[np.ndarray], path: Path) -> None:
         )
 
 
-def animate(episode: Episode, name: str) -> int:
+def animate(episode: Episode, name: str, scale: int = 1) -> int:
     """Write the animation of an episode and its still; returns the bytes of the animation."""
     every = -(-episode.steps // (PICTURES - 1))
-    pictures = list(compose(episode, scale=1, map_size=BESIDE, every=every))
+    pictures = list(compose(episode, scale=scale, map_size=BESIDE, every=every))
     path = EPISODES / f"{name}.webp"
     save_webp(pictures, path)
     save_webp(pictures[len(pictures) // 2 :][:1], EPISODES / f"{name}-still.webp")
@@ -70,9 +80,13 @@ def animate(episode: Episode, name: str) -> int:
 
 
 def draw(name: str) -> int:
-    """Write the three files of an environment; returns the bytes of the animation."""
+    """Write the files of an environment; returns the bytes of its animations."""
     episode = play(name)
     size = animate(episode, name)
+    if name in pretrained():
+        seen = play_agent(name)
+        rows, columns = seen.frames.shape[1:3]
+        size += animate(seen, f"{name}-agent", min(VIEW[0] // rows, VIEW[1] // columns))
     assert episode.tilemap is not None
     ground = draw_map(episode.tilemap, size=MAP_SIZE)
     save_png(np.asarray(overview(ground, episode, 0).image()), MAPS / f"{name}-map.png")

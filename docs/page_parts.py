@@ -95,6 +95,13 @@ def stored_rows(name: str) -> list[dict[str, Any]]:
     return [row for row in stored_returns()["players"] if row["id"] == name]
 
 
+@functools.cache
+def stored_agents() -> list[dict[str, Any]]:
+    """What `docs.agents` has measured, in the order of the registry."""
+    rows = json.loads((HERE / "agents.json").read_text("utf-8"))
+    return sorted(rows, key=lambda row: list(ENTRIES).index(row["id"]))
+
+
 def returns(name: str) -> str:
     """The returns of the scripted players as a table."""
     stored = stored_rows(name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 from pathlib import Path
 
@@ -11,8 +12,9 @@ import pytest
 from PIL import Image
 
 import jaxenstein
-from docs import commands, environment_pages, episodes, page_parts, returns
+from docs import agents, commands, environment_pages, episodes, page_parts, returns
 from docs.families import FAMILIES
+from jaxenstein.baselines.runs import options
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.docstrings import attributes
 from jaxenstein.view.episode import compose_side_by_side
@@ -41,7 +43,10 @@ def test_pictures_and_animations_exist(pages) -> None:
     for stem, text in pages.items():
         shown = re.findall(r"^```\{image\} \.\./(\S+)$", text, re.MULTILINE)
         moving = re.findall(r'(?:src|srcset)="\.\./(\S+?)"', text)
-        assert len(moving) == 2 * (len(IDS) if stem == "index" else text.count("\n## `"))
+        shows = (
+            len(IDS) if stem == "index" else text.count("\n## `") + text.count("\nA trained agent")
+        )
+        assert len(moving) == 2 * shows
         for path in [*shown, *moving]:
             assert (DOCS / path).is_file(), path
 
@@ -173,13 +178,33 @@ def test_links_to_pages_outside_of_the_site_lead_to_those_that_show_them() -> No
 
 
 def test_the_scoreboard_has_both_ends_of_the_scale_for_each_id(pages) -> None:
-    rows = re.findall(r"^\| \[`(.+?)`\]\((.+?)\.md#\1\) \| (\S+) .* \|$", pages["scoreboard"], re.M)
+    table = pages["scoreboard"].partition("## Agents")[0]
+    rows = re.findall(r"^\| \[`(.+?)`\]\((.+?)\.md#\1\) \| (\S+) .* \|$", table, re.M)
     assert [name for name, _, _ in rows] == list(IDS)
     assert all(page in pages for _, page, _ in rows)
     means = {row["id"]: row["mean"] for row in page_parts.stored_returns()["players"][::2]}
     assert [float(mean) for _, _, mean in rows] == [
         pytest.approx(means[name], rel=1e-3) for name in IDS
     ]
+
+
+def test_the_scoreboard_names_what_trained_its_agents(pages) -> None:
+    rows = page_parts.stored_agents()
+    best, trained = pages["scoreboard"].split("## Agents")
+    for row in rows:
+        config = options.read_file(DOCS.parent / row["config"])
+        assert (config["env"], config["seeds"]) == (row["id"], row["seeds"])
+        assert config.get("frame_skip", 1) == row["frame_skip"]
+        assert row["version"] == ENTRIES[row["id"]].version
+        assert f"`{row['config']}`" in trained
+    last = re.findall(r"^\| \[`(.+?)`\].*\| *(.*?) *\|$", best, re.M)
+    assert {name for name, shown in last if shown} == {row["id"] for row in rows}
+
+
+def test_training_time_adds_up_over_sessions(tmp_path) -> None:
+    rows = [{"seconds": seconds} for seconds in (5.0, 9.0, 2.0, 4.5, 1.0)]
+    (tmp_path / "timing.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    assert agents.seconds_of(tmp_path) == 9.0 + 4.5 + 1.0
 
 
 def test_the_page_of_the_command_line_has_every_command(monkeypatch) -> None:

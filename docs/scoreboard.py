@@ -1,0 +1,86 @@
+"""The page that shows what players and trained agents reach, written when the site is built."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from docs.page_parts import stored_agents, stored_rows, table
+from jaxenstein.catalogue import ENTRIES
+
+BESIDE = ("id", "random player", "player that knows the way", "best agents")
+TRAINED = ("id", "frame skip", "sees", "algorithm", "seeds", "decisions a seed", "minutes of all",
+           "sampled", "greedy", "configuration")  # fmt: skip
+TEXT = """# Scoreboard
+
+Mean return and, in brackets, the share of episodes with success, of a player that draws every
+action uniformly and of one that knows the way and sees the whole state, over {played} episodes
+each; the pages of the environments have the standard errors. Beside them the success of the agents
+below, of several the best; empty where none were trained.
+
+{beside}
+
+## Agents
+
+Success over all seeds and {episodes} episodes of each, with 95 % bootstrap intervals; greedy takes
+the most likely actions, sampled draws them. The players above act at frame skip 1 and agents as the
+table says, which changes what a random player gets too. Minutes are of one core for all seeds side
+by side, compiling included.
+
+{trained}
+
+```
+jaxenstein train --config CONFIGURATION --out RUN
+jaxenstein evaluate RUN
+python -m docs.agents CONFIGURATION RUN
+```
+
+train the agents of a row, show how they do, and write the row. [Results](../results.md) has the
+curves, what failed, and the machines.
+"""
+
+
+def scoreboard() -> str:
+    """The page's text."""
+    agents = stored_agents()
+    beside = []
+    for name in ENTRIES:
+        stored = stored_rows(name)
+        told = [f"{row['mean']:.4g} ({100 * row['success']:.0f} %)" for row in stored]
+        best = max((_best(row) for row in agents if row["id"] == name), default=(0.0, ""))
+        beside.append((_link(name), *(told or ["not measured yet", ""]), best[1]))
+    return TEXT.format(
+        played=stored_rows("simple")[0]["episodes"],
+        episodes=agents[0]["episodes"],
+        beside=table(BESIDE, beside, right=(1, 2, 3)),
+        trained=table(TRAINED, [_row(row) for row in agents], right=(1, 4, 5, 6, 7, 8)),
+    )
+
+
+def _link(name: str) -> str:
+    return f"[`{name}`]({ENTRIES[name].family}.md#{name})"
+
+
+def _best(agents: Mapping[str, Any]) -> tuple[float, str]:
+    return max((success["mean"], _reached(success)) for success in agents["success"].values())
+
+
+def _reached(success: Mapping[str, float]) -> str:
+    """Share of episodes with success, with its interval, in percent."""
+    low, mean, high = (100 * success[end] for end in ("low", "mean", "high"))
+    return f"{mean:.1f} % ({low:.0f} to {high:.0f})"
+
+
+def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        _link(row["id"]),
+        str(row["frame_skip"]),
+        row["sees"],
+        row["algo"].upper(),
+        str(row["seeds"]),
+        f"{row['decisions']:,}",
+        f"{row['seconds'] / 60:.0f}",
+        _reached(row["success"]["sampled"]),
+        _reached(row["success"]["greedy"]),
+        f"`{row['config']}`",
+    )
