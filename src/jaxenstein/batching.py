@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.custom_batching import custom_vmap
-from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 
 # Members that `where_few` computes at a time: a share of the batch, and the fewest.
 CHUNK_SHARE, CHUNK = 4, 16
@@ -58,6 +57,8 @@ def lifted(function: Callable[..., Any], *args: Any) -> tuple[Callable[..., Any]
         A function of (arrays, *args) that closes over none, and the arrays. Inside `jax.shard_map`
         it holds for arguments that differ along the same axes of the mesh as these.
     """
+    from jax.extend.core import ClosedJaxpr, jaxpr_as_fun  # Pallas comes with it
+
     closed, shapes = jax.make_jaxpr(function, return_shape=True)(*args)
     structure = jax.tree.structure(shapes)
 
