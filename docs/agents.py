@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxenstein.baselines.runs.agents import evaluate_both, load_trained
+from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.baselines.runs.trained import Trained
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.progress import Progress
@@ -25,26 +26,27 @@ EPISODES = 100
 
 def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
     """What was trained, how long, and what its agents get, over seeds and episodes."""
-    trained = load_trained(run)
-    recipe, learned = trained.experiment.recipe, trained.experiment.config
-    seeds = len(trained.experiment.runs)
+    trained, told = load_trained(run), resolve(read_file(Path(config)))
+    about = trained.experiment
+    for part in ("recipe", "config", "hparams", "seeds", "grid"):
+        if getattr(about, part) != getattr(told, part):
+            raise SystemExit(f"{run} was not trained by {config}: its {part} is another")
+    seeds = len(about.seeds)
     with Progress(2 * seeds * episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate_both(trained, episodes=episodes, seed=0, notify=progress.update)
     success = {name: r.interval(r.successes) for name, r in results.items()}
     return {
-        "id": recipe.id,
-        "version": recipe.version,
+        "id": about.recipe.id,
+        "version": about.recipe.version,
         "config": config,
-        "algo": learned.algo,
-        "frame_skip": recipe.settings.get("frame_skip", 1),
+        "algo": about.config.algo,
+        "frame_skip": about.recipe.settings.get("frame_skip", 1),
         "sees": seen(trained),
         "seeds": seeds,
-        "decisions": trained.update * learned.rollout * learned.num_envs,
+        "decisions": trained.update * about.config.steps_per_update,
         "seconds": round(seconds_of(run)),
         "episodes": episodes,
         "success": {name: dataclasses.asdict(interval) for name, interval in success.items()},
-        "return": {name: float(r.returns.mean()) for name, r in results.items()},
-        "rewards": dict(recipe.params),
     }
 
 

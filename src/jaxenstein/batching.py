@@ -79,11 +79,16 @@ def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
         A function of (needed bool[], *args), whose result is that of `function(*args)` where
         `needed` is true, and anything elsewhere.
     """
+    return _closed(_where_any, function)
+
+
+def _closed(wrap: Callable[..., Any], function: Callable[..., Any]) -> Callable[..., Any]:
+    """`wrap` of a function that may close over arrays."""
 
     def run(needed: jax.Array, *args: Any) -> Any:
         args = varying(args, needed, args)
         pure, arrays = lifted(function, *args)
-        return _where_any(pure)(needed, arrays, *args)
+        return wrap(pure)(needed, arrays, *args)
 
     return run
 
@@ -130,13 +135,7 @@ def where_few(function: Callable[..., Any]) -> Callable[..., Any]:
         A function of (needed bool[], *args), whose result is that of `function(*args)` where
         `needed` is true, and anything elsewhere.
     """
-
-    def run(needed: jax.Array, *args: Any) -> Any:
-        args = varying(args, needed, args)
-        pure, arrays = lifted(function, *args)
-        return _where_few(pure)(needed, arrays, *args)
-
-    return run
+    return _closed(_where_few, function)
 
 
 def _where_few(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -207,6 +207,12 @@ def test_training_time_adds_up_over_sessions(tmp_path) -> None:
     assert agents.seconds_of(tmp_path) == 9.0 + 4.5 + 1.0
 
 
+def test_agents_of_another_configuration_get_no_row() -> None:
+    config = str(DOCS.parent / "experiments" / "simple-skip6.toml")
+    with pytest.raises(SystemExit, match="was not trained by .*: its recipe is another"):
+        agents.row_of(config, Path("pretrained/key-door"), 1)
+
+
 def test_the_page_of_the_command_line_has_every_command(monkeypatch) -> None:
     monkeypatch.setenv("COLUMNS", "40")
     text = commands.commands_page()

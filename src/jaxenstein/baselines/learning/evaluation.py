@@ -86,19 +86,13 @@ def advance(
     def body(before: Playing) -> Playing:
         running, result = before.running, before.result
         action_key, step_key = jax.random.split(jax.random.fold_in(play_key, before.steps))
-
-        def choose(params: Any, actors: Actors) -> tuple[jax.Array, jax.Array]:
-            logits, _, memory = network.step(
-                params, actors.obs, actors.previous, actors.first, actors.memory
-            )
-            drawn = jax.random.categorical(action_key, logits)
-            return jnp.where(greedy, jnp.argmax(logits, axis=-1), drawn), memory
-
         runs, episodes = running.shape
         apart = jax.tree.map(
             lambda leaf: leaf.reshape(runs, episodes, *leaf.shape[1:]), before.actors
         )
-        action, memory = jax.vmap(choose)(params, apart)
+        action, memory = jax.vmap(
+            lambda params, actors: _choose(network, params, actors, action_key, greedy)
+        )(params, apart)
         action = action.reshape(-1).astype(jnp.int32)
         keys = jnp.concatenate([jax.random.split(step_key, episodes)] * runs)
         outcome = simulator.step(keys, before.actors.env_state, action)
@@ -123,3 +117,14 @@ def advance(
         return Playing(before.steps + 1, actors, running & ~over, result)
 
     return jax.lax.while_loop(lambda p: jnp.any(p.running) & (p.steps < until), body, playing)
+
+
+def _choose(
+    network: ActorCritic, params: Any, actors: Actors, key: jax.Array, greedy: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """The actions of one run's agents, int32[E], and their memory."""
+    logits, _, memory = network.step(
+        params, actors.obs, actors.previous, actors.first, actors.memory
+    )
+    drawn = jax.random.categorical(key, logits)
+    return jnp.where(greedy, jnp.argmax(logits, axis=-1), drawn), memory
