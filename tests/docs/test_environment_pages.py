@@ -209,7 +209,7 @@ def test_training_time_adds_up_over_sessions(tmp_path) -> None:
 
 def test_agents_of_another_configuration_get_no_row() -> None:
     config = str(DOCS.parent / "experiments" / "simple-skip6.toml")
-    with pytest.raises(SystemExit, match="was not trained by .*: its recipe is another"):
+    with pytest.raises(SystemExit, match=r"was not trained by .*: its recipe is another"):
         agents.row_of(config, Path("pretrained/key-door"), 1)
 
 
