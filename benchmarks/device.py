@@ -29,6 +29,7 @@ from benchmarks.report.results import device_row
 from benchmarks.report.tables import TABLES, markdown
 from benchmarks.store import earlier, write
 from benchmarks.subjects.frames import make_frames
+from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli.arguments import size as image_size
 from jaxenstein.cli.arguments import whole
 from jaxenstein.errors import JAXensteinError
@@ -183,7 +184,7 @@ def _list(convert: Callable[[str], Any]) -> Callable[[str], list[Any]]:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description="Measure the environments on an accelerator.")
     ids = list(jaxenstein.environment_ids())
-    parser.add_argument("--ids", nargs="+", default=ids, choices=ids, metavar="ID")
+    parser.add_argument("--ids", nargs="+", default=list(MAIN_IDS), choices=ids, metavar="ID")
     parser.add_argument("--batches", type=_list(whole()), default=list(BATCHES), metavar="N,...")
     parser.add_argument("--sizes", type=_list(image_size), default=list(SIZES), metavar="WxH,...")
     parser.add_argument("--seconds", type=float, default=0.3, help="of a repeat (default 0.3)")

@@ -30,7 +30,7 @@ from docs.page_parts import (
 )
 from docs.scoreboard import scoreboard
 from jaxenstein.baselines.runs.trained import pretrained, read_config
-from jaxenstein.catalogue import ALIASES, ENTRIES
+from jaxenstein.catalogue import ALIASES, ENTRIES, MAIN_IDS
 from jaxenstein.cli.listing import GENERATED, extent
 from jaxenstein.docstrings import attributes
 from jaxenstein.tasks.first_person import SETTINGS
@@ -56,7 +56,7 @@ def write_pages(folder: Path = OUT) -> list[Path]:
 
 def overview() -> str:
     """All environments at a glance, as cards that move, and as a table."""
-    cards = "\n".join(_card(name) for name in ENTRIES)
+    cards = "\n".join(_card(name) for name in MAIN_IDS)
     head = ("id", "map", "reward", "horizon", "discount")
     rows = table(head, [_overview_row(name) for name in ENTRIES], right=(3, 4))
     aliases = ", ".join(f"`{alias}` is `{name}`" for alias, name in ALIASES.items())
@@ -100,7 +100,7 @@ def page(family: Family) -> str:
 Actions: {named}. Any other number does nothing and takes its time.
 
 {sections}
-## What a step tells
+{variants(family)}## What a step tells
 
 {info_table(env, params)}
 
@@ -113,6 +113,18 @@ Actions: {named}. Any other number does nothing and takes its time.
 {own_settings(family.ids[0])}
 {fidelity(family)}
 {history(family)}"""
+
+
+def variants(family: Family) -> str:
+    """The environments that differ from those with sections in sizes and numbers alone."""
+    if not family.variants:
+        return ""
+    rows = [
+        (f"`{name}`", ENTRIES[name].summary, extent(env), f"{int(params.max_steps_in_episode)}")
+        for name, (env, params) in ((name, built(name)) for name in family.variants)
+    ]
+    listed = table(("id", "", "map", "horizon"), rows, right=(3,))
+    return f"## Variants\n\n{listed}\n\n"
 
 
 def section(name: str) -> str:
@@ -240,7 +252,8 @@ def _card(name: str) -> str:
 def _overview_row(name: str) -> tuple[str, ...]:
     env, params = built(name)
     horizon, discount = int(params.max_steps_in_episode), float(params.discount)
-    link = f"[`{name}`]({page_of(name)}.md#{name})"
+    place = (ENTRIES[name].variant_of and "variants") or name
+    link = f"[`{name}`]({page_of(name)}.md#{place})"
     return link, extent(env), rewards(name), str(horizon), f"{discount:g}"
 
 

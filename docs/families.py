@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
-from jaxenstein.catalogue import ENTRIES
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 
 
 class Family(NamedTuple):
@@ -26,8 +26,14 @@ class Family(NamedTuple):
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """The environments, in the order of the catalogue."""
-        return tuple(name for name, entry in ENTRIES.items() if entry.family == self.name)
+        """The environments but variants of others, in the order of the catalogue."""
+        return tuple(name for name in MAIN_IDS if ENTRIES[name].family == self.name)
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """The variants among them."""
+        every = (name for name, entry in ENTRIES.items() if entry.family == self.name)
+        return tuple(name for name in every if ENTRIES[name].variant_of)
 
 
 _LISTED = tomllib.loads(Path(__file__).with_name("families.toml").read_text("utf-8"))

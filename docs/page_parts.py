@@ -144,7 +144,7 @@ def history(family: Family) -> str:
         (release, " ".join(entry.split()))
         for release, body in _parts((HERE.parent / "CHANGELOG.md").read_text("utf-8"))
         for entry in re.split(r"^- ", body, flags=re.MULTILINE)[1:]
-        if any(_names(entry, name) for name in family.ids)
+        if any(_names(entry, name) for name in (*family.ids, *family.variants))
     ]
     return (
         "## Versions\n\nResults are comparable only between equal versions of an environment; "

@@ -18,7 +18,7 @@ import jax
 import jaxenstein
 from docs.command import each, parser_of
 from fidelity.players import measure
-from jaxenstein.catalogue import ENTRIES
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from jaxenstein.files import atomic, check_writable
 
 OUT = Path(__file__).parent / "returns.json"
@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=OUT, metavar="FILE.json")
     options = parser.parse_args(argv)
     check_writable(options.out)
-    wanted = options.ids or list(ENTRIES)
+    wanted = options.ids or list(MAIN_IDS)
     kept = []
     if options.ids and options.out.exists():
         kept = json.loads(options.out.read_text("utf-8"))["players"]

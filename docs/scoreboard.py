@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from docs.page_parts import stored_agents, stored_rows, table
-from jaxenstein.catalogue import ENTRIES
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 
 BESIDE = ("id", "random player", "player that knows the way", "best agents")
 TRAINED = ("id", "frame skip", "sees", "algorithm", "seeds", "decisions a seed", "minutes of all",
@@ -44,7 +44,7 @@ def scoreboard() -> str:
     """The page's text."""
     agents = stored_agents()
     beside = []
-    for name in ENTRIES:
+    for name in MAIN_IDS:
         stored = stored_rows(name)
         told = [f"{row['mean']:.4g} ({100 * row['success']:.0f} %)" for row in stored]
         best = max((_best(row) for row in agents if row["id"] == name), default=(0.0, ""))

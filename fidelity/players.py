@@ -14,7 +14,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxenstein import environment_ids, make
+from jaxenstein import make
+from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.environment import Environment
 from jaxenstein.players import Choose, Player, play, player_of, players_of
 from jaxenstein.tasks.maze import far_starts
@@ -142,7 +143,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--episodes", type=int, default=256, help="episodes of each player")
     parser.add_argument("--starts", type=int, default=4096, help="most starts to solve an id from")
-    parser.add_argument("--ids", nargs="+", default=list(environment_ids()), metavar="ID")
+    parser.add_argument("--ids", nargs="+", default=list(MAIN_IDS), metavar="ID")
     parser.add_argument("--turn", type=float, metavar="DEGREES", help="another turn a step")
     options = parser.parse_args()
     began = time.perf_counter()

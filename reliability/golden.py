@@ -32,7 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
-from jaxenstein.catalogue import ENTRIES
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from jaxenstein.files import atomic
 from jaxenstein.players import player_of
 
@@ -284,12 +284,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("ids", nargs="*", metavar="ID", help="some of them (default: all)")
     parser.add_argument("--check", action="store_true", help="write nothing")
     options = parser.parse_args(arguments)
-    if unknown := [name for name in options.ids if name not in ENTRIES]:
-        parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(ENTRIES)}")
+    if unknown := [name for name in options.ids if name not in MAIN_IDS]:
+        parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(MAIN_IDS)}")
     before = load() if FILE.exists() else {}
     table, wrong = {}, 0
-    for name, entry in ENTRIES.items():
-        old = before.get(name)
+    for name in MAIN_IDS:
+        entry, old = ENTRIES[name], before.get(name)
         if options.ids and name not in options.ids:
             table |= {} if old is None else {name: old}
         elif old is not None and (options.check or old["version"] >= entry.version):

@@ -12,7 +12,7 @@ from benchmarks.subjects.peers import SCENARIOS
 from benchmarks.subjects.stages import STAGES
 from benchmarks.suites.measure import Groups, Subject
 from benchmarks.suites.peers import PEERS
-from jaxenstein import environment_ids
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 
 # Processes alive at once, each of which takes some 400 MB.
 GROUP = 8
@@ -51,7 +51,7 @@ class Plan:
     cores: int = 1
     batches: tuple[int, ...] = (1, 8, 64, 256, 1024, 4096)
     batch: int = 256
-    ids: tuple[str, ...] = environment_ids()
+    ids: tuple[str, ...] = MAIN_IDS
     # Those that the other parts take.
     tasks: tuple[str, ...] = ("my-way-home", "health-gathering")
     sizes: tuple[str, ...] = ("64x64", "84x84", "160x120", "320x240")
@@ -133,11 +133,11 @@ def frame_skips(plan: Plan) -> Groups:
                 _peer("vizdoom", f"{RAW} {words}", f"ViZDoom, raw, {told}", **axes),
             ]
             for own in (f"doom-{name}", name):
-                if own in environment_ids():
+                if own in ENTRIES:
                     rows.append(_own(plan.batch, own, id=own, frame_skip=skip))
         base = f"scenario={name} frame_skip={plan.skips[0]}"
         rows = _compared(rows, {"x resized": f"{RESIZED} {base}", "x raw": f"{RAW} {base}"})
-        if f"doom-{name}" in environment_ids():
+        if f"doom-{name}" in ENTRIES:
             undrawn, own = f"{RAW} scenario={name} frames=no", f"doom-{name}"
             title = f"{own}, no frames, scan, {plan.batch} environments"
             axes = {"batch": plan.batch, "id": own}

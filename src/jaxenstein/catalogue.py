@@ -25,6 +25,8 @@ class Entry:
         load: imports and returns `build`.
         version: of the environment, which grows when its behaviour changes.
         family: environments of one family share a page of the documentation.
+        variant_of: another id, which stands for this one wherever environments are shown or tested
+            one by one: this one differs in sizes and numbers alone.
         module: what has to be imported for the id to be known; "" if nothing has.
     """
 
@@ -32,6 +34,7 @@ class Entry:
     load: Callable[[], Build]
     version: int = 0
     family: str = ""
+    variant_of: str = ""
     module: str = ""
 
     @functools.cached_property
@@ -271,3 +274,6 @@ ALIASES: dict[str, str] = {
     **{name.replace("random-goal", "random"): name for name in ENTRIES if "random-goal" in name},
 }
 """Other names of environments, each with the id it stands for."""
+
+MAIN_IDS: tuple[str, ...] = tuple(name for name, entry in ENTRIES.items() if not entry.variant_of)
+"""The ids that are variants of no other: the ones with pictures, golden episodes and tests."""

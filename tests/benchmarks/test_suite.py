@@ -11,7 +11,7 @@ from benchmarks.suites import measure
 from benchmarks.suites.measure import Subject
 from benchmarks.suites.parts import PARTS, QUICK, Plan
 from benchmarks.suites.peers import PEERS
-from jaxenstein import environment_ids
+from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.files import OutputError
 
 FULL = Plan(cores=2)
@@ -34,7 +34,7 @@ def test_groups_are_complete(name, plan):
 
 def test_every_environment_size_and_kind_is_measured():
     names = {s.name for part in PARTS.values() for group in part(FULL) for s in group}
-    assert {f"scan-256 id={name}" for name in environment_ids()} <= names
+    assert {f"scan-256 id={name}" for name in MAIN_IDS} <= names
     for batch in (1, 8, 64, 256, 1024, 4096):
         assert f"scan-{batch} id=my-way-home" in names
     for size in ("64x64", "84x84", "160x120", "320x240"):

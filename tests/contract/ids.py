@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-import jaxenstein
+from jaxenstein.catalogue import MAIN_IDS
 
 # They differ from another one by map, size or look alone.
 ALIKE = re.compile(
@@ -14,5 +14,5 @@ ALIKE = re.compile(
 )
 IDS = [
     pytest.param(name, marks=pytest.mark.slow) if ALIKE.fullmatch(name) else name
-    for name in jaxenstein.environment_ids()
+    for name in MAIN_IDS
 ]

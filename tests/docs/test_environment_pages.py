@@ -15,12 +15,12 @@ import jaxenstein
 from docs import agents, commands, environment_pages, episodes, page_parts, returns
 from docs.families import FAMILIES
 from jaxenstein.baselines.runs import options
-from jaxenstein.catalogue import ENTRIES
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from jaxenstein.docstrings import attributes
 from jaxenstein.view.episode import compose_side_by_side
 
 DOCS = Path(__file__).parents[2] / "docs"
-IDS = jaxenstein.environment_ids()
+IDS = MAIN_IDS
 
 
 @pytest.fixture(scope="module")
