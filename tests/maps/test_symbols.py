@@ -10,7 +10,17 @@ import pytest
 
 from jaxenstein.maps import symbols
 from jaxenstein.maps.symbols import LABEL_COLOURS, LABEL_NAMES, SYMBOLS, decal_label, door_label
-from jaxenstein.maps.things import APPLE, COLOUR_NAMES, GOAL, KEY, MEDKIT, POISON
+from jaxenstein.maps.things import (
+    APPLE,
+    BALL,
+    BOX,
+    COLOUR_NAMES,
+    GOAL,
+    KEY,
+    LAVA,
+    MEDKIT,
+    POISON,
+)
 
 
 def test_label_ids_are_those_of_the_contract() -> None:
@@ -23,8 +33,9 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert [door_label(c, locked=True) for c in range(6)] == list(range(99, 105))
     assert KEY.labels == range(105, 111)
     assert (GOAL.label, APPLE.label, MEDKIT.label, POISON.label) == (111, 112, 113, 114)
-    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 115
-    assert LABEL_COLOURS.shape == (115, 3)
+    assert (BALL.labels, BOX.labels, LAVA.label) == (range(115, 121), range(121, 127), 127)
+    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 128
+    assert LABEL_COLOURS.shape == (128, 3)
     assert LABEL_COLOURS.dtype == np.uint8
     assert not LABEL_COLOURS.flags.writeable
 

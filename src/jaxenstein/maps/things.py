@@ -102,7 +102,12 @@ MEDKIT = Thing(
 
 POISON = Thing("poison", 114, (96, 152, 86), "bottle", 0.24, 0.26, detail=(128, 160, 76))
 
-THINGS: tuple[Thing, ...] = (KEY, GOAL, APPLE, MEDKIT, POISON)
+# What MiniGrid's worlds hold besides keys. Lava burns on its whole tile.
+BALL = Thing("ball", 115, None, "ball", 0.2, 0.3)
+BOX = Thing("box", 121, None, "box", 0.22, 0.28)
+LAVA = Thing("lava", 127, (255, 106, 0), "lava", 0.5, 0.0, detail=(255, 196, 40))
+
+THINGS: tuple[Thing, ...] = (KEY, GOAL, APPLE, MEDKIT, POISON, BALL, BOX, LAVA)
 """All of them, in the order of their labels."""
 
 THING_OF: dict[int, Thing] = {label: thing for thing in THINGS for label in thing.labels}
