@@ -16,12 +16,12 @@ import numpy as np
 from ..batching import select
 from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError
+from ..packing import Packing
 
 # Environments that are reset and drawn in one call after a step in which some ended.
 _TOGETHER = 8
 
 
-A = TypeVar("A")
 H = TypeVar("H")
 
 
@@ -39,24 +39,24 @@ class Ended(NamedTuple, Generic[H]):
     info: Mapping[str, H]
 
 
-class Stepped(NamedTuple, Generic[A, H]):
-    """What a step gives: arrays on the device, or tensors, with a leading axis N but for `ended`.
+class Stepped(NamedTuple, Generic[H]):
+    """What a step gives, with a leading axis N but for `ended`: numpy arrays, or tensors.
 
     Attributes:
-        observation: what to act on next.
+        observation: what to act on next; arrays on the device, or tensors.
         reward: float32[N].
         terminated: bool[N], the tasks' own ends.
         truncated: bool[N], ends by the time limit.
         info: of the state in which each environment now is: after a reset in the same step that
-            of the new episode. Arrays of a step in which an episode ended are on the host.
+            of the new episode.
         ended: only with `"same-step"`, where an episode ended; else None.
     """
 
     observation: Any
-    reward: A
-    terminated: A
-    truncated: A
-    info: Mapping[str, Any]
+    reward: H
+    terminated: H
+    truncated: H
+    info: Mapping[str, H]
     ended: Ended[H] | None
 
 
@@ -119,13 +119,42 @@ class Batch:
         self.autoreset = autoreset
         self.num_envs = num_envs
         self.params = self.env.check_params(params)
-        self.states: Any = None
-        self._keys: jax.Array | None = None
+        # Of each environment its stream and its state, and what a step tells beside them.
+        self._kept: jax.Array | None = None
+        self._layouts: tuple[Packing, Packing] | None = None
+
+    @property
+    def params(self) -> Any:
+        """The params of all environments."""
+        return self._params
+
+    @params.setter
+    def params(self, params: Any) -> None:
+        self._params = params
+        self._numbers = Packing(lambda: params)
+        self._packed_params = self._numbers.pack(params)
+
+    @property
+    def states(self) -> Any:
+        """The states, with a leading axis N; None before the first reset."""
+        return None if self._kept is None else self._streams()[1]
+
+    def _streams(self) -> tuple[jax.Array, Any]:
+        """The keys and the states."""
+        assert self._kept is not None
+        return jax.vmap(self._layout[0].unpack)(self._kept)
+
+    @property
+    def _layout(self) -> tuple[Packing, Packing]:
+        """Of the stream and state of an environment, and of reward, ends and info."""
+        if self._layouts is None:
+            self._layouts = _layouts(self.env, self.params)
+        return self._layouts
 
     def reset(
         self, seed: int | Sequence[int | None] | None = None, mask: Any = None
-    ) -> tuple[Any, dict[str, jax.Array]]:
-        """Begin new episodes: observations and info, on the device.
+    ) -> tuple[Any, dict[str, np.ndarray]]:
+        """Begin new episodes: observations, on the device, and info.
 
         Args:
             seed: of the random streams: N numbers, or one, which stands for seed, seed + 1, ...
@@ -144,17 +173,19 @@ class Batch:
                 f"the mask of a reset must be bool[{self.num_envs}], "
                 f"not {chosen.dtype}{list(chosen.shape)}"
             )
-        if self.states is None and not chosen.all():
+        if self._kept is None and not chosen.all():
             raise SettingError("the first reset must be of all environments: leave the mask out")
         keys = self._seeded(_seeds(seed, self.num_envs), chosen)
+        kept = self._layout[0]
         if chosen.all():
-            out = _reset(self.env, keys, self.params)
+            out = _reset(self.env, kept, keys, self.params)
         else:
-            out = _reset_some(self.env, keys, self.states, jnp.asarray(chosen), self.params)
-        self._keys, self.states, observation, info = out
-        return observation, info
+            states = self._streams()[1]
+            out = _reset_some(self.env, kept, keys, states, jnp.asarray(chosen), self.params)
+        self._kept, observation, info = out
+        return observation, {name: np.array(value) for name, value in info.items()}
 
-    def step(self, actions: Any) -> Stepped[jax.Array, np.ndarray]:
+    def step(self, actions: Any) -> Stepped[np.ndarray]:
         """Step every environment.
 
         Args:
@@ -164,29 +195,30 @@ class Batch:
         Raises:
             SettingError: the actions have another shape or type, or `reset` was not called.
         """
-        if self._keys is None:
+        if self._kept is None:
             raise SettingError("call reset before step")
-        actions = jnp.asarray(actions)
+        if not isinstance(actions, jax.Array):
+            actions = np.asarray(actions)
         if actions.shape != (self.num_envs,) or not jnp.issubdtype(actions.dtype, jnp.integer):
             raise SettingError(
                 f"actions must be {self.num_envs} integers, one for each environment, "
                 f"not {actions.dtype}{list(actions.shape)}"
             )
         step = _step_or_reset if self.autoreset == "next-step" else _step
-        out = step(self.env, self._keys, self.states, actions, self.params)
-        self._keys, self.states, stepped = out
+        layouts = *self._layout, self._numbers
+        self._kept, observation, told = step(
+            self.env, layouts, self._kept, actions, self._packed_params
+        )
+        stepped = Stepped(observation, *self._layout[1].read(told), ended=None)
         if self.autoreset == "same-step":
-            indices = np.flatnonzero(np.asarray(self.states.done))
+            indices = np.flatnonzero(stepped.terminated | stepped.truncated)
             if indices.size:
-                return self._restart(Stepped(*stepped, ended=None), indices)
-        return Stepped(*stepped, ended=None)
+                return self._restart(stepped, indices)
+        return stepped
 
-    def _restart(
-        self, stepped: Stepped[jax.Array, np.ndarray], indices: np.ndarray
-    ) -> Stepped[jax.Array, np.ndarray]:
+    def _restart(self, stepped: Stepped[np.ndarray], indices: np.ndarray) -> Stepped[np.ndarray]:
         """Reset the environments `indices` after a step that ended their episodes."""
-        observation = stepped.observation
-        info = {name: np.array(value) for name, value in stepped.info.items()}
+        observation, info = stepped.observation, dict(stepped.info)
         last = {name: value[indices] for name, value in info.items()}
         frames = []
         together = min(_TOGETHER, self.num_envs)
@@ -194,8 +226,8 @@ class Batch:
             some = indices[first : first + together]
             # Filled up with the last one again, which writes the same values once more.
             padded = np.pad(some, (0, together - some.size), mode="edge").astype(np.int32)
-            self._keys, self.states, observation, final, first_info = _restart(
-                self.env, self._keys, self.states, observation, padded, self.params
+            self._kept, observation, final, first_info = _restart(
+                self.env, self._layout[0], self._kept, observation, padded, self.params
             )
             frames.append(jax.tree.map(lambda leaf, n=some.size: np.asarray(leaf)[:n], final))
             for name, value in first_info.items():
@@ -203,19 +235,19 @@ class Batch:
             for name in info.keys() - first_info.keys():
                 info[name][some] = 0
         final = jax.tree.map(lambda *parts: np.concatenate(parts), *frames)
-        return stepped._replace(
-            observation=observation, info=info, ended=Ended(indices, final, last)
-        )
+        ended = Ended(indices, final, last)
+        return stepped._replace(observation=observation, info=info, ended=ended)
 
     def _seeded(self, seeds: list[int | None], chosen: np.ndarray) -> jax.Array:
         """The streams: new ones where there is a seed, and at first everywhere."""
         fresh = [int(i) for i in np.flatnonzero(chosen) if seeds[i] is not None]
-        if self._keys is None:
+        if self._kept is None:
             drawn = [secrets.randbits(32) if seed is None else seed for seed in seeds]
             return _keys_of(drawn)
+        keys = self._streams()[0]
         if not fresh:
-            return self._keys
-        return self._keys.at[np.array(fresh)].set(_keys_of([seeds[i] or 0 for i in fresh]))
+            return keys
+        return keys.at[np.array(fresh)].set(_keys_of([seeds[i] or 0 for i in fresh]))
 
 
 def _keys_of(seeds: Sequence[int]) -> jax.Array:
@@ -245,7 +277,20 @@ def _seeds(seed: Any, count: int) -> list[int | None]:
     return seeds
 
 
-_compiled = functools.partial(jax.jit, static_argnums=0)
+def _layouts(env: AnyEnvironment, params: Any) -> tuple[Packing, Packing]:
+    """Of the stream and state of an environment, and of what a step tells; compiles nothing."""
+
+    def kept() -> Any:
+        return jax.random.key(0), env.init_state(jax.random.key(0), params)
+
+    def told(key: jax.Array, state: Any) -> Any:
+        turn = env.turn(key, key, state, jnp.int32(0), params)
+        return turn.reward, turn.terminated, turn.truncated, turn.info
+
+    return Packing(kept), Packing(lambda: told(*kept()))
+
+
+_compiled = functools.partial(jax.jit, static_argnums=(0, 1))
 
 
 # A stream is a key that is split at every reset and at every step: one part is used, the other
@@ -254,65 +299,80 @@ _compiled = functools.partial(jax.jit, static_argnums=0)
 
 
 @_compiled
-def _reset(env: AnyEnvironment, keys: jax.Array, params: Any) -> tuple[Any, ...]:
+def _reset(env: AnyEnvironment, kept: Packing, keys: jax.Array, params: Any) -> tuple[Any, ...]:
     keys, used = _split(keys)
     observation, states = jax.vmap(env.reset, (0, None))(used, params)
-    return keys, states, observation, jax.vmap(env.describe, (0, None))(states, params)
+    info = jax.vmap(env.describe, (0, None))(states, params)
+    return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
 @_compiled
 def _reset_some(
-    env: AnyEnvironment, keys: jax.Array, states: Any, mask: jax.Array, params: Any
+    env: AnyEnvironment, kept: Packing, keys: jax.Array, states: Any, mask: jax.Array, params: Any
 ) -> tuple[Any, ...]:
     after, used = _split(keys)
     fresh = jax.vmap(env.init_state, (0, None))(used, params)
     keys = jnp.where(mask, after, keys)
     states = jax.vmap(select)(mask, fresh, states)
     observation = jax.vmap(env.observe, (0, None))(states, params)
-    return keys, states, observation, jax.vmap(env.describe, (0, None))(states, params)
+    info = jax.vmap(env.describe, (0, None))(states, params)
+    return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
 @_compiled
 def _step(
-    env: AnyEnvironment, keys: jax.Array, states: Any, actions: jax.Array, params: Any
+    env: AnyEnvironment,
+    layouts: tuple[Packing, Packing, Packing],
+    rows: jax.Array,
+    actions: jax.Array,
+    numbers: jax.Array,
 ) -> tuple[Any, ...]:
+    kept, told, params = layouts
+    keys, states = jax.vmap(kept.unpack)(rows)
     keys, used = _split(keys)
     step = jax.vmap(env.step, (0, 0, 0, None))
-    observation, states, *rest = step(used, states, actions, params)
-    return keys, states, (observation, *rest)
+    observation, states, *rest = step(used, states, actions, params.unpack(numbers))
+    return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(told.pack)(tuple(rest))
 
 
 @_compiled
 def _step_or_reset(
-    env: AnyEnvironment, keys: jax.Array, states: Any, actions: jax.Array, params: Any
+    env: AnyEnvironment,
+    layouts: tuple[Packing, Packing, Packing],
+    rows: jax.Array,
+    actions: jax.Array,
+    numbers: jax.Array,
 ) -> tuple[Any, ...]:
     """Reset the environments whose last step ended, step the others."""
+    kept, told, params = layouts
+    keys, states = jax.vmap(kept.unpack)(rows)
     keys, used = _split(keys)
     turn = jax.vmap(dataclasses.replace(env, autoreset="next-step").turn, (0, 0, 0, 0, None))
     # One key for both, of which each environment needs but one.
-    states, _, *rest = turn(used, used, states, actions, params)
-    return keys, states, (jax.vmap(env.observe, (0, None))(states, params), *rest)
+    states, _, *rest = turn(used, used, states, actions, params.unpack(numbers))
+    observation = jax.vmap(env.observe, (0, None))(states, params.unpack(numbers))
+    return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(told.pack)(tuple(rest))
 
 
 # The observations are given away, so that the frames of the others need not be copied.
-@functools.partial(jax.jit, static_argnums=0, donate_argnums=3)
+@functools.partial(jax.jit, static_argnums=(0, 1), donate_argnums=3)
 def _restart(
     env: AnyEnvironment,
-    keys: jax.Array,
-    states: Any,
+    kept: Packing,
+    rows: jax.Array,
     observation: Any,
     indices: jax.Array,
     params: Any,
 ) -> tuple[Any, ...]:
     final = jax.tree.map(lambda leaf: leaf[indices], observation)
-    after, used = _split(keys[indices])
+    after, used = _split(jax.vmap(kept.unpack)(rows[indices])[0])
     first, fresh = jax.vmap(env.reset, (0, None))(used, params)
-    keys, states, observation = jax.tree.map(
-        lambda all_, some: all_.at[indices].set(some),
-        (keys, states, observation),
-        (after, fresh, first),
+    rows, observation = jax.tree.map(
+        lambda every, some: every.at[indices].set(some),
+        (rows, observation),
+        (jax.vmap(kept.pack)((after, fresh)), first),
     )
-    return keys, states, observation, final, jax.vmap(env.describe, (0, None))(fresh, params)
+    return rows, observation, final, jax.vmap(env.describe, (0, None))(fresh, params)
 
 
 def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -120,7 +120,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         actions = checked_actions(np.asarray(action)[None], 1, self.env.num_actions)
         stepped = self._batch.step(actions)
         self._observation = stepped.observation
-        reward, terminated, truncated = (np.asarray(part)[0].item() for part in stepped[1:4])
+        reward, terminated, truncated = (part.item() for part in stepped[1:4])
         self._over = terminated or truncated
         if self.render_mode == "human":
             self.render()
@@ -278,13 +278,12 @@ def _first(tree: Any) -> Any:
     return jax.tree.map(lambda leaf: np.array(np.asarray(leaf)[0]), tree)
 
 
-def _first_info(info: Mapping[str, Any]) -> dict[str, Any]:
+def _first_info(info: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """The info of the one environment of a batch."""
-    values = {name: np.asarray(value)[0] for name, value in info.items()}
     # Vector environments take together arrays, numbers of numpy, and bools of Python.
     return {
-        name: bool(value) if value.dtype == bool and value.ndim == 0 else value.copy()
-        for name, value in values.items()
+        name: value.item() if value.dtype == bool and value.ndim == 1 else value[0]
+        for name, value in info.items()
     }
 
 

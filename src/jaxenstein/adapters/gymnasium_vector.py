@@ -134,8 +134,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         chosen = np.ones(self.num_envs, bool) if mask is None else np.array(mask)
         self._described = set(info)
         self._over &= ~chosen
-        arrays = {name: np.asarray(value) for name, value in info.items()}
-        return self._numpy(self._observation), _spread(_taken(arrays, chosen), chosen)
+        return self._numpy(self._observation), _spread(_taken(info, chosen), chosen)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step all environments.
@@ -157,7 +156,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         number = self.env.num_actions
         out = self._batch.step(checked_actions(actions, self.num_envs, number))
         self._observation = out.observation
-        terminated, truncated = np.array(out.terminated), np.array(out.truncated)
+        terminated, truncated = out.terminated, out.truncated
         began = (
             self._over
             if self.autoreset_mode is AutoresetMode.NEXT_STEP
@@ -171,8 +170,8 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         every = np.ones(self.num_envs, bool)
         for name, value in out.info.items():
             shown = every if name in self._described else ~began
-            infos |= _spread({name: np.array(value)}, shown)
-        rewards = np.array(out.reward, np.float64)
+            infos |= _spread({name: value}, shown)
+        rewards = out.reward.astype(np.float64)
         return self._numpy(self._observation), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]

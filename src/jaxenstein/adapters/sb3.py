@@ -88,7 +88,7 @@ class SB3VecEnv(VecEnv):
             raise SettingError("the environments have no options for a reset: use params instead")
         observation, info = self.batch.reset(self._seeds)
         self._reset_seeds()
-        self.reset_infos = _rows(jax.device_get(info), self.num_envs)
+        self.reset_infos = _rows(info, self.num_envs)
         return _writable(observation)
 
     def step_async(self, actions: np.ndarray) -> None:
@@ -111,7 +111,7 @@ class SB3VecEnv(VecEnv):
             raise SettingError("call step_async before step_wait")
         actions, self._actions = self._actions, None
         stepped = self.batch.step(actions)
-        reward, terminated, truncated = (np.array(part) for part in stepped[1:4])
+        reward, terminated, truncated = stepped[1:4]
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in reward]
         if stepped.ended is not None:
             cut = truncated & ~terminated

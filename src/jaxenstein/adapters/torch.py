@@ -115,7 +115,7 @@ class TorchBatch:
         observation, info = self.batch.reset(seed, host)
         return self._tensors(observation), TensorInfo(info, self._tensor)
 
-    def step(self, actions: torch.Tensor) -> Stepped[torch.Tensor, torch.Tensor]:
+    def step(self, actions: torch.Tensor) -> Stepped[torch.Tensor]:
         """Step every environment.
 
         Args:

@@ -1,0 +1,139 @@
+"""Trees of small arrays in rows of 32-bit words: one array to hand over instead of many.
+
+A compiled call from Python takes its time for each array that goes in or comes out, whatever its
+size; in a step of one environment that is more than the step itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+_WORD = np.dtype(np.uint32)
+
+
+class _Leaf(NamedTuple):
+    """An array of the tree: its shape and type as numbers, its words, and of keys their kind."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    first: int
+    end: int
+    keys: Any
+
+
+class Packing:
+    """How a tree of arrays lies in words. Equal trees have equal packings, and hashes.
+
+    Attributes:
+        words: how many words a row has.
+    """
+
+    def __init__(self, function: Callable[..., Any], *args: Any) -> None:
+        """Of what a function returns, which is traced for that.
+
+        Args:
+            function: of arrays or their shapes; returns a tree of arrays of numbers, flags and
+                random keys.
+            *args: its arguments.
+        """
+        kinds: list[Any] = []
+
+        def numbers(*args: Any) -> Any:
+            tree = function(*args)
+            kinds.extend(_kind_of_keys(leaf) for leaf in jax.tree.leaves(tree))
+            return jax.tree.map(_as_numbers, tree)
+
+        shapes, self._tree = jax.tree.flatten(jax.eval_shape(numbers, *args))
+        ends = np.cumsum([0, *map(_size, shapes)]).tolist()
+        self._leaves = tuple(
+            _Leaf(leaf.shape, np.dtype(leaf.dtype), *place)
+            for leaf, *place in zip(shapes, ends[:-1], ends[1:], kinds, strict=True)
+        )
+        self.words = ends[-1]
+        self._hash = hash((self._tree, self._leaves))
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both put equal trees in equal places."""
+        if not isinstance(other, Packing):
+            return NotImplemented
+        return self._tree == other._tree and self._leaves == other._leaves
+
+    def __hash__(self) -> int:
+        """Made once: a compiled call asks for it every time."""
+        return self._hash
+
+    def pack(self, tree: Any) -> jax.Array:
+        """uint32[words] of a tree, in compiled code."""
+        leaves = [_as_words(_as_numbers(leaf)) for leaf in jax.tree.leaves(tree)]
+        return jnp.concatenate(leaves) if leaves else jnp.zeros(0, jnp.uint32)
+
+    def unpack(self, row: jax.Array) -> Any:
+        """The tree of uint32[words], in compiled code."""
+        return jax.tree.unflatten(self._tree, [_of_words(row, leaf) for leaf in self._leaves])
+
+    def read(self, rows: Any) -> Any:
+        """The tree of uint32[N, words] with a leading axis N, as numpy arrays of their own.
+
+        There are no random keys in numpy; those of a tree stay numbers.
+        """
+        words = np.array(rows)
+        return jax.tree.unflatten(self._tree, [_read(words, leaf) for leaf in self._leaves])
+
+
+def _kind_of_keys(leaf: Any) -> Any:
+    typed = jnp.issubdtype(jnp.result_type(leaf), jax.dtypes.prng_key)
+    return jax.random.key_impl(leaf) if typed else None
+
+
+def _as_numbers(leaf: Any) -> jax.Array:
+    return jnp.asarray(leaf) if _kind_of_keys(leaf) is None else jax.random.key_data(leaf)
+
+
+def _size(leaf: Any) -> int:
+    """How many words an array takes: flags and short numbers one each."""
+    return int(np.prod(leaf.shape, dtype=int)) * max(1, leaf.dtype.itemsize // _WORD.itemsize)
+
+
+def _short(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """The unsigned type of a short number's size."""
+    return np.dtype(f"u{dtype.itemsize}")
+
+
+def _as_words(leaf: jax.Array) -> jax.Array:
+    if leaf.dtype == jnp.bool_:
+        return leaf.astype(jnp.uint32).reshape(-1)
+    if leaf.dtype.itemsize < _WORD.itemsize:
+        short = lax.bitcast_convert_type(leaf, _short(leaf.dtype))
+        return short.astype(jnp.uint32).reshape(-1)
+    return lax.bitcast_convert_type(leaf, jnp.uint32).reshape(-1)
+
+
+def _of_words(row: jax.Array, leaf: _Leaf) -> jax.Array:
+    words = row[leaf.first : leaf.end]
+    if leaf.dtype == np.bool_:
+        return words.reshape(leaf.shape).astype(jnp.bool_)
+    if leaf.dtype.itemsize < _WORD.itemsize:
+        words = words.astype(_short(leaf.dtype))
+    elif leaf.dtype.itemsize > _WORD.itemsize:
+        words = words.reshape(-1, leaf.dtype.itemsize // _WORD.itemsize)
+    numbers = lax.bitcast_convert_type(words, leaf.dtype).reshape(leaf.shape)
+    return numbers if leaf.keys is None else jax.random.wrap_key_data(numbers, impl=leaf.keys)
+
+
+def _read(rows: np.ndarray, leaf: _Leaf) -> np.ndarray:
+    words = rows[:, leaf.first : leaf.end] if leaf.shape else rows[:, leaf.first]
+    if leaf.dtype == np.bool_:
+        numbers = words != 0
+    elif leaf.dtype.itemsize < _WORD.itemsize:
+        numbers = words.astype(_short(leaf.dtype)).view(leaf.dtype)
+    elif leaf.dtype.itemsize > _WORD.itemsize:
+        numbers = rows[:, leaf.first : leaf.end].copy().view(leaf.dtype)
+    else:
+        numbers = words.view(leaf.dtype)
+    return numbers.reshape(len(rows), *leaf.shape) if len(leaf.shape) != 1 else numbers

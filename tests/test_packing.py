@@ -1,0 +1,86 @@
+"""Trees in words: what comes back is what went in, bit for bit, on the device and on the host."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.packing import Packing
+from tests.baselines.worlds import enable_x64
+
+TYPES = ("float32", "int32", "uint32", "bool", "uint8", "int8", "int16", "float16", "bfloat16")
+ROWS = 3
+
+
+def tree_of(seed: int) -> dict[str, Any]:
+    """Numbers of all types and ranks with random bits, among them NaNs and negative ones."""
+    rng = np.random.default_rng(seed)
+    tree = {}
+    for i, name in enumerate(TYPES):
+        dtype, shape = jnp.dtype(name), ((), (3,), (2, 2), (0,))[i % 4]
+        bits = rng.integers(0, 256, (*shape, dtype.itemsize), np.uint8)
+        numbers = bits[..., 0] % 2 == 1 if name == "bool" else bits.view(dtype)[..., 0]
+        tree[name] = jnp.asarray(numbers)
+    return tree
+
+
+def assert_same_bits(one: Any, other: Any) -> None:
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        assert (a.shape, a.dtype) == (b.shape, b.dtype)
+        assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
+
+
+def test_all_types_come_back() -> None:
+    trees = [tree_of(seed) for seed in range(ROWS)]
+    packing = Packing(lambda: trees[0])
+    rows = jnp.stack([jax.jit(packing.pack)(tree) for tree in trees])
+    assert (rows.shape, rows.dtype) == ((ROWS, packing.words), np.uint32)
+    read = packing.read(rows)
+    for i, tree in enumerate(trees):
+        assert_same_bits(jax.jit(packing.unpack)(rows[i]), tree)
+        assert_same_bits(jax.tree.map(lambda leaf, i=i: np.array(leaf[i]), read), tree)
+
+
+def test_what_is_read_belongs_to_the_caller() -> None:
+    packing = Packing(lambda: tree_of(0))
+    rows = packing.pack(tree_of(0))[None]
+    for leaf in jax.tree.leaves(packing.read(rows)):
+        leaf[...] = 0
+    assert_same_bits(packing.unpack(rows[0]), tree_of(0))
+
+
+def test_wide_numbers_come_back() -> None:
+    with enable_x64(True):
+        tree = {"pi": jnp.float64(np.pi), "far": jnp.array([-(2**40), 7], jnp.int64)}
+        packing = Packing(lambda: tree)
+        row = packing.pack(tree)
+        assert_same_bits(packing.unpack(row), tree)
+        assert packing.read(row[None])["pi"].item() == np.pi
+        assert packing.read(row[None])["far"].tolist() == [[-(2**40), 7]]
+
+
+@pytest.mark.parametrize("kind", ["threefry2x32", "rbg"])
+def test_random_keys_come_back(kind: str) -> None:
+    keys = jax.random.split(jax.random.key(5, impl=kind), 2)
+    packing = Packing(lambda: {"keys": keys})
+    back = packing.unpack(packing.pack({"keys": keys}))["keys"]
+    assert back.dtype == keys.dtype
+    np.testing.assert_array_equal(jax.random.key_data(back), jax.random.key_data(keys))
+
+
+def test_equal_trees_have_equal_packings() -> None:
+    env, params = jaxenstein.make("key-corridor-s3r1", height=4, width=4)
+    one, other = (Packing(env.init_state, jax.random.key(seed), params) for seed in (0, 1))
+    assert one == other
+    assert hash(one) == hash(other)
+    smaller = Packing(lambda: params)
+    assert one != smaller
+    assert one != "a packing"
+    state = env.init_state(jax.random.key(3), params)
+    assert_same_bits(one.unpack(one.pack(state)), state)
