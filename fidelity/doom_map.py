@@ -21,7 +21,13 @@ from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import JAXensteinError, MapError
 from jaxenstein.tasks.doom.walls import DoomMap, Line, Thing, load_map
 
-NAMES = ("my-way-home", "health-gathering", "health-gathering-supreme")
+NAMES = (
+    "my-way-home",
+    "health-gathering",
+    "health-gathering-supreme",
+    "basic",
+    "simpler-basic",
+)
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _BLOCK = re.compile(r"(\w+)\s*\{([^{}]*)\}")
 _FIELD = re.compile(r'(\w+)\s*=\s*("[^"]*"|[^;"\s]+)\s*;')

@@ -26,7 +26,13 @@ from jaxenstein.episodes.policies import named_policy
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.players import play, players_of
 
-IDS = ("doom-my-way-home", "doom-health-gathering", "doom-health-gathering-supreme")
+IDS = (
+    "doom-my-way-home",
+    "doom-health-gathering",
+    "doom-health-gathering-supreme",
+    "doom-basic",
+    "doom-simpler-basic",
+)
 # A player of `players_of`, or the expert, and the tics for which it keeps an action.
 PLAYERS = (("idle", 1), ("uniform", 1), ("uniform", 4), ("expert", 1))
 # Nobody looks: the smallest image that there is.
@@ -95,7 +101,7 @@ def in_words(row: Row) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Play, print the table, write the file; 1 if a difference is beyond the noise."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
-    parser.add_argument("ids", nargs="*", metavar="ID", default=IDS, help="(default: all three)")
+    parser.add_argument("ids", nargs="*", metavar="ID", default=IDS, help="(default: all of them)")
     parser.add_argument("--episodes", type=int, default=100, help="in each (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the draws (default %(default)s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")

@@ -182,6 +182,12 @@ def _doom_health(*, supreme: bool = False) -> Build:
     return DoomHealthGatheringSupreme if supreme else DoomHealthGathering
 
 
+def _doom_basic(*, simpler: bool = False) -> Build:
+    from .tasks.doom.basic import DoomBasic, DoomSimplerBasic
+
+    return DoomSimplerBasic if simpler else DoomBasic
+
+
 def _entry(family: str, summary: str, load: Callable[..., Build], **variant: Any) -> Entry:
     return Entry(summary, functools.partial(load, **variant), family=family)
 
@@ -266,6 +272,20 @@ ENTRIES: dict[str, Entry] = {
         "ViZDoom's Health Gathering Supreme itself: walls, and poison among the medkits",
         _doom_health,
         supreme=True,
+    ),
+    "doom-basic": _entry(
+        "doom-basic",
+        "ViZDoom's Basic itself: step aside until the monster is ahead, and shoot",
+        _doom_basic,
+    ),
+    "doom-simpler-basic": dataclasses.replace(
+        _entry(
+            "doom-basic",
+            "ViZDoom's Simpler Basic itself: the monster is nearer",
+            _doom_basic,
+            simpler=True,
+        ),
+        variant_of="doom-basic",
     ),
 }
 

@@ -12,6 +12,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.environment import Environment
+from jaxenstein.tasks.doom.basic import DoomBasic
 from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering
 from jaxenstein.tasks.doom.my_way_home import DoomMyWayHome
 from jaxenstein.tasks.health_gathering import HealthGathering
@@ -131,6 +132,8 @@ def about_to_end(env, state):
     """The state with whatever the next step must find for the task to be over."""
     if isinstance(env, DoomMyWayHome):
         return state.replace(taken=jnp.bool_(True))
+    if isinstance(env, DoomBasic):
+        return state.replace(killed=jnp.bool_(True))
     if isinstance(env, HealthGathering | DoomHealthGathering):
         time = jnp.int32(int(env.default_params.damage_period) - 1)
         nothing = jnp.zeros_like(state.present)
@@ -168,8 +171,8 @@ def test_truth_table_of_ends(name, ending, limit):
     # Where nothing but survival counts, the limit is the aim; elsewhere it is what ends the task.
     survives = isinstance(env, HealthGathering | DoomHealthGathering)
     aim = limit and not ending if survives else ending
-    # The game leaves the maze in the tic after the aim was reached.
-    aim = aim and not isinstance(env, DoomMyWayHome)
+    # The game leaves these levels in the tic after the aim was reached.
+    aim = aim and not isinstance(env, DoomMyWayHome | DoomBasic)
     np.testing.assert_array_equal(info["success"][0], [aim, aim])
     np.testing.assert_array_equal(info["episode_length"][0], int(states.time[0]) + 1)
     np.testing.assert_array_equal(after.time[0], 0 if ends or limit else int(states.time[0]) + 1)

@@ -14,10 +14,13 @@ from jaxenstein.maps.things import (
     APPLE,
     BALL,
     BOX,
+    CACODEMON,
     COLOUR_NAMES,
+    DEMON,
     GOAL,
     KEY,
     LAVA,
+    MARINE,
     MEDKIT,
     POISON,
 )
@@ -34,8 +37,9 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert KEY.labels == range(105, 111)
     assert (GOAL.label, APPLE.label, MEDKIT.label, POISON.label) == (111, 112, 113, 114)
     assert (BALL.labels, BOX.labels, LAVA.label) == (range(115, 121), range(121, 127), 127)
-    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 128
-    assert LABEL_COLOURS.shape == (128, 3)
+    assert (CACODEMON.label, DEMON.label, MARINE.label) == (128, 129, 130)
+    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 131
+    assert LABEL_COLOURS.shape == (131, 3)
     assert LABEL_COLOURS.dtype == np.uint8
     assert not LABEL_COLOURS.flags.writeable
 

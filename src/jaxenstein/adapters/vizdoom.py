@@ -67,8 +67,8 @@ class GameSession(Session):
         check_seed(seed)
         if not isinstance(env, DoomScenario) or env.scenario is None:
             raise SettingError(
-                f"{env.name!r} is no scenario that ViZDoom comes with; doom-my-way-home, "
-                "doom-health-gathering and doom-health-gathering-supreme are"
+                f"{env.name!r} is no scenario that ViZDoom comes with; the doom- environments "
+                "are, but for the sparse variants of doom-my-way-home"
             )
         params = env.default_params if params is None else params
         limit = int(params.max_steps_in_episode)
@@ -94,7 +94,7 @@ class GameSession(Session):
         ]
         # Drawn once: all that the game does not tell stays as it is at our resets.
         self._first = env.reset(jax.random.key(0, impl="threefry2x32"), params)[1]
-        self._labels = dict(zip(env.game_things, env.theme.sprite_labels.tolist(), strict=True))
+        self._labels = env.game_labels
         textures = sorted({*map(label_of, env.tiles.textures)})
         self._wall = textures[0] if len(textures) == 1 else None
         super().__init__(env, params, seed)

@@ -28,8 +28,8 @@ ones ("sampled"), and show the means with their 95 % bootstrap intervals: over r
 with one run over episodes. --gif also writes an episode beside the map.
 
 --in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
-anew, and --gif then shows one episode from the same start in both. It takes agents of
-doom-my-way-home, doom-health-gathering and doom-health-gathering-supreme, and the extra 'vizdoom'.
+anew, and --gif then shows one episode from the same start in both. It takes agents of the
+doom- environments, but not of sparse variants, and the extra 'vizdoom'.
 """
 EPILOG = """\
 examples:

@@ -107,7 +107,24 @@ BALL = Thing("ball", 115, None, "ball", 0.2, 0.3)
 BOX = Thing("box", 121, None, "box", 0.22, 0.28)
 LAVA = Thing("lava", 127, (255, 106, 0), "lava", 0.5, 0.0, detail=(255, 196, 40))
 
-THINGS: tuple[Thing, ...] = (KEY, GOAL, APPLE, MEDKIT, POISON, BALL, BOX, LAVA)
+# Doom's monsters.
+CACODEMON = Thing("cacodemon", 128, (178, 62, 66), "cacodemon", 0.4, 0.1, detail=(240, 220, 120))
+DEMON = Thing("demon", 129, (206, 96, 110), "demon-one", 0.4, 0.1, detail=(240, 220, 210))
+MARINE = Thing("marine", 130, (92, 140, 80), "soldier-one", 0.4, 0.1, detail=(190, 170, 80))
+
+THINGS: tuple[Thing, ...] = (
+    KEY,
+    GOAL,
+    APPLE,
+    MEDKIT,
+    POISON,
+    BALL,
+    BOX,
+    LAVA,
+    CACODEMON,
+    DEMON,
+    MARINE,
+)
 """All of them, in the order of their labels."""
 
 THING_OF: dict[int, Thing] = {label: thing for thing in THINGS for label in thing.labels}

@@ -14,6 +14,7 @@ from ...pytree import PyTreeNode
 TURN_LEFT, TURN_RIGHT = "turn left", "turn right"
 FORWARD, BACKWARD = "forward", "backward"
 MOVE_LEFT, MOVE_RIGHT = "move left", "move right"
+ATTACK = "attack"
 NOTHING = "nothing"
 
 
@@ -25,12 +26,14 @@ class Buttons(PyTreeNode):
         turn_right: bool[].
         ahead: int32[], 1 forward, -1 backward, 0 neither or both.
         aside: int32[], 1 to the right, -1 to the left, 0 neither or both.
+        attack: bool[].
     """
 
     turn_left: jax.Array
     turn_right: jax.Array
     ahead: jax.Array
     aside: jax.Array
+    attack: jax.Array | bool = False
 
 
 def hold(names: Sequence[str], held: jax.Array) -> Buttons:
@@ -51,6 +54,7 @@ def hold(names: Sequence[str], held: jax.Array) -> Buttons:
         turn_right=is_down(TURN_RIGHT) == 1,
         ahead=is_down(FORWARD) - is_down(BACKWARD),
         aside=is_down(MOVE_RIGHT) - is_down(MOVE_LEFT),
+        attack=is_down(ATTACK) == 1,
     )
 
 

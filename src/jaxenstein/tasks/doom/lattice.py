@@ -103,6 +103,25 @@ def rasterise(doom_map: DoomMap, unit: int = UNIT) -> Tiles:
     return Tiles(~inside, faces, textures, west, north, unit)
 
 
+def fill(doom_map: DoomMap, unit: int) -> Tiles:
+    """The tiles nearest to a map whose walls run anywhere: solid where the centre is not inside.
+
+    Every face shows the first wall's texture.
+    """
+    ends = np.array([(w.x0, w.y0, w.x1, w.y1) for w in doom_map.walls])
+    low, high = ends.reshape(-1, 2).min(axis=0), ends.reshape(-1, 2).max(axis=0)
+    west, south = (math.floor(v / unit) * unit - unit for v in low)
+    east, north = (math.ceil(v / unit) * unit + unit for v in high)
+    x = np.arange(west, east, unit) + unit / 2
+    y = np.arange(north, south, -unit)[:, None] - unit / 2
+    inside = np.zeros((len(y), len(x)), bool)
+    for x0, y0, x1, y1 in ends[ends[:, 1] != ends[:, 3]]:
+        crossing = x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+        inside ^= ((y0 > y) != (y1 > y)) & (x > crossing)
+    faces = np.where(inside, 0, WALL + 1).astype(np.uint8)[None].repeat(4, axis=0)
+    return Tiles(~inside, faces, (doom_map.walls[0].texture,), west, north, unit)
+
+
 def _show(wall: Line, faces: np.ndarray, label: int, west: int, north: int, unit: int) -> None:
     """Write a wall's label onto the faces of the solid tiles behind it."""
     left, right = sorted((x - west) // unit for x in (wall.x0, wall.x1))

@@ -13,7 +13,7 @@ from ...engine.art import load_art
 from ...engine.scene import Theme
 from ...engine.shade import Light
 from ...maps.symbols import LABEL_COLOURS, SYMBOLS
-from ...maps.things import GOAL, MEDKIT, POISON, RGB
+from ...maps.things import CACODEMON, DEMON, GOAL, MARINE, MEDKIT, POISON, RGB
 from .lattice import Tiles
 
 EYE = 41
@@ -35,14 +35,19 @@ TEXTURES: dict[str, tuple[str, RGB]] = {
     "BIGBRIK1": ("9", (50, 31, 15)),
     "GSTONE1": ("U", (64, 68, 43)),
     "STONE2": ("#", (55, 55, 55)),
+    "BRICK9": ("L", (72, 54, 35)),
+    "CEMENT3": ("Q", (136, 134, 130)),
+    "TANROCK2": ("W", (133, 108, 87)),
 }
-# Mean colours of the textures FLAT1_1, NUKAGE1 and CEIL4_1.
+# Mean colours of the textures FLAT1_1, NUKAGE1, CEIL4_1; FLOOR0_1, FLAT4, CEIL1_1, CEIL1_2.
 BROWN, ACID, CEILING = (65, 46, 26), (23, 47, 13), (0, 0, 25)
+GREY = (98, 98, 98)  # FLOOR0_5
+TAN, SLATE, TILES, OCHRE = (116, 92, 72), (38, 38, 38), (88, 67, 49), (73, 64, 29)
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A thing as it is drawn: a square that stands on the floor.
+    """A thing as it is drawn: a square that stands on the floor, or hovers above it.
 
     Attributes:
         label: its label id.
@@ -50,6 +55,7 @@ class Picture:
         side: of the square, in map units.
         shape: RGB of the picture's first colour.
         detail: RGB of its second one.
+        lift: of its lower side above the floor, in map units.
     """
 
     label: int
@@ -57,11 +63,28 @@ class Picture:
     side: float
     shape: RGB
     detail: RGB
+    lift: float = 0
 
 
 VEST = Picture(GOAL.label, "vest", 37, (61, 84, 51), (47, 52, 40))
 MEDKIT_BOX = Picture(MEDKIT.label, "medkit-box", 29.5, (150, 152, 148), (52, 122, 46))
 BOTTLE = Picture(POISON.label, "bottle", 15.3, (72, 112, 80), (110, 140, 66))
+
+
+def _monster(label: int, art: str, side: float, shape: RGB, detail: RGB) -> tuple[Picture, ...]:
+    """The pictures of a monster, pose by pose (`kinds.Pose`)."""
+    poses = ("one", "two", "aim", "dead")
+    return tuple(Picture(label, f"{art}-{pose}", side, shape, detail) for pose in poses)
+
+
+MONSTERS = {
+    "demon": _monster(DEMON.label, "demon", 60, (161, 68, 68), (236, 206, 190)),
+    "chainsaw marine": _monster(MARINE.label, "soldier", 58, (74, 98, 65), (170, 140, 60)),
+}
+CACODEMONS = (
+    Picture(CACODEMON.label, "cacodemon", 66, (66, 38, 42), (150, 120, 60)),
+    Picture(CACODEMON.label, "cacodemon-dead", 66, (66, 38, 42), (70, 70, 160)),
+)
 
 
 @dataclass(frozen=True)
@@ -133,6 +156,7 @@ def doom_theme(
         colours[label_of(texture)] = rgb
     plain = np.zeros_like(load_art("door"))
     radii = np.array([picture.side / 2 for picture in pictures])
+    lifts = np.array([picture.lift for picture in pictures])
     return Theme(
         wall_colours=colours,
         wall_panels=np.zeros(len(colours), np.int32),
@@ -143,7 +167,7 @@ def doom_theme(
         sprite_art=np.stack([load_art(picture.art) for picture in pictures]),
         sprite_colours=np.array([(p.shape, p.detail) for p in pictures], np.float32),
         sprite_radius=(radii / unit).astype(np.float32),
-        sprite_drop=((EYE - radii) / unit).astype(np.float32),
+        sprite_drop=((EYE - lifts - radii) / unit).astype(np.float32),
         sprite_labels=np.array([picture.label for picture in pictures], np.uint8),
         light=DoomLight(level, unit),
     )

@@ -8,10 +8,12 @@ by reading it (p_user.cpp, p_mobj.cpp, p_map.cpp, p_maputl.cpp) and held against
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ...batching import where_few
 from ...pytree import PyTreeNode
@@ -59,10 +61,24 @@ class Tried(PyTreeNode):
     others: jax.Array
 
 
-def tic(geometry: Geometry, body: Body, buttons: Buttons) -> tuple[Body, Tried]:
-    """The body after one tic, and the places at which it was tried."""
+Blocked = Callable[[jax.Array], jax.Array]
+"""Whether bodies block a place, int32[2] -> bool[]."""
+
+
+def tic(
+    geometry: Geometry, body: Body, buttons: Buttons, bodies: Blocked | None = None
+) -> tuple[Body, Tried]:
+    """The body after one tic, and the places at which it was tried.
+
+    Args:
+        geometry: the walls.
+        body: before the tic.
+        buttons: held in it.
+        bodies: what else is in its way, where there is anything.
+    """
     angle, turn_tics = _turn(body, buttons)
-    velocity = body.velocity + _thrust(angle, buttons)
+    thrust = _thrust(angle, buttons)
+    velocity = body.velocity + thrust
     moving = jnp.any(velocity != 0)
     target = body.position + velocity
     slides = geometry.blocked(target)
@@ -70,9 +86,28 @@ def tic(geometry: Geometry, body: Body, buttons: Buttons) -> tuple[Body, Tried]:
     position, slid_velocity, others = glide(slides, body.position, velocity)
     position = jnp.where(slides, position, target)
     velocity = jnp.where(slides, slid_velocity, velocity)
+    if bodies is not None:
+        bumps = moving & bodies(target)
+        beside, slowed = _bump(geometry, bodies, body.position, body.velocity + thrust)
+        position, velocity = jnp.where(bumps, beside, position), jnp.where(bumps, slowed, velocity)
     others = jnp.where(slides, others, jnp.broadcast_to(target[None], (ATTEMPTS, 2)))
     after = Body(position, _friction(velocity, buttons), angle, turn_tics)
     return after, Tried(moving, target, slides, others)
+
+
+def _bump(
+    geometry: Geometry, bodies: Blocked, position: jax.Array, velocity: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """Position and velocity of one that runs into another: north or south alone, else the rest."""
+    north, east = velocity * np.array([0, 1], np.int32), velocity * np.array([1, 0], np.int32)
+
+    def free(move: jax.Array) -> jax.Array:
+        return ~bodies(position + move) & ~geometry.blocked(position + move)
+
+    aside, ahead = free(north), free(east)
+    still = jnp.zeros_like(velocity)
+    move = jnp.where(aside, north, jnp.where(ahead, east, still))
+    return position + move, move
 
 
 def _turn(body: Body, buttons: Buttons) -> tuple[jax.Array, jax.Array]:

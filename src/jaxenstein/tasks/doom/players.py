@@ -18,6 +18,7 @@ from ...players.walking import flood, walking_actions
 from ..health import FULL_HEALTH
 from .fixed import ONE
 from .geometry import LATTICE, Geometry, load_geometry
+from .shots import bearing
 
 if TYPE_CHECKING:
     from .health_gathering import DoomHealthGathering, DoomHealthState
@@ -66,12 +67,6 @@ def walker(env: DoomScenario[Any, Any]) -> Any:
         return jnp.where(aligned, jnp.int32(ahead), turn)
 
     return walk
-
-
-def bearing(offset: jax.Array) -> jax.Array:
-    """int32[]: the direction of int32[2], 2**32 a circle, about as exact as float32."""
-    x, y = offset[0].astype(jnp.float32), offset[1].astype(jnp.float32)
-    return (jnp.arctan2(y, x) * jnp.float32(2**22 / math.pi)).astype(jnp.int32) << 9
 
 
 def nearest_node(geometry: Geometry, position: jax.Array) -> jax.Array:

@@ -20,12 +20,12 @@ from ...errors import SettingError
 from ...maps.tilemap import TileMap
 from ..draws import draw_index
 from ..first_person import FirstPerson
-from .buttons import action_name, hold, numbered
+from .buttons import Buttons, action_name, hold, numbered
 from .fixed import FRACTION_BITS, ONE, to_fixed
 from .geometry import Geometry, load_geometry
 from .lattice import Tiles, rasterise
 from .look import EYE, ROW_FOCAL_SHARE, relabelled
-from .motion import Body, Tried, tic
+from .motion import Blocked, Body, Tried, tic
 from .walls import DoomMap, load_map
 
 ButtonsAtOnce = Literal["single", "all"]
@@ -111,6 +111,11 @@ class DoomScenario(FirstPerson[S, P]):
     def tiles(self) -> Tiles:
         """The map as tiles."""
         return rasterise(self.doom_map, self.unit)
+
+    @functools.cached_property
+    def game_labels(self) -> dict[str, int]:
+        """The label of each thing of the game by its name."""
+        return dict(zip(self.game_things, self.theme.sprite_labels.tolist(), strict=True))
 
     @functools.cached_property
     def tilemap(self) -> TileMap:
@@ -240,12 +245,21 @@ class DoomScenario(FirstPerson[S, P]):
         del health, things
         return state
 
-    def moved(self, state: S, action: jax.Array) -> tuple[S, Tried]:
-        """The state after the body has moved in a tic, and where it was put."""
+    def pressed(self, action: jax.Array) -> Buttons:
+        """The buttons that an action holds."""
         table = jnp.asarray(np.append(self.action_buttons, np.int32(0)))
-        held = table.at[action].get(mode="promise_in_bounds")
+        return hold(self.button_names, table.at[action].get(mode="promise_in_bounds"))
+
+    def moved(self, state: S, action: jax.Array, bodies: Blocked | None = None) -> tuple[S, Tried]:
+        """The state after the body has moved in a tic, and where it was put.
+
+        Args:
+            state: before it.
+            action: the action.
+            bodies: tells where others are in its way, if there are any.
+        """
         body = Body(state.fixed_position, state.fixed_velocity, state.angle, state.turn_tics)
-        after, tried = tic(self.geometry, body, hold(self.button_names, held))
+        after, tried = tic(self.geometry, body, self.pressed(action), bodies)
         return state.replace(**self._pose(after)), tried
 
     def _pose(self, body: Body) -> dict[str, jax.Array]:

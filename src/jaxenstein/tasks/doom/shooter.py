@@ -1,0 +1,120 @@
+"""What ViZDoom's scenarios with a weapon have in common: shots, ammunition, kills."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import functools
+from typing import ClassVar, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...about import Event
+from ...environment import Info, Params
+from ...spaces import Box
+from ..health import FULL_HEALTH
+from .look import Picture
+from .scenario import DoomScenario, DoomState
+from .shots import along, first_body
+from .weapons import PISTOL, Trigger, Weapon, drawn_weapon, pull, shot_angle
+
+EVENTS = {
+    "shots": Event("fired", "fired {} times"),
+    "kills": Event("killed a monster", "killed {} monsters"),
+}
+
+
+class DoomShooterState(DoomState):
+    """State of a player with a weapon.
+
+    Attributes:
+        health: int32[], of the player.
+        trigger: what the weapon does.
+    """
+
+    health: jax.Array
+    trigger: Trigger
+
+
+S = TypeVar("S", bound=DoomShooterState)
+P = TypeVar("P", bound=Params)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DoomShooter(DoomScenario[S, P]):
+    """Base of scenarios in which the player shoots at bodies."""
+
+    weapon: ClassVar[Weapon] = PISTOL
+    ammo: ClassVar[int] = 50
+    # Tics until the weapon is drawn.
+    draw_tics: ClassVar[int] = 0
+    pictures: ClassVar[tuple[Picture, ...]]
+    # The label of each of `game_things`, of which there may be more pictures than one.
+    thing_labels: ClassVar[tuple[int, ...]]
+
+    @property
+    @abc.abstractmethod
+    def half_widths(self) -> np.ndarray:
+        """int32[N]: of the bodies, in map units."""
+
+    @functools.cached_property
+    def game_labels(self) -> dict[str, int]:
+        """The label of each thing of the game by its name."""
+        return dict(zip(self.game_things, self.thing_labels, strict=True))
+
+    def armed(self) -> dict[str, jax.Array]:
+        """The fields of the first state of a healthy player."""
+        trigger = drawn_weapon(self.weapon, self.ammo, self.draw_tics)
+        return {"health": jnp.int32(FULL_HEALTH), "trigger": trigger}
+
+    def shoot(
+        self, state: S, angle: jax.Array, action: jax.Array, bits: jax.Array
+    ) -> tuple[S, jax.Array, jax.Array]:
+        """The weapon's tic: the state, bool[] whether a bullet left, and uint32[] where it goes.
+
+        Args:
+            state: before the player moves, which it does after it has shot.
+            angle: uint32[], of the player, who has turned by then.
+            action: the action.
+            bits: uint32[], random.
+        """
+        trigger, fires = pull(self.weapon, state.trigger, self.pressed(action).attack)
+        towards = shot_angle(self.weapon, trigger, angle, bits)
+        return state.replace(trigger=trigger), fires, towards
+
+    def struck(
+        self, origin: jax.Array, towards: jax.Array, places: jax.Array, there: jax.Array
+    ) -> jax.Array:
+        """bool[N]: the body that a bullet hits first.
+
+        Args:
+            origin: int32[2].
+            towards: uint32[], its angle.
+            places: int32[N, 2], of the bodies.
+            there: bool[N], which of them can be hit.
+        """
+        return first_body(
+            origin, along(towards), places, self.half_widths, there, self.opaque_walls
+        )
+
+    @property
+    def opaque_walls(self) -> np.ndarray:
+        """float32[L, 4]: walls that can stand between two places of the room: none here."""
+        return np.zeros((0, 4), np.float32)
+
+    def describe(self, state: S, params: P) -> Info:
+        """Add health and ammunition."""
+        told = {"health": state.health, "ammo": state.trigger.ammo}
+        return super().describe(state, params) | told
+
+    def variables(self, state: S) -> dict[str, jax.Array]:
+        """`health` and `ammo`: float32[1] each."""
+        values = {"health": state.health, "ammo": state.trigger.ammo}
+        return {name: value.astype(jnp.float32)[None] for name, value in values.items()}
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """Their spaces."""
+        most = {"health": FULL_HEALTH, "ammo": self.ammo}
+        return {n: Box(0.0, float(m), (1,), np.dtype(np.float32)) for n, m in most.items()}

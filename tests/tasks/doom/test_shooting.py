@@ -1,0 +1,160 @@
+"""Shots and weapons by exact small cases, and against computations of another kind."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.tasks.doom.bodies import crosses, overlap
+from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.shots import along, first_body, is_seen, segments, to_boxes, to_walls
+from jaxenstein.tasks.doom.walls import Line
+from jaxenstein.tasks.doom.weapons import PISTOL, drawn_weapon, pull, shot_angle
+
+WALLS = segments([Line(100, -50, 100, 50, "-"), Line(-20, -80, 60, -60, "-")])
+NO_WALLS = np.zeros((0, 4), np.float32)
+SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
+
+
+def place(x: float, y: float) -> jax.Array:
+    return jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
+
+
+STEPS = np.arange(0, 400, 0.01)
+
+
+def marched(ray: np.ndarray, inside: Any) -> float:
+    """How far a point walks along a ray in small steps before it is inside."""
+    met = inside(STEPS[:, None] * ray)
+    return float(STEPS[met.argmax()]) if met.any() else float("inf")
+
+
+def test_rays_meet_boxes_and_walls_where_a_point_that_walks_does() -> None:
+    draw = np.random.default_rng(0)
+    for _ in range(12):
+        angle = np.uint32(draw.integers(2**32))
+        ray = np.asarray(along(jnp.uint32(angle)), np.float64)
+        centre, half = draw.uniform(-200, 200, 2), draw.uniform(10, 60)
+        walked = marched(ray, lambda at, c=centre, h=half: (np.abs(at - c) <= h).all(axis=1))
+        found = to_boxes(jnp.float32(centre), jnp.float32(ray), jnp.float32(half))
+        np.testing.assert_allclose(float(found), walked, atol=0.02)
+        ends = draw.uniform(-200, 200, (2, 2))
+        way = ends[1] - ends[0]
+
+        def is_at_wall(at: np.ndarray, start: np.ndarray = ends[0], way: np.ndarray = way) -> Any:
+            part = np.clip((at - start) @ way / (way @ way), 0, 1)[:, None]
+            return np.hypot(*(at - start - part * way).T) < 0.02
+
+        wall = ends.reshape(1, 4).astype(np.float32)
+        found = float(to_walls(place(0, 0), jnp.float32(ray), wall))
+        cosine = abs(ray[0] * way[1] - ray[1] * way[0]) / np.hypot(*way)
+        walked = marched(ray, is_at_wall)
+        if np.isfinite(found) and found < 399:
+            np.testing.assert_allclose(found, walked, atol=0.05 / cosine)
+        else:
+            assert not np.isfinite(walked)
+
+
+def test_a_place_behind_a_wall_is_not_seen() -> None:
+    assert not is_seen(place(0, 0), place(200, 0), WALLS)
+    assert is_seen(place(0, 0), place(99, 0), WALLS)
+    assert is_seen(place(0, 0), place(200, 200), WALLS)
+    assert not is_seen(place(0, 0), place(0, -100), WALLS)
+
+
+@pytest.mark.parametrize(("off", "hits"), [(31, True), (31 + 1 / ONE, False), (-31, True)])
+def test_a_shot_just_hits_or_just_misses(off: float, hits: bool) -> None:
+    """A body is hit on its very edge, and not a 65536th of a map unit beside it."""
+    bodies = jnp.stack([place(300, off), place(90, 500)])
+    widths = np.array([31, 31])
+    there = jnp.ones(2, bool)
+    ray = along(jnp.uint32(0))
+    struck = first_body(place(0, 0), ray, bodies, widths, there, NO_WALLS)
+    assert struck.tolist() == [hits, False]
+
+
+def test_the_nearest_body_stops_a_shot_and_so_does_a_wall() -> None:
+    bodies = jnp.stack([place(300, 0), place(90, 0), place(60, 10)])
+    widths, ray = np.array([20, 20, 20]), along(jnp.uint32(0))
+
+    def struck(there: list[bool], walls: np.ndarray = NO_WALLS, reach: float = 999) -> list[bool]:
+        hit = first_body(place(0, 0), ray, bodies, widths, jnp.array(there), walls, reach)
+        return hit.tolist()
+
+    assert struck([True, True, True]) == [False, False, True]
+    assert struck([True, True, False]) == [False, True, False]
+    assert struck([True, False, False]) == [True, False, False]
+    assert struck([True, False, False], WALLS) == [False, False, False]
+    assert struck([True, True, False], reach=70) == [False, True, False]
+    assert struck([True, True, False], reach=69) == [False, False, False]
+
+
+def test_bodies_in_a_doorway_touch_and_do_not_overlap() -> None:
+    one, other = place(0, 0), place(40, 0)
+    assert not overlap(one, jnp.int32(20), other, 20)
+    assert overlap(one, jnp.int32(20), other - jnp.array([1, 0]), 20)
+    door = segments([Line(0, 20, 0, 100, "-"), Line(0, -100, 0, -20, "-")])
+    assert not crosses(place(0, 0), jnp.float32(20), door)
+    assert crosses(place(0, 0.01), jnp.float32(20), door)
+    assert crosses(place(0, 0), jnp.float32(20.1), door)
+
+
+def test_a_box_crosses_a_wall_where_a_sampled_one_does() -> None:
+    draw = np.random.default_rng(1)
+    wall = np.array([[-30, -10, 50, 40]], np.float32)
+    points = wall[0, :2] + np.linspace(0, 1, 2001)[:, None] * (wall[0, 2:] - wall[0, :2])
+    for centre in draw.uniform(-70, 70, (60, 2)):
+        sampled = (np.abs(points - centre) < 20).all(axis=1).any()
+        found = crosses(place(*centre), jnp.float32(20), wall)
+        assert bool(found) == sampled, centre
+
+
+def fired(held: list[int], *, ammo: int = 50, wait: int = 0) -> list[int]:
+    """The tics in which a pistol fires, with ATTACK held where there is a 1."""
+    trigger, tics = drawn_weapon(PISTOL, ammo, wait), []
+    for tic, attack in enumerate(held):
+        trigger, fires = pull(PISTOL, trigger, jnp.bool_(attack))
+        tics += [tic] * bool(fires)
+    return tics
+
+
+def test_a_pistol_fires_in_the_tics_of_the_game() -> None:
+    """In ViZDoom: 4 tics after pressing, every 14 while held, and after 19 when pressed anew."""
+    assert fired([1] * 40) == [4, 18, 32]
+    assert fired([1] + [0] * 13 + [1] * 10) == [4, 18]
+    assert fired([1] * 14 + [0] + [1] * 12) == [4, 23]
+    assert fired([1] * 25, wait=6) == [10, 24]
+    assert fired([1] * 60, ammo=2) == [4, 18]
+    assert fired([1] * 20, ammo=0) == []
+
+
+def test_only_shots_of_a_held_trigger_scatter() -> None:
+    trigger = drawn_weapon(PISTOL, 9)
+    bits = jnp.uint32(200 | 90 << 8)
+    assert int(shot_angle(PISTOL, trigger, jnp.uint32(7), bits)) == 7
+    held = trigger.replace(held=jnp.bool_(True))
+    assert int(shot_angle(PISTOL, held, jnp.uint32(7), bits)) == 7 + (110 << 18)
+
+
+def test_basic_pays_the_hit_in_the_tic_of_the_bullet_and_ends_after_it() -> None:
+    env, params = jaxenstein.make("doom-basic", **SIZE)
+    step = jax.jit(lambda state, action: env.advance(jax.random.key(0), state, action, params))
+    state = env.reset(jax.random.key(0), params)[1].replace(target=place(0, 32 + 31))
+    attack, rewards, ends = env.index_of("attack"), [], []
+    for _ in range(6):
+        state, reward, terminated, info = step(state, attack)
+        rewards.append(float(reward))
+        ends.append(bool(terminated))
+    assert rewards == [-1, -1, -1, -1, 100, -1]
+    assert ends == [False] * 5 + [True]
+    assert int(info["ammo"]) == 49
+    missed = env.reset(jax.random.key(0), params)[1].replace(target=place(0, 32 + 31.5))
+    rewards = []
+    for _ in range(6):
+        missed, reward, terminated, _ = step(missed, attack)
+        rewards.append(float(reward))
+    assert rewards == [-1, -1, -1, -1, -6, -1]
+    assert not terminated
