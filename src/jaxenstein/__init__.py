@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .episodes.replaying import Replay, replay
     from .episodes.session import Session
     from .episodes.trajectory_file import load_trajectory
+    from .machine import use_cores
     from .maps.sample_maps import sample_map
     from .trajectory import Trajectory
     from .view.episode import Episode
@@ -40,6 +41,7 @@ _LAZY = {
     "replay": ".episodes.replaying",
     "sample_map": ".maps.sample_maps",
     "show": ".view.frames",
+    "use_cores": ".machine",
 }
 
 __all__ = [
@@ -68,6 +70,7 @@ __all__ = [
     "replay",
     "sample_map",
     "show",
+    "use_cores",
 ]
 
 

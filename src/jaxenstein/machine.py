@@ -12,7 +12,55 @@ from typing import Any
 import jax
 import numpy as np
 
+from .errors import SettingError
 from .version import __version__
+
+
+def use_cores(count: int | None = None) -> int:
+    """Make each of some processor cores a device of JAX, over which environments spread.
+
+    XLA's own threads gain next to nothing from a second core; two programs beside each other gain
+    most of it. With several devices the adapters for NumPy (Gymnasium's vector environments and
+    Stable-Baselines3) step a part of their environments on each, if their number can be divided
+    by that of the cores, and `jaxenstein train --cores N` trains seeds beside each other. Where
+    JAX has an accelerator nothing changes.
+
+    Args:
+        count: of cores; None for all that this process may use.
+
+    Returns:
+        The number of cores.
+
+    Raises:
+        SettingError: there are not so many, or JAX has been used already: its devices stay as
+            they are from then on.
+
+    Examples:
+        >>> import jaxenstein
+        >>> jaxenstein.use_cores(0)
+        Traceback (most recent call last):
+        jaxenstein.errors.SettingError: cores must be a whole number from 1 to ...
+    """
+    most = cores_allowed()
+    if count is None:
+        count = most
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
+        raise SettingError(f"cores must be a whole number from 1 to {most}, not {count!r}")
+    try:
+        jax.config.update("jax_num_cpu_devices", count)
+    except RuntimeError as error:
+        raise SettingError(
+            "JAX has been used already, and its devices stay as they are: call use_cores at the "
+            "beginning of the program"
+        ) from error
+    return count
+
+
+def cores_allowed() -> int:
+    """How many processor cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def versions() -> dict[str, str]:
@@ -39,13 +87,12 @@ def made_by() -> dict[str, str]:
 
 def describe_machine() -> dict[str, Any]:
     """What a reader of speeds needs to know; starts no device."""
-    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
     return {
         "versions": versions(),
         "hardware": {
             "cpu": cpu_model(),
             "cores": os.cpu_count(),
-            "cores_allowed": allowed,
+            "cores_allowed": cores_allowed(),
             "platform": platform.platform(),
         },
     }

@@ -20,6 +20,7 @@ import jaxenstein
 from jaxenstein.adapters import batch as module
 from jaxenstein.adapters.batch import Batch
 from jaxenstein.tasks.navigation import Navigation
+from tests.devices import run_with_devices
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 # Fast feet reach the goal at different times; the others run out of time.
@@ -248,15 +249,25 @@ def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Navigation, "observe", count)
     batch = Batch(env, params, 3)
     keys, actions = module._keys_of([1, 2, 3]), np.zeros(3, np.int32)
-    layouts = *batch._layout, batch._numbers
+    plan = None, *batch._layout, batch._numbers
     reset = inspect.unwrap(module._reset)
-    rows = jax.eval_shape(lambda: reset(env, layouts[0], keys, batch.params))[0]
+    rows = jax.eval_shape(lambda: reset(env, plan[1], keys, batch.params))[0]
     assert len(drawn) == 1
     for step in (module._step, module._step_or_reset):
         drawn.clear()
-        whole = partial(inspect.unwrap(step), batch.env, layouts)
+        whole = partial(inspect.unwrap(step), batch.env, plan)
         jax.eval_shape(whole, rows, actions, batch._packed_params)
         assert len(drawn) == 1
+
+
+def test_batches_spread_over_cores() -> None:
+    run_with_devices(2, "-m", "tests.adapters.cores_run")
+
+
+@pytest.mark.parametrize("wrong", [0, True, 1.0, 10**6])
+def test_wrong_numbers_of_cores(wrong: Any) -> None:
+    with pytest.raises(jaxenstein.SettingError, match="cores must be a whole number from 1 to"):
+        jaxenstein.use_cores(wrong)
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,13 @@ import dataclasses
 import functools
 import os
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import AxisType, Mesh, PartitionSpec
 
 from ..batching import select
 from ..environment import AnyEnvironment, Autoreset
@@ -97,6 +98,7 @@ class Batch:
         num_envs: int = 1,
         *,
         autoreset: Autoreset | None = "same-step",
+        spread: bool = True,
     ) -> None:
         """Hold `num_envs` environments; nothing is compiled or drawn before `reset`.
 
@@ -105,6 +107,8 @@ class Batch:
             params: its params, of all environments.
             num_envs: N, at least 1.
             autoreset: `"same-step"`, `"next-step"` or None, as `Environment.autoreset`.
+            spread: whether the environments may lie on several processor cores, if
+                `jaxenstein.use_cores` made these devices and N can be divided by their number.
 
         Raises:
             SettingError: for a wrong `num_envs`, `autoreset` or `params`, or in a forked process
@@ -119,6 +123,7 @@ class Batch:
         self.autoreset = autoreset
         self.num_envs = num_envs
         self.params = self.env.check_params(params)
+        self._mesh = _mesh(num_envs) if spread else None
         # Of each environment its stream and its state, and what a step tells beside them.
         self._kept: jax.Array | None = None
         self._layouts: tuple[Packing, Packing] | None = None
@@ -207,7 +212,7 @@ class Batch:
         step = _step_or_reset if self.autoreset == "next-step" else _step
         layouts = *self._layout, self._numbers
         self._kept, observation, told = step(
-            self.env, layouts, self._kept, actions, self._packed_params
+            self.env, (self._mesh, *layouts), self._kept, actions, self._packed_params
         )
         stepped = Stepped(observation, *self._layout[1].read(told), ended=None)
         if self.autoreset == "same-step":
@@ -277,6 +282,25 @@ def _seeds(seed: Any, count: int) -> list[int | None]:
     return seeds
 
 
+def _mesh(num_envs: int) -> Mesh | None:
+    """The cores to spread over, if there are several and they can be given equal shares."""
+    count = jax.device_count()
+    if jax.default_backend() != "cpu" or count == 1 or num_envs % count:
+        return None
+    return jax.make_mesh((count,), ("env",), axis_types=(AxisType.Auto,))
+
+
+def _apart(mesh: Mesh | None, function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of (rows, actions, numbers) on each device's rows and actions by themselves."""
+    if mesh is None:
+        return function
+    env, everywhere = PartitionSpec("env"), PartitionSpec()
+    # Nothing is exchanged, so there is nothing to check about what varies along the axis.
+    return jax.shard_map(
+        function, mesh=mesh, in_specs=(env, env, everywhere), out_specs=env, check_vma=False
+    )
+
+
 def _layouts(env: AnyEnvironment, params: Any) -> tuple[Packing, Packing]:
     """Of the stream and state of an environment, and of what a step tells; compiles nothing."""
 
@@ -319,39 +343,45 @@ def _reset_some(
     return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
+# How a step is carried out, which is part of the program: over which devices, and the layouts of
+# what is kept, of what is told, and of the params.
+_Plan = tuple[Mesh | None, Packing, Packing, Packing]
+
+
 @_compiled
 def _step(
-    env: AnyEnvironment,
-    layouts: tuple[Packing, Packing, Packing],
-    rows: jax.Array,
-    actions: jax.Array,
-    numbers: jax.Array,
+    env: AnyEnvironment, plan: _Plan, rows: jax.Array, actions: jax.Array, numbers: jax.Array
 ) -> tuple[Any, ...]:
-    kept, told, params = layouts
-    keys, states = jax.vmap(kept.unpack)(rows)
-    keys, used = _split(keys)
-    step = jax.vmap(env.step, (0, 0, 0, None))
-    observation, states, *rest = step(used, states, actions, params.unpack(numbers))
-    return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(told.pack)(tuple(rest))
+    mesh, kept, told, layout = plan
+
+    def step(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
+        keys, states = jax.vmap(kept.unpack)(rows)
+        keys, used = _split(keys)
+        stepped = jax.vmap(env.step, (0, 0, 0, None))(used, states, actions, layout.unpack(numbers))
+        observation, states, *rest = stepped
+        return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(told.pack)(tuple(rest))
+
+    return _apart(mesh, step)(rows, actions, numbers)
 
 
 @_compiled
 def _step_or_reset(
-    env: AnyEnvironment,
-    layouts: tuple[Packing, Packing, Packing],
-    rows: jax.Array,
-    actions: jax.Array,
-    numbers: jax.Array,
+    env: AnyEnvironment, plan: _Plan, rows: jax.Array, actions: jax.Array, numbers: jax.Array
 ) -> tuple[Any, ...]:
     """Reset the environments whose last step ended, step the others."""
-    kept, told, params = layouts
-    keys, states = jax.vmap(kept.unpack)(rows)
-    keys, used = _split(keys)
-    turn = jax.vmap(dataclasses.replace(env, autoreset="next-step").turn, (0, 0, 0, 0, None))
-    # One key for both, of which each environment needs but one.
-    states, _, *rest = turn(used, used, states, actions, params.unpack(numbers))
-    observation = jax.vmap(env.observe, (0, None))(states, params.unpack(numbers))
-    return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(told.pack)(tuple(rest))
+    mesh, kept, told, layout = plan
+
+    def step(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
+        params = layout.unpack(numbers)
+        keys, states = jax.vmap(kept.unpack)(rows)
+        keys, used = _split(keys)
+        turn = jax.vmap(dataclasses.replace(env, autoreset="next-step").turn, (0, 0, 0, 0, None))
+        # One key for both, of which each environment needs but one.
+        states, _, *rest = turn(used, used, states, actions, params)
+        observation = jax.vmap(env.observe, (0, None))(states, params)
+        return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(told.pack)(tuple(rest))
+
+    return _apart(mesh, step)(rows, actions, numbers)
 
 
 # The observations are given away, so that the frames of the others need not be copied.

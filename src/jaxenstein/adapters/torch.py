@@ -89,7 +89,7 @@ class TorchBatch:
         Raises:
             SettingError: for a wrong `num_envs`, `autoreset` or `params`.
         """
-        self.batch = Batch(env, params, num_envs, autoreset=autoreset)
+        self.batch = Batch(env, params, num_envs, autoreset=autoreset, spread=False)
         self.num_envs = num_envs
         self.num_actions = env.num_actions
         # Where JAX puts what it computes is where the tensors are.

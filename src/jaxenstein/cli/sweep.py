@@ -11,7 +11,7 @@ from ..files import check_links
 from .arguments import Parser, UsageError, flag, whole
 from .listing import format_table
 from .opening import telling_warnings
-from .train import add_training, carry_out
+from .train import add_training, carry_out, spread
 from .training import add_training_options, baselines, given_training
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def fill(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Train what is to be trained, one grid after the other, and list what it gave."""
+    spread(options)
     sweeps = baselines("sweeps")
     given = given_training(options)
     algos = options.algo or ([given["algo"]] if "algo" in given else sweeps.swept())

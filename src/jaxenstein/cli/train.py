@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingError
+from ..machine import use_cores
 from ..progress import Progress
 from .arguments import Parser, flag, real, whole
 from .opening import handling, telling_warnings
@@ -72,6 +73,7 @@ def add_training(parser: Parser) -> None:
     how = parser.add_argument_group("how it is carried out; the result is the same")
     flag(how, "--chunk K", "updates in one call of the compiled program", whole(), 1)
     flag(how, "--save-every SECONDS", "seconds between checkpoints", real(0, 1e9), 60.0)
+    flag(how, "--cores N", "processor cores, each with seeds of its own", whole())
     how.add_argument(
         "--minutes",
         type=_end_after,
@@ -96,9 +98,16 @@ def _end_after(minutes: str) -> float:
 
 def run(options: argparse.Namespace) -> int:
     """Train, and say how it went."""
+    spread(options)
     with telling_warnings():
         folder = open_folder(options)
     return carry_out(folder, options)
+
+
+def spread(options: argparse.Namespace) -> None:
+    """Make devices of the cores that were asked for."""
+    if options.cores is not None:
+        use_cores(options.cores)
 
 
 def open_folder(options: argparse.Namespace) -> RunFolder:

@@ -17,7 +17,10 @@ import jaxenstein
 from jaxenstein.baselines import Config, HParams, Learner
 from tests.baselines.worlds import Memory, bandit
 
-SMALL: dict[str, Any] = {"num_envs": 16, "rollout": 64, "features": 64, "hidden": 64, "head": 64}
+SMALL: dict[str, Any] = {
+    "num_envs": 16, "rollout": 64, "convolutions": ((4, 4, 32),), "features": 64, "hidden": 64,
+    "head": 64,
+}  # fmt: skip
 CORRIDOR = "####\n#SG#\n####"
 ROOM = "####\n#S.#\n#G.#\n####"
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import jax
@@ -14,8 +11,8 @@ pytest.importorskip("flax")
 
 from jaxenstein.baselines.learning.placement import place
 from tests.baselines.tiny import tiny
+from tests.devices import run_with_devices
 
-ROOT = Path(__file__).parents[3]
 CODE = """
 import sys
 import jax, numpy as np
@@ -56,20 +53,3 @@ def test_environments_on_four_devices_give_what_one_gives() -> None:
 @pytest.mark.slow
 def test_two_devices_give_what_one_gives(tmp_path: Path) -> None:
     run_with_devices(2, "-c", CODE, str(tmp_path))
-
-
-def run_with_devices(number: int, *arguments: str) -> None:
-    """Run a program that says "equal" on simulated devices."""
-    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={number}"
-    path = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
-    done = subprocess.run(
-        [sys.executable, "-W", "error", *arguments],
-        env={**os.environ, "XLA_FLAGS": flags, "PYTHONPATH": path, "JAX_PLATFORMS": "cpu"},
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "equal"

@@ -1,0 +1,37 @@
+"""Run by test_batch.py on two simulated devices: a spread batch beside one on a single device."""
+
+import jax
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.adapters.batch import Batch
+
+COUNT, STEPS = 6, 12
+MAP = "#######\n#S.rGG#\n#SS...#\n#######"
+
+env, params = jaxenstein.from_ascii(MAP, height=8, width=12)
+params = params.replace(move_distance=0.5, goal_radius=1.2, max_steps_in_episode=9)
+assert jax.device_count() == 2
+assert Batch(env, params, COUNT + 1)._mesh is None
+for mode in ("same-step", "next-step"):
+    rng = np.random.default_rng(0)
+    spread, alone = (Batch(env, params, COUNT, autoreset=mode, spread=s) for s in (True, False))
+    first = [batch.reset(3)[0] for batch in (spread, alone)]
+    np.testing.assert_array_equal(*first)
+    ended = 0
+    for time in range(STEPS):
+        actions = rng.choice(5, size=COUNT, p=[0.1, 0.1, 0.8, 0.0, 0.0]).astype(np.int32)
+        if time == 5:
+            mask = np.arange(COUNT) % 2 == 0
+            np.testing.assert_array_equal(*(b.reset(mask=mask)[0] for b in (spread, alone)))
+        one, other = spread.step(actions), alone.step(actions)
+        if one.ended is None:
+            assert len(one.observation.sharding.device_set) == 2
+        for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+            np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-6, atol=1e-6)
+        ended += int((one.terminated | one.truncated).sum())
+    assert ended > 0
+with pytest.raises(jaxenstein.SettingError, match="used already"):
+    jaxenstein.use_cores(1)
+print("equal")
