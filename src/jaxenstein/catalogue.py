@@ -188,6 +188,21 @@ def _doom_basic(*, simpler: bool = False) -> Build:
     return DoomSimplerBasic if simpler else DoomBasic
 
 
+# Grid without its border, things, steps; the largest has nine rooms of 3 by 3 tiles.
+_MEMORY_MAZES = {9: (3, 1000), 11: (4, 2000), 13: (5, 3000), 15: (6, 4000)}
+
+
+def _memory_maze(size: int) -> Build:
+    from .tasks.memory_maze import MemoryMaze, MemoryMazeParams
+    from .tasks.random_maze import MazePlan
+
+    things, steps = _MEMORY_MAZES[size]
+    rooms, most = (9, 3) if size == 15 else (6, 5)
+    plan = MazePlan(size + 2, rooms, most=most, fewest=things)
+    defaults = MemoryMazeParams(max_steps_in_episode=steps)
+    return functools.partial(MemoryMaze, plan=plan, things=things, defaults=defaults)
+
+
 def _entry(family: str, summary: str, load: Callable[..., Build], **variant: Any) -> Entry:
     return Entry(summary, functools.partial(load, **variant), family=family)
 
@@ -201,6 +216,13 @@ def _corridor_entry(size: int, rows: int) -> Entry:
         f"MiniGrid's KeyCorridorS{size}R{rows}: key, locked door, goal; a new layout each time"
     )
     return _entry("key-corridor", summary, _key_corridor, size=size, rows=rows)
+
+
+def _memory_entry(size: int) -> Entry:
+    things, steps = _MEMORY_MAZES[size]
+    summary = f"Memory Maze {size}x{size}: fetch {things} things as asked, for {steps} steps"
+    entry = _entry("memory-maze", summary, _memory_maze, size=size)
+    return dataclasses.replace(entry, variant_of="" if size == 9 else "memory-maze-9x9")
 
 
 def _dmlab_entries() -> dict[str, Entry]:
@@ -253,6 +275,7 @@ ENTRIES: dict[str, Entry] = {
     "key-corridor-s5r3": _corridor_entry(5, 3),
     "key-corridor-s6r3": _corridor_entry(6, 3),
     **_dmlab_entries(),
+    **{f"memory-maze-{size}x{size}": _memory_entry(size) for size in _MEMORY_MAZES},
     "doom-my-way-home": _doom("ViZDoom's My Way Home itself: Doom's motion, tic by tic"),
     "doom-my-way-home-sparse": _doom(
         "doom-my-way-home from the western room, facing east", spots=(10,), angles=(0, 655)

@@ -17,6 +17,7 @@ from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering
 from jaxenstein.tasks.doom.my_way_home import DoomMyWayHome
 from jaxenstein.tasks.health_gathering import HealthGathering
 from jaxenstein.tasks.key_corridor import KeyCorridor
+from jaxenstein.tasks.memory_maze import MemoryMaze
 from tests.contract.ids import IDS
 
 SIZE = {"height": 12, "width": 16}
@@ -140,6 +141,8 @@ def about_to_end(env, state):
         return state.replace(health=jnp.int32(1), time=time, present=nothing)
     if isinstance(env, KeyCorridor):
         return state.replace(position=state.goal)
+    if isinstance(env, MemoryMaze):
+        return state.replace(position=state.things[state.wanted])
     return state.replace(position=jnp.asarray(env.tilemap.goals[state.goal], jnp.float32) + 0.5)
 
 
@@ -165,7 +168,7 @@ def test_truth_table_of_ends(name, ending, limit):
     standing = np.full_like(actions, -1)
     params = params.replace(max_steps_in_episode=jnp.int32(at))
     _, after, _, terminated, truncated, info = play(keys, states, standing, params)
-    ends = ending and not getattr(env, "respawn", False)
+    ends = ending and env.about().ends != ""
     np.testing.assert_array_equal(terminated[0], [ends, ends])
     np.testing.assert_array_equal(truncated[0], [limit, limit])
     # Where nothing but survival counts, the limit is the aim; elsewhere it is what ends the task.

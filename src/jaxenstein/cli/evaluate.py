@@ -12,13 +12,15 @@ from ..files import atomic, check_writable
 from ..progress import Progress
 from ..view.episode import compose
 from ..view.recording import check_animation, save_animation
-from .arguments import Parser, add_agent, add_seed, flag, real, whole
+from .arguments import Parser, UsageError, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
+from .opening import given_options
 from .record import play_shown
 from .training import baselines
 
 if TYPE_CHECKING:
     from ..baselines.runs.result import Result
+    from ..baselines.runs.trained import Trained
 
 HELP = "evaluate trained agents, and record one"
 DESCRIPTION = """\
@@ -38,6 +40,7 @@ examples:
   jaxenstein evaluate runs/simple-rnd --gif agent.gif --run 2
   jaxenstein evaluate runs/doom-home --in vizdoom --gif both.gif
   jaxenstein evaluate simple.npz
+  jaxenstein evaluate runs/few-levels --set levels=200,10000
 """
 
 
@@ -52,6 +55,9 @@ def fill(parser: Parser) -> None:
     parser.add_argument(
         "--in", dest="game", choices=["vizdoom"], help="play in the original game as well"
     )
+    from ..settings import environment_options
+
+    add_options(parser, {name: environment_options()[name] for name in ("settings", "params")})
     shown = parser.add_argument_group("an episode beside the map")
     flag(shown, "--gif FILE", "write it: .gif, or .mp4 with extra 'video'", Path)
     add_agent(shown)
@@ -70,7 +76,7 @@ def run(options: argparse.Namespace) -> None:
         check_writable(options.json)
     if options.gif is not None:
         check_animation(options.gif)
-    trained = agents.load_trained(options.folder)
+    trained = _changed(agents.load_trained(options.folder), given_options(options))
     if options.number is not None:
         agents.chosen_run(trained, options.number)
     names = agents.run_names(trained.experiment)
@@ -101,6 +107,20 @@ def run(options: argparse.Namespace) -> None:
         best = results["greedy" if options.greedy else "sampled"].best
         number = best if options.number is None else options.number
         _film(agents.TrainedPolicy(trained, number, options.greedy), options)
+
+
+def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
+    """The same networks, in an environment some of whose settings and params are others."""
+    from ..settings import changed
+
+    if not given:
+        return trained
+    before = trained.experiment
+    after = dataclasses.replace(before, recipe=changed(before.recipe, given))
+    old, new = (one.learner.env.observation_space() for one in (before, after))
+    if repr(old) != repr(new):
+        raise UsageError(f"jaxenstein: {trained.name} was trained on {old}, not on {new}")
+    return dataclasses.replace(trained, experiment=after)
 
 
 def table(results: dict[str, Result]) -> str:

@@ -1,4 +1,4 @@
-"""A strip below the view with a bar in it, for what the agent should know of itself."""
+"""What is drawn over or below the view: a bar in a strip, and a frame in a colour."""
 
 from __future__ import annotations
 
@@ -43,8 +43,31 @@ def bar(level: jax.Array, rows: int, width: int, kind: ImageKind) -> jax.Array:
         colour = jnp.where(level <= bound, jnp.asarray(paint, jnp.uint8), colour)
     row = jnp.where(filled[:, None], colour[None], jnp.asarray(EMPTY, jnp.uint8)[None])
     strip = jnp.where(rim[..., None], jnp.asarray(RIM, jnp.uint8)[None, None], row[None])
+    return strip if kind == "rgb" else _gray(strip)
+
+
+def frame(image: jax.Array, colour: jax.Array, label: jax.Array, kind: ImageKind) -> jax.Array:
+    """An image with a frame in a colour over its border: 2 pixels wide in one of 64 by 64.
+
+    Args:
+        image: of a kind; a depth image stays as it is.
+        colour: uint8[3].
+        label: uint8[], what the frame says in an image of labels.
+        kind: of the image.
+    """
+    if kind == "depth":
+        return image
+    height, width = image.shape[:2]
+    wide = max(1, min(height, width) // 32)
+    rim = np.ones((height, width), bool)
+    rim[wide:-wide, wide:-wide] = False
     if kind == "rgb":
-        return strip
+        return jnp.where(rim[..., None], colour[None, None], image)
+    return jnp.where(rim, label if kind == "labels" else _gray(colour[None, None])[0, 0], image)
+
+
+def _gray(image: jax.Array) -> jax.Array:
+    """uint8[height, width]: the luma of an image in colours."""
     weights = jnp.asarray(LUMA, jnp.int32)
-    weighted = jnp.sum(strip.astype(jnp.int32) * weights[None, None], axis=-1, dtype=jnp.int32)
+    weighted = jnp.sum(image.astype(jnp.int32) * weights[None, None], axis=-1, dtype=jnp.int32)
     return ((weighted + 128) >> 8).astype(jnp.uint8)

@@ -16,7 +16,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..about import About
 from ..engine.level import Level, level_from_walls
 from ..engine.scene import Theme
 from ..environment import State
@@ -27,6 +26,7 @@ from ..maps.tilemap import Key, TileMap
 from ..players.walking import flood
 from .appearance import build_theme
 from .draws import draw_index
+from .generated import GeneratedTask
 from .goals import GoalTask, NavigationParams
 from .levels import read_level
 
@@ -57,7 +57,7 @@ class KeyCorridorState(State):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class KeyCorridor(GoalTask[KeyCorridorState]):
+class KeyCorridor(GeneratedTask[KeyCorridorState, NavigationParams], GoalTask[KeyCorridorState]):
     """Fetch the key in the west, open the locked door in the east, reach the goal behind it.
 
     Actions and reward are those of `GoalTask`.
@@ -65,7 +65,7 @@ class KeyCorridor(GoalTask[KeyCorridorState]):
     Attributes:
         room_size: tiles from a room's wall to its opposite one, both included; at least 3.
         room_rows: rows of rooms, 1 to 3.
-        layout_seed: None for a new layout at each reset, or the seed of the one layout; the
+        layout_seed: None, or the seed of the one layout: short for `levels=(seed, seed + 1)`. The
             start is drawn anew all the same.
     """
 
@@ -87,6 +87,15 @@ class KeyCorridor(GoalTask[KeyCorridorState]):
             raise SettingError(
                 f"layout_seed must be None or a whole number from 0 to 2**32 - 1, not {seed!r}"
             )
+        if seed is not None and self.levels is not None:
+            raise SettingError("give either levels or layout_seed, which is a range of one level")
+
+    @property
+    def level_range(self) -> tuple[int, int] | None:
+        """The seeds of the layouts."""
+        if self.layout_seed is None:
+            return super().level_range
+        return int(self.layout_seed), int(self.layout_seed) + 1
 
     @functools.cached_property
     def theme(self) -> Theme:
@@ -103,8 +112,7 @@ class KeyCorridor(GoalTask[KeyCorridorState]):
         """Draw a layout, and a start in the hall that does not face the locked door."""
         del params
         layout_key, start_key = jax.random.split(key)
-        if self.layout_seed is not None:
-            layout_key = jax.random.key(self.layout_seed)
+        layout_key = self.level_key(layout_key)
         rows, places = self.room_rows, self._door_count
         bits = jax.random.bits(layout_key, (5 + 2 * places,), jnp.uint32)
         locked_row, key_row = draw_index(bits[0], rows), draw_index(bits[1], rows)
@@ -124,10 +132,6 @@ class KeyCorridor(GoalTask[KeyCorridorState]):
             taken=jnp.bool_(False),
             goal=self._inside(bits[4], jnp.int32(2 * step), locked_row * step),
         )
-
-    def about(self) -> About:
-        """What the task says of itself."""
-        return dataclasses.replace(super().about(), generated=self.layout_seed is None)
 
     def level_of(self, state: KeyCorridorState) -> Level:
         """The level of the layout."""

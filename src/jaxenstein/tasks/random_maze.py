@@ -69,10 +69,10 @@ class MazePlan:
         check_whole("size", self.size, 63)
         check_whole("rooms", self.rooms, 64)
         odd = self.size % 2 and self.least % 2 and self.most % 2
-        if not (odd and 3 <= self.least <= self.most <= self.size - 4):
+        if not (odd and 3 <= self.least <= self.most <= self.size - 2):
             raise SettingError(
                 "size, least and most of a MazePlan must be odd, with 3 <= least <= most <= "
-                f"size - 4, not {self.size}, {self.least} and {self.most}"
+                f"size - 2, not {self.size}, {self.least} and {self.most}"
             )
         if not 1 <= self.fewest <= self.rooms:
             raise SettingError(f"fewest must be 1 to {self.rooms}, not {self.fewest!r}")
@@ -134,6 +134,12 @@ def draw_in_rooms(bits: jax.Array, maze: RandomMaze, rooms: int, count: int) -> 
         left = jnp.where(best[:, None] == index.astype(np.int32)[None], 0, left)
     cells = jnp.stack(found, axis=1)
     return jnp.stack([cells % size, cells // size], axis=-1)
+
+
+def beside_rooms(maze: RandomMaze) -> jax.Array:
+    """int32[N, N]: the number of the room at or beside each cell, the largest of several."""
+    around = [shift(maze.room, row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
+    return functools.reduce(jnp.maximum, around)
 
 
 @functools.cache

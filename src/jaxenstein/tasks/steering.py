@@ -54,6 +54,19 @@ def steer(
     """
     spin = _either(action, TURN_RIGHT, TURN_LEFT)
     pace = _either(action, FORWARD, BACKWARD)
+    return go(level, closed, position, heading, spin, pace, params)
+
+
+def go(
+    level: Level,
+    closed: jax.Array,
+    position: jax.Array,
+    heading: jax.Array,
+    spin: jax.Array,
+    pace: jax.Array,
+    params: Any,
+) -> tuple[jax.Array, jax.Array]:
+    """As `steer`, for turns to the right and moves forward that are numbers, float32[] each."""
     heading = turn(heading, spin * params.turn_angle)
     step = forward(heading) * (pace * params.move_distance)
     return walk(level, closed, position, step), heading

@@ -127,6 +127,15 @@ def test_command_evaluates_and_films(
         assert 2 <= getattr(image, "n_frames", 1) <= 11
 
 
+def test_command_evaluates_elsewhere(folder: RunFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["evaluate", str(folder.path), "--episodes", "2"]
+    assert main([*arguments, "--param", "max_steps_in_episode=3"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1].split()[-1] == lines[-2].split()[-1] == "3"
+    assert main([*arguments, "--set", "width=20"]) == 2
+    assert "was trained on Box" in capsys.readouterr().err
+
+
 def test_record_plays_a_trained_agent_where_it_was_trained(
     folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,94 @@
+"""Tasks that draw a level at each reset, and which of all levels they draw."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..about import About
+from ..environment import Params, State
+from ..errors import SettingError
+from .draws import draw_index
+from .first_person import FirstPerson
+
+MOST_LEVELS = 2**24
+_SEEDS = 2**32
+
+S = TypeVar("S", bound=State)
+P = TypeVar("P", bound=Params)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GeneratedTask(FirstPerson[S, P]):
+    """Base of tasks that draw a level at each reset; other bases of a task follow this one.
+
+    `init_state` draws what belongs to the level, such as walls and things, from one key and what
+    an episode adds, such as its start, from another:
+
+        level_key, start_key = jax.random.split(key)
+        level = ...  # drawn from self.level_key(level_key) and nothing else
+
+    Attributes:
+        levels: None for levels without end, or seeds of levels: `range(first, stop)` or (first,
+            stop), whole numbers from 0 to 2**32 and at most 2**24 of them. Every episode has one
+            of these levels, each equally likely. A seed is the same level on every machine.
+    """
+
+    levels: tuple[int, int] | range | None = None
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        object.__setattr__(self, "levels", checked_levels(self.levels))
+        super().__post_init__()
+
+    @property
+    def level_range(self) -> tuple[int, int] | None:
+        """The first seed of a level and the one past the last; None for levels without end."""
+        return None if self.levels is None else (int(self.levels[0]), int(self.levels[1]))
+
+    def level_key(self, key: jax.Array) -> jax.Array:
+        """The key that a level is drawn from: `key` itself, or that of one of the seeds.
+
+        Args:
+            key: of the episode, for nothing else.
+        """
+        if self.level_range is None:
+            return key
+        first, stop = self.level_range
+        bits = jax.random.bits(key, (), jnp.uint32)
+        seed = jnp.uint32(first) + draw_index(bits, stop - first).astype(jnp.uint32)
+        # The kind of generator that users may change is not to change the levels.
+        return jax.random.key(seed, impl="threefry2x32")
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        several = self.level_range is None or self.level_range[1] > self.level_range[0] + 1
+        return dataclasses.replace(super().about(), generated=several)
+
+
+def checked_levels(levels: Any) -> tuple[int, int] | None:
+    """A setting of levels as (first, stop).
+
+    Raises:
+        SettingError: it is no such setting.
+    """
+    if levels is None:
+        return None
+    ends = (levels.start, levels.stop) if isinstance(levels, range) else levels
+    listed = isinstance(ends, tuple | list | np.ndarray) and len(ends) == 2
+    whole = listed and all(
+        isinstance(end, int | np.integer) and not isinstance(end, bool) for end in ends
+    )
+    steps = not isinstance(levels, range) or levels.step == 1
+    if not (whole and steps and 0 <= ends[0] < ends[1] <= _SEEDS) or (
+        ends[1] - ends[0] > MOST_LEVELS
+    ):
+        raise SettingError(
+            "levels must be None or two whole numbers, the first seed and the one past the last, "
+            f"from 0 to 2**32 and at most 2**24 apart, not {levels!r}"
+        )
+    return int(ends[0]), int(ends[1])

@@ -1,0 +1,299 @@
+"""Memory Maze: fetch what is asked for, again and again, in a maze that is new in every episode.
+
+Rules and numbers are those of jurgisp/memory-maze; docs/fidelity.md says where this port differs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..about import About, Choose, Event, Player
+from ..engine.level import Level, level_from_walls
+from ..engine.motion import forward, walk
+from ..engine.scene import Scene, Sprites, Theme
+from ..engine.shade import ImageKind
+from ..environment import Info, Scalar, State
+from ..errors import SettingError
+from ..maps.symbols import LABEL_NAMES
+from ..maps.things import BALL, DETAIL_SHADE, RGB
+from ..params import number
+from ..players.walking import SHORTEST_PATH, flood, gait, remaining
+from ..spaces import Box
+from .appearance import build_theme
+from .draws import draw_index, draw_unit
+from .generated import GeneratedTask
+from .hud import frame
+from .random_maze import MazePlan, draw_in_rooms, draw_maze
+from .steering import SteeringParams, go
+
+# The colours of the things, and what the frame has of their brightness. The original's sixth is a
+# salmon that is hardly told from its red.
+COLOURS: tuple[RGB, ...] = (
+    (197, 44, 35),
+    (115, 197, 102),
+    (45, 162, 252),
+    (108, 122, 231),
+    (255, 224, 68),
+    (176, 178, 184),
+)
+FRAME = 0.7
+_RADIUS = 0.3
+FLOOR: tuple[RGB, RGB] = ((62, 84, 150), (84, 110, 184))
+SKY: RGB = (24, 30, 48)
+# Each ninth of the maze draws one of these eight walls.
+_WALLS = tuple(
+    LABEL_NAMES.index(f"{name} wall")
+    for name in ("blue", "magenta", "lime", "green", "salmon", "red", "yellow", "violet")
+)
+# For each action, turns to the right and moves forward.
+_SPIN = np.array((0, 0, -1, 1, -1, 1), np.float32)
+_PACE = np.array((0, 1, 0, 0, 1, 1), np.float32)
+
+
+class MemoryMazeParams(SteeringParams):
+    """The numbers of the task.
+
+    Attributes:
+        touch_radius: tiles from a thing at which it is touched.
+        fetch_reward: reward of touching the one that is asked for.
+    """
+
+    discount: Scalar = 0.999
+    turn_angle: Scalar = math.radians(21.5)
+    move_distance: Scalar = 0.25
+    touch_radius: Scalar = number(0.39, 0)
+    fetch_reward: Scalar = 1.0
+
+
+DEFAULTS = MemoryMazeParams()
+# Of memory-maze-9x9, with the border.
+PLAN = MazePlan(11, 6, fewest=3)
+
+
+class MemoryMazeState(State):
+    """State of the task; N things.
+
+    Attributes:
+        level: the walls of this episode.
+        things: float32[N, 2], (x, y) of each in tiles.
+        wanted: int32[], the one that is asked for.
+    """
+
+    level: Level
+    things: jax.Array
+    wanted: jax.Array
+
+
+def fetch(env: MemoryMaze, params: MemoryMazeParams) -> Choose:
+    """Walk the shortest path, and walk on while turning wherever that gains something."""
+    plain, body = SHORTEST_PATH(env, params), gait(env, params)
+
+    def choose(key: jax.Array, state: MemoryMazeState) -> jax.Array:
+        action = plain(key, state)
+        step = forward(state.heading + jnp.asarray(_SPIN)[action] * body.angle) * body.step
+        after = walk(state.level, jnp.zeros(0, bool), state.position, step)
+        field = env.distance_field(state)
+        gains = remaining(field, state.position) - remaining(field, after) > 0.2 * body.step
+        turns = (action == body.left) | (action == body.right)
+        return jnp.where(turns & gains, action + 2, action)
+
+    return choose
+
+
+FETCH = Player("walks the shortest path to what is asked for; sees the whole state", fetch)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
+    """Touch the thing whose colour the frame around the picture has, then the next one.
+
+    Things stand in different rooms and stay where they are: who remembers where they were seen
+    fetches more of them. Reward: `fetch_reward` for touching the one that is asked for; then
+    another one is. Only time ends the episode.
+
+    Attributes:
+        plan: what mazes are drawn.
+        things: how many there are, 2 to 6, at most one for each room.
+        defaults: the params that `params=None` stands for.
+    """
+
+    plan: MazePlan = PLAN
+    things: int = 3
+    defaults: MemoryMazeParams = DEFAULTS
+    field_of_view: float = 80.0
+    # Things stand in different rooms.
+    sprite_layers: int = 2
+
+    action_names: ClassVar[tuple[str, ...]] = (
+        "nothing",
+        "forward",
+        "turn left",
+        "turn right",
+        "forward and turn left",
+        "forward and turn right",
+    )
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        if not 2 <= self.things <= min(self.plan.fewest, len(COLOURS)):
+            raise SettingError(
+                f"things must be 2 to {min(self.plan.fewest, len(COLOURS))}, as many as there are "
+                f"rooms at least, not {self.things!r}"
+            )
+
+    @property
+    def default_params(self) -> MemoryMazeParams:
+        """The params that `params=None` stands for."""
+        return self.defaults
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the maze looks."""
+        labels = tuple(BALL.labels[: self.things])
+        theme = build_theme(labels, doors=False, floor=FLOOR, ceiling=SKY)
+        shape = np.array(COLOURS[: self.things], np.float32)
+        return theme.replace(
+            sprite_colours=np.stack([shape, shape * np.float32(DETAIL_SHADE)], axis=1),
+            sprite_radius=np.full(self.things, _RADIUS, np.float32),
+            sprite_drop=np.full(self.things, 0.5 - _RADIUS, np.float32),
+        )
+
+    def init_state(self, key: jax.Array, params: MemoryMazeParams) -> MemoryMazeState:
+        """Draw a maze with its things, then a start and what is asked for first."""
+        del params
+        level_key, start_key = jax.random.split(key)
+        maze_key, things_key = jax.random.split(self.level_key(level_key))
+        maze = draw_maze(maze_key, self.plan)
+        size, most = self.plan.size, self.plan.rooms
+        bits = jax.random.bits(things_key, (size**2 + most + 9,), jnp.uint32)
+        cells = draw_in_rooms(bits[: size**2], maze, most, 2)
+        own = bits[size**2 : size**2 + most]
+        # Rooms in random order, those that the maze lacks behind the others.
+        there = np.arange(most, dtype=np.int32) < maze.rooms
+        order = jnp.argsort(jnp.where(there, own >> 1, jnp.uint32(2**32 - 1)))
+        start = jax.random.bits(start_key, (3,), jnp.uint32)
+        return MemoryMazeState(
+            position=cells[draw_index(start[0], maze.rooms), 1].astype(jnp.float32) + 0.5,
+            heading=draw_unit(start[1]) * jnp.float32(2 * math.pi),
+            level=level_from_walls(self._paint(maze.open, bits[-9:])),
+            things=cells[order[: self.things], 0].astype(jnp.float32) + 0.5,
+            wanted=draw_index(start[2], self.things),
+        )
+
+    def transition(
+        self,
+        key: jax.Array,
+        state: MemoryMazeState,
+        action: jax.Array,
+        params: MemoryMazeParams,
+    ) -> tuple[MemoryMazeState, jax.Array, jax.Array, Info]:
+        """Move, and ask for another thing once the one that was asked for is touched."""
+        spin = jnp.where(action < 0, 0, jnp.asarray(_SPIN)[action])
+        pace = jnp.where(action < 0, 0, jnp.asarray(_PACE)[action])
+        pose = state.position, state.heading
+        position, heading = go(state.level, jnp.zeros(0, bool), *pose, spin, pace, params)
+        state = state.replace(position=position, heading=heading)
+        fetched = self._distance(state) <= params.touch_radius
+        # No other thing can be touched at the same time.
+        others = 1 + draw_index(jax.random.bits(key, (), jnp.uint32), self.things - 1)
+        following = (state.wanted + others) % self.things
+        state = state.replace(wanted=jnp.where(fetched, following, state.wanted))
+        reward = jnp.where(fetched, jnp.asarray(params.fetch_reward), 0)
+        return state, reward, jnp.bool_(False), {"fetched": fetched}
+
+    def describe(self, state: MemoryMazeState, params: MemoryMazeParams) -> Info:
+        """Add what is asked for, and how far it is in a straight line."""
+        more = {"wanted": state.wanted, "distance_to_wanted": self._distance(state)}
+        return super().describe(state, params) | more
+
+    def succeeded(
+        self,
+        state: MemoryMazeState,
+        reward: jax.Array,
+        terminated: jax.Array,
+        events: Info,
+        params: MemoryMazeParams,
+    ) -> jax.Array:
+        """Whether what was asked for was fetched."""
+        del state, reward, terminated, params
+        return events["fetched"]
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        return dataclasses.replace(
+            super().about(),
+            aim="fetched what was asked for",
+            ends="",
+            rewards={"fetch_reward": "{:+g} for what is asked for"},
+            events={"fetched": Event("fetched what was asked for")},
+            variables={
+                "wanted": "what is asked for: 0 red, 1 green, 2 blue, 3 purple, 4 yellow, 5 grey",
+                "distance_to_wanted": "tiles to it, in a straight line",
+            },
+            captions=("wanted",),
+            players={"fetch": FETCH},
+            expert="fetch",
+            holds={
+                "there is what is asked for": lambda s: (s.wanted >= 0) & (s.wanted < self.things)
+            },
+        )
+
+    def scene(self, state: MemoryMazeState, params: MemoryMazeParams) -> Scene:
+        """The maze and its things."""
+        del params
+        return Scene(
+            level=state.level,
+            closed=jnp.zeros(0, bool),
+            position=state.position,
+            heading=state.heading,
+            sprites=Sprites(
+                position=state.things,
+                look=jnp.arange(self.things, dtype=jnp.int32),
+                visible=jnp.ones(self.things, bool),
+            ),
+            theme=self.theme,
+        )
+
+    def draw(self, state: MemoryMazeState, params: MemoryMazeParams, kind: ImageKind) -> jax.Array:
+        """Add the frame."""
+        image = super().draw(state, params, kind)
+        colours = np.round(np.array(COLOURS, np.float32) * FRAME).astype(np.uint8)
+        labels = np.array(BALL.labels, np.uint8)
+        return frame(
+            image, jnp.asarray(colours)[state.wanted], jnp.asarray(labels)[state.wanted], kind
+        )
+
+    def variables(self, state: MemoryMazeState) -> dict[str, jax.Array]:
+        """`wanted`: float32[N], 1 for what is asked for, else 0."""
+        chosen = np.arange(self.things, dtype=np.int32) == state.wanted
+        return {"wanted": chosen.astype(jnp.float32)}
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """The space of `wanted`."""
+        return {"wanted": Box(0.0, 1.0, (self.things,), np.dtype(np.float32))}
+
+    def distance_field(self, state: MemoryMazeState) -> jax.Array:
+        """int32[rows, columns]: tiles on foot to what is asked for."""
+        row, column = np.indices((self.plan.size, self.plan.size), np.int32)
+        target = jnp.floor(state.things[state.wanted]).astype(jnp.int32)
+        walls = jnp.asarray(state.level.walls)[0] != 0
+        return flood(~walls, (column == target[0]) & (row == target[1]))
+
+    def _distance(self, state: MemoryMazeState) -> jax.Array:
+        return jnp.sqrt(jnp.sum((state.things[state.wanted] - state.position) ** 2))
+
+    def _paint(self, paved: jax.Array, bits: jax.Array) -> jax.Array:
+        """uint8[N, N]: the walls; each ninth of the maze has a colour of its own."""
+        size = self.plan.size
+        ninth = np.searchsorted([size // 3, 2 * size // 3], np.arange(size), side="right")
+        colours = jnp.asarray(np.array(_WALLS, np.uint8))[draw_index(bits, len(_WALLS))]
+        block = np.array(3 * ninth[:, None] + ninth[None], np.int32)
+        return jnp.where(paved, jnp.uint8(0), colours[block])

@@ -1,0 +1,86 @@
+"""Which levels a generated task draws."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.errors import SettingError
+from jaxenstein.recipe import recipe_of
+
+NAME = "key-corridor-s3r1"
+
+
+def first_states(count, **settings):
+    env, params = jaxenstein.make(NAME, height=8, width=8, **settings)
+    keys = jax.random.split(jax.random.key(2), count)
+    draw = jax.jit(jax.vmap(lambda key: env.init_state(key, env.check_params(params))))
+    return env, jax.device_get(draw(keys))
+
+
+def layouts(states):
+    parts = states.level.walls, states.level.doors, states.key, states.key_colour, states.goal
+    return [tuple(leaf[i].tobytes() for leaf in parts) for i in range(len(states.key))]
+
+
+def test_levels_are_those_of_their_seeds():
+    first = 4_000_000_000
+    env, few = first_states(300, levels=(first, first + 2))
+    seen = layouts(few)
+    one = [set(layouts(first_states(20, levels=range(s, s + 1))[1])) for s in (first, first + 1)]
+    assert [len(found) for found in one] == [1, 1]
+    assert set(seen) == one[0] | one[1]
+    # Each level is equally likely, and the episode adds a start of its own.
+    assert min(seen.count(layout) for layout in set(seen)) >= 100
+    assert len(set(few.heading[[layout == seen[0] for layout in seen]].tolist())) > 1
+    assert env.about().generated
+    assert not jaxenstein.make(NAME, levels=(3, 4))[0].about().generated
+
+
+def test_a_layout_seed_is_a_range_of_one():
+    seed = 2**32 - 1
+    assert layouts(first_states(2, layout_seed=seed)[1]) == layouts(
+        first_states(2, levels=(seed, seed + 1))[1]
+    )
+    with pytest.raises(SettingError, match="either levels or layout_seed"):
+        jaxenstein.make(NAME, layout_seed=3, levels=(3, 4))
+
+
+def test_levels_do_not_depend_on_the_kind_of_generator():
+    env, params = jaxenstein.make(NAME, height=8, width=8, levels=(7, 8))
+    states = [
+        env.init_state(jax.random.key(0, impl=kind), env.check_params(params))
+        for kind in ("threefry2x32", "rbg")
+    ]
+    np.testing.assert_array_equal(states[0].level.walls, states[1].level.walls)
+    assert jnp.array_equal(states[0].key, states[1].key)
+
+
+def test_equal_levels_make_equal_environments_and_recipes():
+    one, params = jaxenstein.make(NAME, levels=range(3, 9))
+    assert one == jaxenstein.make(NAME, levels=[3, 9])[0]
+    assert recipe_of(one, params).build()[0] == dataclasses.replace(one, autoreset=None)
+
+
+@pytest.mark.parametrize(
+    "levels",
+    [
+        3,
+        (1,),
+        (1, 1),
+        (5, 2),
+        (-1, 3),
+        (0, 2**33),
+        (0, 2**25),
+        (0.0, 2),
+        (False, True),
+        "ab",
+        range(0, 9, 2),
+    ],
+)
+def test_bad_levels_are_refused(levels):
+    with pytest.raises(SettingError, match="levels must be None or two whole numbers"):
+        jaxenstein.make(NAME, levels=levels)
