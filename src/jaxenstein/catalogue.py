@@ -243,6 +243,21 @@ def _dmlab_entries() -> dict[str, Entry]:
     }
 
 
+def _minigrid_entries() -> dict[str, Entry]:
+    from .tasks.minigrid.table import PREFIX, WORLDS, build
+
+    return {
+        PREFIX + name: Entry(
+            f"MiniGrid: {world.summary.format(**settings)}",
+            functools.partial(build, world.source, moves, settings),
+            family="minigrid",
+            variant_of="" if name == world.shown else PREFIX + world.shown,
+        )
+        for world in WORLDS
+        for name, (moves, settings) in world.sizes.items()
+    }
+
+
 # Doom's angles grow counter-clockwise, ours clockwise: 0 to 3.6 degrees there is -3.6 to 0 here.
 ENTRIES: dict[str, Entry] = {
     "simple": _entry(
@@ -276,6 +291,7 @@ ENTRIES: dict[str, Entry] = {
     "key-corridor-s6r3": _corridor_entry(6, 3),
     **_dmlab_entries(),
     **{f"memory-maze-{size}x{size}": _memory_entry(size) for size in _MEMORY_MAZES},
+    **_minigrid_entries(),
     "doom-my-way-home": _doom("ViZDoom's My Way Home itself: Doom's motion, tic by tic"),
     "doom-my-way-home-sparse": _doom(
         "doom-my-way-home from the western room, facing east", spots=(10,), angles=(0, 655)

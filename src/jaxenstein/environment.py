@@ -147,6 +147,11 @@ class Environment(abc.ABC, Generic[S, P]):
         """What the task says of itself to people and players; every part may be left out."""
         return About()
 
+    def instruction(self, state: S) -> str:
+        """What one state (not a batch) asks for, in words for people; "" where nothing is."""
+        del state
+        return ""
+
     def succeeded(
         self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
     ) -> jax.Array:

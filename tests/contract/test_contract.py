@@ -18,6 +18,7 @@ from jaxenstein.tasks.doom.my_way_home import DoomMyWayHome
 from jaxenstein.tasks.health_gathering import HealthGathering
 from jaxenstein.tasks.key_corridor import KeyCorridor
 from jaxenstein.tasks.memory_maze import MemoryMaze
+from jaxenstein.tasks.minigrid.world import GridWorld
 from tests.contract.ids import IDS
 
 SIZE = {"height": 12, "width": 16}
@@ -143,6 +144,9 @@ def about_to_end(env, state):
         return state.replace(position=state.goal)
     if isinstance(env, MemoryMaze):
         return state.replace(position=state.things[state.wanted])
+    if isinstance(env, GridWorld):
+        row, column = np.argwhere(np.asarray(env.aim(state).tiles))[0]
+        return state.replace(position=jnp.asarray([column + 0.5, row + 0.5], jnp.float32))
     return state.replace(position=jnp.asarray(env.tilemap.goals[state.goal], jnp.float32) + 0.5)
 
 

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from ..environment import AnyEnvironment
     from ..maps.tilemap import TileMap
 
+# Billboards this near to the eye, in tiles, are in the hand, and not on the map.
+IN_HAND = 0.08
+
 
 def record(
     env: AnyEnvironment,
@@ -159,6 +162,7 @@ def snapshots(env: Any, params: Any) -> Callable[[Any], dict[str, Any]]:
 def _snapshot(env: Any, state: Any, params: Any) -> dict[str, Any]:
     scene = env.scene(state, params)
     described = env.describe(state, params)
+    apart = jnp.abs(scene.sprites.position - state.position[None]) > IN_HAND
     return {
         "positions": state.position,
         "headings": state.heading,
@@ -166,7 +170,7 @@ def _snapshot(env: Any, state: Any, params: Any) -> dict[str, Any]:
         "doors": scene.level.doors - scene.level.margin,
         "sprites": scene.sprites.position,
         "labels": jnp.asarray(scene.theme.sprite_labels)[scene.sprites.look],
-        "visible": scene.sprites.visible,
+        "visible": scene.sprites.visible & jnp.any(apart, axis=-1),
         "variables": {name: described[name] for name in env.about().captions},
     }
 
@@ -221,10 +225,10 @@ class EpisodeBuilder:
 
 
 def event_text(session: Session) -> str:
-    """What the last step brought, in words; "" for nothing."""
+    """What the last step brought, in words; else what the task asks for, or "" for nothing."""
     late = session.truncated and not session.terminated
-    words = event_words(session.env.about().events, session.info)
-    return ", ".join(words + ["time is up"] * late)
+    words = event_words(session.env.about().events, session.info) + ["time is up"] * late
+    return ", ".join(words) or session.env.instruction(session.state)
 
 
 def event_words(events: Mapping[str, Event], info: Mapping[str, Any]) -> list[str]:

@@ -112,19 +112,32 @@ def shortest_path(env: OnFoot, params: Any) -> Choose:
     interact = list(env.action_names).index("interact") if "interact" in env.action_names else None
 
     def choose(key: jax.Array, state: Any) -> jax.Array:
-        field = env.distance_field(state)
         scene = env.scene(state, params)
-        target, _ = next_tile(field, state)
-        offset = target.astype(jnp.float32) + 0.5 - scene.position
-        wide = (body.angle > _WIDE_TURN) | (body.step * body.steps > _LONG_STRIDE)
-        looked = best_stride(body, scene, offset, field, key)
-        action = jnp.where(wide, looked, towards(body, scene, offset))
+        action, target = walk_down(body, scene, env.distance_field(state), key)
         if interact is None:
             return action
         opens = faces_door(scene, target, params.interact_distance)
         return jnp.where(opens, jnp.int32(interact), action)
 
     return choose
+
+
+def walk_down(
+    body: Gait, scene: Scene, field: jax.Array, key: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """int32[], the next action on the way down a field; int32[2], the tile that it leads to.
+
+    Args:
+        body: how it moves.
+        scene: where it is, and what is solid.
+        field: int32[rows, columns], tiles on foot to where it goes.
+        key: of what is left to chance.
+    """
+    target, _ = next_tile(field, scene)
+    offset = target.astype(jnp.float32) + 0.5 - scene.position
+    wide = (body.angle > _WIDE_TURN) | (body.step * body.steps > _LONG_STRIDE)
+    looked = best_stride(body, scene, offset, field, key)
+    return jnp.where(wide, looked, towards(body, scene, offset)), target
 
 
 SHORTEST_PATH = Player("walks the shortest path; sees the whole state", shortest_path)

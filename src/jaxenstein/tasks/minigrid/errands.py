@@ -1,0 +1,313 @@
+"""Worlds with an instruction: go to a door or a thing, fetch one, put one near another."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..steering import INTERACT
+from .aims import DONE, DROP, PICK_UP, Aim
+from .rooms import PickUpWorld
+from .sketch import COLOURS, Sketch
+from .state import (
+    BALL_KIND,
+    BOX_KIND,
+    DOOR_KIND,
+    GOAL_KIND,
+    KEY_KIND,
+    PORTABLE,
+    GridState,
+    around,
+    beside,
+)
+from .world import GridParams, GridWorld, check_size
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GoToDoor(GridWorld):
+    """A room with four doors of different colours: say "done" beside the one asked for.
+
+    Interact ends the episode as well, in vain.
+
+    Attributes:
+        size: the most tiles of the room's sides, which are drawn, walls included; at least 5.
+    """
+
+    size: int = 5
+
+    kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND,)
+    asks: ClassVar[bool] = True
+    aim_words: ClassVar[str] = "said done beside what was asked for"
+    fail_words: ClassVar[str] = "said done elsewhere"
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_size(self, "size", 5, 32)
+
+    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw the room, its doors, the start and the instruction."""
+        del params
+        # A margin of one tile, since doors do not stand on a map's border.
+        sketch = Sketch(key, self.size + 2, self.size + 2)
+        columns, rows = sketch.number(5, self.size + 1), sketch.number(5, self.size + 1)
+        sketch.wall(~sketch.area(2, 2, columns - 2, rows - 2))
+        north, south = sketch.number(2, columns - 2), sketch.number(2, columns - 2)
+        west, east = sketch.number(2, rows - 2), sketch.number(2, rows - 2)
+        colours = sketch.shuffled(COLOURS)
+        sketch.door(north + 1, 1, colours[0])
+        sketch.door(south + 1, rows, colours[1])
+        sketch.door(1, west + 1, colours[2])
+        sketch.door(columns, east + 1, colours[3])
+        sketch.start_in(sketch.free)
+        return sketch.state(asked=(DOOR_KIND, colours[sketch.number(0, 4)]))
+
+    def target(self, state: GridState) -> jax.Array:
+        """bool[rows, columns], where what is asked for is."""
+        return self.door_tiles(state, state.doors.colour == state.asked[0, 1])
+
+    def judge(
+        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[jax.Array, jax.Array]:
+        """Whether the agent says done in the right place; or elsewhere, or interacts."""
+        del before, params
+        there = self.stands_beside(after, self.target(after))
+        said = action == DONE
+        return said & there, (said & ~there) | (action == INTERACT)
+
+    def aim(self, state: GridState) -> Aim:
+        """To say done beside it."""
+        return Aim(self.target(state), jnp.int32(DONE))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GoToObject(GoToDoor):
+    """A room with things of different kinds or colours: say "done" beside the one asked for.
+
+    Attributes:
+        size: tiles of the room's side, walls included; at least 5.
+        objects: how many things.
+    """
+
+    size: int = 6
+    objects: int = 2
+
+    kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_size(self, "objects", 1, 4)
+
+    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw the things, the start and the instruction."""
+        del params
+        sketch = Sketch(key, self.size, self.size)
+        drawn = _different(sketch, self.objects)
+        for kind, colour in drawn:
+            sketch.thing(kind, colour, sketch.tile_in(sketch.free))
+        sketch.start_in(sketch.free)
+        chosen = drawn[sketch.number(0, self.objects)]
+        return sketch.state(asked=(chosen[0], chosen[1]))
+
+    def target(self, state: GridState) -> jax.Array:
+        """bool[rows, columns], where what is asked for is; also where it was picked up."""
+        return self.tiles_of(state, self.asked_for(state))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fetch(PickUpWorld):
+    """A room with keys and balls: pick up the one asked for; any other ends the episode.
+
+    Attributes:
+        size: tiles of the room's side, walls included; at least 5.
+        objects: how many things, 2 or 3.
+    """
+
+    size: int = 8
+    objects: int = 3
+
+    kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND)
+    asks: ClassVar[bool] = True
+    fail_words: ClassVar[str] = "picked up something else"
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_size(self, "size", 5, 32)
+        check_size(self, "objects", 2, 3)
+
+    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw the things, the start, and which of them to fetch.
+
+        In MiniGrid two things may shut the agent, or the thing to fetch, into a corner; here
+        these layouts, two in ten thousand, have another start or another target.
+        """
+        del params
+        sketch = Sketch(key, self.size, self.size)
+        rows = []
+        for _ in range(self.objects):
+            kind, colour = sketch.number(KEY_KIND, BALL_KIND + 1), sketch.colour()
+            tile = sketch.tile_in(sketch.free)
+            sketch.thing(kind, colour, tile)
+            rows.append(jnp.stack([kind, colour, *tile]))
+        things = jnp.stack(rows)
+        reached = beside(sketch.free)
+        sketch.start_in(sketch.free & reached)
+        open_to = reached[things[:, 3], things[:, 2]]
+        rank = jnp.cumsum(open_to.astype(jnp.int32))
+        chosen = jnp.sum(rank <= sketch.number(0, rank[-1]), dtype=jnp.int32)
+        return sketch.state(asked=(things[chosen, 0], things[chosen, 1]))
+
+    def judge(
+        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[jax.Array, jax.Array]:
+        """Whether that is in the hand, or something else."""
+        solved, _ = super().judge(before, after, action, params)
+        return solved, jnp.any(after.things.held) & ~solved
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PutNear(GridWorld):
+    """A room with different things: put one of them down beside another, as asked.
+
+    Picking up another one ends the episode, and so does laying down elsewhere. Beside is on one
+    of the eight tiles around.
+
+    Attributes:
+        size: tiles of the room's side, walls included; at least 6.
+        objects: how many things, 2 or 3.
+    """
+
+    size: int = 6
+    objects: int = 2
+
+    kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
+    asks: ClassVar[bool] = True
+    aim_words: ClassVar[str] = "put down beside the other what was asked for"
+    fail_words: ClassVar[str] = "picked up something else, or put it down elsewhere"
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_size(self, "size", 6, 32)
+        check_size(self, "objects", 2, 2 if self.size < 8 else 3)
+
+    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw the things, none of which is beside another, the start and the instruction."""
+        del params
+        sketch = Sketch(key, self.size, self.size)
+        drawn, near = _different(sketch, self.objects), jnp.zeros((self.size, self.size), bool)
+        for kind, colour in drawn:
+            tile = sketch.tile_in(sketch.free & ~near)
+            sketch.thing(kind, colour, tile)
+            near = near | around(tile, near.shape)
+        sketch.start_in(sketch.free)
+        order = sketch.shuffled(self.objects)
+        moved, other = drawn[order[0]], drawn[order[1]]
+        return sketch.state(asked=(moved[0], moved[1]), near=(other[0], other[1]))
+
+    def judge(
+        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[jax.Array, jax.Array]:
+        """Whether it lies there now; or was dropped elsewhere, or not dropped; or is another."""
+        del params
+        moved = self.asked_for(after)
+        dropped = jnp.any(before.things.held & after.things.lying)
+        tried = (action == DROP) & jnp.any(before.things.held)
+        tile = jnp.sum(jnp.where(moved[:, None], after.things.tile, 0), axis=0, dtype=jnp.int32)
+        other = self.tiles_of(after, self.asked_for(after, 1))
+        near = jnp.any(other & around(tile, other.shape))
+        wrong = jnp.any(after.things.held & ~moved)
+        return dropped & near & ~wrong, wrong | (tried & ~(dropped & near))
+
+    def aim(self, state: GridState) -> Aim:
+        """To pick it up, then to drop it on a free tile around the other."""
+        moved = self.asked_for(state)
+        held = jnp.any(state.things.held & moved)
+        other = self.asked_for(state, 1)
+        tile = jnp.sum(jnp.where(other[:, None], state.things.tile, 0), axis=0, dtype=jnp.int32)
+        shape = state.level.walls.shape[-2:]
+        taken = self.tiles_of(state, state.things.lying) | (jnp.asarray(state.level.walls)[0] != 0)
+        column, row = state.cell
+        own = jnp.zeros(shape, bool).at[row, column].set(True)
+        spots = around(tile, shape) & ~taken & ~own
+        tiles = jnp.where(held, spots, self.tiles_of(state, moved))
+        return Aim(tiles, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
+
+
+def _different(sketch: Sketch, count: int) -> jax.Array:
+    """int32[count, 2], the kind and the colour of things no two of which have both the same."""
+    pairs = sketch.shuffled(PORTABLE * COLOURS)[:count]
+    return jnp.stack([pairs // COLOURS, pairs % COLOURS], axis=-1)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Memory(GridWorld):
+    """A room with a key or a ball, and a hall to a crossing with one of each: go to its like.
+
+    Going to the other one ends the episode. The start is anywhere between the room and the
+    crossing, facing east, so the agent may have to turn back and look first. Nothing can be picked
+    up.
+
+    Attributes:
+        size: tiles of the world's side, walls included; odd.
+        random_length: whether the hall's length is drawn.
+    """
+
+    size: int = 9
+    random_length: bool = False
+
+    kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND)
+    hands: ClassVar[bool] = False
+    aim_words: ClassVar[str] = "went to the thing that is like the first"
+    fail_words: ClassVar[str] = "went to the other one"
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_size(self, "size", 7, 63)
+
+    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw the first thing, which of both is where, the hall's length and the start."""
+        del params
+        size, middle, green = self.size, self.size // 2, 1
+        sketch = Sketch(key, size, size)
+        end = sketch.number(4, size - 2) if self.random_length else jnp.int32(size - 3)
+        for row, side in ((middle - 2, middle - 1), (middle + 2, middle + 1)):
+            sketch.wall(sketch.area(1, row, 4, 1) | sketch.tile(4, side))
+            sketch.wall(sketch.area(5, side, end - 5, 1))
+        crossing = sketch.area(end, 0, 1, size) | sketch.area(end + 2, 0, 1, size)
+        sketch.wall(crossing & ~sketch.tile(end, middle))
+        sketch.start((sketch.number(1, end + 1), middle))
+        first, upper = (sketch.number(KEY_KIND, BALL_KIND + 1) for _ in range(2))
+        sketch.thing(first, green, (1, middle - 1))
+        sketch.thing(upper, green, (end + 1, middle - 2))
+        sketch.thing(BALL_KIND - upper, green, (end + 1, middle + 2))
+        return sketch.state()
+
+    def ends(self, state: GridState) -> tuple[jax.Array, jax.Array]:
+        """int32[2], int32[2]: the tiles before the like thing, and before the other one."""
+        things = state.things
+        inward = np.array(((0, 1), (0, -1)), np.int32)
+        before = things.tile[1:] + inward
+        like = things.kind[1] == things.kind[0]
+        return jnp.where(like, before[0], before[1]), jnp.where(like, before[1], before[0])
+
+    def judge(
+        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[jax.Array, jax.Array]:
+        """Which of the two tiles the agent is on, if any."""
+        del before, action, params
+        right, wrong = self.ends(after)
+        return jnp.all(after.cell == right), jnp.all(after.cell == wrong)
+
+    def aim(self, state: GridState) -> Aim:
+        """The tile before the like thing."""
+        column, row = self.ends(state)[0]
+        tiles = jnp.zeros(state.level.walls.shape[-2:], bool).at[row, column].set(True)
+        return Aim(tiles, jnp.int32(-1))

@@ -1,0 +1,172 @@
+"""A chain of rooms joined by doors, laid out one after another."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..draws import draw_index
+from .sketch import COLOURS, Sketch
+from .state import GOAL_KIND, GridState
+from .world import GridParams, GridWorld, check_size
+
+# Tiles of the world's side; the least of a room's.
+SIDE, LEAST = 25, 4
+# How often a room is tried, as in MiniGrid, and how often a chain that gets all of its rooms.
+_TRIES, _CHAINS = 8, 4096
+# Random numbers of one try.
+_DRAWS = 5
+
+
+class Chain(NamedTuple):
+    """Rooms of a chain; R is the most there are.
+
+    Attributes:
+        top: int32[R, 2], (column, row) of each room's upper left corner, walls included.
+        size: int32[R, 2], its columns and rows, walls included.
+        entry: int32[R, 2], (column, row) of the door into it; that of the first room is no door.
+        count: int32[], how many there are.
+    """
+
+    top: jax.Array
+    size: jax.Array
+    entry: jax.Array
+    count: jax.Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MultiRoom(GridWorld):
+    """A chain of rooms joined by closed doors, the start in the first, the goal in the last.
+
+    Attributes:
+        rooms: how many, 2 to 6.
+        room_size: the most tiles of a room's side, walls included, 4 to 10.
+    """
+
+    rooms: int = 6
+    room_size: int = 10
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_size(self, "rooms", 2, 6)
+        check_size(self, "room_size", LEAST, 10)
+
+    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw chains until one has all its rooms; then doors, start and goal.
+
+        Where none of 4096 chains has, which is all but impossible, the last one is taken: a goal
+        that can be reached by fewer doors.
+        """
+        del params
+        chain_key, key = jax.random.split(key)
+        chain = self._chain(chain_key)
+        sketch = Sketch(key, SIDE, SIDE)
+        sketch.wall(jnp.ones((SIDE, SIDE), bool))
+        for i in range(self.rooms):
+            inside = sketch.area(*(chain.top[i] + 1), *(chain.size[i] - 2))
+            sketch.clear(inside & (i < chain.count))
+        colour = sketch.colour()
+        for i in range(1, self.rooms):
+            there = i < chain.count
+            column, row = jnp.where(there, chain.entry[i], 0)
+            sketch.door(column, row, colour)
+            # Any colour but that of the door before.
+            colour = (colour + sketch.number(1, COLOURS)) % COLOURS
+        last = chain.count - 1
+        sketch.start_in(sketch.area(*chain.top[0], *chain.size[0]))
+        free = sketch.area(*chain.top[last], *chain.size[last]) & sketch.free
+        sketch.thing(GOAL_KIND, 0, sketch.tile_in(free & ~sketch.start_tile))
+        return sketch.state()
+
+    def _chain(self, key: jax.Array) -> Chain:
+        """The first chain that has all its rooms."""
+
+        def short(carry: tuple[jax.Array, Chain]) -> jax.Array:
+            return (carry[1].count < self.rooms) & (carry[0] < _CHAINS)
+
+        def again(carry: tuple[jax.Array, Chain]) -> tuple[jax.Array, Chain]:
+            number, chain = carry
+            drawn = self._draw_chain(jax.random.fold_in(key, number))
+            kept = jax.tree.map(lambda a, b: jnp.where(drawn.count > 0, a, b), drawn, chain)
+            return number + 1, kept
+
+        nothing = jnp.zeros((self.rooms, 2), jnp.int32)
+        start = jnp.int32(0), Chain(nothing, nothing, nothing, jnp.int32(0))
+        return jax.lax.while_loop(short, again, start)[1]
+
+    def _draw_chain(self, key: jax.Array) -> Chain:
+        """One chain, which ends where no try for the next room fits."""
+        bits = jax.random.bits(key, (self.rooms, _TRIES, _DRAWS), jnp.uint32)
+        index = np.arange(self.rooms, dtype=np.int32)
+
+        def room(carry: tuple[Chain, jax.Array], turn: tuple[jax.Array, jax.Array]):
+            chain, wall = carry
+            number, bits = turn
+            before = jnp.maximum(number - 1, 0)
+            tries = jax.vmap(lambda b: self._try(b, chain.top[before], chain.size[before], wall))
+            tops, sizes, entries, walls = tries(bits)
+            first = number == 0
+            start = jnp.stack([draw_index(bits[0, 3], SIDE - 2), draw_index(bits[0, 4], SIDE - 2)])
+            entries = jnp.where(first, start[None], entries)
+            tops = jnp.where(first, start[None], tops)
+            # Of the first room there is one try.
+            fits = self._fits(chain, number, tops, sizes) & (~first | (np.arange(_TRIES) == 0))
+            chosen = jnp.argmax(fits)
+            here = (index == number)[:, None]
+            added = jnp.any(fits) & (chain.count == number)
+            grown = Chain(
+                jnp.where(here & added, tops[chosen][None], chain.top),
+                jnp.where(here & added, sizes[chosen][None], chain.size),
+                jnp.where(here & added, entries[chosen][None], chain.entry),
+                chain.count + added.astype(jnp.int32),
+            )
+            return (grown, jnp.where(first, 2, walls[chosen])), None
+
+        nothing = jnp.zeros((self.rooms, 2), jnp.int32)
+        start = Chain(nothing, nothing, nothing, jnp.int32(0)), jnp.int32(2)
+        return jax.lax.scan(room, start, (jnp.asarray(index), bits))[0][0]
+
+    def _try(
+        self, bits: jax.Array, top: jax.Array, size: jax.Array, entered: jax.Array
+    ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+        """A next room: its corner, its size, its entry, and which of its walls that is in.
+
+        Args:
+            bits: uint32[5].
+            top: int32[2], corner of the room before.
+            size: int32[2], its size.
+            entered: int32[], its wall with its own entry: 0 east, 1 south, 2 west, 3 north.
+        """
+        span = self.room_size - LEAST + 1
+        new = LEAST + jnp.stack([draw_index(bits[0], span), draw_index(bits[1] << 8, span)])
+        # One of the three other walls of the room before, in order.
+        way = draw_index(bits[2], 3)
+        way = way + jnp.where(way >= entered, 1, 0)
+        along = jnp.where(way % 2 == 0, 1, 0)
+        # Places of the door along the wall, which has two corners.
+        place = 1 + draw_index(bits[3], size[along] - 2)
+        far = jnp.where(way < 2, size - 1, 0)
+        axis = np.arange(2, dtype=np.int32)
+        entry = top + jnp.where(axis == along, place, far)
+        # The new room has the door in the opposite wall, anywhere but in its corners.
+        shift = draw_index(bits[4], new[along] - 2) - new[along] + 2
+        beyond = jnp.where(way < 2, 0, 1 - new)
+        corner = entry + jnp.where(axis == along, shift, beyond)
+        return corner, new, entry, (way + 2) % 4
+
+    def _fits(
+        self, chain: Chain, number: jax.Array, tops: jax.Array, sizes: jax.Array
+    ) -> jax.Array:
+        """bool[tries]: whether rooms are on the map and off all rooms but the one before."""
+        ends = tops + sizes
+        on_map = jnp.all(tops >= 0, axis=-1) & (ends[:, 0] <= SIDE) & (ends[:, 1] < SIDE)
+        before = ends[:, None] < chain.top[None]
+        after = (chain.top + chain.size)[None] <= tops[:, None]
+        apart = jnp.any(before | after, axis=-1)
+        others = np.arange(self.rooms, dtype=np.int32) < number - 1
+        return on_map & jnp.all(apart | ~others[None], axis=-1)

@@ -1,0 +1,174 @@
+"""A player that solves any world of things and doors, by search over what the state holds.
+
+A family says what solves a world (`GridWorld.aim`), whatever may be in the way. Where something
+is, the player sees to that first: it fetches the key of a locked door, opens the box that a key is
+in, carries away what blocks the way, and lays down what it has no hand free for.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from ...about import Choose, Player
+from ...batching import select, varying
+from ...engine.motion import forward, touched_door
+from ...players.walking import FAR, Gait, flood, gait, walk_down
+from ..steering import FORWARD, INTERACT, TURN_LEFT
+from .aims import DONE, DROP, NOWHERE, PICK_UP, Aim
+from .state import BOX_KIND, BOXED, KEY_KIND, LAVA_KIND, GridState, beside, mask_of, solid_level
+
+# Things in the way of things in the way of things: more than any world has.
+_DEEPEST = 12
+
+
+class Ground(NamedTuple):
+    """Masks bool[rows, columns] of where one can walk in a state.
+
+    Attributes:
+        open: without any key; doors that are not locked are open.
+        free: with the key that is carried.
+        any: with every key, and with all that can be carried out of the way.
+        reached: where the agent gets to on the free ground.
+        own: the tile that it is on.
+    """
+
+    open: jax.Array
+    free: jax.Array
+    any: jax.Array
+    reached: jax.Array
+    own: jax.Array
+
+
+def planner(env: Any, params: Any) -> Choose:
+    """Do what `env.aim` says, and before it what has to be done for that."""
+    body = gait(env, params)
+
+    def choose(key: jax.Array, state: GridState) -> jax.Array:
+        ground = _survey(state, hands=env.hands)
+        aim = _lay_down(state, ground, env.aim(state), _reachable(state, ground, env.aim(state)))
+        field = flood(ground.free | aim.tiles, aim.tiles)
+        scene = env.scene(state, params)
+        level, closed = solid_level(state, also=state.things.lying & state.things.of(LAVA_KIND))
+        scene = scene.replace(level=level, closed=closed)
+        action, target = walk_down(body, scene, field, key)
+        lost = field[state.cell[1], state.cell[0]] >= FAR
+        careful = (action == FORWARD) & (lost | _burns(body, scene, state, hands=env.hands))
+        action = jnp.where(careful, jnp.int32(TURN_LEFT), action)
+        return _act(env, state, params, aim, target, action)
+
+    return choose
+
+
+PLANNER = Player("plans keys, doors and things; sees the whole state", planner)
+
+
+def _act(
+    env: Any, state: GridState, params: Any, aim: Aim, target: jax.Array, action: jax.Array
+) -> jax.Array:
+    """The action of the aim where it can be done, a door's opening on the way, else `action`."""
+    column, row = env.front(state, params)
+    front = jnp.stack([column, row])
+    door = jnp.all(jnp.asarray(state.level.doors) == front[None], axis=-1) & ~state.doors.opened
+    shut = jnp.any(door) & jnp.all(front == target)
+    action = jnp.where(shut, jnp.int32(INTERACT), action)
+    box = jnp.any(state.things.at(front) & state.things.of(BOX_KIND) & ~_wanted(env, state))
+    deed = jnp.where(box & (aim.action == PICK_UP), jnp.int32(INTERACT), aim.action)
+    away = jnp.any(front != state.cell)
+    at_hand = aim.tiles[row, column] & away & (aim.action != NOWHERE) & (aim.action != DONE)
+    at_hand = at_hand | ((aim.action == DONE) & env.stands_beside(state, aim.tiles))
+    return jnp.where(at_hand, deed, action)
+
+
+def _wanted(env: Any, state: GridState) -> jax.Array:
+    """bool[N], the things that are to be taken up themselves, and what is in no box's place."""
+    number = jnp.arange(state.things.box.shape[0], dtype=jnp.int32)
+    inside = (state.things.box[None] == number[:, None]) & (state.things.place == BOXED)[None]
+    return env.asked_for(state) | ~jnp.any(inside, axis=1)
+
+
+def _survey(state: GridState, *, hands: bool) -> Ground:
+    things, shape = state.things, state.level.walls.shape[-2:]
+    walls = jnp.asarray(state.level.walls)[0] != 0
+    doors = jnp.asarray(state.level.doors)
+    key = things.held & things.of(KEY_KIND)
+    fits = jnp.any(key[None] & (things.colour[None] == state.doors.colour[:, None]), axis=1)
+    # An absent door stands on the map's corner.
+    real = jnp.any(doors != 0, axis=-1)
+    lava = mask_of(things.tile, things.lying & things.of(LAVA_KIND), shape)
+    blocked = mask_of(things.tile, things.blocking, shape) | lava
+    locked = state.doors.locked & ~state.doors.opened
+    without = ~walls | mask_of(doors, real & ~locked, shape)
+    with_key = without | mask_of(doors, real & fits, shape)
+    every = ~walls | mask_of(doors, real, shape)
+    own = mask_of(state.cell[None], jnp.ones(1, bool), shape)
+    free = with_key & ~blocked
+    reached = flood(free | own, own) < FAR
+    return Ground(without & ~blocked, free, every & ~(lava if hands else blocked), reached, own)
+
+
+def _reachable(state: GridState, ground: Ground, aim: Aim) -> Aim:
+    """The aim, or what has to be done first for it, or for that, until nothing is in the way."""
+    doors = jnp.asarray(state.level.doors)
+    shape = ground.own.shape
+    edge = ground.any & ~ground.free & beside(ground.reached)
+
+    def blocked(carry: tuple[Aim, jax.Array]) -> jax.Array:
+        aim, depth = carry
+        near = ground.reached | beside(ground.reached)
+        return ~jnp.any(aim.tiles & near) & jnp.any(edge) & (depth < _DEEPEST)
+
+    def before(carry: tuple[Aim, jax.Array]) -> tuple[Aim, jax.Array]:
+        aim, depth = carry
+        field = jnp.where(edge, flood(ground.any | aim.tiles, aim.tiles), FAR + 1)
+        first = jnp.zeros(field.size, bool).at[jnp.argmin(field)].set(True).reshape(shape)
+        column, row = doors[:, 0], doors[:, 1]
+        shut = first[row, column] & state.doors.locked
+        keys = _keys(state, jnp.sum(jnp.where(shut, state.doors.colour, 0), dtype=jnp.int32))
+        return Aim(jnp.where(jnp.any(shut), keys, first), jnp.int32(PICK_UP)), depth + 1
+
+    start = varying((aim, jnp.int32(0)), state, aim, ground)
+    return jax.lax.while_loop(blocked, before, start)[0]
+
+
+def _keys(state: GridState, colour: jax.Array) -> jax.Array:
+    """bool[rows, columns], where keys of a colour lie, by themselves or in boxes."""
+    things, shape = state.things, state.level.walls.shape[-2:]
+    wanted = things.of(KEY_KIND) & (things.colour == colour)
+    hidden = wanted & (things.place == BOXED)
+    number = jnp.arange(things.box.shape[0], dtype=jnp.int32)
+    boxes = jnp.any((things.box[None] == number[:, None]) & hidden[None], axis=1)
+    return mask_of(things.tile, (wanted | boxes) & things.lying, shape)
+
+
+def _lay_down(state: GridState, ground: Ground, top: Aim, aim: Aim) -> Aim:
+    """The aim, or laying down what is carried, if it needs the hand and no key any more.
+
+    A place for it is one that is not on the shortest ways to what the world asks for, and, if
+    there is one, not beside a door.
+    """
+    things, shape = state.things, ground.own.shape
+    doors = jnp.asarray(state.level.doors)
+    without = flood(ground.open | ground.own, ground.own) < FAR
+    at_once = jnp.any(aim.tiles & (without | beside(without)))
+    full = jnp.any(things.held) & (aim.action == PICK_UP) & at_once
+    every = mask_of(doors, jnp.ones(doors.shape[0], bool), shape)
+    litter = mask_of(things.tile, things.lying, shape)
+    spots = ground.open & ~every & ~litter & ~ground.own & (without | beside(without))
+    there = flood(ground.any | top.tiles, top.tiles)
+    here = flood(ground.any | ground.own, ground.own)
+    length = jnp.min(jnp.where(top.tiles, here, FAR))
+    spots = spots & (there + here > length)
+    apart = spots & ~beside(every)
+    spots = select(jnp.any(apart), apart, spots)
+    return select(full & jnp.any(spots), Aim(spots, jnp.int32(DROP)), aim)
+
+
+def _burns(body: Gait, scene: Any, state: GridState, *, hands: bool) -> jax.Array:
+    """bool[]: whether walking on would end in lava, or in what moves by itself."""
+    arm = forward(state.heading) * jnp.minimum(body.step * body.steps, 0.99)
+    touched = touched_door(scene.level, scene.closed, state.position, arm)
+    danger = state.things.of(LAVA_KIND) | (not hands)
+    return jnp.any(touched[state.doors.opened.shape[0] :] & danger)

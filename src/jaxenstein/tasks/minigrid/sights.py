@@ -1,0 +1,122 @@
+"""What a world of things and doors looks like: what lies there, is carried, and was asked for.
+
+What is carried is drawn small at the lower right, as in a hand, and what an instruction names at
+the lower left: billboards right before the eye, which nothing hides but a wall that the nose is at.
+So an agent that sees the picture alone knows what one with the `dict` observation knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...engine.art import load_art
+from ...engine.camera import Camera
+from ...engine.motion import forward
+from ...engine.scene import Scene, Sprites, Theme
+from ...maps.symbols import door_label
+from ...maps.things import COLOURS
+from ..appearance import build_theme
+from .state import DOOR_KIND, KINDS, PORTABLE, GridState
+
+# Tiles before the eye of what is in the hand; nearer ones are behind it.
+_NEAR = 0.06
+# Sizes and places of the small pictures, as shares of half the image's height and width.
+_SIDE, _RIGHT, _LEFT, _NEXT = 0.2, 0.6, -0.75, -0.3
+
+
+def theme_of(kinds: Sequence[int], camera: Camera, *, asks: bool) -> Theme:
+    """The look of a world: each kind in its colours, and the portable ones again, small.
+
+    Args:
+        kinds: those that the world may hold.
+        camera: of the environment, which says where the small ones are seen.
+        asks: whether instructions name things and doors.
+    """
+    whole = tuple(label for kind in kinds for label in KINDS[kind].labels)
+    small = tuple(label for kind in _small(kinds) for label in KINDS[kind].labels)
+    theme = build_theme((*whole, *small), doors=True)
+    drop, radius = _low(camera)
+    table = np.arange(len(whole) + len(small)) < len(whole)
+    theme = theme.replace(
+        sprite_radius=np.where(table, theme.sprite_radius, radius).astype(np.float32),
+        sprite_drop=np.where(table, theme.sprite_drop, drop).astype(np.float32),
+    )
+    return _with_doors(theme, radius, drop) if asks and DOOR_KIND in kinds_asked(kinds) else theme
+
+
+def kinds_asked(kinds: Sequence[int]) -> tuple[int, ...]:
+    """The kinds that an instruction may name: what can be carried, or doors if nothing can."""
+    return _small(kinds) or (DOOR_KIND,)
+
+
+def scene_of(state: GridState, theme: Theme, kinds: Sequence[int], camera: Camera) -> Scene:
+    """What there is to see in a state."""
+    things = state.things
+    looks = _first_looks(kinds, small=False)[things.kind] + _shade(things.colour, things.kind)
+    held = jnp.stack([_sum(things.kind, things.held), _sum(things.colour, things.held)])
+    small = jnp.concatenate([jnp.where(jnp.any(things.held), held, -1)[None], state.asked])
+    places = np.array((_RIGHT, _LEFT, _NEXT), np.float32) * np.float32(camera.half_plane * _NEAR)
+    ahead = forward(state.heading)
+    aside = jnp.stack([-ahead[1], ahead[0]])
+    before = state.position[None] + _NEAR * ahead[None] + places[:, None] * aside[None]
+    kind = jnp.clip(small[:, 0], 0, DOOR_KIND)
+    return Scene(
+        level=state.level,
+        closed=~state.doors.opened,
+        position=state.position,
+        heading=state.heading,
+        sprites=Sprites(
+            position=jnp.concatenate([things.tile.astype(jnp.float32) + 0.5, before]),
+            look=jnp.concatenate([looks, _first_looks(kinds, small=True)[kind] + small[:, 1]]),
+            visible=jnp.concatenate([things.lying, small[:, 0] >= 0]),
+        ),
+        theme=theme,
+    )
+
+
+def _small(kinds: Sequence[int]) -> tuple[int, ...]:
+    return tuple(kind for kind in kinds if kind < PORTABLE)
+
+
+def _first_looks(kinds: Sequence[int], *, small: bool) -> jax.Array:
+    """int32[kinds and the door], the look of each kind's first colour; 0 where it has none."""
+    count = sum(len(KINDS[kind].labels) for kind in kinds) if small else 0
+    looks = np.zeros(DOOR_KIND + 1, np.int32)
+    for kind in _small(kinds) if small else kinds:
+        looks[kind] = count
+        count += len(KINDS[kind].labels)
+    looks[DOOR_KIND] = count
+    return jnp.asarray(looks)
+
+
+def _shade(colour: jax.Array, kind: jax.Array) -> jax.Array:
+    return jnp.where(kind < PORTABLE, colour, 0)
+
+
+def _sum(values: jax.Array, which: jax.Array) -> jax.Array:
+    return jnp.sum(jnp.where(which, values, 0), dtype=jnp.int32)
+
+
+def _low(camera: Camera) -> tuple[float, float]:
+    """How far below the eye the small pictures are, and half their side, in tiles."""
+    half = camera.height / (2 * camera.row_focal)
+    radius = _SIDE * min(half, camera.half_plane)
+    return (half - 1.15 * radius) * _NEAR, radius * _NEAR
+
+
+def _with_doors(theme: Theme, radius: float, drop: float) -> Theme:
+    """A theme with a small door in each colour."""
+    count = len(COLOURS)
+    shades = np.array([[rgb, [0.5 * part for part in rgb]] for _, rgb in COLOURS], np.float32)
+    labels = [door_label(colour, locked=False) for colour in range(count)]
+    return theme.replace(
+        sprite_art=np.concatenate([theme.sprite_art, np.stack([load_art("door-sign")] * count)]),
+        sprite_colours=np.concatenate([theme.sprite_colours, shades]),
+        sprite_radius=np.append(theme.sprite_radius, np.full(count, radius, np.float32)),
+        sprite_drop=np.append(theme.sprite_drop, np.full(count, drop, np.float32)),
+        sprite_labels=np.append(theme.sprite_labels, np.array(labels, np.uint8)),
+    )
