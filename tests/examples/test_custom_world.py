@@ -1,0 +1,32 @@
+"""The world of one's own: all its levels can be solved, and the planner does it."""
+
+import jax
+import numpy as np
+import pytest
+
+from examples.custom_world import BringBack
+from jaxenstein.players import play, player_of
+from tests.tasks.minigrid.search import reached
+
+
+@pytest.fixture(scope="module")
+def levels():
+    env = BringBack(height=8, width=8)
+    draw = jax.jit(jax.vmap(lambda key: env.init_state(key, env.default_params)))
+    return env, draw(jax.random.split(jax.random.key(0), 256))
+
+
+def test_everything_can_be_had(levels):
+    _, states = levels
+    seen, got, opened = reached(jax.device_get(states))
+    assert got.all()
+    assert opened.all()
+    assert seen[:, 1:5, 6:10].any(axis=(1, 2)).all()
+
+
+@pytest.mark.slow
+def test_the_planner_solves_it(levels):
+    env, states = levels
+    few = jax.tree.map(lambda leaf: leaf[:32], states)
+    played = play(env, player_of(env), env.check_params(), jax.random.key(1), few)
+    assert np.asarray(played.successes).all()
