@@ -29,7 +29,7 @@ class BringBack(GridWorld):
     asks: ClassVar[bool] = True
     aim_words: ClassVar[str] = "brought the ball back"
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the door, the box with its key, the balls, the start and the instruction."""
         del params
         sketch = RoomSketch(key, across=2, down=1)

@@ -32,7 +32,7 @@ class Drawn(GridWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND, GOAL_KIND, LAVA_KIND)
 
-    def init_state(self, key, params):
+    def lay_out(self, key, params):
         """The drawing."""
         del params
         lines = self.text.split()

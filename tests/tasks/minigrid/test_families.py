@@ -154,3 +154,12 @@ def test_ids_and_horizons():
 def test_sizes_that_cannot_be_built_are_refused(kind, settings, match):
     with pytest.raises(SettingError, match=match):
         kind(**settings)
+
+
+def test_levels_of_a_range_are_those_of_their_seeds():
+    env = build(*SIZES["fetch-8x8-n3"])(height=8, width=8, levels=(7, 9))
+    draw = jax.jit(jax.vmap(lambda key: env.init_state(key, env.default_params)))
+    states = jax.device_get(draw(jax.random.split(jax.random.key(0), 64)))
+    assert len(np.unique(states.things.tile.reshape(64, -1), axis=0)) == 2
+    assert len(np.unique(states.position, axis=0)) <= 2
+    assert env.about().generated

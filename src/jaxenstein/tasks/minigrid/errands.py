@@ -49,7 +49,7 @@ class GoToDoor(GridWorld):
         super().__post_init__()
         check_size(self, "size", 5, 32)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the room, its doors, the start and the instruction."""
         del params
         # A margin of one tile, since doors do not stand on a map's border.
@@ -103,7 +103,7 @@ class GoToObject(GoToDoor):
         super().__post_init__()
         check_size(self, "objects", 1, 4)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the things, the start and the instruction."""
         del params
         sketch = Sketch(key, self.size, self.size)
@@ -141,7 +141,7 @@ class Fetch(PickUpWorld):
         check_size(self, "size", 5, 32)
         check_size(self, "objects", 2, 3)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the things, the start, and which of them to fetch.
 
         In MiniGrid two things may shut the agent, or the thing to fetch, into a corner; here
@@ -197,7 +197,7 @@ class PutNear(GridWorld):
         check_size(self, "size", 6, 32)
         check_size(self, "objects", 2, 2 if self.size < 8 else 3)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the things, none of which is beside another, the start and the instruction."""
         del params
         sketch = Sketch(key, self.size, self.size)
@@ -272,7 +272,7 @@ class Memory(GridWorld):
         super().__post_init__()
         check_size(self, "size", 7, 63)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the first thing, which of both is where, the hall's length and the start."""
         del params
         size, middle, green = self.size, self.size // 2, 1

@@ -35,7 +35,7 @@ class DoorKey(GridWorld):
         super().__post_init__()
         check_size(self, "size", 5, 64)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the wall, the door, the start and the key."""
         del params
         size = self.size
@@ -56,7 +56,7 @@ class LockedRoom(GridWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, GOAL_KIND)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the rooms of the goal and of the key, and the six colours of the doors."""
         del params
         size, left, right = 19, 7, 11
@@ -100,7 +100,7 @@ class RedBlueDoors(GridWorld):
         super().__post_init__()
         check_size(self, "size", 4, 32)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the start and the places of the doors."""
         del params
         size, left = self.size, self.size // 2

@@ -47,7 +47,7 @@ class KeyCorridorBall(PickUpWorld):
     def _layout(self) -> KeyCorridor:
         return KeyCorridor(room_size=self.room_size, room_rows=self.room_rows)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw a layout, and the colour of the ball."""
         del params
         drawn = self._layout.init_state(key, NavigationParams())
@@ -98,7 +98,7 @@ class ObstructedMaze(PickUpWorld):
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
     aim_words: ClassVar[str] = "picked up the blue ball"
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw doors and their colours, what blocks them, the keys, the ball and the start."""
         del params
         sketch = RoomSketch(key, 3, 3) if self.quarters else RoomSketch(key, 2, 1)

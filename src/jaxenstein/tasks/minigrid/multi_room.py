@@ -56,7 +56,7 @@ class MultiRoom(GridWorld):
         check_size(self, "rooms", 2, 6)
         check_size(self, "room_size", LEAST, 10)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw chains until one has all its rooms; then doors, start and goal.
 
         Where none of 4096 chains has, which is all but impossible, the last one is taken: a goal

@@ -31,7 +31,7 @@ class Empty(GridWorld):
         super().__post_init__()
         check_size(self, "size", 4, 64)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """The room."""
         del params
         return self.room(key).state()
@@ -58,7 +58,7 @@ class FourRooms(GridWorld):
         super().__post_init__()
         check_size(self, "size", 7, 63)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Walls, gaps, start and goal."""
         del params
         sketch, half = Sketch(key, self.size, self.size), self.size // 2
@@ -98,7 +98,7 @@ class Crossing(GridWorld):
         check_size(self, "size", 5, 63)
         check_size(self, "crossings", 1, self.size - 3)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw which lines are crossed, an order in which to cross them, and the gaps."""
         del params
         size, count = self.size, self.crossings
@@ -160,7 +160,7 @@ class LavaGap(GridWorld):
         super().__post_init__()
         check_size(self, "size", 5, 64)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the gap."""
         del params
         size = self.size
@@ -189,7 +189,7 @@ class DistShift(GridWorld):
         super().__post_init__()
         check_size(self, "strip_row", 2, 5)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """The one layout."""
         del params
         sketch = Sketch(key, 9, 7)

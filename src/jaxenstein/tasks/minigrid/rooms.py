@@ -105,7 +105,7 @@ class Unlock(GridWorld):
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND,)
     aim_words: ClassVar[str] = "opened the door"
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the door, its key and the start."""
         del params
         sketch = RoomSketch(key, 2, 1)
@@ -138,7 +138,7 @@ class UnlockPickup(PickUpWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the box, the door, its key and the start."""
         del params
         sketch = RoomSketch(key, 2, 1)

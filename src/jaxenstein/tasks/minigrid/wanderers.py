@@ -58,7 +58,7 @@ class DynamicObstacles(Empty):
         super().__post_init__()
         check_size(self, "obstacles", 1, self.size // 2 + 1)
 
-    def init_state(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """The room with its balls."""
         del params
         sketch = self.room(key)

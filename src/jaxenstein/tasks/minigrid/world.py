@@ -23,7 +23,7 @@ from ...errors import SettingError
 from ...maps.things import COLOUR_NAMES
 from ...params import number
 from ...spaces import Box
-from ..first_person import FirstPerson
+from ..generated import GeneratedTask
 from ..steering import ACTION_NAMES, SteeringParams, steer
 from .aims import NOWHERE, Aim
 from .hand import handle, tile_in_front
@@ -68,7 +68,7 @@ DEFAULTS = GridParams()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class GridWorld(FirstPerson[GridState, GridParams]):
+class GridWorld(GeneratedTask[GridState, GridParams]):
     """Base of worlds of things and doors; subclasses lay them out and say what solves them.
 
     Actions: turn left, turn right, move forward, move backward, interact, pick up, drop, done. A
@@ -105,9 +105,13 @@ class GridWorld(FirstPerson[GridState, GridParams]):
         """How the world looks."""
         return theme_of(self.kinds, self.camera, asks=self.asks)
 
-    @abc.abstractmethod
     def init_state(self, key: jax.Array, params: GridParams) -> GridState:
-        """Lay a world out."""
+        """Lay a world out, its start included; with `levels`, one of those."""
+        return self.lay_out(self.level_key(key), params)
+
+    @abc.abstractmethod
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw the walls, doors and things, the start and the instruction."""
 
     def judge(
         self, before: GridState, after: GridState, action: jax.Array, params: GridParams
@@ -183,7 +187,7 @@ class GridWorld(FirstPerson[GridState, GridParams]):
             variables={"carried": "label of what is carried, 0 for nothing"},
             players={"planner": PLANNER},
             expert="planner",
-            generated=True,
+            generated=super().about().generated,
             holds={
                 "no more than one thing is carried": lambda state: (
                     jnp.sum(state.things.held, dtype=jnp.int32) <= 1
