@@ -27,6 +27,7 @@ NAMES = (
     "health-gathering-supreme",
     "basic",
     "simpler-basic",
+    "take-cover",
 )
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _BLOCK = re.compile(r"(\w+)\s*\{([^{}]*)\}")

@@ -32,6 +32,8 @@ IDS = (
     "doom-health-gathering-supreme",
     "doom-basic",
     "doom-simpler-basic",
+    "doom-defend-the-center",
+    "doom-take-cover",
 )
 # A player of `players_of`, or the expert, and the tics for which it keeps an action.
 PLAYERS = (("idle", 1), ("uniform", 1), ("uniform", 4), ("expert", 1))

@@ -203,6 +203,18 @@ def _memory_maze(size: int) -> Build:
     return functools.partial(MemoryMaze, plan=plan, things=things, defaults=defaults)
 
 
+def _doom_center() -> Build:
+    from .tasks.doom.defend import DoomDefendTheCenter
+
+    return DoomDefendTheCenter
+
+
+def _doom_cover() -> Build:
+    from .tasks.doom.cover import DoomTakeCover
+
+    return DoomTakeCover
+
+
 def _entry(family: str, summary: str, load: Callable[..., Build], **variant: Any) -> Entry:
     return Entry(summary, functools.partial(load, **variant), family=family)
 
@@ -325,6 +337,16 @@ ENTRIES: dict[str, Entry] = {
             simpler=True,
         ),
         variant_of="doom-basic",
+    ),
+    "doom-defend-the-center": _entry(
+        "doom-defend-the-center",
+        "ViZDoom's Defend the Center itself: turn and shoot what comes from all around",
+        _doom_center,
+    ),
+    "doom-take-cover": _entry(
+        "doom-take-cover",
+        "ViZDoom's Take Cover itself: dodge the fireballs of ever more imps",
+        _doom_cover,
     ),
 }
 

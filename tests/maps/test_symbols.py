@@ -17,7 +17,9 @@ from jaxenstein.maps.things import (
     CACODEMON,
     COLOUR_NAMES,
     DEMON,
+    FIREBALL,
     GOAL,
+    IMP,
     KEY,
     LAVA,
     MARINE,
@@ -38,8 +40,9 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert (GOAL.label, APPLE.label, MEDKIT.label, POISON.label) == (111, 112, 113, 114)
     assert (BALL.labels, BOX.labels, LAVA.label) == (range(115, 121), range(121, 127), 127)
     assert (CACODEMON.label, DEMON.label, MARINE.label) == (128, 129, 130)
-    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 131
-    assert LABEL_COLOURS.shape == (131, 3)
+    assert (IMP.label, FIREBALL.label) == (131, 132)
+    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 133
+    assert LABEL_COLOURS.shape == (133, 3)
     assert LABEL_COLOURS.dtype == np.uint8
     assert not LABEL_COLOURS.flags.writeable
 

@@ -111,6 +111,8 @@ LAVA = Thing("lava", 127, (255, 106, 0), "lava", 0.5, 0.0, detail=(255, 196, 40)
 CACODEMON = Thing("cacodemon", 128, (178, 62, 66), "cacodemon", 0.4, 0.1, detail=(240, 220, 120))
 DEMON = Thing("demon", 129, (206, 96, 110), "demon-one", 0.4, 0.1, detail=(240, 220, 210))
 MARINE = Thing("marine", 130, (92, 140, 80), "soldier-one", 0.4, 0.1, detail=(190, 170, 80))
+IMP = Thing("imp", 131, (150, 96, 56), "imp-one", 0.4, 0.1, detail=(230, 200, 60))
+FIREBALL = Thing("fireball", 132, (255, 150, 40), "fireball", 0.15, 0.1, detail=(255, 236, 160))
 
 THINGS: tuple[Thing, ...] = (
     KEY,
@@ -124,6 +126,8 @@ THINGS: tuple[Thing, ...] = (
     CACODEMON,
     DEMON,
     MARINE,
+    IMP,
+    FIREBALL,
 )
 """All of them, in the order of their labels."""
 

@@ -13,7 +13,7 @@ from ...engine.art import load_art
 from ...engine.scene import Theme
 from ...engine.shade import Light
 from ...maps.symbols import LABEL_COLOURS, SYMBOLS
-from ...maps.things import CACODEMON, DEMON, GOAL, MARINE, MEDKIT, POISON, RGB
+from ...maps.things import CACODEMON, DEMON, FIREBALL, GOAL, IMP, MARINE, MEDKIT, POISON, RGB
 from .lattice import Tiles
 
 EYE = 41
@@ -38,10 +38,11 @@ TEXTURES: dict[str, tuple[str, RGB]] = {
     "BRICK9": ("L", (72, 54, 35)),
     "CEMENT3": ("Q", (136, 134, 130)),
     "TANROCK2": ("W", (133, 108, 87)),
+    "BRICK12": ("I", (112, 89, 70)),
 }
 # Mean colours of the textures FLAT1_1, NUKAGE1, CEIL4_1; FLOOR0_1, FLAT4, CEIL1_1, CEIL1_2.
 BROWN, ACID, CEILING = (65, 46, 26), (23, 47, 13), (0, 0, 25)
-GREY = (98, 98, 98)  # FLOOR0_5
+GREY, CRATES = (98, 98, 98), (81, 81, 81)  # FLOOR0_5, CRATOP1
 TAN, SLATE, TILES, OCHRE = (116, 92, 72), (38, 38, 38), (88, 67, 49), (73, 64, 29)
 
 
@@ -79,8 +80,13 @@ def _monster(label: int, art: str, side: float, shape: RGB, detail: RGB) -> tupl
 
 MONSTERS = {
     "demon": _monster(DEMON.label, "demon", 60, (161, 68, 68), (236, 206, 190)),
+    "imp": _monster(IMP.label, "imp", 60, (82, 52, 28), (200, 170, 60)),
     "chainsaw marine": _monster(MARINE.label, "soldier", 58, (74, 98, 65), (170, 140, 60)),
 }
+FIREBALLS = (
+    Picture(FIREBALL.label, "fireball", 16, (236, 140, 40), (255, 230, 150), lift=24),
+    Picture(FIREBALL.label, "burst", 40, (200, 80, 20), (255, 200, 90), lift=12),
+)
 CACODEMONS = (
     Picture(CACODEMON.label, "cacodemon", 66, (66, 38, 42), (150, 120, 60)),
     Picture(CACODEMON.label, "cacodemon-dead", 66, (66, 38, 42), (70, 70, 160)),

@@ -40,7 +40,9 @@ def bearing(offset: jax.Array) -> jax.Array:
 
 def offsets(origin: jax.Array, places: jax.Array) -> jax.Array:
     """float32[..., 2]: from int32[..., 2] to int32[..., 2], in map units."""
-    return (places - origin).astype(jnp.float32) * jnp.float32(1 / ONE)
+    rank = max(origin.ndim, places.ndim)
+    way = ranked(places, rank) - ranked(origin, rank)
+    return way.astype(jnp.float32) * jnp.float32(1 / ONE)
 
 
 def to_boxes(offset: jax.Array, ray: jax.Array, half_width: jax.Array | np.ndarray) -> jax.Array:
@@ -110,7 +112,7 @@ def first_body(
         walls: float32[L, 4] that stop rays.
         reach: how far the rays go.
     """
-    offset = offsets(origin[..., None, :], ranked(places, ray.ndim + 1))
+    offset = offsets(origin[..., None, :], places)
     distance = to_boxes(offset, ray[..., None, :], half_widths)
     limit = to_walls(origin, ray, walls)
     limit = jnp.minimum(limit, ranked(jnp.asarray(reach, jnp.float32), limit.ndim))

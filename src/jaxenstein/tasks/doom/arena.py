@@ -1,0 +1,189 @@
+"""What ViZDoom's scenarios with monsters that fight have in common: who hurts whom in a tic."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import functools
+from typing import ClassVar, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...engine.scene import Theme
+from ...environment import Info, Params
+from ...maps.things import RGB
+from ...pytree import PyTreeNode
+from .bodies import overlap
+from .creatures import Creatures, act, hurt
+from .dice import byte
+from .fixed import ONE
+from .geometry import RADIUS
+from .kinds import Kind, Pose, Roster
+from .look import MONSTERS, Picture, doom_theme
+from .shooter import DoomShooter, DoomShooterState
+from .shots import offsets, segments
+from .strikes import strike, throws
+
+
+class DoomArenaState(DoomShooterState):
+    """State of a player among monsters.
+
+    Attributes:
+        creatures: the monsters.
+        kills: int32[], monsters killed in this episode.
+    """
+
+    creatures: Creatures
+    kills: jax.Array
+
+
+class Fought(PyTreeNode):
+    """What came of a tic of fighting.
+
+    Attributes:
+        fires: bool[], whether the player's bullet left.
+        killed: bool[N], the monsters that died.
+        throws: bool[N], the monsters that throw something.
+    """
+
+    fires: jax.Array
+    killed: jax.Array
+    throws: jax.Array
+
+
+S = TypeVar("S", bound=DoomArenaState)
+P = TypeVar("P", bound=Params)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DoomArena(DoomShooter[S, P]):
+    """Base of scenarios with monsters that fight."""
+
+    cast: ClassVar[tuple[Kind, ...]]
+    floor: ClassVar[RGB]
+    ceiling: ClassVar[RGB]
+
+    @functools.cached_property
+    def roster(self) -> Roster:
+        """The kinds of the monsters."""
+        return Roster(self.cast)
+
+    @property
+    def game_things(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """What the game calls them."""
+        return tuple(kind.game_name for kind in self.roster.kinds)
+
+    @property
+    def thing_labels(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The label of each."""
+        return tuple(MONSTERS[kind.name][0].label for kind in self.roster.kinds)
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Of each kind, pose by pose."""
+        return tuple(look for kind in self.roster.kinds for look in MONSTERS[kind.name])
+
+    @property
+    def half_widths(self) -> np.ndarray:
+        """int32[N]: of the monsters."""
+        return self.roster.half_widths
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the map looks."""
+        light = self.doom_map.light
+        return doom_theme(
+            self.pictures, floor=self.floor, ceiling=self.ceiling, level=light, unit=self.unit
+        )
+
+    @functools.cached_property
+    def monster_walls(self) -> np.ndarray:
+        """float32[L, 4]: what monsters do not cross."""
+        return segments(self.doom_map.walls)
+
+    @abc.abstractmethod
+    def damage_factor(self, params: P) -> jax.Array:
+        """float32[]: by which what hurts the player is multiplied."""
+
+    def fight(self, key: jax.Array, state: S, action: jax.Array, params: P) -> tuple[S, Fought]:
+        """A tic: the player turns, shoots, and moves; then the monsters do."""
+        roster, before = self.roster, state.creatures
+        rays = max(int(roster.rays.max()), 1)
+        bits = jax.random.bits(key, (len(roster) + 1, 4 + rays), jnp.uint32)
+
+        def bodies(place: jax.Array) -> jax.Array:
+            width = np.full(len(roster), RADIUS, np.int32)
+            met = overlap(place[None], width, before.position, roster.half_widths)
+            return jnp.any(met & before.living)
+
+        origin = state.fixed_position
+        state, _ = self.moved(state, action, bodies)
+        state, fires, towards = self.shoot(state, state.angle, action, bits[-1, 0])
+        hit = fires & self.struck(origin, towards, before.position, before.living)
+        damage = jnp.where(hit, self.weapon.damage(byte(bits[-1, 0], 2)), 0)
+        creatures = hurt(roster, before, damage, bits[:-1, 0])
+        creatures, strikes = act(
+            roster,
+            creatures,
+            state.fixed_position,
+            fires,
+            bits[:-1, 1:3],
+            opaque=self.opaque_walls,
+            walls=self.monster_walls,
+        )
+        lost, friendly = strike(
+            roster, creatures, strikes, state.fixed_position, bits[:-1, 4:], self.opaque_walls
+        )
+        creatures = hurt(roster, creatures, friendly, bits[:-1, 3])
+        state = state.replace(creatures=creatures)
+        state = self.suffer(state, creatures.position, lost, params)
+        killed = before.living & ~creatures.living
+        state = state.replace(kills=state.kills + jnp.sum(killed, dtype=jnp.int32))
+        return state, Fought(fires, killed, throws(roster, creatures, strikes, lost))
+
+    def suffer(self, state: S, origins: jax.Array, damage: jax.Array, params: P) -> S:
+        """The state after blows to the player, which also push it by an eighth of a unit a point.
+
+        Args:
+            state: before them.
+            origins: int32[N, 2], where each comes from.
+            damage: int32[N], before the damage factor.
+            params: of the environment.
+        """
+        factor = jnp.asarray(self.damage_factor(params), jnp.float32)
+        lost = jnp.floor(damage.astype(jnp.float32) * factor)
+        way = offsets(origins, state.fixed_position[None])
+        length = jnp.maximum(jnp.sqrt(jnp.sum(way**2, axis=-1, keepdims=True)), 1)
+        push = jnp.sum(way / length * (lost[:, None] * jnp.float32(ONE / 8)), axis=0)
+        health = state.health - jnp.sum(lost).astype(jnp.int32)
+        return state.replace(
+            health=jnp.maximum(health, 0),
+            fixed_velocity=state.fixed_velocity + push.astype(jnp.int32),
+        )
+
+    def describe(self, state: S, params: P) -> Info:
+        """Add the kills."""
+        return super().describe(state, params) | {"killed": state.kills}
+
+    def things(self, state: S) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """The monsters."""
+        poses = (
+            jnp.asarray(self.roster.poses).at[state.creatures.frame].get(mode="promise_in_bounds")
+        )
+        looks = jnp.asarray(self.roster.cast) * len(Pose) + poses
+        return state.creatures.position, looks, state.creatures.present
+
+    def with_things(self, state: S, health: int, things: np.ndarray) -> S:
+        """The state with the monsters of the game, kind by kind in the roster's places."""
+        creatures, count = state.creatures, len(self.roster)
+        place, present = np.zeros((count, 2), np.int32), np.zeros(count, bool)
+        for kind in range(len(self.roster.kinds)):
+            slots = np.flatnonzero(self.roster.cast == kind)
+            rows = things[things[:, 0] == kind][: len(slots)]
+            place[slots[: len(rows)]], present[slots[: len(rows)]] = rows[:, 1:3], True
+        creatures = creatures.replace(
+            position=place, present=present, health=np.where(present, 1, 0).astype(np.int32)
+        )
+        return state.replace(creatures=creatures, health=np.int32(health))

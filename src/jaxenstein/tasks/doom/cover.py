@@ -1,0 +1,235 @@
+"""ViZDoom's Take Cover, tic by tic: step out of the way of fireballs for as long as it goes."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...about import About, Event
+from ...environment import Info
+from ...maps.things import FIREBALL, RGB
+from ...params import Params, Scalar, number
+from ...spaces import Box
+from ..draws import draw_index
+from ..health import FULL_HEALTH
+from .arena import DoomArena, DoomArenaState
+from .bodies import overlap
+from .buttons import MOVE_LEFT, MOVE_RIGHT
+from .creatures import placed
+from .dice import byte, roll
+from .dodging import DODGE
+from .fixed import ONE
+from .geometry import RADIUS
+from .kinds import IMP, Kind, Pose, Roster
+from .look import CRATES, FIREBALLS, Picture
+from .projectiles import Projectiles, fly, no_projectiles, throw
+from .walls import START
+
+# Imps stand on this line, from the one y to the other; there is room for so many.
+LINE, LOWEST, HIGHEST, MOST = 64, 20, 652, 16
+_FIRST = (20, 278, 652)
+# Fireballs: half-width, map units a tic, the damage's factor and die, tics that a burst is seen.
+BALL, SPEED, DICE, SIDES, BURST = 6, 10, 3, 8, 18
+# In flight at the same time; more would take the place of the oldest.
+_BALLS = 24
+
+
+class DoomCoverParams(Params):
+    """The numbers of the task.
+
+    Attributes:
+        living_reward: reward of every tic, the last one included.
+        period: tics from one new imp to the next.
+        damage_factor: what hurts the player is multiplied by it.
+    """
+
+    max_steps_in_episode: Scalar = 2100
+    discount: Scalar = 0.99
+    living_reward: Scalar = 1.0
+    period: Scalar = number(60, 1)
+    damage_factor: Scalar = number(7.0, 0)
+
+
+DEFAULTS = DoomCoverParams()
+
+
+class DoomCoverState(DoomArenaState):
+    """State of the task.
+
+    Attributes:
+        balls: the fireballs.
+    """
+
+    balls: Projectiles
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DoomTakeCover(DoomArena[DoomCoverState, DoomCoverParams]):
+    """Dodge fireballs: imps at the other side of the room throw them, and become ever more.
+
+    One or two hits kill, and the imps cannot be hurt. Reward: `living_reward` in every tic. Death
+    terminates; the game knows no time limit, here it is 2100 tics.
+    """
+
+    map_name: ClassVar[str] = "take-cover"
+    unit: ClassVar[int] = 32
+    button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT)
+    cast: ClassVar[tuple[Kind, ...]] = (IMP,) * MOST
+    floor: ClassVar[RGB] = CRATES
+    ceiling: ClassVar[RGB] = CRATES
+    ammo: ClassVar[int] = 0
+    wins_by_time: ClassVar[bool] = True
+
+    @functools.cached_property
+    def roster(self) -> Roster:
+        """Imps that stay where they are."""
+        return Roster(self.cast, speed=0)
+
+    @property
+    def game_things(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Imps and fireballs."""
+        return (*super().game_things, "DoomImpBall")
+
+    @property
+    def thing_labels(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Their labels."""
+        return (*super().thing_labels, FIREBALL.label)
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Of imps, fireballs and bursts."""
+        return (*super().pictures, *FIREBALLS)
+
+    @property
+    def default_params(self) -> DoomCoverParams:
+        """The params that `params=None` stands for."""
+        return DEFAULTS
+
+    @property
+    def starts(self) -> np.ndarray:
+        """float[1, 2]: the start."""
+        return np.array([(thing.x, thing.y) for thing in self.doom_map.of_kind(START)])
+
+    def damage_factor(self, params: DoomCoverParams) -> jax.Array:
+        """float32[]: that of the params."""
+        return jnp.asarray(params.damage_factor)
+
+    def init_state(self, key: jax.Array, params: DoomCoverParams) -> DoomCoverState:
+        """Three imps, who have not noticed the player yet."""
+        del key, params
+        places = np.zeros((MOST, 2), np.int32)
+        places[: len(_FIRST)] = [(LINE * ONE, y * ONE) for y in _FIRST]
+        creatures = self._imps(jnp.asarray(places), jnp.arange(MOST) < len(_FIRST))
+        return DoomCoverState(
+            **self.drawn(jnp.zeros(2, jnp.uint32), (0, 0)),
+            **self.armed(),
+            creatures=creatures,
+            kills=jnp.int32(0),
+            balls=no_projectiles(_BALLS),
+        )
+
+    def _imps(self, places: jax.Array, present: jax.Array) -> Any:
+        """Imps that look west and have ticked once."""
+        west = jnp.full(MOST, np.uint32(1 << 31))
+        new = placed(self.roster, places, west, present, jnp.asarray(self.roster.health))
+        return new.replace(tics=new.tics - 1)
+
+    def transition(
+        self, key: jax.Array, state: DoomCoverState, action: jax.Array, params: DoomCoverParams
+    ) -> tuple[DoomCoverState, jax.Array, jax.Array, Info]:
+        """Step, let the imps throw and the fireballs fly; every now and then one more imp."""
+        fight_key, ball_key, imp_key = jax.random.split(key, 3)
+        time = state.time + 1
+        state, fought = self.fight(fight_key, state, action, params)
+        player, imps = state.fixed_position, state.creatures
+        balls = throw(state.balls, fought.throws, imps.position, player, SPEED)
+        others = imps.position, self.roster.half_widths, imps.living
+        balls, hits = fly(balls, BALL, (player, RADIUS), others, self.monster_walls, BURST)
+        luck = byte(jax.random.bits(ball_key, (_BALLS,), jnp.uint32), 0)
+        lost = jnp.where(hits, roll(DICE, SIDES, luck), 0)
+        state = self.suffer(state.replace(balls=balls), balls.position, lost, params)
+        comes = time % jnp.maximum(params.period, 1) == 0
+        state = state.replace(creatures=self._joined(imp_key, imps, comes))
+        dead = state.health <= 0
+        count = jnp.sum(hits, dtype=jnp.int32)
+        reward = jnp.asarray(params.living_reward, jnp.float32)
+        return state, reward, dead, {"hits": count, "died": dead}
+
+    def _joined(self, key: jax.Array, imps: Any, comes: jax.Array) -> Any:
+        """The imps with one more, if it comes now and finds room where it is to stand."""
+        drawn = draw_index(jax.random.bits(key, (), jnp.uint32), (HIGHEST - LOWEST) * ONE + 1)
+        place = jnp.stack([jnp.int32(LINE * ONE), LOWEST * ONE + drawn])
+        width = self.roster.half_widths
+        room = ~jnp.any(overlap(place[None], width, imps.position, width) & imps.present)
+        free = ~imps.present
+        here = comes & room & free & (jnp.cumsum(free) == 1)
+        new = self._imps(jnp.broadcast_to(place[None], imps.position.shape), imps.present | here)
+
+        def chosen(fresh: jax.Array, kept: jax.Array) -> jax.Array:
+            return jnp.where(here.reshape((-1,) + (1,) * (kept.ndim - 1)), fresh, kept)
+
+        return jax.tree.map(chosen, new, imps)
+
+    def succeeded(
+        self,
+        state: DoomCoverState,
+        reward: jax.Array,
+        terminated: jax.Array,
+        events: Info,
+        params: DoomCoverParams,
+    ) -> jax.Array:
+        """Whether the time limit was reached alive."""
+        del reward, events, params
+        return state.done & ~terminated
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        return About(
+            aim="reached the time limit alive",
+            ends="where the player dies",
+            rewards={"living_reward": "{:+g} a tic"},
+            events={
+                "hits": Event("was hit by a fireball", "was hit by {} fireballs"),
+                "died": Event("died"),
+            },
+            variables={
+                "health": "0 to 100",
+                "ammo": "bullets left: there is no weapon here",
+                "killed": "monsters killed",
+            },
+            captions=("health",),
+            players={"dodge": DODGE},
+            expert="dodge",
+        )
+
+    def variables(self, state: DoomCoverState) -> dict[str, jax.Array]:
+        """`health`: float32[1]."""
+        return {"health": state.health.astype(jnp.float32)[None]}
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """Its space."""
+        return {"health": Box(0.0, float(FULL_HEALTH), (1,), np.dtype(np.float32))}
+
+    def things(self, state: DoomCoverState) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """Imps, fireballs and bursts."""
+        places, looks, present = super().things(state)
+        balls = state.balls
+        ball = jnp.where(balls.flies, np.int32(len(Pose)), np.int32(len(Pose) + 1))
+        return (
+            jnp.concatenate([places, balls.position]),
+            jnp.concatenate([looks, ball]),
+            jnp.concatenate([present, balls.flies | (balls.bursts > 0)]),
+        )
+
+    def with_things(self, state: DoomCoverState, health: int, things: np.ndarray) -> DoomCoverState:
+        """The state with the imps and the fireballs of the game."""
+        state = super().with_things(state, health, things)
+        rows = things[things[:, 0] == len(self.roster.kinds)][:_BALLS]
+        place, flies = np.zeros((_BALLS, 2), np.int32), np.arange(_BALLS) < len(rows)
+        place[: len(rows)] = rows[:, 1:3]
+        return state.replace(balls=state.balls.replace(position=place, flies=flies))

@@ -1,0 +1,107 @@
+"""Fireballs by exact small cases: their flight, what they hit, and imps that join."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxenstein
+from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.projectiles import Projectiles, fly, no_projectiles, throw
+from jaxenstein.tasks.doom.shots import segments
+from jaxenstein.tasks.doom.walls import Line
+
+WALLS = segments([Line(-300, 100, -300, -100, "-")])
+SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
+
+
+def places(*spots: tuple[float, float]) -> jax.Array:
+    return jnp.array([[to_fixed(x), to_fixed(y)] for x, y in spots], jnp.int32)
+
+
+@jax.jit
+def flown(balls: Projectiles, player: jax.Array, others: jax.Array, living: jax.Array) -> Any:
+    """Forty tics: positions, who flies, who hits the player, bursts."""
+
+    def tic(balls: Projectiles, _: None) -> Any:
+        bodies = others, np.array([20, 20]), living
+        after, hits = fly(balls, 6, (player, 16), bodies, WALLS, 18)
+        return after, (after.position, after.flies, hits, after.bursts)
+
+    return jax.lax.scan(tic, balls, None, length=40)[1]
+
+
+def shoot(player: tuple[float, float], living: list[bool]) -> Any:
+    """One fireball from the origin, which the first of two monsters has thrown, to (-200, 0)."""
+    others = places((0, 0), (-100, 0))
+    balls = throw(no_projectiles(3), jnp.array([True, False]), others, places((-200, 0))[0], 10)
+    out = flown(balls, places(player)[0], others, jnp.array(living))
+    return jax.tree.map(np.asarray, out)
+
+
+def test_a_fireball_flies_ten_units_a_tic_and_ends_at_the_player() -> None:
+    position, flies, hits, bursts = shoot((-200, 0), [True, False])
+    # It has half a tic's way behind it; it stops within a third of a tic of the box, 22 away.
+    steps = position[:17, 0, 0] / ONE
+    np.testing.assert_allclose(steps, -15 - 10 * np.arange(17), atol=1e-3)
+    assert np.flatnonzero(hits[:, 0]).tolist() == [17]
+    assert -185.1 < position[17, 0, 0] / ONE < -178
+    assert flies[:, 0].tolist() == [True] * 17 + [False] * 23
+    assert bursts[16:37, 0].tolist() == [0, *range(18, -1, -1), 0]
+    assert not flies[:, 1:].any()
+
+
+def test_a_fireball_just_hits_and_just_misses() -> None:
+    """The boxes' half-widths are 6 and 16; boxes that only touch do not meet."""
+    assert shoot((-200, 21.99), [True, False])[2].any()
+    position, _, hits, _ = shoot((-200, 22), [True, False])
+    assert not hits.any()
+    # Then it ends at the wall, of which its box may touch, but not cross it.
+    assert -301 < position[-1, 0, 0] / ONE < -294
+
+
+def test_a_fireball_ends_at_another_monster_and_hurts_nobody() -> None:
+    position, _, hits, _ = shoot((-200, 0), [True, True])
+    assert not hits.any()
+    assert -81 < position[-1, 0, 0] / ONE < -74
+
+
+def test_new_ones_take_the_places_of_the_oldest() -> None:
+    origin, target = places((0, 0), (0, 50)), places((-200, 0))[0]
+    balls = no_projectiles(3)
+    for _ in range(2):
+        balls = throw(balls, jnp.array([True, True]), origin, target, 10)
+    assert balls.owner.tolist() == [1, 1, 0]
+    assert int(balls.next) == 1
+    assert balls.flies.all()
+
+
+def test_imps_wake_throw_hurt_and_join() -> None:
+    env, params = jaxenstein.make("doom-take-cover", **SIZE)
+    params = params.replace(damage_factor=0.5)
+
+    @jax.jit
+    def play(key: jax.Array) -> Any:
+        def step(state: Any, key: jax.Array) -> Any:
+            after, reward, terminated, info = env.advance(key, state, jnp.int32(0), params)
+            told = reward, terminated, info["hits"], after.health, after.creatures.present.sum()
+            return after, (*told, after.balls.flies.any())
+
+        return jax.lax.scan(step, env.init_state(key, params), jax.random.split(key, 300))[1]
+
+    reward, terminated, hits, health, imps, flying = map(np.asarray, play(jax.random.key(5)))
+    assert (reward == 1).all()
+    # Who has looked after 9 tics waits for 8 steps of 3 tics and aims for 16.
+    assert not flying[: 9 + 21 + 16].any()
+    assert flying.any()
+    assert hits.any()
+    first = int(np.flatnonzero(hits)[0])
+    assert (health[:first] == 100).all()
+    # 3 to 24 points, of which a half is left, rounded down.
+    assert 1 <= 100 - health[first] <= 12 * hits[first]
+    assert not terminated[:first].any()
+    assert imps[58] == 3
+    assert imps[59] in (3, 4)
+    assert imps[-1] > 4
+    assert (np.diff(imps) >= 0).all()

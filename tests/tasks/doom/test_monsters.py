@@ -1,0 +1,181 @@
+"""Monsters by exact small cases: how they wake, walk, strike, die, and get in each other's way."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.tasks.doom.creatures import Creatures, act, approximate, hurt, placed
+from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.kinds import CHAINSAW_MARINE, DEMON, Act, Roster
+from jaxenstein.tasks.doom.strikes import strike
+
+NO_WALLS = np.zeros((0, 4), np.float32)
+SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
+PAIR = Roster([DEMON, CHAINSAW_MARINE])
+EAST, WEST = np.uint32(0), np.uint32(1 << 31)
+
+
+def places(*spots: tuple[float, float]) -> jax.Array:
+    return jnp.array([[to_fixed(x), to_fixed(y)] for x, y in spots], jnp.int32)
+
+
+def monsters(facing: np.uint32, *spots: tuple[float, float]) -> Creatures:
+    count = len(spots)
+    everywhere = jnp.full(count, facing)
+    return placed(PAIR, places(*spots), everywhere, jnp.ones(count, bool), jnp.array([150, 100]))
+
+
+@jax.jit
+def watched(creatures: Creatures, player: jax.Array, noise: jax.Array, key: jax.Array) -> Any:
+    """Forty tics: positions, acts of the frames, who strikes."""
+
+    def tic(creatures: Creatures, inputs: tuple[jax.Array, jax.Array]) -> Any:
+        heard, key = inputs
+        bits = jax.random.bits(key, (2, 2), jnp.uint32)
+        after, strikes = act(PAIR, creatures, player, heard, bits, opaque=NO_WALLS, walls=NO_WALLS)
+        acts = jnp.asarray(PAIR.acts)[after.frame]
+        return after, (after.position, acts, strikes)
+
+    noises = jnp.arange(40) == noise
+    return jax.lax.scan(tic, creatures, (noises, jax.random.split(key, 40)))[1]
+
+
+def watch(facing: np.uint32, *spots: tuple[float, float], noise: int = -1) -> Any:
+    start = monsters(facing, *spots)
+    out = watched(start, places((0, 0))[0], jnp.int32(noise), jax.random.key(0))
+    return jax.tree.map(np.asarray, out)
+
+
+def test_who_faces_the_player_steps_in_the_tics_of_the_game() -> None:
+    """A demon looks after 10 tics and steps 10 units every 2; a marine after 8, 8 units every 4."""
+    position, acts, _ = watch(WEST, (700, 0), (0, 700))
+    # The demon's first leg: a turn around is not considered, and it has begun by facing east.
+    moved = (np.diff(position, axis=0) != 0).any(axis=2)
+    assert np.flatnonzero(moved[:, 0]).tolist() == list(range(8, 39, 2))
+    steps = np.abs(np.diff(position[:, 0], axis=0)).max(axis=1)
+    assert set(steps[steps > 0] // ONE) <= {7, 10}
+    # The marine looks west, and the player is south of it: that is within a half circle.
+    assert np.flatnonzero(moved[:, 1]).tolist() == list(range(6, 39, 4))
+    assert acts[5].tolist() == [Act.LOOK, Act.LOOK]
+
+
+def test_who_looks_away_waits_for_a_shot() -> None:
+    position, acts, _ = watch(EAST, (700, 0), (800, 0), noise=25)
+    assert (acts[:26] == Act.LOOK).all()
+    assert (position[:26] == position[0]).all()
+    assert acts[31].tolist() == [Act.CHASE, Act.CHASE]
+
+
+def test_a_demon_bites_after_sixteen_tics_and_a_marine_saws_on() -> None:
+    _, _, strikes = watch(WEST, (0, 59), (-59, 0))
+    # Noticed at 9 and 7, in reach at once; the bite at 9 + 16, the saw at 7 + 4 and every 4.
+    assert np.flatnonzero(strikes[:, 0]).tolist()[:1] == [25]
+    assert np.flatnonzero(strikes[:, 1]).tolist() == list(range(11, 40, 4))
+
+
+def test_nobody_overlaps_in_a_crowd() -> None:
+    cast = [DEMON, CHAINSAW_MARINE] * 4
+    roster, count = Roster(cast), len(cast)
+    draw = np.random.default_rng(0)
+    angle = np.arange(count) * (2 * np.pi / count)
+    spots = places(*np.stack([np.cos(angle), np.sin(angle)], 1).tolist()) * 200
+    creatures = placed(
+        roster, spots, jnp.zeros(count, jnp.uint32), jnp.ones(count, bool), jnp.full(count, 9)
+    ).replace(alarmed=jnp.ones(count, bool))
+    player = places((0, 0))[0]
+
+    @jax.jit
+    def run(creatures: Creatures, key: jax.Array) -> jax.Array:
+        def tic(creatures: Creatures, key: jax.Array) -> tuple[Creatures, jax.Array]:
+            bits = jax.random.bits(key, (count, 2), jnp.uint32)
+            noise = jnp.bool_(False)
+            after, _ = act(roster, creatures, player, noise, bits, opaque=NO_WALLS, walls=NO_WALLS)
+            return after, after.position
+
+        return jax.lax.scan(tic, creatures, jax.random.split(key, 200))[1]
+
+    path = np.asarray(run(creatures, jax.random.key(int(draw.integers(99))))).astype(np.int64)
+    gap = np.abs(path[:, :, None] - path[:, None]).max(axis=-1)
+    reach = (roster.half_widths[:, None] + roster.half_widths) * ONE
+    assert ((gap >= reach) | np.eye(count, dtype=bool)).all()
+    assert (np.abs(path).max(axis=-1) >= (roster.half_widths + 16) * ONE).all()
+    # They have come: in the end all but those behind others are near.
+    assert np.median(np.abs(path[-1]).max(axis=-1)) < 120 * ONE
+
+
+def test_distance_is_the_games() -> None:
+    assert approximate(jnp.array([[30, -40], [0, 7]], jnp.int32)).tolist() == [55, 7]
+
+
+@pytest.mark.parametrize(("distance", "hurts"), [(59.9, True), (60, False)])
+def test_a_bite_reaches_sixty_units(distance: float, hurts: bool) -> None:
+    creatures = monsters(WEST, (distance, 0), (500, 500))
+    creatures = creatures.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([2, 1]))
+    bits = jnp.full((2, 1), 3 << 16, jnp.uint32)
+    both = jnp.ones(2, bool)
+    lost, friendly = strike(PAIR, creatures, both, places((0, 0))[0], bits, NO_WALLS)
+    # A die of ten from byte 3 shows 4; a demon's bite is four times that.
+    assert lost.tolist() == [16 if hurts else 0, 0]
+    assert friendly.tolist() == [0, 0]
+
+
+def test_a_saw_hits_who_stands_between() -> None:
+    creatures = monsters(WEST, (30, 0), (59, 0))
+    creatures = creatures.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([0, 1]))
+    bits = jnp.full((2, 1), 9 << 16, jnp.uint32)
+    strikes = jnp.array([False, True])
+    lost, friendly = strike(PAIR, creatures, strikes, places((0, 0))[0], bits, NO_WALLS)
+    assert lost.tolist() == [0, 0]
+    assert friendly.tolist() == [20, 0]
+
+
+def test_damage_kills_flinches_and_wakes() -> None:
+    creatures = monsters(EAST, (100, 0), (200, 0))
+    calm = jnp.full(2, 255 << 24, jnp.uint32)
+    after = hurt(PAIR, creatures, jnp.array([149, 100]), calm)
+    assert after.health.tolist() == [1, 0]
+    assert after.living.tolist() == [True, False]
+    assert np.asarray(PAIR.acts)[np.asarray(after.frame)].tolist()[0] == Act.CHASE
+    assert int(after.frame[1]) == PAIR.die[1]
+    hurts = hurt(PAIR, creatures, jnp.array([149, 0]), jnp.zeros(2, jnp.uint32))
+    assert hurts.frame.tolist() == [PAIR.pain[0], PAIR.stand[1]]
+
+
+def test_a_kill_pays_in_its_tic_and_another_comes_after_ninety() -> None:
+    env, params = jaxenstein.make("doom-defend-the-center", **SIZE)
+    step = jax.jit(lambda key, state, action: env.advance(key, state, action, params))
+    state = env.reset(jax.random.key(0), params)[1]
+    shoot, rewards, there = env.index_of("attack"), [], []
+    for tic in range(106):
+        action = shoot if tic < 10 else 0
+        state, reward, terminated, info = step(jax.random.key(tic), state, action)
+        rewards.append(float(reward))
+        there.append(int(state.creatures.present.sum()))
+    # As in the game: the pistol is drawn in tic 6 and its bullet leaves in tic 10, straight
+    # ahead, where a marine stands.
+    assert np.flatnonzero(rewards).tolist() == [10]
+    assert rewards[10] == 1
+    assert there[:10] == [5] * 10
+    assert there[10:100] == [4] * 90
+    assert there[100] == 5
+    assert int(info["ammo"]) == 25
+    assert not terminated
+
+
+def test_death_costs_one_in_its_tic_and_ends() -> None:
+    env, params = jaxenstein.make("doom-defend-the-center", **SIZE)
+    step = jax.jit(lambda key, state, action: env.advance(key, state, action, params))
+    state = env.reset(jax.random.key(0), params)[1].replace(health=jnp.int32(1))
+    beside = places((300, 0), (59, 0), (-300, 0), (300, 300), (-300, -300))
+    state = state.replace(creatures=state.creatures.replace(position=beside))
+    for tic in range(30):
+        state, reward, terminated, info = step(jax.random.key(tic), state, 0)
+        if bool(terminated):
+            break
+    # The demon beside notices at once and bites 16 tics later.
+    assert tic == 16
+    assert (float(reward), int(info["health"]), bool(info["died"])) == (-1, 0, True)
