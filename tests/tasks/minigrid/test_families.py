@@ -1,6 +1,7 @@
 """Every world that is registered: what it holds, and that it can be solved."""
 
 import functools
+from typing import Any
 
 import jax
 import numpy as np
@@ -52,7 +53,7 @@ QUICK = (
 
 @functools.cache
 def world(name):
-    env = build(*SIZES[name])(height=8, width=8)
+    env: Any = build(*SIZES[name])(height=8, width=8)
     return env, env.check_params()
 
 

@@ -36,12 +36,11 @@ def put(state, x, y, quarter):
     return state.replace(position=place, heading=jnp.float32(quarter * math.pi / 2))
 
 
-def after(step, state, *actions):
+def after(step, state, first, *others):
     """The state, reward, termination and info after some actions."""
-    out = None
-    for action in actions:
-        out = step(state, jnp.int32(action))
-        state = out[0]
+    out = step(state, jnp.int32(first))
+    for action in others:
+        out = step(out[0], jnp.int32(action))
     return out
 
 
