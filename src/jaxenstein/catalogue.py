@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import importlib
 import inspect
 from collections.abc import Callable
 from typing import Any
@@ -188,21 +189,6 @@ def _doom_basic(*, simpler: bool = False) -> Build:
     return DoomSimplerBasic if simpler else DoomBasic
 
 
-# Grid without its border, things, steps; the largest has nine rooms of 3 by 3 tiles.
-_MEMORY_MAZES = {9: (3, 1000), 11: (4, 2000), 13: (5, 3000), 15: (6, 4000)}
-
-
-def _memory_maze(size: int) -> Build:
-    from .tasks.memory_maze import MemoryMaze, MemoryMazeParams
-    from .tasks.random_maze import MazePlan
-
-    things, steps = _MEMORY_MAZES[size]
-    rooms, most = (9, 3) if size == 15 else (6, 5)
-    plan = MazePlan(size + 2, rooms, most=most, fewest=things)
-    defaults = MemoryMazeParams(max_steps_in_episode=steps)
-    return functools.partial(MemoryMaze, plan=plan, things=things, defaults=defaults)
-
-
 def _doom_center() -> Build:
     from .tasks.doom.defend import DoomDefendTheCenter
 
@@ -230,13 +216,6 @@ def _corridor_entry(size: int, rows: int) -> Entry:
     return _entry("key-corridor", summary, _key_corridor, size=size, rows=rows)
 
 
-def _memory_entry(size: int) -> Entry:
-    things, steps = _MEMORY_MAZES[size]
-    summary = f"Memory Maze {size}x{size}: fetch {things} things as asked, for {steps} steps"
-    entry = _entry("memory-maze", summary, _memory_maze, size=size)
-    return dataclasses.replace(entry, variant_of="" if size == 9 else "memory-maze-9x9")
-
-
 def _dmlab_entries() -> dict[str, Entry]:
     goals = {"static": "goal and starts fixed", "random-goal": "a new goal cell each episode"}
     ends = {False: "+10 ends", True: "+10, apples +1, respawns until time is up"}
@@ -252,6 +231,23 @@ def _dmlab_entries() -> dict[str, Entry]:
         for respawn in (False, True)
         for kind, goal in goals.items()
         for number in (1, 2, 3)
+    }
+
+
+def _maze(module: str, name: str) -> Build:
+    return importlib.import_module(f"{__package__}.tasks.{module}").build(name)
+
+
+def _maze_entries() -> dict[str, Entry]:
+    from .tasks.maze_table import FAMILIES
+
+    return {
+        name: dataclasses.replace(
+            _entry(family, summary, _maze, module=module, name=name),
+            variant_of="" if name == next(iter(told)) else next(iter(told)),
+        )
+        for family, (module, told) in FAMILIES.items()
+        for name, summary in told.items()
     }
 
 
@@ -302,7 +298,7 @@ ENTRIES: dict[str, Entry] = {
     "key-corridor-s5r3": _corridor_entry(5, 3),
     "key-corridor-s6r3": _corridor_entry(6, 3),
     **_dmlab_entries(),
-    **{f"memory-maze-{size}x{size}": _memory_entry(size) for size in _MEMORY_MAZES},
+    **_maze_entries(),
     **_minigrid_entries(),
     "doom-my-way-home": _doom("ViZDoom's My Way Home itself: Doom's motion, tic by tic"),
     "doom-my-way-home-sparse": _doom(

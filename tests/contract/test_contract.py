@@ -16,6 +16,7 @@ from jaxenstein.tasks.doom.arena import DoomArena
 from jaxenstein.tasks.doom.basic import DoomBasic
 from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering
 from jaxenstein.tasks.doom.my_way_home import DoomMyWayHome
+from jaxenstein.tasks.explore import Explore
 from jaxenstein.tasks.health_gathering import HealthGathering
 from jaxenstein.tasks.key_corridor import KeyCorridor
 from jaxenstein.tasks.memory_maze import MemoryMaze
@@ -145,6 +146,8 @@ def about_to_end(env, state):
         return state.replace(health=jnp.int32(0))
     if isinstance(env, KeyCorridor):
         return state.replace(position=state.goal)
+    if isinstance(env, Explore):
+        return state.replace(position=state.things[0])
     if isinstance(env, MemoryMaze):
         return state.replace(position=state.things[state.wanted])
     if isinstance(env, GridWorld):
