@@ -16,7 +16,7 @@ def roll(
     dice: int | np.ndarray | jax.Array, sides: int | np.ndarray | jax.Array, byte: jax.Array
 ) -> jax.Array:
     """int32[...]: so many times a die of so many sides, from random bytes."""
-    return dice * (byte % sides + 1)
+    return jnp.asarray(dice) * (byte % jnp.asarray(sides) + 1)
 
 
 def spread(bits: jax.Array, shift: int | np.ndarray) -> jax.Array:

@@ -95,9 +95,9 @@ def fly(
     """
     part = np.arange(1, _PARTS + 1, dtype=np.int32)[None, :, None]
     way = projectiles.position[:, None] + projectiles.velocity[:, None] * part // _PARTS
-    own = np.int32(half_width)
+    own = np.array(half_width, np.int32)
     target, width = player
-    at_player = overlap(way, own, ranked(target, 3), np.int32(width))
+    at_player = overlap(way, own, ranked(target, 3), np.array(width, np.int32))
     places, widths, living = others
     met = overlap(way[:, :, None], own, ranked(places, 4), ranked(jnp.asarray(widths), 3))
     index = np.arange(len(widths), dtype=np.int32)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -64,7 +64,7 @@ class DoomShooter(DoomScenario[S, P]):
         """The label of each thing of the game by its name."""
         return dict(zip(self.game_things, self.thing_labels, strict=True))
 
-    def armed(self) -> dict[str, jax.Array]:
+    def armed(self) -> dict[str, Any]:
         """The fields of the first state of a healthy player."""
         trigger = drawn_weapon(self.weapon, self.ammo, self.draw_tics)
         return {"health": jnp.int32(FULL_HEALTH), "trigger": trigger}
@@ -80,7 +80,7 @@ class DoomShooter(DoomScenario[S, P]):
             action: the action.
             bits: uint32[], random.
         """
-        trigger, fires = pull(self.weapon, state.trigger, self.pressed(action).attack)
+        trigger, fires = pull(self.weapon, state.trigger, jnp.asarray(self.pressed(action).attack))
         towards = shot_angle(self.weapon, trigger, angle, bits)
         return state.replace(trigger=trigger), fires, towards
 
