@@ -81,7 +81,8 @@ def test_tic_is_that_of_plain_integers(name: str) -> None:
         turn_tics=stacked(players, held=np.int32)["held"],
     )
     buttons = Buttons(
-        **stacked(held, turn_left=bool, turn_right=bool, ahead=np.int32, aside=np.int32)
+        **stacked(held, turn_left=bool, turn_right=bool, ahead=np.int32, aside=np.int32),
+        **stacked(held, attack=bool),
     )
     run = jax.jit(jax.vmap(lambda body, buttons: tic(geometry, body, buttons)))
     after, tried = jax.tree.map(np.asarray, run(body, buttons))
