@@ -172,10 +172,10 @@ def test_death_costs_one_in_its_tic_and_ends() -> None:
     state = env.reset(jax.random.key(0), params)[1].replace(health=jnp.int32(1))
     beside = places((300, 0), (59, 0), (-300, 0), (300, 300), (-300, -300))
     state = state.replace(creatures=state.creatures.replace(position=beside))
-    for tic in range(30):
+    tic, terminated, reward, info = -1, False, 0.0, {}
+    while not terminated and tic < 30:
+        tic += 1
         state, reward, terminated, info = step(jax.random.key(tic), state, 0)
-        if bool(terminated):
-            break
     # The demon beside notices at once and bites 16 tics later.
     assert tic == 16
     assert (float(reward), int(info["health"]), bool(info["died"])) == (-1, 0, True)

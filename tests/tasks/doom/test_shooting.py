@@ -94,8 +94,8 @@ def test_the_nearest_body_stops_a_shot_and_so_does_a_wall() -> None:
 
 def test_bodies_in_a_doorway_touch_and_do_not_overlap() -> None:
     one, other = place(0, 0), place(40, 0)
-    assert not overlap(one, jnp.int32(20), other, 20)
-    assert overlap(one, jnp.int32(20), other - jnp.array([1, 0]), 20)
+    assert not overlap(one, jnp.int32(20), other, jnp.int32(20))
+    assert overlap(one, jnp.int32(20), other - jnp.array([1, 0]), jnp.int32(20))
     door = segments([Line(0, 20, 0, 100, "-"), Line(0, -100, 0, -20, "-")])
     assert not crosses(place(0, 0), jnp.float32(20), door)
     assert crosses(place(0, 0.01), jnp.float32(20), door)
@@ -143,7 +143,7 @@ def test_basic_pays_the_hit_in_the_tic_of_the_bullet_and_ends_after_it() -> None
     env, params = jaxenstein.make("doom-basic", **SIZE)
     step = jax.jit(lambda state, action: env.advance(jax.random.key(0), state, action, params))
     state = env.reset(jax.random.key(0), params)[1].replace(target=place(0, 32 + 31))
-    attack, rewards, ends = env.index_of("attack"), [], []
+    attack, rewards, ends, info = env.index_of("attack"), [], [], {}
     for _ in range(6):
         state, reward, terminated, info = step(state, attack)
         rewards.append(float(reward))
@@ -152,7 +152,7 @@ def test_basic_pays_the_hit_in_the_tic_of_the_bullet_and_ends_after_it() -> None
     assert ends == [False] * 5 + [True]
     assert int(info["ammo"]) == 49
     missed = env.reset(jax.random.key(0), params)[1].replace(target=place(0, 32 + 31.5))
-    rewards = []
+    rewards, terminated = [], True
     for _ in range(6):
         missed, reward, terminated, _ = step(missed, attack)
         rewards.append(float(reward))
