@@ -150,6 +150,7 @@ def test_a_kill_pays_in_its_tic_and_another_comes_after_ninety() -> None:
     step = jax.jit(lambda key, state, action: env.advance(key, state, action, params))
     state = env.reset(jax.random.key(0), params)[1]
     shoot, rewards, there = env.index_of("attack"), [], []
+    terminated, info = True, {}
     for tic in range(106):
         action = shoot if tic < 10 else 0
         state, reward, terminated, info = step(jax.random.key(tic), state, action)

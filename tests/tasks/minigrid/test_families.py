@@ -52,7 +52,7 @@ QUICK = (
 
 
 @functools.cache
-def world(name):
+def world(name) -> tuple[Any, Any]:
     env: Any = build(*SIZES[name])(height=8, width=8)
     return env, env.check_params()
 
