@@ -74,5 +74,5 @@ def turn_and_shoot(env: DoomArena[Any, Any], params: Any) -> Choose:
 TURN_AND_SHOOT = Player(
     "turns to the nearest monster and shoots when it is ahead; sees the whole state",
     turn_and_shoot,
-    waits="waits: nobody is there",
+    waits="waits: alone",
 )
