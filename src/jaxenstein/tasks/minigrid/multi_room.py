@@ -29,13 +29,13 @@ class Chain(NamedTuple):
         top: int32[R, 2], (column, row) of each room's upper left corner, walls included.
         size: int32[R, 2], its columns and rows, walls included.
         entry: int32[R, 2], (column, row) of the door into it; that of the first room is no door.
-        count: int32[], how many there are.
+        length: int32[], how many there are.
     """
 
     top: jax.Array
     size: jax.Array
     entry: jax.Array
-    count: jax.Array
+    length: jax.Array
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -69,15 +69,15 @@ class MultiRoom(GridWorld):
         sketch.wall(jnp.ones((SIDE, SIDE), bool))
         for i in range(self.rooms):
             inside = sketch.area(*(chain.top[i] + 1), *(chain.size[i] - 2))
-            sketch.clear(inside & (i < chain.count))
+            sketch.clear(inside & (i < chain.length))
         colour = sketch.colour()
         for i in range(1, self.rooms):
-            there = i < chain.count
+            there = i < chain.length
             column, row = jnp.where(there, chain.entry[i], 0)
             sketch.door(column, row, colour)
             # Any colour but that of the door before.
             colour = (colour + sketch.number(1, COLOURS)) % COLOURS
-        last = chain.count - 1
+        last = chain.length - 1
         sketch.start_in(sketch.area(*chain.top[0], *chain.size[0]))
         free = sketch.area(*chain.top[last], *chain.size[last]) & sketch.free
         sketch.thing(GOAL_KIND, 0, sketch.tile_in(free & ~sketch.start_tile))
@@ -87,12 +87,12 @@ class MultiRoom(GridWorld):
         """The first chain that has all its rooms."""
 
         def short(carry: tuple[jax.Array, Chain]) -> jax.Array:
-            return (carry[1].count < self.rooms) & (carry[0] < _CHAINS)
+            return (carry[1].length < self.rooms) & (carry[0] < _CHAINS)
 
         def again(carry: tuple[jax.Array, Chain]) -> tuple[jax.Array, Chain]:
             number, chain = carry
             drawn = self._draw_chain(jax.random.fold_in(key, number))
-            kept = jax.tree.map(lambda a, b: jnp.where(drawn.count > 0, a, b), drawn, chain)
+            kept = jax.tree.map(lambda a, b: jnp.where(drawn.length > 0, a, b), drawn, chain)
             return number + 1, kept
 
         nothing = jnp.zeros((self.rooms, 2), jnp.int32)
@@ -118,12 +118,12 @@ class MultiRoom(GridWorld):
             fits = self._fits(chain, number, tops, sizes) & (~first | (np.arange(_TRIES) == 0))
             chosen = jnp.argmax(fits)
             here = (index == number)[:, None]
-            added = jnp.any(fits) & (chain.count == number)
+            added = jnp.any(fits) & (chain.length == number)
             grown = Chain(
                 jnp.where(here & added, tops[chosen][None], chain.top),
                 jnp.where(here & added, sizes[chosen][None], chain.size),
                 jnp.where(here & added, entries[chosen][None], chain.entry),
-                chain.count + added.astype(jnp.int32),
+                chain.length + added.astype(jnp.int32),
             )
             return (grown, jnp.where(first, 2, walls[chosen])), None
 

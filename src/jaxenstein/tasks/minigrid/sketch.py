@@ -152,9 +152,11 @@ class Sketch:
     ) -> int:
         count = tiles.shape[0]
         first = sum(things.kind.shape[0] for things in self._things)
-        rows = [jnp.broadcast_to(jnp.asarray(x, jnp.int32), (count,)) for x in (kind, colour)]
-        rest = [jnp.broadcast_to(jnp.asarray(x, jnp.int32), (count,)) for x in (place, box)]
-        self._things.append(Things(*rows, tiles, *rest))
+
+        def each(number: Number) -> jax.Array:
+            return jnp.broadcast_to(jnp.asarray(number, jnp.int32), (count,))
+
+        self._things.append(Things(each(kind), each(colour), tiles, each(place), each(box)))
         return first
 
     def start(self, tile: Tile, heading: Number = 0) -> Self:
