@@ -46,7 +46,10 @@ def test_import_loads_nothing_heavy_beyond_jax(tmp_path: Path) -> None:
     assert not extra & {"PIL", "scipy", "argparse", "asyncio", "multiprocessing", "unittest"}
     assert len(after - before) < 40, sorted(after - before)
     late = ("cli", "view", "tasks", "engine", "maps")
-    assert not {name for name in after if name.startswith(tuple(f"jaxenstein.{x}" for x in late))}
+    # The ids of large families stand beside their tasks, in tables of words.
+    tables = {"tasks", "tasks.maze_table", "tasks.minigrid", "tasks.minigrid.table"}
+    loaded = {name for name in after if name.startswith(tuple(f"jaxenstein.{x}" for x in late))}
+    assert loaded <= {f"jaxenstein.{name}" for name in tables}
 
 
 def test_import_touches_no_device(tmp_path: Path) -> None:

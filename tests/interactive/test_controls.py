@@ -61,6 +61,11 @@ def test_unknown_actions_get_digits() -> None:
     assert keys_of([f"action {i}" for i in range(11)])["action 10"] == ()
 
 
+def test_two_actions_never_share_a_key() -> None:
+    names = ("interact", "attack", "drop")
+    assert keys_of(names) == {"interact": ("space",), "attack": ("f",), "drop": ("1",)}
+
+
 def test_a_tap_is_one_step_however_short_or_long() -> None:
     for length in (0.0, 0.03, 0.9 * HOLD):
         controls = Controls(ACTION_NAMES, FPS)

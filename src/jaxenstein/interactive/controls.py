@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-# Keys of each action by its name; the first one is named first in the help.
+# Keys of each action by its name; the first one is named first in the help. Of two actions of one
+# environment that would have the same key, the earlier has it.
 ACTION_KEYS: dict[str, tuple[str, ...]] = {
     "forward": ("w", "up"),
     "backward": ("s", "down"),
@@ -14,6 +15,12 @@ ACTION_KEYS: dict[str, tuple[str, ...]] = {
     "move right": ("c",),
     "nothing": ("x",),
     "interact": ("space",),
+    "attack": ("space", "f"),
+    "pick up": ("e",),
+    "drop": ("f",),
+    "done": ("g",),
+    "forward and turn left": ("u",),
+    "forward and turn right": ("o",),
 }
 OPPOSITES = {
     "forward": "backward",
@@ -30,13 +37,11 @@ HOLD = 0.2
 def keys_of(action_names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """The keys of each action, by its name; actions that nobody foresaw get the keys 1 to 9."""
     digits = iter("123456789")
-    found = {}
+    found: dict[str, tuple[str, ...]] = {}
     for name in action_names:
-        keys = ACTION_KEYS.get(name)
-        if keys is None:
-            digit = next(digits, None)
-            keys = () if digit is None else (digit,)
-        found[name] = keys
+        taken = {key for keys in found.values() for key in keys}
+        keys = tuple(key for key in ACTION_KEYS.get(name, ()) if key not in taken)
+        found[name] = keys or tuple(digit for digit in (next(digits, None),) if digit)
     return found
 
 
