@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..about import About
+from ..batching import select, where_few
 from ..environment import Params, State
 from ..errors import SettingError
 from .draws import draw_index
@@ -63,6 +64,11 @@ class GeneratedTask(FirstPerson[S, P]):
         seed = jnp.uint32(first) + draw_index(bits, stop - first).astype(jnp.uint32)
         # The kind of generator that users may change is not to change the levels.
         return jax.random.key(seed, impl="threefry2x32")
+
+    def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
+        """As `Environment.reset_where`; levels are dear, so they are drawn for those alone."""
+        fresh = where_few(self.init_state)(over, key, jax.lax.stop_gradient(params))
+        return select(over, fresh, state)
 
     def about(self) -> About:
         """What the task says of itself."""
