@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 import dataclasses
 import functools
 from typing import ClassVar, TypeVar
@@ -11,20 +10,30 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...engine.scene import Theme
-from ...environment import Info, Params
-from ...maps.things import RGB
+from ...environment import Info
+from ...params import Params, Scalar, number
 from ...pytree import PyTreeNode
+from ..health import HealthTask
 from .bodies import overlap
 from .creatures import Creatures, act, hurt
 from .dice import byte
 from .fixed import ONE
 from .geometry import RADIUS
 from .kinds import Kind, Pose, Roster
-from .look import MONSTERS, Picture, doom_theme
+from .look import MONSTERS, Picture
 from .shooter import DoomShooter, DoomShooterState
 from .shots import offsets, segments
 from .strikes import strike, throws
+
+
+class DoomArenaParams(Params):
+    """The numbers that they share.
+
+    Attributes:
+        damage_factor: what hurts the player is multiplied by it.
+    """
+
+    damage_factor: Scalar = number(1.0, 0)
 
 
 class DoomArenaState(DoomShooterState):
@@ -54,16 +63,15 @@ class Fought(PyTreeNode):
 
 
 S = TypeVar("S", bound=DoomArenaState)
-P = TypeVar("P", bound=Params)
+P = TypeVar("P", bound=DoomArenaParams)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomArena(DoomShooter[S, P]):
-    """Base of scenarios with monsters that fight."""
+class DoomArena(DoomShooter[S, P], HealthTask[S, P]):
+    """Base of scenarios with monsters that fight: who lives to the time limit succeeds."""
 
     cast: ClassVar[tuple[Kind, ...]]
-    floor: ClassVar[RGB]
-    ceiling: ClassVar[RGB]
+    wins_by_time: ClassVar[bool] = True
 
     @functools.cached_property
     def roster(self) -> Roster:
@@ -91,21 +99,9 @@ class DoomArena(DoomShooter[S, P]):
         return self.roster.half_widths
 
     @functools.cached_property
-    def theme(self) -> Theme:
-        """How the map looks."""
-        light = self.doom_map.light
-        return doom_theme(
-            self.pictures, floor=self.floor, ceiling=self.ceiling, level=light, unit=self.unit
-        )
-
-    @functools.cached_property
     def monster_walls(self) -> np.ndarray:
         """float32[L, 4]: what monsters do not cross."""
         return segments(self.doom_map.walls)
-
-    @abc.abstractmethod
-    def damage_factor(self, params: P) -> jax.Array:
-        """float32[]: by which what hurts the player is multiplied."""
 
     def fight(self, key: jax.Array, state: S, action: jax.Array, params: P) -> tuple[S, Fought]:
         """A tic: the player turns, shoots, and moves; then the monsters do."""
@@ -152,7 +148,7 @@ class DoomArena(DoomShooter[S, P]):
             damage: int32[N], before the damage factor.
             params: of the environment.
         """
-        factor = jnp.asarray(self.damage_factor(params), jnp.float32)
+        factor = jnp.asarray(params.damage_factor, jnp.float32)
         lost = jnp.floor(damage.astype(jnp.float32) * factor)
         way = offsets(origins, state.fixed_position[None])
         length = jnp.maximum(jnp.sqrt(jnp.sum(way**2, axis=-1, keepdims=True)), 1)

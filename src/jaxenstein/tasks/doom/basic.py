@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from typing import ClassVar
 
 import jax
@@ -11,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...about import About
-from ...engine.scene import Theme
 from ...environment import Info
 from ...maps.things import CACODEMON, RGB
 from ...params import Params, Scalar
@@ -19,9 +17,8 @@ from ..draws import draw_index
 from .aiming import STEP_AND_SHOOT
 from .buttons import ATTACK, MOVE_LEFT, MOVE_RIGHT
 from .fixed import ONE
-from .look import CACODEMONS, OCHRE, SLATE, TAN, TILES, Picture, doom_theme
+from .look import CACODEMONS, OCHRE, SLATE, TAN, TILES, Picture
 from .shooter import EVENTS, DoomShooter, DoomShooterState
-from .walls import START
 
 # The monster stands on the line x = 0, from the one y to the other, and is so wide.
 LOWEST, HIGHEST = -161, 224
@@ -82,22 +79,9 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
         return DEFAULTS
 
     @property
-    def starts(self) -> np.ndarray:
-        """float[1, 2]: the start."""
-        return np.array([(thing.x, thing.y) for thing in self.doom_map.of_kind(START)])
-
-    @property
     def half_widths(self) -> np.ndarray:
         """int32[1]: of the monster."""
         return np.array([HALF_WIDTH], np.int32)
-
-    @functools.cached_property
-    def theme(self) -> Theme:
-        """How the room looks."""
-        light, looks = self.doom_map.light, self.pictures
-        return doom_theme(
-            looks, floor=self.floor, ceiling=self.ceiling, level=light, unit=self.unit
-        )
 
     def init_state(self, key: jax.Array, params: DoomBasicParams) -> DoomBasicState:
         """Draw where the monster stands."""

@@ -13,14 +13,12 @@ import numpy as np
 from ...about import About, Event
 from ...environment import Info
 from ...maps.things import FIREBALL, RGB
-from ...params import Params, Scalar, number
-from ...spaces import Box
+from ...params import Scalar, number
 from ..draws import draw_index
-from ..health import FULL_HEALTH
-from .arena import DoomArena, DoomArenaState
+from .arena import DoomArena, DoomArenaParams, DoomArenaState
 from .bodies import overlap
 from .buttons import MOVE_LEFT, MOVE_RIGHT
-from .creatures import placed
+from .creatures import joined, placed
 from .dice import byte, roll
 from .dodging import DODGE
 from .fixed import ONE
@@ -28,7 +26,6 @@ from .geometry import RADIUS
 from .kinds import IMP, Kind, Pose, Roster
 from .look import CRATES, FIREBALLS, Picture
 from .projectiles import Projectiles, fly, no_projectiles, throw
-from .walls import START
 
 # Imps stand on this line, from the one y to the other; there is room for so many.
 LINE, LOWEST, HIGHEST, MOST = 64, 20, 652, 16
@@ -39,13 +36,12 @@ BALL, SPEED, DICE, SIDES, BURST = 6, 10, 3, 8, 18
 _BALLS = 24
 
 
-class DoomCoverParams(Params):
+class DoomCoverParams(DoomArenaParams):
     """The numbers of the task.
 
     Attributes:
         living_reward: reward of every tic, the last one included.
         period: tics from one new imp to the next.
-        damage_factor: what hurts the player is multiplied by it.
     """
 
     max_steps_in_episode: Scalar = 2100
@@ -83,7 +79,6 @@ class DoomTakeCover(DoomArena[DoomCoverState, DoomCoverParams]):
     floor: ClassVar[RGB] = CRATES
     ceiling: ClassVar[RGB] = CRATES
     ammo: ClassVar[int] = 0
-    wins_by_time: ClassVar[bool] = True
 
     @functools.cached_property
     def roster(self) -> Roster:
@@ -109,15 +104,6 @@ class DoomTakeCover(DoomArena[DoomCoverState, DoomCoverParams]):
     def default_params(self) -> DoomCoverParams:
         """The params that `params=None` stands for."""
         return DEFAULTS
-
-    @property
-    def starts(self) -> np.ndarray:
-        """float[1, 2]: the start."""
-        return np.array([(thing.x, thing.y) for thing in self.doom_map.of_kind(START)])
-
-    def damage_factor(self, params: DoomCoverParams) -> jax.Array:
-        """float32[]: that of the params."""
-        return jnp.asarray(params.damage_factor)
 
     def init_state(self, key: jax.Array, params: DoomCoverParams) -> DoomCoverState:
         """Three imps, who have not noticed the player yet."""
@@ -169,23 +155,7 @@ class DoomTakeCover(DoomArena[DoomCoverState, DoomCoverParams]):
         free = ~imps.present
         here = comes & room & free & (jnp.cumsum(free) == 1)
         new = self._imps(jnp.broadcast_to(place[None], imps.position.shape), imps.present | here)
-
-        def chosen(fresh: jax.Array, kept: jax.Array) -> jax.Array:
-            return jnp.where(here.reshape((-1,) + (1,) * (kept.ndim - 1)), fresh, kept)
-
-        return jax.tree.map(chosen, new, imps)
-
-    def succeeded(
-        self,
-        state: DoomCoverState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: DoomCoverParams,
-    ) -> jax.Array:
-        """Whether the time limit was reached alive."""
-        del reward, events, params
-        return state.done & ~terminated
+        return joined(imps, new, here)
 
     def about(self) -> About:
         """What the task says of itself."""
@@ -206,14 +176,6 @@ class DoomTakeCover(DoomArena[DoomCoverState, DoomCoverParams]):
             players={"dodge": DODGE},
             expert="dodge",
         )
-
-    def variables(self, state: DoomCoverState) -> dict[str, jax.Array]:
-        """`health`: float32[1]."""
-        return {"health": state.health.astype(jnp.float32)[None]}
-
-    def variable_spaces(self) -> dict[str, Box]:
-        """Its space."""
-        return {"health": Box(0.0, float(FULL_HEALTH), (1,), np.dtype(np.float32))}
 
     def things(self, state: DoomCoverState) -> tuple[jax.Array, jax.Array, jax.Array]:
         """Imps, fireballs and bursts."""

@@ -91,6 +91,15 @@ def placed(
     )
 
 
+def joined(old: Creatures, new: Creatures, comes: jax.Array) -> Creatures:
+    """The old monsters, but the new ones in the places of those who come, bool[N]."""
+
+    def chosen(fresh: jax.Array, kept: jax.Array) -> jax.Array:
+        return jnp.where(comes.reshape((-1,) + (1,) * (kept.ndim - 1)), fresh, kept)
+
+    return jax.tree.map(chosen, new, old)
+
+
 def approximate(offset: jax.Array) -> jax.Array:
     """int32[...]: the game's length of int32[..., 2]: the longer side and half of the other."""
     size = jnp.abs(offset)

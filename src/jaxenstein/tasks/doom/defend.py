@@ -14,12 +14,12 @@ import numpy as np
 from ...about import About, Event
 from ...environment import Info
 from ...maps.things import RGB
-from ...params import Params, Scalar, number
+from ...params import Scalar, number
 from .aiming import TURN_AND_SHOOT
-from .arena import DoomArena, DoomArenaState
+from .arena import DoomArena, DoomArenaParams, DoomArenaState
 from .bodies import crosses, overlap
 from .buttons import ATTACK, TURN_LEFT, TURN_RIGHT
-from .creatures import placed
+from .creatures import joined, placed
 from .fixed import direction
 from .geometry import Geometry, build_geometry
 from .kinds import CHAINSAW_MARINE, DEMON, Kind
@@ -35,7 +35,7 @@ _BOUNDS = 512
 _FIFTHS = (0, 13107, 26214, 39321, 52428)
 
 
-class DoomCenterParams(Params):
+class DoomCenterParams(DoomArenaParams):
     """The numbers of the task.
 
     Attributes:
@@ -43,7 +43,6 @@ class DoomCenterParams(Params):
         death_penalty: taken off the reward of the tic in which the player dies.
         monster_health: of each.
         absence: tics from a monster's death to the next one of its kind.
-        damage_factor: what hurts the player is multiplied by it.
     """
 
     max_steps_in_episode: Scalar = 2100
@@ -52,7 +51,6 @@ class DoomCenterParams(Params):
     death_penalty: Scalar = 1.0
     monster_health: Scalar = number(1, 1)
     absence: Scalar = number(90, 1)
-    damage_factor: Scalar = number(1.0, 0)
 
 
 DEFAULTS = DoomCenterParams()
@@ -91,17 +89,11 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
     ceiling: ClassVar[RGB] = CEILING
     ammo: ClassVar[int] = 26
     draw_tics: ClassVar[int] = 6
-    wins_by_time: ClassVar[bool] = True
 
     @property
     def default_params(self) -> DoomCenterParams:
         """The params that `params=None` stands for."""
         return DEFAULTS
-
-    @property
-    def starts(self) -> np.ndarray:
-        """float[1, 2]: the middle."""
-        return np.zeros((1, 2))
 
     @functools.cached_property
     def tiles(self) -> Tiles:
@@ -114,10 +106,6 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
         ends = [(-1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1)]
         corners = [(x * _BOUNDS, y * _BOUNDS) for x, y in ends]
         return build_geometry([Line(*a, *b, "-") for a, b in itertools.pairwise(corners)])
-
-    def damage_factor(self, params: DoomCenterParams) -> jax.Array:
-        """float32[]: that of the params."""
-        return jnp.asarray(params.damage_factor)
 
     def init_state(self, key: jax.Array, params: DoomCenterParams) -> DoomCenterState:
         """Five monsters around the player, about to notice it."""
@@ -171,24 +159,8 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
         new = placed(self.roster, place, facing, present | comes, health)
         # They tick once in the tic in which they appear.
         new = new.replace(tics=new.tics - 1)
-
-        def chosen(fresh: jax.Array, kept: jax.Array) -> jax.Array:
-            return jnp.where(comes.reshape((-1,) + (1,) * (kept.ndim - 1)), fresh, kept)
-
-        creatures = jax.tree.map(chosen, new, old.replace(present=present))
+        creatures = joined(old.replace(present=present), new, comes)
         return state.replace(creatures=creatures, absence=absence)
-
-    def succeeded(
-        self,
-        state: DoomCenterState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: DoomCenterParams,
-    ) -> jax.Array:
-        """Whether the time limit was reached alive."""
-        del reward, events, params
-        return state.done & ~terminated
 
     def about(self) -> About:
         """What the task says of itself."""

@@ -12,12 +12,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...about import Event
+from ...engine.scene import Theme
 from ...environment import Info, Params
+from ...maps.things import RGB
 from ...spaces import Box
 from ..health import FULL_HEALTH
-from .look import Picture
+from .look import Picture, doom_theme
 from .scenario import DoomScenario, DoomState
 from .shots import along, first_body
+from .walls import START
 from .weapons import PISTOL, Trigger, Weapon, drawn_weapon, pull, shot_angle
 
 EVENTS = {
@@ -51,6 +54,8 @@ class DoomShooter(DoomScenario[S, P]):
     # Tics until the weapon is drawn.
     draw_tics: ClassVar[int] = 0
     pictures: ClassVar[tuple[Picture, ...]]
+    floor: ClassVar[RGB]
+    ceiling: ClassVar[RGB]
     # The label of each of `game_things`, of which there may be more pictures than one.
     thing_labels: ClassVar[tuple[int, ...]]
 
@@ -58,6 +63,19 @@ class DoomShooter(DoomScenario[S, P]):
     @abc.abstractmethod
     def half_widths(self) -> np.ndarray:
         """int32[N]: of the bodies, in map units."""
+
+    @property
+    def starts(self) -> np.ndarray:
+        """float[n, 2]: the start."""
+        return np.array([(thing.x, thing.y) for thing in self.doom_map.of_kind(START)])
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the map looks."""
+        light = self.doom_map.light
+        return doom_theme(
+            self.pictures, floor=self.floor, ceiling=self.ceiling, level=light, unit=self.unit
+        )
 
     @functools.cached_property
     def game_labels(self) -> dict[str, int]:
@@ -110,11 +128,16 @@ class DoomShooter(DoomScenario[S, P]):
         return super().describe(state, params) | told
 
     def variables(self, state: S) -> dict[str, jax.Array]:
-        """`health` and `ammo`: float32[1] each."""
+        """`health` and, where there is any, `ammo`: float32[1] each."""
         values = {"health": state.health, "ammo": state.trigger.ammo}
-        return {name: value.astype(jnp.float32)[None] for name, value in values.items()}
+        return {name: values[name].astype(jnp.float32)[None] for name in self._most}
 
     def variable_spaces(self) -> dict[str, Box]:
         """Their spaces."""
-        most = {"health": FULL_HEALTH, "ammo": self.ammo}
-        return {n: Box(0.0, float(m), (1,), np.dtype(np.float32)) for n, m in most.items()}
+        kind = np.dtype(np.float32)
+        return {name: Box(0.0, float(most), (1,), kind) for name, most in self._most.items()}
+
+    @property
+    def _most(self) -> dict[str, int]:
+        """The most that each variable can be."""
+        return {"health": FULL_HEALTH} | ({"ammo": self.ammo} if self.ammo else {})
