@@ -9,7 +9,7 @@ import numpy as np
 import jaxenstein
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
 from jaxenstein.tasks.doom.projectiles import Projectiles, fly, no_projectiles, throw
-from jaxenstein.tasks.doom.shots import segments
+from jaxenstein.tasks.doom.shots import segments, way_to
 from jaxenstein.tasks.doom.walls import Line
 
 WALLS = segments([Line(-300, 100, -300, -100, "-")])
@@ -25,9 +25,10 @@ def flown(balls: Projectiles, player: jax.Array, others: jax.Array, living: jax.
     """Forty tics: positions, who flies, who hits the player, bursts."""
 
     def tic(balls: Projectiles, _: None) -> Any:
-        bodies = others, np.array([20, 20]), living
-        after, hits = fly(balls, 6, (player, 16), bodies, WALLS, 18)
-        return after, (after.position, after.flies, hits, after.bursts)
+        places = jnp.concatenate([others, player[None]])
+        bodies = places, np.array([20, 20, 16]), jnp.append(living, True)
+        after, hits = fly(balls, 6, bodies, WALLS, 18)
+        return after, (after.position, after.flies, hits[:, -1], after.bursts)
 
     return jax.lax.scan(tic, balls, None, length=40)[1]
 
@@ -35,7 +36,8 @@ def flown(balls: Projectiles, player: jax.Array, others: jax.Array, living: jax.
 def shoot(player: tuple[float, float], living: list[bool]) -> Any:
     """One fireball from the origin, which the first of two monsters has thrown, to (-200, 0)."""
     others = places((0, 0), (-100, 0))
-    balls = throw(no_projectiles(3), jnp.array([True, False]), others, places((-200, 0))[0], 10)
+    way = way_to(others, places((-200, 0)))
+    balls = throw(no_projectiles(3), jnp.array([True, False]), others, way, 10)
     out = flown(balls, places(player)[0], others, jnp.array(living))
     return jax.tree.map(np.asarray, out)
 
@@ -68,10 +70,11 @@ def test_a_fireball_ends_at_another_monster_and_hurts_nobody() -> None:
 
 
 def test_new_ones_take_the_places_of_the_oldest() -> None:
-    origin, target = places((0, 0), (0, 50)), places((-200, 0))[0]
+    origin = places((0, 0), (0, 50))
+    way = way_to(origin, places((-200, 0)))
     balls = no_projectiles(3)
     for _ in range(2):
-        balls = throw(balls, jnp.array([True, True]), origin, target, 10)
+        balls = throw(balls, jnp.array([True, True]), origin, way, 10)
     assert balls.owner.tolist() == [1, 1, 0]
     assert int(balls.next) == 1
     assert balls.flies.all()

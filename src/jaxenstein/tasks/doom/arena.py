@@ -22,7 +22,7 @@ from .geometry import RADIUS
 from .kinds import Kind, Pose, Roster
 from .look import MONSTERS, Picture
 from .shooter import DoomShooter, DoomShooterState
-from .shots import offsets, segments
+from .shots import segments, way_to
 from .strikes import strike, throws
 
 
@@ -150,9 +150,8 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):
         """
         factor = jnp.asarray(params.damage_factor, jnp.float32)
         lost = jnp.floor(damage.astype(jnp.float32) * factor)
-        way = offsets(origins, state.fixed_position[None])
-        length = jnp.maximum(jnp.sqrt(jnp.sum(way**2, axis=-1, keepdims=True)), 1)
-        push = jnp.sum(way / length * (lost[:, None] * jnp.float32(ONE / 8)), axis=0)
+        way = way_to(origins, state.fixed_position[None])
+        push = jnp.sum(way * (lost[:, None] * jnp.float32(ONE / 8)), axis=0)
         health = state.health - jnp.sum(lost).astype(jnp.int32)
         return state.replace(
             health=jnp.maximum(health, 0),

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -12,28 +11,23 @@ import numpy as np
 
 from ...about import About, Event
 from ...environment import Info
-from ...maps.things import FIREBALL, RGB
+from ...maps.things import RGB
 from ...params import Scalar, number
 from ..draws import draw_index
-from .arena import DoomArena, DoomArenaParams, DoomArenaState
+from .arena import DoomArenaParams
 from .bodies import overlap
 from .buttons import MOVE_LEFT, MOVE_RIGHT
-from .creatures import joined, placed
-from .dice import byte, roll
+from .creatures import Creatures, joined, placed
 from .dodging import DODGE
+from .fireballs import DoomFireArena, DoomFireState
 from .fixed import ONE
-from .geometry import RADIUS
-from .kinds import IMP, Kind, Pose, Roster
-from .look import CRATES, FIREBALLS, Picture
-from .projectiles import Projectiles, fly, no_projectiles, throw
+from .kinds import IMP, Kind, standing
+from .look import CRATES
+from .projectiles import no_projectiles
 
 # Imps stand on this line, from the one y to the other; there is room for so many.
 LINE, LOWEST, HIGHEST, MOST = 64, 20, 652, 16
 _FIRST = (20, 278, 652)
-# Fireballs: half-width, map units a tic, the damage's factor and die, tics that a burst is seen.
-BALL, SPEED, DICE, SIDES, BURST = 6, 10, 3, 8, 18
-# In flight at the same time; more would take the place of the oldest.
-_BALLS = 24
 
 
 class DoomCoverParams(DoomArenaParams):
@@ -54,18 +48,8 @@ class DoomCoverParams(DoomArenaParams):
 DEFAULTS = DoomCoverParams()
 
 
-class DoomCoverState(DoomArenaState):
-    """State of the task.
-
-    Attributes:
-        balls: the fireballs.
-    """
-
-    balls: Projectiles
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomTakeCover(DoomArena[DoomCoverState, DoomCoverParams]):
+class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
     """Dodge fireballs: imps at the other side of the room throw them, and become ever more.
 
     One or two hits kill, and the imps cannot be hurt. Reward: `living_reward` in every tic. Death
@@ -75,78 +59,52 @@ class DoomTakeCover(DoomArena[DoomCoverState, DoomCoverParams]):
     map_name: ClassVar[str] = "take-cover"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT)
-    cast: ClassVar[tuple[Kind, ...]] = (IMP,) * MOST
+    cast: ClassVar[tuple[Kind, ...]] = (standing(IMP),) * MOST
     floor: ClassVar[RGB] = CRATES
     ceiling: ClassVar[RGB] = CRATES
     ammo: ClassVar[int] = 0
-
-    @functools.cached_property
-    def roster(self) -> Roster:
-        """Imps that stay where they are."""
-        return Roster(self.cast, speed=0)
-
-    @property
-    def game_things(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Imps and fireballs."""
-        return (*super().game_things, "DoomImpBall")
-
-    @property
-    def thing_labels(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Their labels."""
-        return (*super().thing_labels, FIREBALL.label)
-
-    @property
-    def pictures(self) -> tuple[Picture, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Of imps, fireballs and bursts."""
-        return (*super().pictures, *FIREBALLS)
 
     @property
     def default_params(self) -> DoomCoverParams:
         """The params that `params=None` stands for."""
         return DEFAULTS
 
-    def init_state(self, key: jax.Array, params: DoomCoverParams) -> DoomCoverState:
+    def init_state(self, key: jax.Array, params: DoomCoverParams) -> DoomFireState:
         """Three imps, who have not noticed the player yet."""
         del key, params
         places = np.zeros((MOST, 2), np.int32)
         places[: len(_FIRST)] = [(LINE * ONE, y * ONE) for y in _FIRST]
         creatures = self._imps(jnp.asarray(places), jnp.arange(MOST) < len(_FIRST))
-        return DoomCoverState(
+        return DoomFireState(
             **self.drawn(jnp.zeros(2, jnp.uint32), (0, 0)),
             **self.armed(),
             creatures=creatures,
             kills=jnp.int32(0),
-            balls=no_projectiles(_BALLS),
+            balls=no_projectiles(self.most_balls),
         )
 
-    def _imps(self, places: jax.Array, present: jax.Array) -> Any:
+    def _imps(self, places: jax.Array, present: jax.Array) -> Creatures:
         """Imps that look west and have ticked once."""
         west = jnp.full(MOST, np.uint32(1 << 31))
         new = placed(self.roster, places, west, present, jnp.asarray(self.roster.health))
         return new.replace(tics=new.tics - 1)
 
     def transition(
-        self, key: jax.Array, state: DoomCoverState, action: jax.Array, params: DoomCoverParams
-    ) -> tuple[DoomCoverState, jax.Array, jax.Array, Info]:
+        self, key: jax.Array, state: DoomFireState, action: jax.Array, params: DoomCoverParams
+    ) -> tuple[DoomFireState, jax.Array, jax.Array, Info]:
         """Step, let the imps throw and the fireballs fly; every now and then one more imp."""
         fight_key, ball_key, imp_key = jax.random.split(key, 3)
         time = state.time + 1
         state, fought = self.fight(fight_key, state, action, params)
-        player, imps = state.fixed_position, state.creatures
-        balls = throw(state.balls, fought.throws, imps.position, player, SPEED)
-        others = imps.position, self.roster.half_widths, imps.living
-        balls, hits = fly(balls, BALL, (player, RADIUS), others, self.monster_walls, BURST)
-        luck = byte(jax.random.bits(ball_key, (_BALLS,), jnp.uint32), 0)
-        lost = jnp.where(hits, roll(DICE, SIDES, luck), 0)
-        state = self.suffer(state.replace(balls=balls), balls.position, lost, params)
+        state, hits = self.burn(ball_key, state, fought, params)
         comes = time % jnp.maximum(params.period, 1) == 0
-        state = state.replace(creatures=self._joined(imp_key, imps, comes))
+        state = state.replace(creatures=self._joined(imp_key, state.creatures, comes))
         dead = state.health <= 0
         count = jnp.sum(hits, dtype=jnp.int32)
         reward = jnp.asarray(params.living_reward, jnp.float32)
         return state, reward, dead, {"hits": count, "died": dead}
 
-    def _joined(self, key: jax.Array, imps: Any, comes: jax.Array) -> Any:
+    def _joined(self, key: jax.Array, imps: Creatures, comes: jax.Array) -> Creatures:
         """The imps with one more, if it comes now and finds room where it is to stand."""
         drawn = draw_index(jax.random.bits(key, (), jnp.uint32), (HIGHEST - LOWEST) * ONE + 1)
         place = jnp.stack([jnp.int32(LINE * ONE), LOWEST * ONE + drawn])
@@ -176,22 +134,3 @@ class DoomTakeCover(DoomArena[DoomCoverState, DoomCoverParams]):
             players={"dodge": DODGE},
             expert="dodge",
         )
-
-    def things(self, state: DoomCoverState) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """Imps, fireballs and bursts."""
-        places, looks, present = super().things(state)
-        balls = state.balls
-        ball = jnp.where(balls.flies, np.int32(len(Pose)), np.int32(len(Pose) + 1))
-        return (
-            jnp.concatenate([places, balls.position]),
-            jnp.concatenate([looks, ball]),
-            jnp.concatenate([present, balls.flies | (balls.bursts > 0)]),
-        )
-
-    def with_things(self, state: DoomCoverState, health: int, things: np.ndarray) -> DoomCoverState:
-        """The state with the imps and the fireballs of the game."""
-        state = super().with_things(state, health, things)
-        rows = things[things[:, 0] == len(self.roster.kinds)][:_BALLS]
-        place, flies = np.zeros((_BALLS, 2), np.int32), np.arange(_BALLS) < len(rows)
-        place[: len(rows)] = rows[:, 1:3]
-        return state.replace(balls=state.balls.replace(position=place, flies=flies))

@@ -17,14 +17,14 @@ from ...maps.things import RGB
 from ...params import Scalar, number
 from .aiming import TURN_AND_SHOOT
 from .arena import DoomArena, DoomArenaParams, DoomArenaState
-from .bodies import crosses, overlap
 from .buttons import ATTACK, TURN_LEFT, TURN_RIGHT
-from .creatures import joined, placed
+from .creatures import placed
 from .fixed import direction
 from .geometry import Geometry, build_geometry
 from .kinds import CHAINSAW_MARINE, DEMON, Kind
 from .lattice import Tiles, fill
 from .look import CEILING, GREY
+from .respawn import absent, respawned
 from .shooter import EVENTS
 from .walls import Line
 
@@ -142,48 +142,48 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
         self, key: jax.Array, state: DoomCenterState, killed: jax.Array, params: DoomCenterParams
     ) -> DoomCenterState:
         """The state without the dead, and with those whose time has come and who find room."""
-        old, count = state.creatures, len(self.roster)
-        present = old.present & ~killed
-        absence = jnp.where(killed, params.absence, jnp.maximum(state.absence - 1, 0))
+        count = len(self.roster)
+        absence = absent(state.absence, killed, params.absence)
         bits = jax.random.bits(key, (count, 2), jnp.uint32)
         place = _at_wall(bits[:, 0] & np.uint32(0xFFFF0000))
-        width = self.roster.half_widths
-        meets = overlap(place[:, None], width[:, None], old.position[None], width[None])
-        later = overlap(place[:, None], width[:, None], place[None], width[None])
-        due = ~present & (absence == 0)
-        room = ~jnp.any(meets & present[None], axis=1) & ~crosses(place, width, self.monster_walls)
-        room = room & ~jnp.any(later & due[None] & np.tri(count, k=-1, dtype=bool), axis=1)
-        comes = due & room
         health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
-        facing = (bits[:, 1] >> 24) << 24
-        new = placed(self.roster, place, facing, present | comes, health)
-        # They tick once in the tic in which they appear.
-        new = new.replace(tics=new.tics - 1)
-        creatures = joined(old.replace(present=present), new, comes)
+        fresh = place, (bits[:, 1] >> 24) << 24, health
+        creatures, _ = respawned(
+            self.roster, state.creatures, killed, absence, fresh, self.monster_walls
+        )
         return state.replace(creatures=creatures, absence=absence)
 
     def about(self) -> About:
         """What the task says of itself."""
-        return About(
-            aim="reached the time limit alive",
-            ends="where the player dies",
-            rewards={
-                "kill_reward": "{:+g} for each monster that dies",
-                "death_penalty": "-{:g} at death",
-            },
-            events={**EVENTS, "died": Event("died")},
-            variables={
-                "health": "0 to 100",
-                "ammo": "bullets left",
-                "killed": "monsters killed",
-            },
-            captions=("health", "ammo"),
-            players={"turn_and_shoot": TURN_AND_SHOOT},
-            expert="turn_and_shoot",
-        )
+        return about_defence()
 
 
 def _at_wall(angle: jax.Array) -> jax.Array:
     """int32[..., 2]: the place near the wall at an angle uint32[...]."""
     cosine, sine = direction(angle)
     return jnp.stack([cosine, sine], axis=-1) * DISTANCE
+
+
+def about_defence(**events: Event) -> About:
+    """What is said of tasks in which monsters come and are shot.
+
+    Args:
+        events: more than shots, kills and death.
+    """
+    return About(
+        aim="reached the time limit alive",
+        ends="where the player dies",
+        rewards={
+            "kill_reward": "{:+g} for each monster that dies",
+            "death_penalty": "-{:g} at death",
+        },
+        events={**EVENTS, **events, "died": Event("died")},
+        variables={
+            "health": "0 to 100",
+            "ammo": "bullets left",
+            "killed": "monsters killed",
+        },
+        captions=("health", "ammo"),
+        players={"turn_and_shoot": TURN_AND_SHOOT},
+        expert="turn_and_shoot",
+    )

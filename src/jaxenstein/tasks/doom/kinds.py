@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -144,6 +144,64 @@ CHAINSAW_MARINE = Kind(
 )
 
 
+CACODEMON = Kind(
+    "cacodemon",
+    "Cacodemon",
+    health=400,
+    half_width=31,
+    speed=8,
+    stand=_standing(10),
+    walk=(Frame(3, Pose.ONE, Act.CHASE),),
+    flinch=12,
+    pain_chance=128,
+)
+ZOMBIE = Kind(
+    "zombie",
+    "ZombieMan",
+    health=20,
+    half_width=20,
+    speed=8,
+    stand=_standing(10),
+    walk=_walking(4),
+    missile=(Frame(10, Pose.AIM), Frame(8, Pose.AIM, Act.SHOOT), Frame(8, Pose.AIM)),
+    flinch=6,
+    pain_chance=200,
+    dice=3,
+    sides=5,
+    rays=1,
+    spread=20,
+)
+SHOTGUN_GUY = replace(
+    ZOMBIE,
+    name="shotgun guy",
+    game_name="ShotgunGuy",
+    health=30,
+    walk=_walking(3),
+    missile=(Frame(10, Pose.AIM), Frame(10, Pose.AIM, Act.SHOOT), Frame(10, Pose.AIM)),
+    pain_chance=170,
+    rays=3,
+)
+CHAINGUN_GUY = replace(
+    ZOMBIE,
+    name="chaingun guy",
+    game_name="ChaingunGuy",
+    health=70,
+    walk=_walking(3),
+    missile=(
+        Frame(10, Pose.AIM),
+        Frame(4, Pose.AIM, Act.SHOOT),
+        Frame(4, Pose.AIM, Act.SHOOT),
+        Frame(1, Pose.AIM, back=2),
+    ),
+    pain_chance=170,
+)
+
+
+def standing(kind: Kind) -> Kind:
+    """A kind that never leaves its place."""
+    return replace(kind, speed=0)
+
+
 class Roster:
     """Which kind each of N monsters is, and the tables of their frames; constants of a program.
 
@@ -157,15 +215,12 @@ class Roster:
         reach: float32[N].
     """
 
-    def __init__(
-        self, cast: Sequence[Kind], *, fast: bool = False, speed: int | None = None
-    ) -> None:
+    def __init__(self, cast: Sequence[Kind], *, fast: bool = False) -> None:
         """Lay out the tables.
 
         Args:
             cast: the kind of each monster.
             fast: see the class.
-            speed: of all, in the place of their kinds' own.
         """
         self.kinds = tuple(dict.fromkeys(cast))
         self.fast = np.bool_(fast)
@@ -177,8 +232,6 @@ class Roster:
         self.stand, self.walk, self.melee, self.missile, self.pain, self.die = starts[self.cast].T
         self.half_widths = self._numbers("half_width")
         self.speeds = self._numbers("speed")
-        if speed is not None:
-            self.speeds = np.full_like(self.speeds, speed)
         self.health, self.pain_chance = self._numbers("health"), self._numbers("pain_chance")
         self.dice, self.sides = self._numbers("dice"), self._numbers("sides")
         self.rays, self.spread = self._numbers("rays"), self._numbers("spread")

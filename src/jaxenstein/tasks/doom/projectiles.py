@@ -9,10 +9,7 @@ import numpy as np
 from ...pytree import PyTreeNode
 from .bodies import crosses, overlap
 from .fixed import ONE
-from .shots import offsets, ranked
-
-# A projectile looks around so often on its way of a tic.
-_PARTS = 3
+from .shots import is_seen, ranked
 
 
 class Projectiles(PyTreeNode):
@@ -23,7 +20,7 @@ class Projectiles(PyTreeNode):
         velocity: int32[M, 2], units a tic.
         flies: bool[M], whether it is on its way.
         bursts: int32[M], tics for which its end is still seen.
-        owner: int32[M], the monster that it passes by.
+        owner: int32[M], the body that it passes by.
         next: int32[], the place of the next one.
     """
 
@@ -43,21 +40,19 @@ def no_projectiles(count: int) -> Projectiles:
 
 
 def throw(
-    projectiles: Projectiles, throws: jax.Array, origin: jax.Array, target: jax.Array, speed: int
+    projectiles: Projectiles, throws: jax.Array, origin: jax.Array, way: jax.Array, speed: int
 ) -> Projectiles:
-    """New ones, from each place that throws to a target; half a tic's way ahead already.
+    """New ones, from each place that throws; half a tic's way ahead already.
 
     Args:
         projectiles: those so far.
         throws: bool[N].
-        origin: int32[N, 2].
-        target: int32[2].
+        origin: int32[N, 2], of the bodies that throw, the first N of `fly`.
+        way: float32[N, 2], the direction, of length one.
         speed: map units a tic.
     """
     count = projectiles.flies.shape[0]
-    way = offsets(origin, target[None])
-    length = jnp.maximum(jnp.sqrt(jnp.sum(way**2, axis=-1, keepdims=True)), 1)
-    velocity = (way / length * jnp.float32(speed * ONE)).astype(jnp.int32)
+    velocity = (way * jnp.float32(speed * ONE)).astype(jnp.int32)
     order = jnp.cumsum(throws.astype(jnp.int32)) - 1
     slot = jnp.where(throws, (projectiles.next + order) % count, count)
     index = np.arange(throws.shape[0], dtype=np.int32)
@@ -78,37 +73,37 @@ def throw(
 def fly(
     projectiles: Projectiles,
     half_width: int,
-    player: tuple[jax.Array, int],
-    others: tuple[jax.Array, np.ndarray, jax.Array],
+    bodies: tuple[jax.Array, np.ndarray, jax.Array],
     walls: np.ndarray,
     bursts: int,
+    looks: int = 3,
 ) -> tuple[Projectiles, jax.Array]:
-    """A tic on: the projectiles, and bool[M] which of them have just hit the player.
+    """A tic on: the projectiles, and bool[M, N] the body that each has just hit.
 
     Args:
         projectiles: before it.
         half_width: of each, in map units.
-        player: int32[2] where it is, and its half-width.
-        others: int32[N, 2] places of monsters, int32[N] half-widths, bool[N] who lives.
+        bodies: int32[N, 2] places, int32[N] half-widths, bool[N] who is there. Of two that are met
+            at once the first is hit.
         walls: float32[L, 4] of `shots.segments`.
         bursts: tics for which the end of one is seen.
+        looks: how often each looks around on its way of a tic.
     """
-    part = np.arange(1, _PARTS + 1, dtype=np.int32)[None, :, None]
-    way = projectiles.position[:, None] + projectiles.velocity[:, None] * part // _PARTS
+    part = np.arange(1, looks + 1, dtype=np.int32)[None, :, None]
+    way = projectiles.position[:, None] + projectiles.velocity[:, None] * part // looks
     own = np.array(half_width, np.int32)
-    target, width = player
-    at_player = overlap(way, own, ranked(target, 3), np.array(width, np.int32))
-    places, widths, living = others
+    places, widths, there = bodies
     met = overlap(way[:, :, None], own, ranked(places, 4), ranked(jnp.asarray(widths), 3))
-    index = np.arange(len(widths), dtype=np.int32)
-    foreign = living[None] & (index[None] != projectiles.owner[:, None])
-    at_other = jnp.any(met & foreign[:, None], axis=-1)
+    index = np.arange(len(widths), dtype=np.int32)[None]
+    foreign = there[None] & (index != projectiles.owner[:, None])
+    met = met & foreign[:, None]
     size = jnp.full((1, 1), half_width, jnp.float32)
-    ends = at_player | at_other | crosses(way, size, walls)
+    ends = jnp.any(met, axis=-1) | crosses(way, size, walls)
     first = jnp.argmax(ends, axis=1)
     stops = projectiles.flies & jnp.any(ends, axis=1)
     rows = np.arange(way.shape[0])
-    hits = stops & at_player[rows, first] & ~at_other[rows, first]
+    found = met[rows, first]
+    hits = found & (jnp.argmax(found, axis=1)[:, None] == index) & stops[:, None]
     place = jnp.where(stops[:, None], way[rows, first], way[:, -1])
     after = projectiles.replace(
         position=jnp.where(projectiles.flies[:, None], place, projectiles.position),
@@ -116,3 +111,25 @@ def fly(
         bursts=jnp.where(stops, bursts, jnp.maximum(projectiles.bursts - 1, 0)),
     )
     return after, hits
+
+
+def blast(
+    centre: jax.Array,
+    bodies: tuple[jax.Array, np.ndarray, jax.Array],
+    walls: np.ndarray,
+    power: int,
+) -> jax.Array:
+    """int32[N]: what an explosion takes from bodies: a point less for each map unit to their box.
+
+    Args:
+        centre: int32[2], where it is.
+        bodies: as of `fly`.
+        walls: float32[L, 4], behind which nobody is hurt.
+        power: points at its centre.
+    """
+    places, widths, there = bodies
+    # The greater of the two coordinates, as in the game.
+    gap = jnp.max(jnp.abs(places - centre[None]), axis=-1).astype(jnp.float32) * (1 / ONE)
+    points = power - jnp.maximum(gap - jnp.asarray(widths, jnp.float32), 0)
+    seen = is_seen(jnp.broadcast_to(centre, places.shape), places, walls)
+    return jnp.where(there & seen, jnp.maximum(points, 0).astype(jnp.int32), 0)

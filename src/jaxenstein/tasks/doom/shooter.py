@@ -51,6 +51,8 @@ class DoomShooter(DoomScenario[S, P]):
 
     weapon: ClassVar[Weapon] = PISTOL
     ammo: ClassVar[int] = 50
+    # The most there can be; 0 for no more than at first.
+    most_ammo: ClassVar[int] = 0
     # Tics until the weapon is drawn.
     draw_tics: ClassVar[int] = 0
     pictures: ClassVar[tuple[Picture, ...]]
@@ -140,4 +142,5 @@ class DoomShooter(DoomScenario[S, P]):
     @property
     def _most(self) -> dict[str, int]:
         """The most that each variable can be."""
-        return {"health": FULL_HEALTH} | ({"ammo": self.ammo} if self.ammo else {})
+        ammo = max(self.ammo, self.most_ammo)
+        return {"health": FULL_HEALTH} | ({"ammo": ammo} if ammo else {})

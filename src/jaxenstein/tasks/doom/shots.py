@@ -45,6 +45,12 @@ def offsets(origin: jax.Array, places: jax.Array) -> jax.Array:
     return way.astype(jnp.float32) * jnp.float32(1 / ONE)
 
 
+def way_to(origin: jax.Array, places: jax.Array) -> jax.Array:
+    """float32[..., 2]: the direction from int32[..., 2] to int32[..., 2], of length one."""
+    way = offsets(origin, places)
+    return way / jnp.maximum(jnp.sqrt(jnp.sum(way**2, axis=-1, keepdims=True)), 1)
+
+
 def to_boxes(offset: jax.Array, ray: jax.Array, half_width: jax.Array | np.ndarray) -> jax.Array:
     """float32[...]: how far along a ray a box is, `inf` if the ray misses it.
 

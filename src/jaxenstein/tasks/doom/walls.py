@@ -1,7 +1,7 @@
 """Maps of ViZDoom's scenarios in map units, from the text files in `maps/`.
 
-Doom's x grows eastwards and y northwards. All walls of these maps run along an axis, are seen
-from one side only, and the floors are flat.
+Doom's x grows eastwards and y northwards. Walls are seen from one side only, and the
+floors are flat.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ class DoomMap:
         floor: height of the floor in map units.
         ceiling: height of the ceiling.
         light: light level, 0 to 255.
+        rails: what stops bodies and neither bullets nor eyes.
     """
 
     walls: tuple[Line, ...]
@@ -52,6 +53,7 @@ class DoomMap:
     floor: float
     ceiling: float
     light: float
+    rails: tuple[Line, ...] = ()
 
     def of_kind(self, kind: int) -> tuple[Thing, ...]:
         """The things of a kind by their ids."""
@@ -62,6 +64,7 @@ class DoomMap:
         lines = [f"height {self.floor:g} {self.ceiling:g}", f"light {self.light:g}"]
         lines += [f"thing {t.kind} {t.id} {t.x:.9g} {t.y:.9g}" for t in self.things]
         lines += [f"wall {w.x0} {w.y0} {w.x1} {w.y1} {w.texture}" for w in self.walls]
+        lines += [f"rail {w.x0} {w.y0} {w.x1} {w.y1} {w.texture}" for w in self.rails]
         return "".join(line + "\n" for line in lines)
 
 
@@ -74,16 +77,17 @@ def load_map(name: str) -> DoomMap:
 
 def parse_map(text: str) -> DoomMap:
     """A map from its text; see `DoomMap.text`. Lines that begin with `#` are comments."""
-    walls, things, heights, light = [], [], (0.0, 0.0), 0.0
+    walls, rails, things, heights, light = [], [], [], (0.0, 0.0), 0.0
     for line in text.splitlines():
         word, *rest = line.split()
-        if word == "wall":
+        if word in ("wall", "rail"):
             x0, y0, x1, y1 = map(int, rest[:4])
-            walls.append(Line(x0, y0, x1, y1, rest[4]))
+            line = Line(x0, y0, x1, y1, rest[4])
+            (walls if word == "wall" else rails).append(line)
         elif word == "thing":
             things.append(Thing(int(rest[0]), int(rest[1]), float(rest[2]), float(rest[3])))
         elif word == "height":
             heights = float(rest[0]), float(rest[1])
         elif word == "light":
             light = float(rest[0])
-    return DoomMap(tuple(walls), tuple(things), *heights, light)
+    return DoomMap(tuple(walls), tuple(things), *heights, light, tuple(rails))
