@@ -23,7 +23,7 @@ def family(pid: int) -> list[int]:
 
 
 def cores_allowed() -> int:
-    """How many cores this process may use."""
+    """How many cores this process may use; here too, for peers without JAX ask it."""
     allowed = getattr(os, "sched_getaffinity", None)
     return len(allowed(0)) if allowed else os.cpu_count() or 1
 

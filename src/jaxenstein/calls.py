@@ -90,11 +90,13 @@ def as_static(field: str, value: Any) -> Any:
     return value
 
 
-def check_whole(field: str, value: Any, highest: int) -> None:
-    """Complain of a setting that is no whole number from 1 to `highest`."""
+def check_whole(field: str, value: Any, highest: int, lowest: int = 1) -> None:
+    """Complain of a setting that is no whole number from `lowest` to `highest`."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not 1 <= value <= highest:
-        raise SettingError(f"{field} must be a whole number from 1 to {highest}, not {value!r}")
+    if not whole or not lowest <= value <= highest:
+        raise SettingError(
+            f"{field} must be a whole number from {lowest} to {highest}, not {value!r}"
+        )
 
 
 def as_kind(value: Any, default: Any) -> jax.Array:

@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from .calls import check_whole
 from .errors import SettingError
 from .version import __version__
 
@@ -44,8 +45,7 @@ def use_cores(count: int | None = None) -> int:
     most = cores_allowed()
     if count is None:
         count = most
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
-        raise SettingError(f"cores must be a whole number from 1 to {most}, not {count!r}")
+    check_whole("cores", count, most)
     try:
         jax.config.update("jax_num_cpu_devices", count)
     except RuntimeError as error:

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...calls import check_whole
 from ..steering import INTERACT
 from .aims import DONE, DROP, PICK_UP, Aim
 from .rooms import PickUpWorld
@@ -24,7 +25,7 @@ from .state import (
     around,
     beside,
 )
-from .world import GridParams, GridWorld, check_size
+from .world import GridParams, GridWorld
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,7 +48,7 @@ class GoToDoor(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 5, 32)
+        check_whole("size", self.size, 32, 5)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the room, its doors, the start and the instruction."""
@@ -101,7 +102,7 @@ class GoToObject(GoToDoor):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "objects", 1, 4)
+        check_whole("objects", self.objects, 4, 1)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the things, the start and the instruction."""
@@ -138,8 +139,8 @@ class Fetch(PickUpWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 5, 32)
-        check_size(self, "objects", 2, 3)
+        check_whole("size", self.size, 32, 5)
+        check_whole("objects", self.objects, 3, 2)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the things, the start, and which of them to fetch.
@@ -194,8 +195,8 @@ class PutNear(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 6, 32)
-        check_size(self, "objects", 2, 2 if self.size < 8 else 3)
+        check_whole("size", self.size, 32, 6)
+        check_whole("objects", self.objects, 2 if self.size < 8 else 3, 2)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the things, none of which is beside another, the start and the instruction."""
@@ -270,7 +271,7 @@ class Memory(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 7, 63)
+        check_whole("size", self.size, 63, 7)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the first thing, which of both is where, the hall's length and the start."""

@@ -9,11 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...calls import check_whole
 from ..steering import INTERACT
 from .aims import Aim
 from .sketch import COLOURS, Sketch
 from .state import GOAL_KIND, KEY_KIND, GridState
-from .world import GridParams, GridWorld, check_size
+from .world import GridParams, GridWorld
 
 RED, BLUE, YELLOW = 0, 2, 4
 
@@ -33,7 +34,7 @@ class DoorKey(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 5, 64)
+        check_whole("size", self.size, 64, 5)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the wall, the door, the start and the key."""
@@ -98,7 +99,7 @@ class RedBlueDoors(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 4, 32)
+        check_whole("size", self.size, 32, 4)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the start and the places of the doors."""

@@ -9,10 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...calls import check_whole
 from ..draws import draw_index
 from .sketch import COLOURS, Sketch
 from .state import GOAL_KIND, GridState
-from .world import GridParams, GridWorld, check_size
+from .world import GridParams, GridWorld
 
 # Tiles of the world's side; the least of a room's.
 SIDE, LEAST = 25, 4
@@ -53,8 +54,8 @@ class MultiRoom(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "rooms", 2, 6)
-        check_size(self, "room_size", LEAST, 10)
+        check_whole("rooms", self.rooms, 6, 2)
+        check_whole("room_size", self.room_size, 10, LEAST)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw chains until one has all its rooms; then doors, start and goal.

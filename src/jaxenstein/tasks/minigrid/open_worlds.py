@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...calls import check_whole
 from .sketch import Sketch
 from .state import GOAL_KIND, LAVA_KIND, GridState
-from .world import GridParams, GridWorld, check_size
+from .world import GridParams, GridWorld
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -29,7 +30,7 @@ class Empty(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 4, 64)
+        check_whole("size", self.size, 64, 4)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """The room."""
@@ -56,7 +57,7 @@ class FourRooms(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 7, 63)
+        check_whole("size", self.size, 63, 7)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Walls, gaps, start and goal."""
@@ -95,8 +96,8 @@ class Crossing(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 5, 63)
-        check_size(self, "crossings", 1, self.size - 3)
+        check_whole("size", self.size, 63, 5)
+        check_whole("crossings", self.crossings, self.size - 3, 1)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw which lines are crossed, an order in which to cross them, and the gaps."""
@@ -158,7 +159,7 @@ class LavaGap(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "size", 5, 64)
+        check_whole("size", self.size, 64, 5)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the gap."""
@@ -187,7 +188,7 @@ class DistShift(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "strip_row", 2, 5)
+        check_whole("strip_row", self.strip_row, 5, 2)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """The one layout."""

@@ -8,6 +8,7 @@ from typing import ClassVar, cast
 import jax
 import jax.numpy as jnp
 
+from ...calls import check_whole
 from ...engine.motion import forward, touched_door
 from ...environment import Scalar
 from ...params import number
@@ -15,7 +16,7 @@ from ..draws import draw_index
 from ..steering import BACKWARD, FORWARD
 from .open_worlds import Empty
 from .state import BALL_KIND, GOAL_KIND, GridState, around, mask_of, solid_level
-from .world import GridParams, check_size
+from .world import GridParams
 
 BLUE = 2
 
@@ -56,7 +57,7 @@ class DynamicObstacles(Empty):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_size(self, "obstacles", 1, self.size // 2 + 1)
+        check_whole("obstacles", self.obstacles, self.size // 2 + 1, 1)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """The room with its balls."""

@@ -19,7 +19,6 @@ import numpy as np
 from ...about import About, Event
 from ...engine.scene import Scene, Theme
 from ...environment import Info, Scalar
-from ...errors import SettingError
 from ...maps.things import COLOUR_NAMES
 from ...params import number
 from ...spaces import Box
@@ -264,18 +263,6 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         """bool[]: whether the agent's tile shares an edge with one of bool[rows, columns]."""
         column, row = state.cell
         return beside(tiles)[row, column]
-
-
-def check_size(world: GridWorld, name: str, least: int, most: int) -> None:
-    """Raise unless a setting is a whole number in a range.
-
-    Raises:
-        SettingError: it is not.
-    """
-    value = getattr(world, name)
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not (whole and least <= value <= most):
-        raise SettingError(f"{name} must be a whole number from {least} to {most}, not {value!r}")
 
 
 def _events(before: GridState, after: GridState) -> Info:
