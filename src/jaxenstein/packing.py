@@ -6,7 +6,7 @@ size; in a step of one environment that is more than the step itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -56,6 +56,7 @@ class Packing:
             for leaf, *place in zip(shapes, ends[:-1], ends[1:], kinds, strict=True)
         )
         self.words = ends[-1]
+        self._record = _record(self._leaves, self.words)
         self._hash = hash((self._tree, self._leaves))
 
     def __eq__(self, other: object) -> bool:
@@ -82,8 +83,9 @@ class Packing:
 
         There are no random keys in numpy; those of a tree stay numbers.
         """
-        words = np.array(rows)
-        return jax.tree.unflatten(self._tree, [_read(words, leaf) for leaf in self._leaves])
+        read = np.array(rows).view(self._record)[:, 0]
+        arrays = [_read(read[str(i)], leaf.dtype) for i, leaf in enumerate(self._leaves)]
+        return jax.tree.unflatten(self._tree, arrays)
 
 
 def _kind_of_keys(leaf: Any) -> Any:
@@ -126,14 +128,23 @@ def _of_words(row: jax.Array, leaf: _Leaf) -> jax.Array:
     return numbers if leaf.keys is None else jax.random.wrap_key_data(numbers, impl=leaf.keys)
 
 
-def _read(rows: np.ndarray, leaf: _Leaf) -> np.ndarray:
-    words = rows[:, leaf.first : leaf.end] if leaf.shape else rows[:, leaf.first]
-    if leaf.dtype == np.bool_:
-        numbers = words != 0
-    elif leaf.dtype.itemsize < _WORD.itemsize:
-        numbers = words.astype(_short(leaf.dtype)).view(leaf.dtype)
-    elif leaf.dtype.itemsize > _WORD.itemsize:
-        numbers = rows[:, leaf.first : leaf.end].copy().view(leaf.dtype)
-    else:
-        numbers = words.view(leaf.dtype)
-    return numbers.reshape(len(rows), *leaf.shape) if len(leaf.shape) != 1 else numbers
+def _record(leaves: Sequence[_Leaf], words: int) -> np.dtype[Any]:
+    """A row as numpy takes it apart; of short numbers it gives the words."""
+    kinds = [_WORD if leaf.dtype.itemsize < _WORD.itemsize else leaf.dtype for leaf in leaves]
+    return np.dtype(
+        {
+            "names": [str(i) for i in range(len(leaves))],
+            "formats": [(kind, leaf.shape) for kind, leaf in zip(kinds, leaves, strict=True)],
+            "offsets": [leaf.first * _WORD.itemsize for leaf in leaves],
+            "itemsize": words * _WORD.itemsize,
+        }
+    )
+
+
+def _read(array: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
+    if dtype == np.bool_:
+        return array != 0
+    if dtype.itemsize < _WORD.itemsize:
+        return array.astype(_short(dtype)).view(dtype)
+    # Numbers of eight bytes need not begin at a multiple of eight, which Torch refuses.
+    return array if dtype.itemsize == _WORD.itemsize else array.copy()

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.adapters import batch as module
+from jaxenstein.adapters import programs
 from jaxenstein.adapters.batch import Batch
 from jaxenstein.tasks.navigation import Navigation
 from tests.devices import run_with_devices
@@ -200,7 +200,7 @@ def test_seeds(made: Any) -> None:
 
 def test_seeds_beyond_32_bits_differ(made: Any) -> None:
     seeds = [1, 1 + 2**32, 1 + 2**33, 2**64 - 1]
-    keys = np.asarray(jax.random.key_data(module._keys_of(seeds)))
+    keys = np.asarray(jax.random.key_data(programs.keys_of(seeds)))
     assert len({tuple(key) for key in keys}) == len(seeds)
 
 
@@ -248,14 +248,15 @@ def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(Navigation, "observe", count)
     batch = Batch(env, params, 3)
-    keys, actions = module._keys_of([1, 2, 3]), np.zeros(3, np.int32)
+    keys, actions = programs.keys_of([1, 2, 3]), np.zeros(3, np.int32)
     plan = None, *batch._layout, batch._numbers
-    reset = inspect.unwrap(module._reset)
+    reset = inspect.unwrap(programs.reset)
     rows = jax.eval_shape(lambda: reset(env, plan[1], keys, batch.params))[0]
     assert len(drawn) == 1
-    for step in (module._step, module._step_or_reset):
+    for mode in (None, "next-step"):
         drawn.clear()
-        whole = partial(inspect.unwrap(step), batch.env, plan)
+        stepped = dataclasses.replace(env, autoreset=mode)
+        whole = partial(inspect.unwrap(programs.step), stepped, plan)
         jax.eval_shape(whole, rows, actions, batch._packed_params)
         assert len(drawn) == 1
 

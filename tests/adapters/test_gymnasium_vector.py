@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from jaxenstein.adapters.batch import Batch
 
 gymnasium = pytest.importorskip("gymnasium")
 single = pytest.importorskip("jaxenstein.adapters.gymnasium")
@@ -288,3 +289,12 @@ def test_rendering_without_a_mode(made: Any) -> None:
     envs.reset(seed=1)
     with pytest.warns(UserWarning, match="without a render mode"):
         assert envs.render() is None
+
+
+def test_a_step_takes_no_states_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That is for whoever asks for them: outside of compiled code it takes milliseconds."""
+    envs = vector.GymnasiumVectorEnv("simple", num_envs=2, height=4, width=4)
+    envs.reset(seed=0)
+    monkeypatch.setattr(Batch, "_streams", lambda batch: pytest.fail("states were taken apart"))
+    for _ in range(2):
+        envs.step(np.zeros(2, np.int32))

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import os
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import AxisType, Mesh, PartitionSpec
 
-from ..batching import select
 from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError
 from ..packing import Packing
+from . import programs
 
 # Environments that are reset and drawn in one call after a step in which some ended.
 _TOGETHER = 8
@@ -117,13 +115,14 @@ class Batch:
         check_process()
         if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
             raise SettingError(f"num_envs must be a whole number from 1 on, not {num_envs!r}")
-        dataclasses.replace(env, autoreset=autoreset, final_observation=False)  # checks the mode
-        # Resets are made here: within the step after a look at which episodes ended.
-        self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
+        stepped = dataclasses.replace(env, autoreset=autoreset, final_observation=False)
+        self.env = dataclasses.replace(stepped, autoreset=None)
+        # Resets within the step are made here, after a look at which episodes ended.
+        self._stepped = stepped if autoreset == "next-step" else self.env
         self.autoreset = autoreset
         self.num_envs = num_envs
         self.params = self.env.check_params(params)
-        self._mesh = _mesh(num_envs) if spread else None
+        self._mesh = programs.mesh_for(num_envs) if spread else None
         # Of each environment its stream and its state, and what a step tells beside them.
         self._kept: jax.Array | None = None
         self._layouts: tuple[Packing, Packing] | None = None
@@ -140,8 +139,13 @@ class Batch:
         self._packed_params = self._numbers.pack(params)
 
     @property
+    def begun(self) -> bool:
+        """Whether there has been a first reset."""
+        return self._kept is not None
+
+    @property
     def states(self) -> Any:
-        """The states, with a leading axis N; None before the first reset."""
+        """The states, with a leading axis N, taken out of their rows; None before a reset."""
         return None if self._kept is None else self._streams()[1]
 
     def _streams(self) -> tuple[jax.Array, Any]:
@@ -153,7 +157,7 @@ class Batch:
     def _layout(self) -> tuple[Packing, Packing]:
         """Of the stream and state of an environment, and of reward, ends and info."""
         if self._layouts is None:
-            self._layouts = _layouts(self.env, self.params)
+            self._layouts = programs.layouts(self.env, self.params)
         return self._layouts
 
     def reset(
@@ -183,10 +187,10 @@ class Batch:
         keys = self._seeded(_seeds(seed, self.num_envs), chosen)
         kept = self._layout[0]
         if chosen.all():
-            out = _reset(self.env, kept, keys, self.params)
+            out = programs.reset(self.env, kept, keys, self.params)
         else:
-            states = self._streams()[1]
-            out = _reset_some(self.env, kept, keys, states, jnp.asarray(chosen), self.params)
+            states, mask = self._streams()[1], jnp.asarray(chosen)
+            out = programs.reset_some(self.env, kept, keys, states, mask, self.params)
         self._kept, observation, info = out
         return observation, {name: np.array(value) for name, value in info.items()}
 
@@ -209,10 +213,9 @@ class Batch:
                 f"actions must be {self.num_envs} integers, one for each environment, "
                 f"not {actions.dtype}{list(actions.shape)}"
             )
-        step = _step_or_reset if self.autoreset == "next-step" else _step
         layouts = *self._layout, self._numbers
-        self._kept, observation, told = step(
-            self.env, (self._mesh, *layouts), self._kept, actions, self._packed_params
+        self._kept, observation, told = programs.step(
+            self._stepped, (self._mesh, *layouts), self._kept, actions, self._packed_params
         )
         stepped = Stepped(observation, *self._layout[1].read(told), ended=None)
         if self.autoreset == "same-step":
@@ -231,7 +234,7 @@ class Batch:
             some = indices[first : first + together]
             # Filled up with the last one again, which writes the same values once more.
             padded = np.pad(some, (0, together - some.size), mode="edge").astype(np.int32)
-            self._kept, observation, final, first_info = _restart(
+            self._kept, observation, final, first_info = programs.restart(
                 self.env, self._layout[0], self._kept, observation, padded, self.params
             )
             frames.append(jax.tree.map(lambda leaf, n=some.size: np.asarray(leaf)[:n], final))
@@ -248,18 +251,11 @@ class Batch:
         fresh = [int(i) for i in np.flatnonzero(chosen) if seeds[i] is not None]
         if self._kept is None:
             drawn = [secrets.randbits(32) if seed is None else seed for seed in seeds]
-            return _keys_of(drawn)
+            return programs.keys_of(drawn)
         keys = self._streams()[0]
         if not fresh:
             return keys
-        return keys.at[np.array(fresh)].set(_keys_of([seeds[i] or 0 for i in fresh]))
-
-
-def _keys_of(seeds: Sequence[int]) -> jax.Array:
-    """A key for each seed; seeds beyond 32 bits are folded in, without loss."""
-    words = [(seed & 0xFFFFFFFF, seed >> 32) for seed in seeds]
-    low, high = (jnp.asarray(np.array(part, np.uint32)) for part in zip(*words, strict=True))
-    return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a), b))(low, high)
+        return keys.at[np.array(fresh)].set(programs.keys_of([seeds[i] or 0 for i in fresh]))
 
 
 def _seeds(seed: Any, count: int) -> list[int | None]:
@@ -280,132 +276,3 @@ def _seeds(seed: Any, count: int) -> list[int | None]:
         if one is not None and (type(one) is not int or not 0 <= one < 2**64):
             raise SettingError(f"a seed must be a whole number from 0 to 2**64 - 1, not {one!r}")
     return seeds
-
-
-def _mesh(num_envs: int) -> Mesh | None:
-    """The cores to spread over, if there are several and they can be given equal shares."""
-    count = jax.device_count()
-    if jax.default_backend() != "cpu" or count == 1 or num_envs % count:
-        return None
-    return jax.make_mesh((count,), ("env",), axis_types=(AxisType.Auto,))
-
-
-def _apart(mesh: Mesh | None, function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of (rows, actions, numbers) on each device's rows and actions by themselves."""
-    if mesh is None:
-        return function
-    env, everywhere = PartitionSpec("env"), PartitionSpec()
-    # Nothing is exchanged, so there is nothing to check about what varies along the axis.
-    return jax.shard_map(
-        function, mesh=mesh, in_specs=(env, env, everywhere), out_specs=env, check_vma=False
-    )
-
-
-def _layouts(env: AnyEnvironment, params: Any) -> tuple[Packing, Packing]:
-    """Of the stream and state of an environment, and of what a step tells; compiles nothing."""
-
-    def kept() -> Any:
-        return jax.random.key(0), env.init_state(jax.random.key(0), params)
-
-    def told(key: jax.Array, state: Any) -> Any:
-        turn = env.turn(key, key, state, jnp.int32(0), params)
-        return turn.reward, turn.terminated, turn.truncated, turn.info
-
-    return Packing(kept), Packing(lambda: told(*kept()))
-
-
-_compiled = functools.partial(jax.jit, static_argnums=(0, 1))
-
-
-# A stream is a key that is split at every reset and at every step: one part is used, the other
-# stays. So an environment draws the same whatever the number of its neighbours and whoever, the
-# batch or its caller, makes the resets.
-
-
-@_compiled
-def _reset(env: AnyEnvironment, kept: Packing, keys: jax.Array, params: Any) -> tuple[Any, ...]:
-    keys, used = _split(keys)
-    observation, states = jax.vmap(env.reset, (0, None))(used, params)
-    info = jax.vmap(env.describe, (0, None))(states, params)
-    return jax.vmap(kept.pack)((keys, states)), observation, info
-
-
-@_compiled
-def _reset_some(
-    env: AnyEnvironment, kept: Packing, keys: jax.Array, states: Any, mask: jax.Array, params: Any
-) -> tuple[Any, ...]:
-    after, used = _split(keys)
-    fresh = jax.vmap(env.init_state, (0, None))(used, params)
-    keys = jnp.where(mask, after, keys)
-    states = jax.vmap(select)(mask, fresh, states)
-    observation = jax.vmap(env.observe, (0, None))(states, params)
-    info = jax.vmap(env.describe, (0, None))(states, params)
-    return jax.vmap(kept.pack)((keys, states)), observation, info
-
-
-# How a step is carried out, which is part of the program: over which devices, and the layouts of
-# what is kept, of what is told, and of the params.
-_Plan = tuple[Mesh | None, Packing, Packing, Packing]
-
-
-@_compiled
-def _step(
-    env: AnyEnvironment, plan: _Plan, rows: jax.Array, actions: jax.Array, numbers: jax.Array
-) -> tuple[Any, ...]:
-    mesh, kept, told, layout = plan
-
-    def step(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
-        keys, states = jax.vmap(kept.unpack)(rows)
-        keys, used = _split(keys)
-        stepped = jax.vmap(env.step, (0, 0, 0, None))(used, states, actions, layout.unpack(numbers))
-        observation, states, *rest = stepped
-        return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(told.pack)(tuple(rest))
-
-    return _apart(mesh, step)(rows, actions, numbers)
-
-
-@_compiled
-def _step_or_reset(
-    env: AnyEnvironment, plan: _Plan, rows: jax.Array, actions: jax.Array, numbers: jax.Array
-) -> tuple[Any, ...]:
-    """Reset the environments whose last step ended, step the others."""
-    mesh, kept, told, layout = plan
-
-    def step(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
-        params = layout.unpack(numbers)
-        keys, states = jax.vmap(kept.unpack)(rows)
-        keys, used = _split(keys)
-        turn = jax.vmap(dataclasses.replace(env, autoreset="next-step").turn, (0, 0, 0, 0, None))
-        # One key for both, of which each environment needs but one.
-        states, _, *rest = turn(used, used, states, actions, params)
-        observation = jax.vmap(env.observe, (0, None))(states, params)
-        return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(told.pack)(tuple(rest))
-
-    return _apart(mesh, step)(rows, actions, numbers)
-
-
-# The observations are given away, so that the frames of the others need not be copied.
-@functools.partial(jax.jit, static_argnums=(0, 1), donate_argnums=3)
-def _restart(
-    env: AnyEnvironment,
-    kept: Packing,
-    rows: jax.Array,
-    observation: Any,
-    indices: jax.Array,
-    params: Any,
-) -> tuple[Any, ...]:
-    final = jax.tree.map(lambda leaf: leaf[indices], observation)
-    after, used = _split(jax.vmap(kept.unpack)(rows[indices])[0])
-    first, fresh = jax.vmap(env.reset, (0, None))(used, params)
-    rows, observation = jax.tree.map(
-        lambda every, some: every.at[indices].set(some),
-        (rows, observation),
-        (jax.vmap(kept.pack)((after, fresh)), first),
-    )
-    return rows, observation, final, jax.vmap(env.describe, (0, None))(fresh, params)
-
-
-def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """What stays of each stream, and a key of each to use."""
-    split = jax.vmap(jax.random.split)(keys)
-    return split[:, 0], split[:, 1]

@@ -99,7 +99,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
             The observation and the info: numpy scalars, bools, and arrays.
         """
         super().reset(seed=seed)
-        if seed is None and self._batch.states is None:
+        if seed is None and not self._batch.begun:
             seed = int(self.np_random.integers(2**63))
         self._observation, info = self._batch.reset(seed)
         self._over = False
@@ -115,7 +115,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
             gymnasium.error.InvalidAction: the action is not one integer of the action space.
         """
         if self._over:
-            state = "has not begun" if self._batch.states is None else "is over"
+            state = "has not begun" if not self._batch.begun else "is over"
             raise gymnasium.error.ResetNeeded(f"the episode {state}: call reset before step")
         actions = checked_actions(np.asarray(action)[None], 1, self.env.num_actions)
         stepped = self._batch.step(actions)
@@ -259,7 +259,7 @@ def frames(batch: Batch, observation: Any = None) -> np.ndarray:
         observation: of these states: where it shows colours there is nothing to draw. None if
             it may have been written to.
     """
-    if batch.states is None:
+    if not batch.begun:
         raise gymnasium.error.ResetNeeded("call reset before render")
     env: Any = batch.env
     if observation is not None and env.observation in ("rgb", "dict"):

@@ -128,7 +128,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
             raise SettingError("options['reset_mask'] must be True for one environment or more")
         if isinstance(seed, int):
             super().reset(seed=seed)
-        elif seed is None and self._batch.states is None:
+        elif seed is None and not self._batch.begun:
             seed = int(self.np_random.integers(2**63))
         self._observation, info = self._batch.reset(seed, mask)
         chosen = np.ones(self.num_envs, bool) if mask is None else np.array(mask)
@@ -181,7 +181,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         return tuple(frames(self._batch, self._observation))
 
     def _check_order(self) -> None:
-        if self._batch.states is None:
+        if not self._batch.begun:
             raise gymnasium.error.ResetNeeded("call reset before step")
         if self.autoreset_mode is AutoresetMode.DISABLED and self._over.any():
             over = ", ".join(map(str, np.flatnonzero(self._over)))

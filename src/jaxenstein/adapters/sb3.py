@@ -183,7 +183,7 @@ class SB3VecEnv(VecEnv):
         """
         if self.render_mode is None:
             return [None] * self.num_envs
-        if self.batch.states is None:
+        if not self.batch.begun:
             raise SettingError("call reset before render")
         return list(frames(self.batch))
 
