@@ -21,6 +21,7 @@ from jaxenstein.tasks.health_gathering import HealthGathering
 from jaxenstein.tasks.key_corridor import KeyCorridor
 from jaxenstein.tasks.memory_maze import MemoryMaze
 from jaxenstein.tasks.minigrid.world import GridWorld
+from jaxenstein.tasks.miniworld.reach_box import ReachBox
 from tests.contract.ids import IDS
 
 SIZE = {"height": 12, "width": 16}
@@ -144,7 +145,7 @@ def about_to_end(env, state):
         return state.replace(health=jnp.int32(1), time=time, present=nothing)
     if isinstance(env, DoomArena):
         return state.replace(health=jnp.int32(0))
-    if isinstance(env, KeyCorridor):
+    if isinstance(env, KeyCorridor | ReachBox):
         return state.replace(position=state.goal)
     if isinstance(env, Explore):
         return state.replace(position=state.things[0])

@@ -114,6 +114,9 @@ MARINE = Thing("marine", 130, (92, 140, 80), "soldier-one", 0.4, 0.1, detail=(19
 IMP = Thing("imp", 131, (150, 96, 56), "imp-one", 0.4, 0.1, detail=(230, 200, 60))
 FIREBALL = Thing("fireball", 132, (255, 150, 40), "fireball", 0.15, 0.1, detail=(255, 236, 160))
 
+# On MiniWorld's sidewalk.
+CONE = Thing("cone", 133, (240, 104, 24), "cone", 0.3, 0.2, detail=(240, 240, 236))
+
 THINGS: tuple[Thing, ...] = (
     KEY,
     GOAL,
@@ -128,6 +131,7 @@ THINGS: tuple[Thing, ...] = (
     MARINE,
     IMP,
     FIREBALL,
+    CONE,
 )
 """All of them, in the order of their labels."""
 

@@ -25,5 +25,24 @@ FAMILIES: dict[str, tuple[str, dict[str, str]]] = {
             "memory-maze-15x15": "Memory Maze: fetch 6 things as asked, for 4000 steps",
         },
     ),
+    "miniworld": (
+        "miniworld.table",
+        {
+            "miniworld-hallway": "MiniWorld: a red box at the end of a hall",
+            "miniworld-one-room": "MiniWorld: a red box anywhere in a room",
+            "miniworld-one-room-s6": "the same in a small room",
+            "miniworld-one-room-s6-fast": "the same with long steps",
+            "miniworld-four-rooms": "MiniWorld: a red box in one of four rooms",
+            "miniworld-t-maze": "MiniWorld: a red box at one end of a T",
+            "miniworld-t-maze-left": "the same, always at the left end",
+            "miniworld-t-maze-right": "the same, always at the right end",
+            "miniworld-wall-gap": "MiniWorld: a red box behind a gap in a wall",
+            "miniworld-sidewalk": "MiniWorld: a red box along a street that ends the episode",
+            "miniworld-maze": "MiniWorld: a red box in a maze of 8 by 8 cells, new each time",
+            "miniworld-maze-s2": "the same in 2 by 2 cells",
+            "miniworld-maze-s3": "the same in 3 by 3 cells",
+            "miniworld-maze-s3-fast": "the same with long steps",
+        },
+    ),
 }
 """The module of each family, and the summaries of its ids; all are variants of the first one."""

@@ -93,7 +93,7 @@ def draw_maze(key: jax.Array, plan: MazePlan) -> RandomMaze:
     points, tries = plan.lattice**2, plan.rooms * TRIES
     bits = jax.random.bits(key, (tries + 3 * points,), jnp.uint32)
     room, rooms = _draw_rooms(bits[:tries].reshape(TRIES, -1), plan)
-    region, links = _carve(bits[tries : tries + points], room)
+    region, links = carve(bits[tries : tries + points], room)
     doors = _connect(bits[tries + points :], region)
     links, left = _wall_up(room, links, doors)
     none = jnp.zeros_like(left)
@@ -214,7 +214,7 @@ def _both_ends(points: jax.Array) -> jax.Array:
     return points[None] & _ahead(points)
 
 
-def _carve(bits: jax.Array, room: jax.Array) -> tuple[jax.Array, jax.Array]:
+def carve(bits: jax.Array, room: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Corridors by recursive backtracking in all that rooms leave.
 
     One goes on from the point that was reached last among those beside which something is left:

@@ -1,0 +1,107 @@
+"""MiniWorld's mazes with a red box to reach, new in every episode."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...calls import check_whole
+from ...engine.level import Level, level_from_walls
+from ..draws import draw_index, draw_unit
+from ..generated import GeneratedTask
+from ..goals import NavigationParams
+from ..random_maze import carve
+from ..steering import draw_heading
+from .reach_box import BRICK, BoxParams, BoxState, ReachBox
+from .rooms import FAST
+
+# Tiles of a cell's side, and from one cell to the next: walls are a tile thick.
+_CELL = 3
+_PITCH = _CELL + 1
+# How much a start and a box keep from the edges of their cell; how many starts are drawn.
+_BODY, _BOX, _TRIES = 0.4, 0.566, 16
+
+
+class MazeState(BoxState):
+    """State of the task.
+
+    Attributes:
+        level: the walls of this episode.
+    """
+
+    level: Level
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BoxMaze(GeneratedTask[MazeState, NavigationParams], ReachBox[MazeState]):
+    """A red box to reach in a maze of wide cells; actions and reward are those of `ReachBox`.
+
+    Attributes:
+        cells: cells in a row and in a column, 1 to 15.
+    """
+
+    cells: int = 8
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_whole("cells", self.cells, 15)
+
+    def init_state(self, key: jax.Array, params: NavigationParams) -> MazeState:
+        """Draw the maze and the place of its box, then a start."""
+        level_key, start_key = jax.random.split(key)
+        count = self.cells
+        bits = jax.random.bits(self.level_key(level_key), (count**2 + 3,), jnp.uint32)
+        goal = self._place(bits[-3:], _BOX)
+        starts = jax.random.bits(start_key, (_TRIES + 1, 3), jnp.uint32)
+        places = jax.vmap(functools.partial(self._place, margin=_BODY))(starts[:-1])
+        near = jnp.sum((places - goal[None]) ** 2, axis=-1) <= jnp.square(params.goal_radius)
+        return MazeState(
+            position=places[jnp.argmin(near)],
+            heading=draw_heading(starts[-1, 0], None),
+            level=level_from_walls(jnp.where(self._floor(bits[:-3]), 0, BRICK).astype(jnp.uint8)),
+            goal=goal,
+            opened=jnp.zeros(0, bool),
+            taken=jnp.zeros(0, bool),
+        )
+
+    def level_of(self, state: MazeState) -> Level:
+        """The level of the maze."""
+        return state.level
+
+    def _place(self, bits: jax.Array, margin: float) -> jax.Array:
+        """float32[2]: a place in any cell, so far from its edges, from uint32[3]."""
+        cell = draw_index(bits[0], self.cells**2)
+        corner = 1 + _PITCH * jnp.stack([cell % self.cells, cell // self.cells])
+        inside = margin + draw_unit(bits[1:]) * jnp.float32(_CELL - 2 * margin)
+        return corner.astype(jnp.float32) + inside
+
+    def _floor(self, bits: jax.Array) -> jax.Array:
+        """bool[rows, columns], the floor of a maze of cells: recursive backtracking."""
+        _, links = carve(bits, jnp.zeros((self.cells, self.cells), jnp.int32))
+        tile = np.arange(_PITCH * self.cells)
+        cell, between = tile // _PITCH, tile % _PITCH == _CELL
+        east, south = (link[cell][:, cell] for link in links)
+        across, down = between[None], between[:, None]
+        inside = jnp.where(across, east & ~down, jnp.where(down, south, True))
+        return jnp.pad(inside, ((1, 0), (1, 0)))
+
+
+# Cells, steps, and params of each.
+_MAZES = {
+    "maze": (8, 1536, {}),
+    "maze-s2": (2, 96, {}),
+    "maze-s3": (3, 216, {}),
+    "maze-s3-fast": (3, 300, FAST),
+}
+
+
+def build(name: str) -> functools.partial[BoxMaze]:
+    """One of the mazes, by the name of its environment."""
+    cells, steps, numbers = _MAZES[name]
+    params = BoxParams(max_steps_in_episode=steps).replace(**numbers)
+    return functools.partial(BoxMaze, cells=cells, defaults=params)
