@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,8 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from jaxenstein import registry
+from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli import bench, build_parser, listing, main, rollout
 from jaxenstein.cli.opening import given_options, open_environment
 from jaxenstein.trajectory import FORMAT, FORMAT_VERSION
@@ -25,15 +28,30 @@ def test_list_names_every_environment(capsys: pytest.CaptureFixture[str]) -> Non
     assert main(["list"]) == 0
     out, err = capsys.readouterr()
     lines = out.splitlines()
-    for name in jaxenstein.environment_ids():
+    for name in MAIN_IDS:
         (line,) = [line for line in lines if line.split()[:1] == [name]]
         env, params = jaxenstein.make(name)
         columns, rows = env.map_size  # type: ignore[attr-defined]
         assert f" {columns}x{rows}" in line
         assert f" {params.max_steps_in_episode} " in line
+    words = set(re.split(r"[\s,]+", out))
+    assert set(jaxenstein.environment_ids()) <= words
     assert "2 forward" in out
     assert max(map(len, lines)) <= 100
     assert err == ""
+
+
+def test_list_gives_variants_rows_on_demand(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    some = ["t-maze", "doom-basic", "doom-simpler-basic"]
+    monkeypatch.setattr(registry, "environment_ids", lambda: some)
+    for words, rows in (["list"], some[:2]), (["list", "--all"], some):
+        assert main(words) == 0
+        table, notes = capsys.readouterr().out.split("\n\n")
+        assert [line.split()[0] for line in table.splitlines() if line[0] != " "] == ["ID", *rows]
+        told = "as doom-basic (--all): doom-simpler-basic" in notes.splitlines()
+        assert told == (rows != some)
 
 
 def test_list_tells_which_actions_are_whose() -> None:

@@ -12,12 +12,14 @@ from .opening import import_module_of
 
 HELP = "list the environments"
 DESCRIPTION = """\
-List the environments, with --symbols the characters of text maps, with --samples
-small maps to play with, with --pretrained the trained agents that come with this package.
+List the environments, with --all further sizes and variants in rows of their own, with
+--symbols the characters of text maps, with --samples small maps to play with, with
+--pretrained the trained agents that come with this package.
 """
 EPILOG = """\
 examples:
   jaxenstein list
+  jaxenstein list --all
   jaxenstein list --symbols
   jaxenstein list --samples
   jaxenstein list --pretrained
@@ -36,6 +38,7 @@ def fill(parser: Parser) -> None:
     parser.add_argument(
         "ids", nargs="*", metavar="ID", help="which ones, also MODULE:NAME (default: all)"
     )
+    flag(parser, "--all", "further sizes and variants in rows of their own, too")
     flag(parser, "--symbols", "explain the characters of text maps instead")
     flag(parser, "--samples", "the small maps to play with instead")
     flag(parser, "--pretrained", "the trained agents of this package instead")
@@ -62,6 +65,10 @@ def run(options: argparse.Namespace) -> None:
     for id in options.ids:
         import_module_of(id)
     found = dict(map(registry.find, options.ids or registry.environment_ids()))
+    variants: dict[str, list[str]] = {}
+    if not (options.ids or options.all):
+        for name in [name for name, entry in found.items() if entry.variant_of]:
+            variants.setdefault(found.pop(name).variant_of, []).append(name)
     environments = {name: registry.make(name) for name in found}
     table = [("ID", "MAP", "HORIZON", "DISCOUNT", "DESCRIPTION")]
     for name, (env, params) in environments.items():
@@ -73,6 +80,8 @@ def run(options: argparse.Namespace) -> None:
     notes = ["map: columns x rows, in tiles; horizon: steps in an episode"]
     if any(row[1].endswith(GENERATED) for row in table):
         notes.append(f"{GENERATED} a new map is generated at every reset")
+    for name, others in variants.items():
+        notes.append(f"as {name} (--all): {', '.join(others)}")
     if aliases:
         pairs = ", ".join(f"{alias} = {name}" for alias, name in aliases.items())
         notes.append(f"other names: {pairs}")

@@ -132,6 +132,11 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         return 1 if self.kind == "goal" else self.plan.rooms * self.places // 2
 
     @functools.cached_property
+    def map_size(self) -> tuple[int, int]:
+        """(columns, rows) of the map in tiles."""
+        return self.plan.size, self.plan.size
+
+    @functools.cached_property
     def theme(self) -> Theme:
         """How the maze looks."""
         labels = {"goal": (GOAL.label,), "apples": (APPLE.label,)}

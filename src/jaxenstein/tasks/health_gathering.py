@@ -163,6 +163,11 @@ class HealthGathering(
         rows[side + 1] = "U" + "." * side + "S" + "." * (side - 1) + "U"
         return parse_ascii("\n".join(rows), "health-gathering", goal_required=False)
 
+    @functools.cached_property
+    def map_size(self) -> tuple[int, int]:
+        """(columns, rows) of the map in tiles."""
+        return self.tilemap.columns, self.tilemap.rows
+
     def tilemap_of(self, state: HealthGatheringState) -> TileMap:
         """The room."""
         del state

@@ -155,6 +155,11 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         return self.defaults
 
     @functools.cached_property
+    def map_size(self) -> tuple[int, int]:
+        """(columns, rows) of the map in tiles."""
+        return self.plan.size, self.plan.size
+
+    @functools.cached_property
     def theme(self) -> Theme:
         """How the maze looks."""
         labels = tuple(BALL.labels[: self.things])

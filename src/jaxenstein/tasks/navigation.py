@@ -94,6 +94,11 @@ class Navigation(GoalTask[NavigationState]):
         one = {"the goal is one of the map's": lambda s: (s.goal >= 0) & (s.goal < goals)}
         return dataclasses.replace(super().about(), holds=one)
 
+    @functools.cached_property
+    def map_size(self) -> tuple[int, int]:
+        """(columns, rows) of the map in tiles."""
+        return self.tilemap.columns, self.tilemap.rows
+
     def tilemap_of(self, state: NavigationState) -> TileMap:
         """The map."""
         del state

@@ -145,6 +145,11 @@ class DoomScenario(FirstPerson[S, P]):
         corners = [self.tiles.to_position(x, y) for x, y in places.tolist()]
         return tuple((math.floor(x), math.floor(y)) for x, y in corners)
 
+    @functools.cached_property
+    def map_size(self) -> tuple[int, int]:
+        """(columns, rows) of the map in tiles."""
+        return self.tilemap.columns, self.tilemap.rows
+
     def tilemap_of(self, state: S) -> TileMap:
         """The map."""
         del state
