@@ -167,6 +167,9 @@ def test_all_settings_are_taken():
         "final_observation": False,
         "frame_skip": 2,
         "sprite_layers": 2,
+        "look": "random",
+        "look_range": 0.5,
+        "look_seeds": (0, 9),
     }
     assert set(given) == set(SETTINGS)
     env, _ = make("key-door", **given)

@@ -88,8 +88,9 @@ def _stages(env: Any, params: Any) -> Mapping[str, tuple[Callable[..., Any], tup
 
     def paint_words(state: Any, prepared: Any) -> Any:
         seen = scene(state)
+        rows = pixels.paint_rows(seen.theme, camera, "rgb")
         return pixels.paint_words(
-            seen.position, prepared, theme=seen.theme, camera=camera, kind="rgb"
+            seen.position, prepared, rows=rows, theme=seen.theme, camera=camera, kind="rgb"
         )
 
     def paint(state: Any, prepared: Any) -> Any:

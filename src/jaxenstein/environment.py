@@ -169,6 +169,10 @@ class Environment(abc.ABC, Generic[S, P]):
         del state, events, params
         return terminated & (reward > 0)
 
+    def first_state(self, key: jax.Array, params: P) -> S:
+        """The first state of an episode: that of the task, with what settings add to it."""
+        return self.init_state(key, params)
+
     # What a training loop calls.
 
     def action_space(self, params: P | None = None) -> Discrete:
@@ -185,7 +189,7 @@ class Environment(abc.ABC, Generic[S, P]):
     def reset(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
         """Begin an episode: observation and state."""
         params = self.check_params(params)
-        state = self.init_state(key, params)
+        state = self.first_state(key, params)
         return self.observe(state, params), state
 
     @compiled
@@ -248,7 +252,7 @@ class Environment(abc.ABC, Generic[S, P]):
 
         To automatic differentiation first states are constants.
         """
-        fresh = where_any(self.init_state)(over, key, jax.lax.stop_gradient(params))
+        fresh = where_any(self.first_state)(over, key, jax.lax.stop_gradient(params))
         return select(over, fresh, state)
 
     def time_is_up(self, state: S, params: P) -> jax.Array:

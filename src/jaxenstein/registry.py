@@ -94,7 +94,8 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
         id: one of `environment_ids()`; or "module:id" or "module:Class", which imports the module
             and takes the id that it registers, or its subclass of `Environment`.
         **settings: static settings: `height`, `width` and `field_of_view` of the image,
-            `observation`, `autoreset`, `final_observation`, `frame_skip`, `sprite_layers`; see
+            `observation`, `autoreset`, `final_observation`, `frame_skip`, `sprite_layers`,
+            `look`, `look_range`, `look_seeds`; see
             `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. Besides,
             those of the task, such as `hud` of health-gathering.
 

@@ -16,7 +16,7 @@ from .errors import SettingError, nearest
 from .recipe import Recipe, as_tuples
 from .tasks.first_person import SEEN, SETTINGS, FirstPerson
 
-Kind = Literal["count", "number", "flag", "choice", "layers", "angle", "text", "table"]
+Kind = Literal["count", "number", "flag", "choice", "layers", "angle", "text", "table", "seeds"]
 
 KINDS: dict[Kind, str] = {
     "count": "a whole number",
@@ -27,6 +27,7 @@ KINDS: dict[Kind, str] = {
     "layers": "a list of [kernel, stride, features]",
     "table": "a table of names with values",
     "angle": "a number or two, in degrees",
+    "seeds": "two whole numbers, the first seed and the one past the last",
 }
 # Texts that come with a map, in files of their own beside it.
 MAP_TEXTS = ("regions", "faces")
@@ -74,6 +75,7 @@ def _kind(hint: Any) -> tuple[Kind, tuple[str, ...]]:
     if typing.get_origin(hint) is Literal:
         return "choice", typing.get_args(hint)
     kinds: dict[Any, Kind] = {bool: "flag", int: "count", float: "number", str: "text"}
+    kinds[tuple[int, int] | range | None] = "seeds"
     return kinds.get(hint, "layers"), ()
 
 
@@ -149,6 +151,8 @@ def coerce(option: Option, value: Any) -> Any:
         return value
     listed = isinstance(value, list | tuple)
     if kind == "layers" and listed and all(isinstance(layer, list | tuple) for layer in value):
+        return as_tuples(value)
+    if kind == "seeds" and listed and len(value) == 2:
         return as_tuples(value)
     if kind == "angle" and (number or (listed and len(value) == 2)):
         return as_tuples(value)

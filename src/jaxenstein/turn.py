@@ -16,7 +16,7 @@ Info = dict[str, Any]
 
 
 class State(PyTreeNode):
-    """What every state has; `init_state` leaves the last three to the base.
+    """What every state has; `init_state` leaves the last four to the base.
 
     Attributes:
         position: float32[2], (x, y) in tiles: x along a row of the map, y down the rows.
@@ -25,6 +25,8 @@ class State(PyTreeNode):
         episode_return: float32[], undiscounted sum of rewards since the reset.
         done: bool[], whether the last step ended the episode. `step` with `"same-step"` resets
             never shows a state where it is true.
+        look: uint32[], the seed of how the world looks in this episode; None where that does not
+            vary.
     """
 
     position: jax.Array
@@ -34,6 +36,7 @@ class State(PyTreeNode):
         default_factory=lambda: jnp.float32(0), kw_only=True
     )
     done: jax.Array = dataclasses.field(default_factory=lambda: jnp.bool_(0), kw_only=True)
+    look: jax.Array | None = dataclasses.field(default=None, kw_only=True)
 
 
 S = TypeVar("S", bound=State)

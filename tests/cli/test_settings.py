@@ -44,11 +44,13 @@ def test_every_setting_is_a_flag_of_every_command(
 def test_flags_become_settings_and_params(command: str) -> None:
     arguments = [
         *("--fov", "90", "--frame-skip=2", "--observation", "depth", "--horizon", "7"),
+        *("--look", "random", "--set", "look_range=0.5", "--look-seeds", "3,9"),
         *("--set", "sprite_layers=2", "--param", "discount=0.5", "--param", "goal-reward=3"),
     ]
     options = build_parser().parse_args([command, *COMMANDS[command], *arguments])
     env, params = recipe_from({"env": "simple", **given_options(options)}).build()
     settings = {"field_of_view": 90, "frame_skip": 2, "observation": "depth", "sprite_layers": 2}
+    settings |= {"look": "random", "look_range": 0.5, "look_seeds": (3, 9)}
     assert {name: getattr(env, name) for name in settings} == settings
     numbers = {"discount": 0.5, "goal_reward": 3, "max_steps_in_episode": 7}
     assert {name: float(getattr(params, name)) for name in numbers} == numbers
@@ -83,6 +85,18 @@ def test_mistakes_are_told_in_one_line(
     assert message in told
     assert told.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_another_look_takes_the_place_of_that_of_a_run() -> None:
+    trained = recipe_from({"env": "simple", "look": "random", "look_seeds": [0, 100]})
+    other = changed(trained, {"settings": {"look_seeds": [100, 200], "look_range": 0.5}})
+    assert (
+        other.build()[0]
+        == recipe_from(
+            {"env": "simple", "look": "random", "look_seeds": [100, 200], "look_range": 0.5}
+        ).build()[0]
+    )
+    assert changed(trained, {"settings": {"look": "plain"}}).build()[0].look == "plain"
 
 
 def test_a_recipe_comes_back_from_its_options() -> None:

@@ -46,7 +46,7 @@ def layouts(env: AnyEnvironment, params: Any) -> tuple[Packing, Packing]:
     """Of the stream and state of an environment, and of what a step tells; compiles nothing."""
 
     def kept() -> Any:
-        return jax.random.key(0), env.init_state(jax.random.key(0), params)
+        return jax.random.key(0), env.first_state(jax.random.key(0), params)
 
     def told(key: jax.Array, state: Any) -> Any:
         turn = env.turn(key, key, state, jnp.int32(0), params)
@@ -78,7 +78,7 @@ def reset_some(
 ) -> tuple[Any, ...]:
     """Begin an episode where the mask says so: rows, observations, info."""
     after, used = _split(keys)
-    fresh = jax.vmap(env.init_state, (0, None))(used, params)
+    fresh = jax.vmap(env.first_state, (0, None))(used, params)
     keys = jnp.where(mask, after, keys)
     states = jax.vmap(select)(mask, fresh, states)
     observation = jax.vmap(env.observe, (0, None))(states, params)

@@ -142,6 +142,14 @@ def layers(text: str) -> list[list[int]]:
     return [[int(n) for n in part] for part in parts]
 
 
+def seeds(text: str) -> tuple[int, int]:
+    """An argument type: FIRST,STOP, two whole numbers."""
+    parts = text.split(",")
+    if len(parts) == 2 and all(part.strip().isdecimal() for part in parts):
+        return int(parts[0]), int(parts[1])
+    raise argparse.ArgumentTypeError(f"must be FIRST,STOP like 0,200, not {text!r}")
+
+
 # How arguments of each kind are read, and what the help calls them.
 CONVERT: dict[str, tuple[Callable[[str], Any], str]] = {
     "count": (count, "N"),
@@ -149,6 +157,7 @@ CONVERT: dict[str, tuple[Callable[[str], Any], str]] = {
     "layers": (layers, "KxSxF,..."),
     "angle": (heading, "DEGREES"),
     "text": (str, "TEXT"),
+    "seeds": (seeds, "FIRST,STOP"),
 }
 # Flags of options that are tables, and what one entry looks like; other names of others.
 TABLES = {

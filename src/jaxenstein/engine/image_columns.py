@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..pytree import PyTreeNode
 from .camera import Camera
-from .level import WORD
+from .level import WORD, Array
 from .raycast import Hits, rays
 from .scene import Theme
 from .shade import ImageKind, pack_rgb, tone
@@ -45,10 +47,14 @@ class Panels(PyTreeNode):
     """Panels: shadows and accents on a wall.
 
     Attributes:
-        planes: uint32[2, W], words of shadow and accent, greatest bit on top.
-        paint: paint[2, W].
+        scale: float32[W], bits a pixel.
+        offset: float32[W], the bit at the wall's middle, less one half.
+        planes: uint32[P, W], words of shadow and, if one is used, accent, greatest bit on top.
+        paint: paint[P, W].
     """
 
+    scale: jax.Array
+    offset: jax.Array
     planes: jax.Array
     paint: jax.Array
 
@@ -82,7 +88,7 @@ def prepare(
         drop=half * jnp.float32(camera.wall_drop) if camera.wall_drop else None,
         wall=tone(kind, pack_rgb(colour, light), hits.wall, hits.depth),
         ray=jnp.stack(rays(heading, camera)),
-        panels=_panels(index, hits, colour, light, theme, kind),
+        panels=_panels(index, hits, half, colour, light, theme, kind),
         layers=None if spots is None else project(spots, hits.depth, theme, camera, kind),
     )
 
@@ -90,18 +96,45 @@ def prepare(
 def _panels(
     index: jax.Array,
     hits: Hits,
+    half: jax.Array,
     colour: list[jax.Array],
     light: jax.Array,
     theme: Theme,
     kind: ImageKind,
 ) -> Panels | None:
-    if kind in ("depth", "labels") or not np.any(theme.wall_panels):
+    if kind in ("depth", "labels") or not may_hold(theme.wall_panels):
         return None
-    panel = jnp.asarray(theme.wall_panels).at[index].get(mode="promise_in_bounds")
     texel = jnp.minimum((hits.along * WORD).astype(jnp.int32), WORD - 1)
-    art = jnp.asarray(theme.panels)
-    planes = [art[:, i].at[panel, texel].get(mode="promise_in_bounds") for i in (0, 1)]
+    # Of each wall if that is known, so that a column looks up once.
+    known = isinstance(theme.wall_panels, np.ndarray)
+    panel = index if known else _looked_up(theme.wall_panels, index)
+    rows: Any = theme.wall_panels if known else slice(None)
+    used = (0, 1) if may_hold(theme.panels[:, 1]) else (0,)
+    planes = [
+        _looked_up(theme.panels[rows, i].reshape(-1), panel * np.int32(WORD) + texel) for i in used
+    ]
+    shadow = light * PANEL_SHADOW
+    if theme.panel_reach is not None:
+        # The first panel is empty, so it does not matter how far it is seen.
+        one = len(np.unique(theme.panel_reach[1:])) == 1
+        reach = theme.panel_reach[1] if one else _looked_up(theme.panel_reach[rows], panel)
+        left = jnp.clip(1 - hits.depth / reach, 0, 1)
+        shadow = light * (1 - (1 - PANEL_SHADOW) * left)
     accent = [jnp.asarray(theme.panel_accent)[i] for i in range(3)]
-    words = pack_rgb(colour, light * PANEL_SHADOW), pack_rgb(accent, light)
-    paint = [tone(kind, word, hits.wall, hits.depth) for word in words]
-    return Panels(planes=jnp.stack(planes), paint=jnp.stack(paint))
+    words = pack_rgb(colour, shadow), pack_rgb(accent, light)
+    paint = [tone(kind, words[i], hits.wall, hits.depth) for i in used]
+    return Panels(
+        scale=(WORD // 2) / half,
+        offset=jnp.full_like(half, WORD // 2 - 0.5),
+        planes=jnp.stack(planes),
+        paint=jnp.stack(paint),
+    )
+
+
+def _looked_up(table: Array, index: jax.Array) -> jax.Array:
+    return jnp.asarray(table).at[index].get(mode="promise_in_bounds")
+
+
+def may_hold(table: Array) -> bool:
+    """Whether an entry of a table may be other than zero; of one that is not known yet, yes."""
+    return not isinstance(table, np.ndarray) or bool(table.any())

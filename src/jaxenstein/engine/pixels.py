@@ -9,24 +9,46 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from ..pytree import PyTreeNode
 from .camera import Camera
 from .fusion import staged
 from .image_columns import ImageColumns
-from .level import WORD
+from .level import WORD, Array
 from .scene import CEILING, FLOOR, Scene, Theme
-from .shade import ImageKind, pack_rgb, tone
+from .shade import ImageKind, Light, pack_rgb, tone
 from .sprites import Layers
 
-# Depths in tiles from which to which the floor's checker fades: beyond, it is finer than a pixel.
+# Depths in tiles from which to which the floor's checker fades, and its stripes, which are finer:
+# beyond, they are finer than a pixel.
 CHECKER_FADES = (3.0, 14.0)
+STRIPES_FADE = (1.0, 9.0)
+# Stripes of a tile, of which the floor's words have those of two.
+STRIPES = WORD // 2
 # Adding this to a float32 of magnitude below 2**22 leaves its nearest integer in the low bits.
 _ROUNDER = 1.5 * 2**23
 _ROUNDER_BITS = int(np.float32(_ROUNDER).view(np.uint32))
 
 
+class Rows(PyTreeNode):
+    """What the pixels of a row have in common, whatever the pose.
+
+    Attributes:
+        ceiling: paint[height, 1].
+        first: paint[height, 1] of the floor's first colour.
+        second: paint[height, 1] of its second one.
+        words: `Theme.floor_words`.
+    """
+
+    ceiling: Array
+    first: Array
+    second: Array
+    words: Array | None
+
+
 def paint(columns: ImageColumns, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
     """Paint an image; see `render.render` for its shape and type."""
-    stage = partial(paint_words, theme=scene.theme, camera=camera, kind=kind)
+    rows = paint_rows(scene.theme, camera, kind)
+    stage = partial(paint_words, rows=rows, theme=scene.theme, camera=camera, kind=kind)
     # Without extra columns, one pass paints and cuts pixels to bytes.
     image = (staged(stage) if camera.extra else stage)(scene.position, columns)
     image = image[:, : camera.width]
@@ -37,12 +59,18 @@ def paint(columns: ImageColumns, scene: Scene, camera: Camera, kind: ImageKind) 
 
 
 def paint_words(
-    position: jax.Array, columns: ImageColumns, *, theme: Theme, camera: Camera, kind: ImageKind
+    position: jax.Array,
+    columns: ImageColumns,
+    *,
+    rows: Rows,
+    theme: Theme,
+    camera: Camera,
+    kind: ImageKind,
 ) -> jax.Array:
     """paint[height, width + extra]."""
     columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
     below = jnp.asarray(camera.row_offsets())[:, None]
-    image = _background(columns, below, position, theme, camera, kind)
+    image = _background(columns, rows, below, position, theme, camera, kind)
     # Rows are counted from the horizon, or from the walls' middle where that is lower or higher.
     across = below if columns.drop is None else below - columns.drop
     image = jnp.where(jnp.abs(across) < columns.half, _walls(columns, across), image)
@@ -56,8 +84,12 @@ def _whole(value_less_half: jax.Array) -> jax.Array:
     than all the rest of a pixel. The bound keeps the rounder apart from constants in the value,
     with which some compilers would merge it, and it cannot hold their fractions.
     """
-    bounded = jnp.maximum(value_less_half, jnp.float32(-(2.0**22)))
-    bits = lax.bitcast_convert_type(bounded + jnp.float32(_ROUNDER), jnp.uint32)
+    return _rounded(jnp.maximum(value_less_half, jnp.float32(-(2.0**22))))
+
+
+def _rounded(value: jax.Array) -> jax.Array:
+    """uint32: the nearest integer of a value of magnitude below 2**22, modulo 2**32."""
+    bits = lax.bitcast_convert_type(value + jnp.float32(_ROUNDER), jnp.uint32)
     return bits - jnp.uint32(_ROUNDER_BITS)
 
 
@@ -71,6 +103,7 @@ def _test(word: jax.Array, bit: jax.Array) -> jax.Array:
 
 def _background(
     columns: ImageColumns,
+    rows: Rows,
     below: jax.Array,
     position: jax.Array,
     theme: Theme,
@@ -81,34 +114,67 @@ def _background(
     distance = camera.row_distances()[:, None]
     if kind == "depth":
         return jnp.asarray(distance)
-    ceiling, even, odd = _row_paints(theme, distance, kind)
-    if kind == "labels":
-        return jnp.where(below > 0, even, ceiling)
-    if np.array_equal(*np.asarray(theme.floor)):
-        return jnp.where(below > 0, even, ceiling)
-    eye = position - jnp.float32(0.5)
-    x, y = (_whole(eye[i] + distance * columns.ray[i]) for i in (0, 1))
-    floor = jnp.where((x ^ y) & jnp.uint32(1) != 0, odd, even)
-    return jnp.where(below > 0, floor, ceiling)
+    one_colour = isinstance(theme.floor, np.ndarray) and np.array_equal(*theme.floor)
+    if kind == "labels" or one_colour:
+        return jnp.where(below > 0, rows.first, rows.ceiling)
+    second = _second_colour(columns, distance, position, rows.words)
+    return jnp.where(below > 0, jnp.where(second, rows.second, rows.first), rows.ceiling)
+
+
+def _second_colour(
+    columns: ImageColumns, distance: np.ndarray, position: jax.Array, words: Array | None
+) -> jax.Array:
+    """bool[height, width]: where the floor has its second colour; see `Theme.floor_words`."""
+    if words is None:
+        eye = position - jnp.float32(0.5)
+        x, y = (_whole(eye[i] + distance * columns.ray[i]) for i in (0, 1))
+        return (x ^ y) & jnp.uint32(1) != 0
+    eye = position * jnp.float32(STRIPES) - jnp.float32(0.5)
+    ahead = distance * np.float32(STRIPES)
+    stripes = (_whole(eye[i] + ahead * columns.ray[i]) & jnp.uint32(WORD - 1) for i in (0, 1))
+    # The sign of the one or of the other, but not of both.
+    across = [jnp.left_shift(jnp.asarray(words)[i], stripe) for i, stripe in enumerate(stripes)]
+    return lax.bitcast_convert_type(across[0] ^ across[1], jnp.int32) < 0
+
+
+def paint_rows(theme: Theme, camera: Camera, kind: ImageKind) -> Rows:
+    """What the rows of an image have in common; of a theme of constants on the host."""
+    paints = partial(
+        _row_paints,
+        light=theme.light,
+        fades=CHECKER_FADES if theme.floor_words is None else STRIPES_FADE,
+        distance=camera.row_distances()[:, None],
+        kind=kind,
+    )
+    looks = theme.floor, theme.ceiling, theme.floor_words
+    known = all(part is None or isinstance(part, np.ndarray) for part in looks)
+    if known or kind in ("depth", "labels"):
+        return paints(*looks)
+    # Apart, or some compilers compute them again for each pixel.
+    return staged(paints)(*jax.tree.map(jnp.asarray, looks))
 
 
 def _row_paints(
-    theme: Theme, distance: np.ndarray, kind: ImageKind
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """paint[height, 1] of the ceiling and of the floor's even and odd tiles, on the host."""
-    light = theme.light.plain(distance)
-    near, far = CHECKER_FADES
+    floor: Array,
+    ceiling: Array,
+    words: Array | None,
+    *,
+    light: Light,
+    fades: tuple[float, float],
+    distance: np.ndarray,
+    kind: ImageKind,
+) -> Rows:
+    near, far = fades
     contrast = np.clip((far - distance) / (far - near), 0, 1).astype(np.float32)
-    floor = np.asarray(theme.floor)
     mean = floor.mean(axis=0)
     even, odd = (
         [m + (c - m) * contrast for c, m in zip(tile, mean, strict=True)] for tile in floor
     )
-    ceiling = list(np.asarray(theme.ceiling))
     labels = np.uint32(CEILING), np.uint32(FLOOR), np.uint32(FLOOR)
-    paints = zip((ceiling, even, odd), labels, strict=True)
-    first, second, third = (tone(kind, pack_rgb(c, light), label, distance) for c, label in paints)
-    return first, second, third
+    paints = zip((list(ceiling), even, odd), labels, strict=True)
+    bright = light.plain(distance)
+    rows = [tone(kind, pack_rgb(c, bright), label, distance) for c, label in paints]
+    return Rows(*rows, words)
 
 
 def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:
@@ -116,10 +182,12 @@ def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:
     panels = columns.panels
     if panels is None:
         return columns.wall
-    scale = (WORD // 2) / columns.half
-    bit = _whole(across * scale + jnp.float32(WORD // 2 - 0.5))
-    image = jnp.where(_test(panels.planes[0], bit), panels.paint[0], columns.wall)
-    return jnp.where(_test(panels.planes[1], bit), panels.paint[1], image)
+    # Bounded on the wall, and nobody sees the others; the offset is no constant here.
+    bit = _rounded(across * panels.scale + panels.offset)
+    image = columns.wall
+    for plane in range(panels.planes.shape[0]):
+        image = jnp.where(_test(panels.planes[plane], bit), panels.paint[plane], image)
+    return image
 
 
 def _billboards(layers: Layers, below: jax.Array, image: jax.Array) -> jax.Array:

@@ -14,14 +14,17 @@ FLOOR = 1
 
 
 class Theme(PyTreeNode):
-    """How walls, floor, ceiling and sprites look: tables of constants.
+    """How walls, floor, ceiling and sprites look: tables, constants of the program in numpy.
+
+    `wall_colours`, `wall_panels`, `floor`, `ceiling` and `floor_words` may differ between the
+    scenes of one program, at the price of looking them up.
 
     Attributes:
         wall_colours: float32[n, 3], RGB 0 to 255 of each entry of `Level.walls`.
         wall_panels: int32[n], row of `panels` drawn on each; 0 is the empty panel.
         panels: uint32[m, 2, 32], bit planes (shadow, accent) by column, greatest bit on top.
         panel_accent: float32[3], colour of the accent plane.
-        floor: float32[2, 3], the two colours of the checker.
+        floor: float32[2, 3], the floor's two colours.
         ceiling: float32[3].
         sprite_art: uint32[s, 2, 32], bit planes (shape, detail) of each sprite look, likewise.
         sprite_colours: float32[s, 2, 3], colours of the shape and of the detail.
@@ -29,6 +32,11 @@ class Theme(PyTreeNode):
         sprite_drop: float32[s], tiles from the eye's height down to the billboard's centre.
         sprite_labels: uint8[s], what the `labels` image says of each; of a wall it says the
             entry of `Level.walls`, of ceiling and floor `CEILING` and `FLOOR`.
+        panel_reach: float32[m], tiles from the eye at which the shadows of each panel have faded,
+            or None if none does.
+        floor_words: uint32[2], where the floor has its second colour: bit i, counted from the
+            greatest, is that of the i-th of 32 stripes across two tiles, along x and along y; it
+            is where one of the two is set. None for a checker of tiles.
         light: how bright they are.
     """
 
@@ -43,6 +51,8 @@ class Theme(PyTreeNode):
     sprite_radius: Array
     sprite_drop: Array
     sprite_labels: Array
+    panel_reach: Array | None = None
+    floor_words: Array | None = None
     light: Light = static(default=Light())
 
     def __repr__(self) -> str:

@@ -22,11 +22,15 @@ from ..errors import SettingError
 from ..maps.tilemap import TileMap
 from ..spaces import Box, Dict, Space
 from .levels import read_level
+from .looks import Look, patterned, randomised
+from .seeds import checked_seeds, draw_seed
 from .steering import SteeringParams
 
 ObservationKind = Literal["rgb", "gray", "depth", "labels", "dict"]
 MAX_PIXELS = 4096
 FIELD_OF_VIEW = (30.0, 120.0)
+# What the key of a reset is folded with for that of the look.
+_LOOKS = 0x100C
 
 S = TypeVar("S", bound=State)
 P = TypeVar("P", bound=Params)
@@ -45,6 +49,11 @@ class FirstPerson(Environment[S, P]):
             width], ids of what each pixel shows, named by `jaxenstein.maps.symbols.LABEL_NAMES`;
             `"dict"`: the rgb image under `"image"` and the task's variables beside it.
         sprite_layers: how many sprites can be seen behind each other in one image column.
+        look: how walls, floor and ceiling look: `"plain"`, in one colour each; `"patterned"`, with
+            patterns of bricks, boards and so on; `"random"`, with colours and patterns drawn at
+            each reset. Doors and things look the same in all of them, and so do depth and labels.
+        look_range: of random looks, how far they go: from 0, as patterned, to 1, any colours.
+        look_seeds: of random looks, None for all of them, or those of some seeds: (first, stop).
     """
 
     height: int = 64
@@ -52,6 +61,9 @@ class FirstPerson(Environment[S, P]):
     field_of_view: float = 60.0
     observation: ObservationKind = "rgb"
     sprite_layers: int = 4
+    look: Look = "plain"
+    look_range: float = 1.0
+    look_seeds: tuple[int, int] | range | None = None
 
     def __post_init__(self) -> None:
         """Check the settings."""
@@ -66,10 +78,44 @@ class FirstPerson(Environment[S, P]):
         if self.observation not in get_args(ObservationKind):
             kinds = ", ".join(map(repr, get_args(ObservationKind)))
             raise SettingError(f"observation must be one of {kinds}, not {self.observation!r}")
+        self._check_look()
+
+    def _check_look(self) -> None:
+        object.__setattr__(self, "look_seeds", checked_seeds("look_seeds", self.look_seeds))
+        if self.look not in get_args(Look):
+            looks = ", ".join(map(repr, get_args(Look)))
+            raise SettingError(f"look must be one of {looks}, not {self.look!r}")
+        share = self.look_range
+        number = isinstance(share, int | float | np.number) and not isinstance(share, bool)
+        if not number or not 0 <= float(share) <= 1:
+            raise SettingError(f"look_range must be a number from 0 to 1, not {share!r}")
 
     @abc.abstractmethod
     def scene(self, state: S, params: P) -> Scene:
         """What there is to see in a state, and from where."""
+
+    def first_state(self, key: jax.Array, params: P) -> S:
+        """Add the seed of the look, if that is drawn."""
+        state = super().first_state(key, params)
+        if self.look != "random":
+            return state
+        # From a key of its own, so that all else is as without it.
+        seeds = cast("tuple[int, int] | None", self.look_seeds)
+        return state.replace(look=draw_seed(jax.random.fold_in(key, _LOOKS), seeds))
+
+    def dressed(self, scene: Scene, state: S) -> Scene:
+        """A scene of the task in the look of a state."""
+        if self.look == "plain":
+            return scene
+        if self.look == "patterned":
+            return scene.replace(theme=patterned(scene.theme))
+        if state.look is None:
+            raise SettingError(
+                "look='random' needs a state from reset or first_state, whose look is drawn, "
+                "not one from init_state"
+            )
+        theme = randomised(scene.theme, state.look, float(self.look_range))
+        return scene.replace(theme=theme)
 
     def tilemap_of(self, state: S) -> TileMap:
         """The map that a state (one, not a batch) plays on, on the host, for people.
@@ -111,7 +157,8 @@ class FirstPerson(Environment[S, P]):
 
     def draw(self, state: S, params: P, kind: ImageKind) -> jax.Array:
         """An image of a state, of any kind and of the environment's size."""
-        return render(self.scene(state, params), self.camera, kind, self.sprite_layers)
+        scene = self.dressed(self.scene(state, params), state)
+        return render(scene, self.camera, kind, self.sprite_layers)
 
     def stride(self, params: P) -> float:
         """The most tiles that a step of the world moves the player."""

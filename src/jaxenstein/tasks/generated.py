@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import jax
-import jax.numpy as jnp
-import numpy as np
 
 from ..about import About
 from ..batching import select, where_few
 from ..environment import Params, State
-from ..errors import SettingError
-from .draws import draw_index
 from .first_person import FirstPerson
-
-MOST_LEVELS = 2**24
-_SEEDS = 2**32
+from .seeds import checked_seeds, draw_seed
 
 S = TypeVar("S", bound=State)
 P = TypeVar("P", bound=Params)
@@ -43,7 +37,7 @@ class GeneratedTask(FirstPerson[S, P]):
 
     def __post_init__(self) -> None:
         """Check the settings."""
-        object.__setattr__(self, "levels", checked_levels(self.levels))
+        object.__setattr__(self, "levels", checked_seeds("levels", self.levels))
         super().__post_init__()
 
     @property
@@ -59,42 +53,16 @@ class GeneratedTask(FirstPerson[S, P]):
         """
         if self.level_range is None:
             return key
-        first, stop = self.level_range
-        bits = jax.random.bits(key, (), jnp.uint32)
-        seed = jnp.uint32(first) + draw_index(bits, stop - first).astype(jnp.uint32)
+        seed = draw_seed(key, self.level_range)
         # The kind of generator that users may change is not to change the levels.
         return jax.random.key(seed, impl="threefry2x32")
 
     def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
         """As `Environment.reset_where`; levels are dear, so they are drawn for those alone."""
-        fresh = where_few(self.init_state)(over, key, jax.lax.stop_gradient(params))
+        fresh = where_few(self.first_state)(over, key, jax.lax.stop_gradient(params))
         return select(over, fresh, state)
 
     def about(self) -> About:
         """What the task says of itself."""
         several = self.level_range is None or self.level_range[1] > self.level_range[0] + 1
         return dataclasses.replace(super().about(), generated=several)
-
-
-def checked_levels(levels: Any) -> tuple[int, int] | None:
-    """A setting of levels as (first, stop).
-
-    Raises:
-        SettingError: it is no such setting.
-    """
-    if levels is None:
-        return None
-    ends = (levels.start, levels.stop) if isinstance(levels, range) else levels
-    listed = isinstance(ends, tuple | list | np.ndarray) and len(ends) == 2
-    whole = listed and all(
-        isinstance(end, int | np.integer) and not isinstance(end, bool) for end in ends
-    )
-    steps = not isinstance(levels, range) or levels.step == 1
-    if not (whole and steps and 0 <= ends[0] < ends[1] <= _SEEDS) or (
-        ends[1] - ends[0] > MOST_LEVELS
-    ):
-        raise SettingError(
-            "levels must be None or two whole numbers, the first seed and the one past the last, "
-            f"from 0 to 2**32 and at most 2**24 apart, not {levels!r}"
-        )
-    return int(ends[0]), int(ends[1])

@@ -85,6 +85,11 @@ class DoomScenario(FirstPerson[S, P]):
         super().__post_init__()
         if self.buttons not in get_args(ButtonsAtOnce):
             raise SettingError(f"buttons must be 'single' or 'all', not {self.buttons!r}")
+        if self.look != "plain":
+            raise SettingError(
+                "look must be 'plain' in Doom's scenarios, whose tiles are too small for "
+                f"patterns, not {self.look!r}"
+            )
 
     @functools.cached_property
     def action_buttons(self) -> np.ndarray:
