@@ -173,8 +173,8 @@ def _row_paints(
     labels = np.uint32(CEILING), np.uint32(FLOOR), np.uint32(FLOOR)
     paints = zip((list(ceiling), even, odd), labels, strict=True)
     bright = light.plain(distance)
-    rows = [tone(kind, pack_rgb(c, bright), label, distance) for c, label in paints]
-    return Rows(*rows, words)
+    above, first, second = (tone(kind, pack_rgb(c, bright), label, distance) for c, label in paints)
+    return Rows(above, first, second, words)
 
 
 def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...batching import varying
 from ...calls import check_whole
 from ..draws import draw_index
 from .sketch import COLOURS, Sketch
@@ -17,10 +18,13 @@ from .world import GridParams, GridWorld
 
 # Tiles of the world's side; the least of a room's.
 SIDE, LEAST = 25, 4
-# How often a room is tried, as in MiniGrid, and how often a chain that gets all of its rooms.
-_TRIES, _CHAINS = 8, 4096
+# How often a room is tried, as in MiniGrid, and how many rooms are laid for one chain, those of
+# chains that were given up included.
+_TRIES, _ROUNDS = 8, 2**14
 # Random numbers of one try.
 _DRAWS = 5
+# The wall of the first room that no door is in.
+_WEST = 2
 
 
 class Chain(NamedTuple):
@@ -60,8 +64,8 @@ class MultiRoom(GridWorld):
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw chains until one has all its rooms; then doors, start and goal.
 
-        Where none of 4096 chains has, which is all but impossible, the last one is taken: a goal
-        that can be reached by fewer doors.
+        Where none has after 2**14 rooms, which is all but impossible, what there is of the last
+        one is taken: a goal that can be reached by fewer doors.
         """
         del params
         chain_key, key = jax.random.split(key)
@@ -85,52 +89,55 @@ class MultiRoom(GridWorld):
         return sketch.state()
 
     def _chain(self, key: jax.Array) -> Chain:
-        """The first chain that has all its rooms."""
+        """The first chain that has all its rooms.
 
-        def short(carry: tuple[jax.Array, Chain]) -> jax.Array:
-            return (carry[1].length < self.rooms) & (carry[0] < _CHAINS)
+        Room after room; where none of a room's tries fits, another chain begins at once. So a
+        batch waits for the one that needs most rooms, not for the longest of all its chains.
+        """
 
-        def again(carry: tuple[jax.Array, Chain]) -> tuple[jax.Array, Chain]:
-            number, chain = carry
-            drawn = self._draw_chain(jax.random.fold_in(key, number))
-            kept = jax.tree.map(lambda a, b: jnp.where(drawn.length > 0, a, b), drawn, chain)
-            return number + 1, kept
+        def short(carry: tuple[jax.Array, Chain, jax.Array]) -> jax.Array:
+            number, chain, _ = carry
+            going = (number < _ROUNDS) | (chain.length == 0)
+            return (chain.length < self.rooms) & going
 
-        nothing = jnp.zeros((self.rooms, 2), jnp.int32)
-        start = jnp.int32(0), Chain(nothing, nothing, nothing, jnp.int32(0))
-        return jax.lax.while_loop(short, again, start)[1]
-
-    def _draw_chain(self, key: jax.Array) -> Chain:
-        """One chain, which ends where no try for the next room fits."""
-        bits = jax.random.bits(key, (self.rooms, _TRIES, _DRAWS), jnp.uint32)
-        index = np.arange(self.rooms, dtype=np.int32)
-
-        def room(carry: tuple[Chain, jax.Array], turn: tuple[jax.Array, jax.Array]):
-            chain, wall = carry
-            number, bits = turn
-            before = jnp.maximum(number - 1, 0)
-            tries = jax.vmap(lambda b: self._try(b, chain.top[before], chain.size[before], wall))
-            tops, sizes, entries, walls = tries(bits)
-            first = number == 0
-            start = jnp.stack([draw_index(bits[0, 3], SIDE - 2), draw_index(bits[0, 4], SIDE - 2)])
-            entries = jnp.where(first, start[None], entries)
-            tops = jnp.where(first, start[None], tops)
-            # Of the first room there is one try.
-            fits = self._fits(chain, number, tops, sizes) & (~first | (np.arange(_TRIES) == 0))
-            chosen = jnp.argmax(fits)
-            here = (index == number)[:, None]
-            added = jnp.any(fits) & (chain.length == number)
-            grown = Chain(
-                jnp.where(here & added, tops[chosen][None], chain.top),
-                jnp.where(here & added, sizes[chosen][None], chain.size),
-                jnp.where(here & added, entries[chosen][None], chain.entry),
-                chain.length + added.astype(jnp.int32),
-            )
-            return (grown, jnp.where(first, 2, walls[chosen])), None
+        def lengthen(
+            carry: tuple[jax.Array, Chain, jax.Array],
+        ) -> tuple[jax.Array, Chain, jax.Array]:
+            number, chain, wall = carry
+            bits = jax.random.bits(jax.random.fold_in(key, number), (_TRIES, _DRAWS), jnp.uint32)
+            return number + 1, *self._with_room(bits, chain, wall)
 
         nothing = jnp.zeros((self.rooms, 2), jnp.int32)
-        start = Chain(nothing, nothing, nothing, jnp.int32(0)), jnp.int32(2)
-        return jax.lax.scan(room, start, (jnp.asarray(index), bits))[0][0]
+        empty = Chain(nothing, nothing, nothing, jnp.int32(0))
+        start = varying((jnp.int32(0), empty, jnp.int32(_WEST)), key)
+        return jax.lax.while_loop(short, lengthen, start)[1]
+
+    def _with_room(self, bits: jax.Array, chain: Chain, wall: jax.Array) -> tuple[Chain, jax.Array]:
+        """The chain with the first of some tries that fits, or none of it; the wall of its entry.
+
+        Args:
+            bits: uint32[tries, 5].
+            chain: with less than all rooms.
+            wall: int32[], the wall of the last room that has its entry.
+        """
+        last = jnp.maximum(chain.length - 1, 0)
+        tries = jax.vmap(lambda b: self._try(b, chain.top[last], chain.size[last], wall))
+        tops, sizes, entries, walls = tries(bits)
+        first = chain.length == 0
+        start = jnp.stack([draw_index(bits[0, 3], SIDE - 2), draw_index(bits[0, 4], SIDE - 2)])
+        entries = jnp.where(first, start[None], entries)
+        tops = jnp.where(first, start[None], tops)
+        # Of the first room there is one try.
+        fits = self._fits(chain, tops, sizes) & (~first | (np.arange(_TRIES) == 0))
+        chosen, added = jnp.argmax(fits), jnp.any(fits)
+        here = (np.arange(self.rooms, dtype=np.int32) == chain.length)[:, None] & added
+        grown = Chain(
+            jnp.where(here, tops[chosen][None], chain.top),
+            jnp.where(here, sizes[chosen][None], chain.size),
+            jnp.where(here, entries[chosen][None], chain.entry),
+            jnp.where(added, chain.length + 1, 0),
+        )
+        return grown, jnp.where(first | ~added, _WEST, walls[chosen])
 
     def _try(
         self, bits: jax.Array, top: jax.Array, size: jax.Array, entered: jax.Array
@@ -160,14 +167,12 @@ class MultiRoom(GridWorld):
         corner = entry + jnp.where(axis == along, shift, beyond)
         return corner, new, entry, (way + 2) % 4
 
-    def _fits(
-        self, chain: Chain, number: jax.Array, tops: jax.Array, sizes: jax.Array
-    ) -> jax.Array:
+    def _fits(self, chain: Chain, tops: jax.Array, sizes: jax.Array) -> jax.Array:
         """bool[tries]: whether rooms are on the map and off all rooms but the one before."""
         ends = tops + sizes
         on_map = jnp.all(tops >= 0, axis=-1) & (ends[:, 0] <= SIDE) & (ends[:, 1] < SIDE)
         before = ends[:, None] < chain.top[None]
         after = (chain.top + chain.size)[None] <= tops[:, None]
         apart = jnp.any(before | after, axis=-1)
-        others = np.arange(self.rooms, dtype=np.int32) < number - 1
+        others = np.arange(self.rooms, dtype=np.int32) < chain.length - 1
         return on_map & jnp.all(apart | ~others[None], axis=-1)

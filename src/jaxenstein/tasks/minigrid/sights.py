@@ -53,13 +53,23 @@ def kinds_asked(kinds: Sequence[int]) -> tuple[int, ...]:
     return _small(kinds) or (DOOR_KIND,)
 
 
-def scene_of(state: GridState, theme: Theme, kinds: Sequence[int], camera: Camera) -> Scene:
-    """What there is to see in a state."""
+def scene_of(
+    state: GridState,
+    theme: Theme,
+    kinds: Sequence[int],
+    camera: Camera,
+    *,
+    hands: bool,
+    asks: bool,
+) -> Scene:
+    """What there is to see in a state; without hands or instructions nothing is spent on them."""
     things = state.things
     looks = _first_looks(kinds, small=False)[things.kind] + _shade(things.colour, things.kind)
     held = jnp.stack([_sum(things.kind, things.held), _sum(things.colour, things.held)])
     small = jnp.concatenate([jnp.where(jnp.any(things.held), held, -1)[None], state.asked])
-    places = np.array((_RIGHT, _LEFT, _NEXT), np.float32) * np.float32(camera.half_plane * _NEAR)
+    shown = np.flatnonzero([hands and bool(_small(kinds)), asks, asks]).astype(np.int32)
+    small, places = small[shown], np.array((_RIGHT, _LEFT, _NEXT), np.float32)[shown]
+    places = places * np.float32(camera.half_plane * _NEAR)
     ahead = forward(state.heading)
     aside = jnp.stack([-ahead[1], ahead[0]])
     before = state.position[None] + _NEAR * ahead[None] + places[:, None] * aside[None]

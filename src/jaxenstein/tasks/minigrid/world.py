@@ -205,8 +205,9 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
     def scene(self, state: GridState, params: GridParams) -> Scene:
         """The world, what is carried, and what was asked for."""
         del params
-        shown = state if self.asks else state.replace(asked=jnp.full((2, 2), -1, jnp.int32))
-        return scene_of(shown, self.theme, self.kinds, self.camera)
+        return scene_of(
+            state, self.theme, self.kinds, self.camera, hands=self.hands, asks=self.asks
+        )
 
     def variables(self, state: GridState) -> dict[str, jax.Array]:
         """`carried`: float32[9], the colour and the kind of what is carried, one-hot each.
