@@ -10,11 +10,13 @@ import pytest
 import jaxenstein
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.reach import walking_distances
-from jaxenstein.maps.symbols import DEFAULT_WALL
+from jaxenstein.maps.symbols import DEFAULT_WALL, DOOR_LABELS
 from jaxenstein.players import play, player_of
 from jaxenstein.tasks.explore import Explore
+from jaxenstein.tasks.random_path import draw_path
 
 IDS = ("goal-locations", "object-locations", "object-rewards")
+OBSTRUCTED = ("obstructed-goals", "obstructed-goals-large")
 
 
 @functools.cache
@@ -133,3 +135,130 @@ def test_bad_settings_are_refused():
         Explore(kind="keys")  # pyright: ignore[reportArgumentType]
     with pytest.raises(SettingError, match="must be 9 at most together"):
         Explore(starts=6)
+    with pytest.raises(SettingError, match="need kind='goal'"):
+        Explore(kind="apples", doors=3)
+
+
+def doors_of(states, i):
+    """The doors of one of several states, as (column, row), and which of them are closed."""
+    doors = np.asarray(states.level.doors[i])
+    real = doors[:, 0] > 0
+    return doors[real], np.asarray(states.closed[i])[real]
+
+
+def check_doors(name, count):
+    states = first_states(name, count)
+    shares = []
+    for i in range(count):
+        doors, closed = doors_of(states, i)
+        walls = states.level.walls[i, 0]
+        label = np.isin(walls, DOOR_LABELS)
+        assert {(c, r) for r, c in np.argwhere(label).tolist()} == set(map(tuple, doors.tolist()))
+        floor = (walls == 0) | label
+        # Whatever is closed, a way is left from the goal to the start, and with no doors to all.
+        everywhere = walking_distances(floor, tuple(cells(states.things[i])))[0]
+        columns, rows = np.floor(states.starts[i, : states.starting[i]]).astype(int).T
+        assert (everywhere[rows, columns] > 0).all()
+        floor[doors[closed, 1], doors[closed, 0]] = False
+        (column, row), *_ = cells(states.position[i][None])
+        assert walking_distances(floor, tuple(cells(states.things[i])))[0, row, column] > 0
+        shares.append(closed.mean() if len(doors) else 0.0)
+    assert 0.2 < np.mean(shares) < 0.5
+
+
+def test_doors_leave_a_way():
+    check_doors("obstructed-goals", 256)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OBSTRUCTED)
+def test_doors_leave_a_way_in_thousands(name):
+    check_doors(name, 4096)
+
+
+def digger(walkable, start, end, rng):
+    """The same rule on the host: a path with steps back."""
+    left = walkable.copy()
+    left[start[1], start[0]] = False
+    path = [start]
+    while path:
+        (x, y), ways = path[-1], []
+        for way in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)):
+            if way == end:
+                return [*path, way]
+            if left[way[1], way[0]]:
+                ways.append(way)
+        if not ways:
+            path.pop()
+            continue
+        path.append(ways[rng.integers(len(ways))])
+        left[path[-1][1], path[-1][0]] = False
+    raise AssertionError("there is no way")
+
+
+def test_random_paths_are_those_of_a_digger():
+    walkable = np.pad(np.ones((4, 4), bool), 1)
+    walkable[2, 2] = walkable[3, 4] = False
+    start, end = (1, 1), (4, 4)
+    rng = np.random.default_rng(0)
+    count = 4000
+    wanted = np.zeros(walkable.shape)
+    for _ in range(count):
+        for x, y in digger(walkable, start, end, rng):
+            wanted[y, x] += 1
+    bits = jnp.asarray(rng.integers(0, 2**32, (count, 36), np.uint32))
+    draw = jax.vmap(lambda b: draw_path(b, jnp.asarray(walkable), *map(jnp.array, (start, end))))
+    paths = np.asarray(jax.jit(draw)(bits))
+    assert paths[:, 1, 1].all()
+    assert paths[:, 4, 4].all()
+    np.testing.assert_allclose(paths.mean(axis=0), wanted / count, atol=0.04)
+
+
+def test_closed_doors_stop_and_a_new_round_has_others():
+    states = first_states("obstructed-goals", 64)
+    step = programs("obstructed-goals")[1]
+    keys = jax.random.split(jax.random.key(1), 64)
+    # At the goal: another round, with doors that leave a way to the new start.
+    after, reward, _, info = step(keys, stand(states, states.things[:, 0]), np.full(64, -1))
+    assert np.asarray(info["respawned"]).all()
+    assert (np.asarray(reward) == 10).all()
+    after = jax.device_get(after)
+    differs = 0
+    for i in range(64):
+        doors, closed = doors_of(after, i)
+        floor = (after.level.walls[i, 0] == 0) | np.isin(after.level.walls[i, 0], DOOR_LABELS)
+        floor[doors[closed, 1], doors[closed, 0]] = False
+        (column, row), *_ = cells(after.position[i][None])
+        assert walking_distances(floor, tuple(cells(after.things[i])))[0, row, column] > 0
+        differs += (closed != doors_of(states, i)[1]).any()
+    assert differs > 32
+    # Before a door, facing it: an open one lets pass, a closed one does not.
+    seen = set()
+    for i in range(64):
+        for (column, row), shut in zip(*doors_of(states, i), strict=True):
+            if states.level.walls[i, 0, row, column - 1] == 0:
+                place = np.tile(np.array([column - 0.01, row + 0.5], np.float32), (64, 1))
+                east = stand(states, place).replace(heading=np.zeros(64, np.float32))
+                moved = np.asarray(step(keys, east, np.full(64, 2))[0].position)[i, 0]
+                assert (moved > column) == (not shut)
+                seen.add(bool(shut))
+                break
+    assert seen == {True, False}
+
+
+def test_the_expert_finds_the_way_around_closed_doors():
+    env, params = task("obstructed-goals")
+    states = programs("obstructed-goals")[0](jax.random.split(jax.random.key(5), 16))
+    params = params.replace(max_steps_in_episode=jnp.int32(400))
+    out = play(env, player_of(env), params, jax.random.key(0), states)
+    assert (np.asarray(out.successes) >= 1).all()
+
+
+def test_many_objects():
+    states = first_states("object-rewards-many", 32)
+    for i in range(32):
+        things = cells(states.things[i])
+        assert (len(things), states.good[i].sum()) == (8, 4)
+        assert len(cells(states.places[i])) == 16
+        assert things <= cells(states.places[i])
+        assert not cells(states.starts[i]) & cells(states.places[i])

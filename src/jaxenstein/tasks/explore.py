@@ -1,7 +1,8 @@
 """DeepMind Lab's explore levels: a maze that is new in every episode, with things to find again.
 
-Rules are those of the levels explore_goal_locations, explore_object_locations and
-explore_object_rewards of google-deepmind/lab; docs/fidelity.md says where this port differs.
+Rules are those of the levels explore_goal_locations, explore_obstructed_goals,
+explore_object_locations and explore_object_rewards of google-deepmind/lab; docs/fidelity.md says
+where this port differs.
 """
 
 from __future__ import annotations
@@ -16,19 +17,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..about import About, Event
-from ..batching import select
+from ..batching import select, where_few
+from ..calls import check_whole
 from ..engine.level import Level, level_from_walls
 from ..engine.scene import Scene, Sprites, Theme
 from ..environment import Info, Scalar, State
 from ..errors import SettingError
-from ..maps.symbols import DEFAULT_WALL
-from ..maps.things import APPLE, BALL, BOX, GOAL, RGB
+from ..maps.symbols import DEFAULT_WALL, door_label
+from ..maps.things import APPLE, BALL, BOX, COLOUR_NAMES, GOAL, RGB
 from ..params import number
 from ..players.walking import SHORTEST_PATH, flood
 from .appearance import build_theme
 from .draws import draw_index, draw_unit
 from .generated import GeneratedTask
-from .random_maze import MazePlan, beside_rooms, draw_in_rooms, draw_maze
+from .random_maze import MazePlan, RandomMaze, beside_rooms, draw_in_rooms, draw_maze
+from .random_path import draw_closed
 from .steering import ACTION_NAMES, SteeringParams, steer
 
 Kind = Literal["goal", "apples", "objects"]
@@ -36,6 +39,7 @@ FLOOR: tuple[RGB, RGB] = ((204, 118, 52), (184, 102, 42))
 SKY: RGB = (142, 190, 228)
 # What objects look like: balls in six colours, then boxes.
 _OBJECTS = (*BALL.labels, *BOX.labels)
+_DOOR = door_label(COLOUR_NAMES.index("grey"), locked=True)
 
 
 class ExploreParams(SteeringParams):
@@ -83,6 +87,16 @@ class ExploreState(State):
     left: jax.Array
 
 
+class ObstructedState(ExploreState):
+    """State of the task with D doors.
+
+    Attributes:
+        closed: bool[D], which doors are closed in this round.
+    """
+
+    closed: jax.Array
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Explore(GeneratedTask[ExploreState, ExploreParams]):
     """Take what pays in a maze; once all of it is taken, a new round begins at another start.
@@ -96,6 +110,8 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         plan: what mazes are drawn.
         starts: places to start from in each room.
         places: places for things in each room.
+        doors: the most doors, which stand where rooms and corridors meet, or 0 for none. In each
+            round those on a random way from the goal to the start are open, and half of the others.
         defaults: the params that `params=None` stands for.
     """
 
@@ -103,6 +119,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
     plan: MazePlan = PLAN
     starts: int = 5
     places: int = 4
+    doors: int = 0
     defaults: ExploreParams = DEFAULTS
     field_of_view: float = 90.0
     sprite_layers: int = 2
@@ -120,6 +137,10 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
                 f"starts, at least 1, and places, at least 2, must be {most + 1} at most together, "
                 f"the tiles of a room, not {self.starts!r} and {self.places!r}"
             )
+        if self.doors:
+            check_whole("doors", self.doors, 256)
+            if self.kind != "goal":
+                raise SettingError("doors, whose ways lead to a goal, need kind='goal'")
 
     @property
     def default_params(self) -> ExploreParams:
@@ -141,7 +162,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         """How the maze looks."""
         labels = {"goal": (GOAL.label,), "apples": (APPLE.label,)}
         looks = labels.get(self.kind, _OBJECTS[: self.most_things])
-        return build_theme(looks, doors=False, floor=FLOOR, ceiling=SKY)
+        return build_theme(looks, doors=self.doors > 0, floor=FLOOR, ceiling=SKY)
 
     def init_state(self, key: jax.Array, params: ExploreParams) -> ExploreState:
         """Draw a maze, what lies where, and what pays; then the first start."""
@@ -163,13 +184,11 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         good = jnp.ones(count, bool)
         if self.kind == "objects":
             good = jnp.argsort(jnp.argsort(bits[-count:])) < count // 2
-        # Corridors have the default walls, each room has a colour of its own.
-        painted = DEFAULT_WALL + beside_rooms(maze)
-        walls = jnp.where(maze.open, 0, painted).astype(jnp.uint8)
-        state = ExploreState(
+        start = functools.partial(ObstructedState, closed=jnp.zeros(self.doors, bool))
+        state = (start if self.doors else ExploreState)(
             position=jnp.zeros(2, jnp.float32),
             heading=jnp.float32(0),
-            level=level_from_walls(walls),
+            level=self._level_of(maze),
             starts=drawn[:, : self.starts].reshape(-1, 2),
             starting=maze.rooms * self.starts,
             places=places,
@@ -180,6 +199,19 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         )
         return self._begin_round(start_key, state)
 
+    def _level_of(self, maze: RandomMaze) -> Level:
+        """Corridors have the default walls, each room has a colour of its own."""
+        painted = DEFAULT_WALL + beside_rooms(maze)
+        walls = jnp.where(maze.open, 0, painted)
+        if not self.doors:
+            return level_from_walls(walls.astype(jnp.uint8))
+        # Doors that the maze lacks stand on its corner.
+        row, column = jnp.nonzero(maze.doorways, size=self.doors, fill_value=0)
+        real = jnp.zeros(walls.shape, bool).at[row, column].set(True) & maze.doorways
+        walls = jnp.where(real, _DOOR, walls)
+        doors = jnp.stack([column, row], axis=1).astype(jnp.int32)
+        return level_from_walls(walls.astype(jnp.uint8), doors)
+
     def _begin_round(self, key: jax.Array, state: ExploreState) -> ExploreState:
         """Another start, any heading, and all things back; objects lie elsewhere."""
         objects = self.kind == "objects"
@@ -187,18 +219,27 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         if objects:
             order = jnp.argsort(bits[2:])[: len(state.things)]
             state = state.replace(things=state.places[order])
-        return state.replace(
+        state = state.replace(
             position=state.starts[draw_index(bits[0], state.starting)],
             heading=draw_unit(bits[1]) * jnp.float32(2 * math.pi),
             left=state.there,
         )
+        return self._close_doors(key, state) if isinstance(state, ObstructedState) else state
+
+    def _close_doors(self, key: jax.Array, state: ObstructedState) -> ObstructedState:
+        """Open the doors on a random way to the start, and half of the others."""
+        count = self.plan.size**2 + self.doors
+        bits = jax.random.bits(jax.random.fold_in(key, 1), (count,), jnp.uint32)
+        ends = (jnp.floor(at).astype(jnp.int32) for at in (state.things[0], state.position))
+        floor = _floor(state, jnp.zeros(self.doors, bool))
+        return state.replace(closed=draw_closed(bits, floor, state.level.doors, *ends))
 
     def transition(
         self, key: jax.Array, state: ExploreState, action: jax.Array, params: ExploreParams
     ) -> tuple[ExploreState, jax.Array, jax.Array, Info]:
         """Move, take things, and begin a new round once all that pays is taken."""
         pose = state.position, state.heading
-        position, heading = steer(state.level, jnp.zeros(0, bool), *pose, action, params)
+        position, heading = steer(state.level, _closed(state), *pose, action, params)
         offset = state.things - position[None]
         taken = state.left & (jnp.sqrt(jnp.sum(offset**2, axis=-1)) <= params.pickup_radius)
         good, bad = (jnp.sum(taken & w, dtype=jnp.int32) for w in (state.good, ~state.good))
@@ -209,7 +250,10 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
             events["took_bad"] = bad
         state = state.replace(position=position, heading=heading, left=state.left & ~taken)
         over = ~jnp.any(state.left & state.good)
-        state = select(over, self._begin_round(key, state), state)
+        # A way through the maze is dear, so it is drawn for those alone who need one.
+        few = where_few(self._begin_round) if self.doors else None
+        begun = few(over, key, state) if few else self._begin_round(key, state)
+        state = select(over, begun, state)
         return state, reward, jnp.bool_(False), events | {"respawned": over}
 
     def succeeded(
@@ -250,7 +294,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         looks = np.arange(self.most_things, dtype=np.int32) * (self.kind == "objects")
         return Scene(
             level=state.level,
-            closed=jnp.zeros(0, bool),
+            closed=_closed(state),
             position=state.position,
             heading=state.heading,
             sprites=Sprites(state.things, jnp.asarray(looks, jnp.int32), state.left),
@@ -266,27 +310,46 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
             jnp.any(here & (state.left & which)[:, None, None], axis=0)
             for which in (state.good, ~state.good)
         )
-        return flood((jnp.asarray(state.level.walls)[0] == 0) & ~bad, good)
+        return flood(_floor(state, _closed(state)) & ~bad, good)
+
+
+def _closed(state: ExploreState) -> jax.Array:
+    """bool[D]: which doors are closed; there may be none."""
+    return state.closed if isinstance(state, ObstructedState) else jnp.zeros(0, bool)
+
+
+def _floor(state: ExploreState, closed: jax.Array) -> jax.Array:
+    """bool[rows, columns], where one can walk with bool[D] doors closed."""
+    walls = jnp.asarray(state.level.walls)[0]
+    column, row = jnp.asarray(state.level.doors).T
+    shut = jnp.zeros(walls.shape, bool).at[row, column].max(closed)
+    return ((walls == 0) | (walls == _DOOR)) & ~shut
 
 
 # Kind, cells with the border, rooms, their least and most side, places in each, steps, reward.
 _LEVELS: dict[str, tuple[Kind, int, int, int, int, int, int, float]] = {
     "goal-locations": ("goal", 11, 4, 3, 5, 4, 1350, 10.0),
     "goal-locations-large": ("goal", 17, 9, 3, 3, 4, 1800, 10.0),
+    "obstructed-goals": ("goal", 11, 4, 3, 5, 4, 1350, 10.0),
+    "obstructed-goals-large": ("goal", 17, 9, 3, 3, 4, 1800, 10.0),
     "object-locations": ("apples", 11, 4, 3, 5, 4, 1350, 1.0),
     "object-locations-large": ("apples", 17, 9, 3, 3, 4, 1800, 1.0),
     "object-rewards": ("objects", 13, 1, 11, 11, 8, 1350, 2.0),
+    "object-rewards-many": ("objects", 13, 1, 11, 11, 16, 1800, 2.0),
 }
+# Of 2048 mazes of these sizes, none has more than 16 or 35 doorways.
+_DOORS = {11: 20, 17: 40}
 
 
 def build(name: str) -> functools.partial[Explore]:
     """One of the original's levels, by its id; a step is four frames, a fifteenth of a second."""
-    level = _LEVELS[name.removeprefix("dmlab-explore-")]
-    kind, size, rooms, least, most, places, steps, reward = level
+    name = name.removeprefix("dmlab-explore-")
+    kind, size, rooms, least, most, places, steps, reward = _LEVELS[name]
     return functools.partial(
         Explore,
         kind=kind,
         plan=MazePlan(size, rooms, least, most),
         places=places,
+        doors=_DOORS[size] if name.startswith("obstructed") else 0,
         defaults=ExploreParams(max_steps_in_episode=steps, reward=reward),
     )

@@ -11,9 +11,12 @@ FAMILIES: dict[str, tuple[str, dict[str, str]]] = {
         {
             "dmlab-explore-goal-locations": "DeepMind Lab: a goal to find again in a new maze",
             "dmlab-explore-goal-locations-large": "the same in a larger maze",
+            "dmlab-explore-obstructed-goals": "DeepMind Lab: a goal behind doors, some closed",
+            "dmlab-explore-obstructed-goals-large": "the same in a larger maze",
             "dmlab-explore-object-locations": "DeepMind Lab: apples to find again in a new maze",
             "dmlab-explore-object-locations-large": "the same in a larger maze",
             "dmlab-explore-object-rewards": "DeepMind Lab: which objects pay in this episode",
+            "dmlab-explore-object-rewards-many": "the same with eight objects a round",
         },
     ),
     "memory-maze": (
@@ -42,6 +45,15 @@ FAMILIES: dict[str, tuple[str, dict[str, str]]] = {
             "miniworld-maze-s2": "the same in 2 by 2 cells",
             "miniworld-maze-s3": "the same in 3 by 3 cells",
             "miniworld-maze-s3-fast": "the same with long steps",
+        },
+    ),
+    "miniworld-objects": (
+        "miniworld.table",
+        {
+            "miniworld-collect-health": "MiniWorld: pick up medkits to stay alive",
+            "miniworld-pickup-objects": "MiniWorld: pick up five things",
+            "miniworld-put-next": "MiniWorld: put the red box down beside the yellow one",
+            "miniworld-sign": "MiniWorld: a sign out of sight tells which thing to go to",
         },
     ),
 }

@@ -10,6 +10,10 @@ from ...environment import AnyEnvironment
 # The modules of those that are not among the rooms.
 _MODULES = {
     "maze": "box_maze",
+    "collect-health": "collect_health",
+    "pickup-objects": "objects",
+    "put-next": "objects",
+    "sign": "sign",
 }
 
 

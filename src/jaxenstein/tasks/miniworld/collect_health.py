@@ -1,0 +1,232 @@
+"""MiniWorld's CollectHealth: a floor that hurts, and medkits to pick up."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...about import About, Choose, Event, Player
+from ...batching import select
+from ...engine.level import Level, compile_level
+from ...engine.motion import forward
+from ...engine.scene import Scene, Sprites, Theme
+from ...environment import Info, Scalar, State
+from ...maps.symbols import DEFAULT_WALL
+from ...maps.things import MEDKIT
+from ...maps.tilemap import TileMap
+from ...params import number
+from ...players.chance import NO_OP
+from ...players.walking import gait, towards
+from ..appearance import build_theme
+from ..draws import draw_unit
+from ..first_person import FirstPerson
+from ..health import FULL_HEALTH, HealthTask, about_health
+from ..health_gathering import FLOOR
+from ..steering import ACTION_NAMES, SteeringParams, draw_heading, steer
+from .reach_box import CEILING
+
+# Tiles of the room's side, medkits, and how many places are drawn for one that lies apart.
+ROOM, MEDKITS, _TRIES = 16, 18, 8
+PICK_UP = 4
+# Radii of the body and of a medkit in tiles; and those of the hand, and how far ahead it is.
+_BODY, _MEDKIT = 0.4, 0.25
+_HAND, _AHEAD = 0.48, 0.6
+
+
+class CollectHealthParams(SteeringParams):
+    """The numbers of the task.
+
+    Attributes:
+        damage: health lost in each step.
+        living_reward: reward of every step, the last one included.
+        death_penalty: taken off the reward of the step that dies.
+    """
+
+    max_steps_in_episode: Scalar = number(1000, 1)
+    damage: Scalar = number(2, 0)
+    living_reward: Scalar = 2.0
+    death_penalty: Scalar = 102.0
+
+
+DEFAULTS = CollectHealthParams()
+
+
+class CollectHealthState(State):
+    """State of the task.
+
+    Attributes:
+        health: int32[], 0 to 100.
+        medkits: float32[18, 2], (x, y) of each in tiles.
+    """
+
+    health: jax.Array
+    medkits: jax.Array
+
+
+def collector(env: CollectHealth, params: CollectHealthParams) -> Choose:
+    """Go to the nearest medkit, and pick it up when hardly any health is left."""
+    body = gait(env, params)
+
+    def choose(key: jax.Array, state: CollectHealthState) -> jax.Array:
+        del key
+        offset = state.medkits - state.position[None]
+        nearest = offset[jnp.argmin(jnp.sum(offset**2, axis=-1))]
+        walk = towards(body, env.scene(state, params), nearest)
+        taken = jnp.where(state.health > 2 * params.damage, NO_OP, jnp.int32(PICK_UP))
+        return jnp.where(jnp.any(in_hand(state)), taken, walk)
+
+    return choose
+
+
+COLLECTOR = Player(
+    "goes to the nearest medkit and picks it up at the last moment; sees the whole state",
+    collector,
+    waits="waits: healthy",
+)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CollectHealth(
+    HealthTask[CollectHealthState, CollectHealthParams],
+    FirstPerson[CollectHealthState, CollectHealthParams],
+):
+    """Stay alive on a floor that hurts, by picking up medkits.
+
+    Actions: turn left, turn right, forward, backward, pick up. Every step takes 2 health; picking
+    up what is in front gives all of it back, and the medkit appears elsewhere. Medkits stand in the
+    way. Reward: 2 a step, and -100 for the step that dies, which terminates.
+    """
+
+    action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:4], "pick up")
+
+    @property
+    def default_params(self) -> CollectHealthParams:
+        """The params that `params=None` stands for."""
+        return DEFAULTS
+
+    @functools.cached_property
+    def tilemap(self) -> TileMap:
+        """The room, with its wall one tile thick."""
+        walls = np.full((ROOM + 2, ROOM + 2), DEFAULT_WALL, np.uint8)
+        walls[1:-1, 1:-1] = 0
+        return TileMap(self.name, tuple(bytes(line) for line in walls))
+
+    def tilemap_of(self, state: CollectHealthState) -> TileMap:
+        """The room."""
+        del state
+        return self.tilemap
+
+    @functools.cached_property
+    def level(self) -> Level:
+        """The room compiled for the renderer."""
+        return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the room looks."""
+        return build_theme((MEDKIT.label,), doors=False, floor=FLOOR, ceiling=CEILING)
+
+    def init_state(self, key: jax.Array, params: CollectHealthParams) -> CollectHealthState:
+        """Lay medkits down apart from each other, and begin apart from them."""
+        del params
+        bits = jax.random.bits(key, (MEDKITS + 2, _TRIES, 2), jnp.uint32)
+
+        def lay(medkits: jax.Array, turn: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, None]:
+            index, own = turn
+            return medkits.at[index].set(_place(own, medkits, _MEDKIT)), None
+
+        # Those that do not lie there yet are far away.
+        nowhere = jnp.full((MEDKITS, 2), -ROOM, jnp.float32)
+        turns = jnp.arange(MEDKITS, dtype=jnp.int32), bits[:MEDKITS]
+        medkits, _ = jax.lax.scan(lay, nowhere, turns)
+        return CollectHealthState(
+            position=_place(bits[-2], medkits, _BODY),
+            heading=draw_heading(bits[-1, 0, 0], None),
+            health=jnp.int32(FULL_HEALTH),
+            medkits=medkits,
+        )
+
+    def transition(
+        self,
+        key: jax.Array,
+        state: CollectHealthState,
+        action: jax.Array,
+        params: CollectHealthParams,
+    ) -> tuple[CollectHealthState, jax.Array, jax.Array, Info]:
+        """Move, pick up, suffer."""
+        closed = jnp.zeros(0, bool)
+        before = state.position
+        position, heading = steer(self.level, closed, before, state.heading, action, params)
+        near = _distances(position, state.medkits)
+        blocked = (near < _BODY + _MEDKIT) & (near < _distances(before, state.medkits))
+        position = jnp.where(jnp.any(blocked), before, position)
+        state = state.replace(position=position, heading=heading)
+        taken = _first(in_hand(state)) & (action == PICK_UP)
+        # Whatever is taken is not in the way of its own new place.
+        others = jnp.where(taken[:, None], jnp.float32(-ROOM), state.medkits)
+        others = jnp.concatenate([others, position[None]])
+        place = _place(jax.random.bits(key, (_TRIES, 2), jnp.uint32), others, _MEDKIT)
+        picked = jnp.any(taken)
+        health = state.health - jnp.asarray(params.damage, jnp.int32)
+        health = select(picked, jnp.int32(FULL_HEALTH), jnp.maximum(health, 0))
+        dead = health <= 0
+        state = state.replace(
+            health=health, medkits=jnp.where(taken[:, None], place[None], state.medkits)
+        )
+        reward = params.living_reward - jnp.where(dead, params.death_penalty, 0)
+        return state, reward, dead, {"took_medkit": picked, "died": dead}
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        about = about_health({"took_medkit": Event("took a medkit")}, COLLECTOR, "step")
+        return dataclasses.replace(about, players={"collector": COLLECTOR}, expert="collector")
+
+    def scene(self, state: CollectHealthState, params: CollectHealthParams) -> Scene:
+        """The room and the medkits in it."""
+        del params
+        return Scene(
+            level=self.level,
+            closed=jnp.zeros(0, bool),
+            position=state.position,
+            heading=state.heading,
+            sprites=Sprites(
+                position=state.medkits,
+                look=jnp.zeros(MEDKITS, jnp.int32),
+                visible=jnp.ones(MEDKITS, bool),
+            ),
+            theme=self.theme,
+        )
+
+
+def in_hand(state: CollectHealthState) -> jax.Array:
+    """bool[18]: which medkits the hand touches."""
+    hand = state.position + forward(state.heading) * jnp.float32(_AHEAD)
+    return _distances(hand, state.medkits) < _HAND + _MEDKIT
+
+
+def _first(which: jax.Array) -> jax.Array:
+    """bool[n]: the first one of bool[n] that is true."""
+    return which & (jnp.cumsum(which, dtype=jnp.int32) == 1)
+
+
+def _distances(place: jax.Array, medkits: jax.Array) -> jax.Array:
+    return jnp.sqrt(jnp.sum((medkits - place[None]) ** 2, axis=-1))
+
+
+def _place(bits: jax.Array, others: jax.Array, radius: float) -> jax.Array:
+    """float32[2]: the first of places that is apart from other medkits, from uint32[n, 2]."""
+    side = jnp.float32(ROOM - 2 * radius)
+    places = 1 + jnp.float32(radius) + draw_unit(bits) * side
+    distances = jax.vmap(_distances, (0, None))(places, others)
+    return places[jnp.argmax(jnp.all(distances >= radius + _MEDKIT, axis=1))]
+
+
+def build(name: str) -> functools.partial[CollectHealth]:
+    """The environment; `name` is that of no other."""
+    del name
+    return functools.partial(CollectHealth)

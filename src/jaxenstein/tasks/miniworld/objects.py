@@ -1,0 +1,219 @@
+"""MiniWorld's rooms with things to pick up and to carry, by the rules of the worlds of things.
+
+Things lie in the middle of tiles, and what is in front is the tile that an arm meets first.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...about import About, Choose, Player
+from ...calls import check_whole
+from ...engine.scene import Theme
+from ...environment import Info
+from ...maps.things import COLOUR_NAMES
+from ..minigrid.aims import DROP, PICK_UP, Aim
+from ..minigrid.player import planner
+from ..minigrid.sketch import COLOURS, Sketch
+from ..minigrid.state import BALL_KIND, BOX_KIND, GONE, KEY_KIND, GridState, beside
+from ..minigrid.world import GridParams, GridWorld
+from ..steering import ACTION_NAMES, draw_heading
+from .reach_box import ASPHALT, CEILING, FLOOR, SKY
+
+RED, YELLOW = (COLOUR_NAMES.index(name) for name in ("red", "yellow"))
+
+
+def plan(env: ThingsRoom, params: GridParams) -> Choose:
+    """What solves worlds of things, by the actions that there are here."""
+    choose = planner(env, params)
+    deeds = np.array(env.deeds, np.int32)
+
+    def act(key: jax.Array, state: GridState) -> jax.Array:
+        return jnp.argmax(jnp.asarray(deeds) == choose(key, state)).astype(jnp.int32)
+
+    return act
+
+
+PLAN = Player("plans what to pick up and where to put it; sees the whole state", plan)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ThingsRoom(GridWorld):
+    """Base of rooms with things, whose actions are MiniWorld's.
+
+    Attributes:
+        size: tiles of the room's side, without its walls.
+    """
+
+    size: int = 12
+
+    deeds: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, PICK_UP, DROP)
+    """What each action is in worlds of things."""
+    told: ClassVar[tuple[str, ...]] = ("picked_up", "dropped", "solved")
+    """The events that may happen."""
+    kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
+    outside: ClassVar[bool] = False
+    action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:4], "pick up", "drop")
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_whole("size", self.size, 60)
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the room looks."""
+        floor, ceiling = (ASPHALT, SKY) if self.outside else (FLOOR, CEILING)
+        return super().theme.replace(
+            floor=np.array(floor, np.float32), ceiling=np.array(ceiling, np.float32)
+        )
+
+    def transition(
+        self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[GridState, jax.Array, jax.Array, Info]:
+        """Do what the action is in worlds of things."""
+        known = (action >= 0) & (action < len(self.deeds))
+        deed = jnp.asarray(np.array(self.deeds, np.int32))[jnp.clip(action, 0, len(self.deeds) - 1)]
+        state, reward, over, events = super().transition(
+            key, state, jnp.where(known, deed, -1), params
+        )
+        return state, reward, over, {name: events[name] for name in self.told}
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        about = super().about()
+        return dataclasses.replace(
+            about,
+            ends="where it is solved",
+            rewards={name: about.rewards[name] for name in ("goal_reward", "living_reward")},
+            events={name: about.events[name] for name in self.told},
+            players={"planner": PLAN},
+        )
+
+
+def _any_heading(sketch: Sketch, state: GridState) -> GridState:
+    return state.replace(heading=draw_heading(sketch.bits(1)[0], None))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PickupObjects(ThingsRoom):
+    """A room with things to pick up: each pays, and is gone; the last one ends the episode.
+
+    Attributes:
+        objects: how many things.
+    """
+
+    objects: int = 5
+
+    deeds: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, PICK_UP)
+    told: ClassVar[tuple[str, ...]] = ("picked_up", "solved")
+    outside: ClassVar[bool] = True
+    action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:4], "pick up")
+    aim_words: ClassVar[str] = "picked everything up"
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_whole("objects", self.objects, min(30, self.size**2 // 2))
+
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw the things and the start."""
+        del params
+        sketch = Sketch(key, self.size + 2, self.size + 2)
+        for _ in range(self.objects):
+            kind = sketch.number(KEY_KIND, BOX_KIND + 1)
+            sketch.thing(kind, sketch.colour(), sketch.tile_in(sketch.free))
+        sketch.start_in(sketch.free & beside(sketch.free))
+        return _any_heading(sketch, sketch.state())
+
+    def judge(
+        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[jax.Array, jax.Array]:
+        """Whether nothing lies there any more."""
+        del before, action, params
+        return ~jnp.any(after.things.lying), jnp.bool_(False)
+
+    def aim(self, state: GridState) -> Aim:
+        """To pick up whatever lies there."""
+        return Aim(self.tiles_of(state, state.things.lying), jnp.int32(PICK_UP))
+
+    def transition(
+        self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[GridState, jax.Array, jax.Array, Info]:
+        """What is picked up pays, and is gone."""
+        state, _, over, events = super().transition(key, state, action, params)
+        held = state.things.held
+        place = jnp.where(held, GONE, state.things.place)
+        state = state.replace(things=state.things.replace(place=place))
+        paid = params.goal_reward * jnp.sum(held, dtype=jnp.int32).astype(jnp.float32)
+        return state, params.living_reward + paid, over, events
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        about = super().about()
+        rewards = {**about.rewards, "goal_reward": "{:+g} a thing picked up"}
+        return dataclasses.replace(about, ends="at the last thing", rewards=rewards)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PutNext(ThingsRoom):
+    """A room with a box in each colour: put the red one down beside the yellow one.
+
+    Or the yellow one beside the red one; beside is on one of the four tiles around.
+    """
+
+    kinds: ClassVar[tuple[int, ...]] = (BOX_KIND,)
+    aim_words: ClassVar[str] = "put the red box beside the yellow one"
+
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw where the boxes are, the red one not beside the yellow one, and the start."""
+        del params
+        sketch = Sketch(key, self.size + 2, self.size + 2)
+        yellow = sketch.tile_in(sketch.free)
+        sketch.thing(BOX_KIND, YELLOW, yellow)
+        sketch.thing(BOX_KIND, RED, sketch.tile_in(sketch.free & ~beside(sketch.taken)))
+        for colour in set(range(COLOURS)) - {RED, YELLOW}:
+            sketch.thing(BOX_KIND, colour, sketch.tile_in(sketch.free))
+        sketch.start_in(sketch.free & beside(sketch.free))
+        return _any_heading(sketch, sketch.state())
+
+    def judge(
+        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[jax.Array, jax.Array]:
+        """Whether the two lie beside each other."""
+        del before, action, params
+        red, yellow = (self._box(after, colour) for colour in (RED, YELLOW))
+        return jnp.any(red & beside(yellow)), jnp.bool_(False)
+
+    def aim(self, state: GridState) -> Aim:
+        """To pick the red box up, then to drop it beside the yellow one."""
+        held = jnp.any(state.things.held & (state.things.colour == RED))
+        taken = self.tiles_of(state, state.things.lying) | (jnp.asarray(state.level.walls)[0] != 0)
+        column, row = state.cell
+        own = jnp.zeros(taken.shape, bool).at[row, column].set(True)
+        spots = beside(self._box(state, YELLOW)) & ~taken & ~own
+        tiles = jnp.where(held, spots, self._box(state, RED))
+        return Aim(tiles, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
+
+    def _box(self, state: GridState, colour: int) -> jax.Array:
+        return self.tiles_of(state, state.things.colour == colour)
+
+
+# Class, steps, and the share of the reward that time takes.
+_ROOMS: dict[str, tuple[type[ThingsRoom], int, float]] = {
+    "pickup-objects": (PickupObjects, 400, 0.0),
+    "put-next": (PutNext, 250, 0.2),
+}
+
+
+def build(name: str) -> functools.partial[ThingsRoom]:
+    """One of these rooms, by the name of its environment."""
+    kind, steps, share = _ROOMS[name]
+    defaults = GridParams(max_steps_in_episode=steps, time_cost=share)
+    return functools.partial(kind, defaults=defaults)

@@ -1,0 +1,166 @@
+"""MiniWorld's Sign: which of six things is asked for is told by a sign behind a wall.
+
+The task of Liu and others, "Decoupling exploration and exploitation for meta-reinforcement
+learning without sacrifices", 2020.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import ClassVar, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...about import About
+from ...environment import Info, Scalar
+from ...maps.symbols import LABEL_NAMES
+from ...maps.things import COLOUR_NAMES
+from ...params import number
+from ...players.walking import SHORTEST_PATH, flood
+from ..draws import draw_unit
+from ..minigrid.aims import DONE, NOWHERE, Aim
+from ..minigrid.sketch import Sketch
+from ..minigrid.state import BOX_KIND, KEY_KIND, GridState
+from ..minigrid.world import GridParams
+from ..steering import ACTION_NAMES, draw_heading
+from .objects import ThingsRoom
+
+# (column, row) of the things: of each kind one in red, green and blue.
+_COLOURS = ("red", "green", "blue")
+_TILES = {
+    BOX_KIND: ((10, 1), (10, 5), (1, 1)),
+    KEY_KIND: ((1, 5), (1, 10), (5, 1)),
+}
+_GREY = COLOUR_NAMES.index("grey")
+# The sign on the eastern wall, and the labels of what it says.
+_COLUMN, _ROWS = 11, slice(10, 13)
+_SIGNS = np.array([LABEL_NAMES.index(f"{name} wall") for name in _COLOURS], np.int32)
+# Where episodes start: least (x, y), and most.
+_START = np.array(((4.6, 4.6), (6.4, 7.4)), np.float32)
+# Tiles around the wrong things that the player keeps away from.
+_AWAY = 2.2
+
+
+class SignParams(GridParams):
+    """The numbers of the task.
+
+    Attributes:
+        fail_reward: reward of touching a wrong thing.
+        touch_radius: tiles from the middle of a thing at which it is touched.
+    """
+
+    max_steps_in_episode: Scalar = number(20, 1)
+    move_distance: Scalar = number(0.7, 0, below=1)
+    turn_angle: Scalar = number(math.radians(45), 0, 2 * math.pi)
+    fail_reward: Scalar = -1.0
+    touch_radius: Scalar = number(1.736, 0)
+
+
+DEFAULTS = SignParams()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Sign(ThingsRoom):
+    """Go to the box or the key, as asked, in the colour of a sign that is out of sight at first.
+
+    Actions: turn left, turn right, forward, done. Touching another thing ends the episode with
+    `fail_reward`, done ends it with nothing.
+    """
+
+    defaults: GridParams = DEFAULTS
+    size: int = 10
+
+    deeds: ClassVar[tuple[int, ...]] = (0, 1, 2, DONE)
+    told: ClassVar[tuple[str, ...]] = ("solved", "failed")
+    kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BOX_KIND)
+    asks: ClassVar[bool] = True
+    hands: ClassVar[bool] = False
+    action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:3], "done")
+    aim_words: ClassVar[str] = "touched what was asked for"
+    fail_words: ClassVar[str] = "touched something else, or gave up"
+
+    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+        """Draw the kind, the colour and the start."""
+        del params
+        sketch = Sketch(key, 12, 15)
+        sketch.wall(sketch.area(7, 7, 4, 1))
+        for kind, tiles in _TILES.items():
+            for name, tile in zip(_COLOURS, tiles, strict=True):
+                sketch.thing(kind, COLOUR_NAMES.index(name), tile)
+        kind = jnp.where(sketch.number(0, 2) == 0, BOX_KIND, KEY_KIND)
+        sign = jnp.asarray(_SIGNS)[sketch.number(0, len(_SIGNS))].astype(jnp.uint8)
+        # The colour is not told: what is asked for is shown in grey.
+        state = sketch.start((5, 5)).state(asked=(kind, _GREY))
+        walls = jnp.asarray(state.level.walls).at[:, _ROWS, _COLUMN].set(sign)
+        bits = sketch.bits(3)
+        return state.replace(
+            level=state.level.replace(walls=walls),
+            position=_START[0] + draw_unit(bits[:2]) * (_START[1] - _START[0]),
+            heading=draw_heading(bits[2], None),
+        )
+
+    def target(self, state: GridState) -> jax.Array:
+        """bool[6]: the thing that is asked for, in the colour of the sign."""
+        sign = jnp.asarray(state.level.walls)[0, _ROWS.start, _COLUMN].astype(jnp.int32)
+        said = jnp.asarray(_SIGNS)[state.things.colour] == sign
+        return state.things.of(state.asked[0, 0]) & said
+
+    def judge(
+        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[jax.Array, jax.Array]:
+        """Whether it is touched; or something else is, or the agent gives up."""
+        del before
+        middle = after.things.tile.astype(jnp.float32) + 0.5
+        distance = jnp.sqrt(jnp.sum((middle - after.position[None]) ** 2, axis=-1))
+        touched = distance < cast(SignParams, params).touch_radius
+        right = self.target(after)
+        solved = jnp.any(touched & right)
+        return solved, (jnp.any(touched & ~right) | (action == DONE)) & ~solved
+
+    def aim(self, state: GridState) -> Aim:
+        """The tile of what is asked for."""
+        return Aim(self.tiles_of(state, self.target(state)), jnp.int32(NOWHERE))
+
+    def transition(
+        self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[GridState, jax.Array, jax.Array, Info]:
+        """As in all of these rooms, but that giving up costs nothing."""
+        state, reward, over, events = super().transition(key, state, action, params)
+        gave_up = events["failed"] & (action == self.deeds.index(DONE))
+        return state, reward - jnp.where(gave_up, params.fail_reward, 0), over, events
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        about = super().about()
+        return dataclasses.replace(
+            about,
+            ends="at the first thing that is touched, and by done",
+            rewards={**about.rewards, "fail_reward": "{:+g} for touching another thing"},
+            players={"shortest_path": SHORTEST_PATH},
+            expert="shortest_path",
+        )
+
+    def instruction(self, state: GridState) -> str:
+        """What one state asks for, as far as it is told."""
+        kind = "box" if int(state.asked[0, 0]) == BOX_KIND else "key"
+        return f"asked for: the {kind} in the colour of the sign"
+
+    def distance_field(self, state: GridState) -> jax.Array:
+        """int32[rows, columns]: tiles on foot to what is asked for, around all else."""
+        walls = jnp.asarray(state.level.walls)[0] != 0
+        row, column = np.indices(walls.shape, np.float32)
+        place = state.things.tile.astype(jnp.float32)
+        offsets = column[None] - place[:, :1, None], row[None] - place[:, 1:, None]
+        near = jnp.sqrt(offsets[0] ** 2 + offsets[1] ** 2) < _AWAY
+        wrong = jnp.any(near & ~self.target(state)[:, None, None], axis=0)
+        return flood(~walls & ~wrong, self.aim(state).tiles)
+
+
+def build(name: str) -> functools.partial[Sign]:
+    """The environment; `name` is that of no other."""
+    del name
+    return functools.partial(Sign)

@@ -1,0 +1,202 @@
+"""MiniWorld's rooms with things: rules in plain steps, and players who solve them."""
+
+from __future__ import annotations
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.errors import SettingError
+from jaxenstein.players import play, player_of
+from jaxenstein.tasks.minigrid.state import BOX_KIND, KEY_KIND
+from jaxenstein.tasks.miniworld.objects import PickupObjects
+
+LEFT, RIGHT, FORWARD, BACKWARD, PICK_UP, DROP = range(6)
+
+
+@functools.cache
+def task(name):
+    env, params = jaxenstein.make(f"miniworld-{name}", height=8, width=8)
+    return env, env.check_params(params)
+
+
+@functools.cache
+def programs(name):
+    env, params = task(name)
+    reset = jax.jit(jax.vmap(lambda key: env.init_state(key, params)))
+    return reset, jax.jit(lambda s, a: env.advance(jax.random.key(7), s, a, params))
+
+
+def first_states(name, count):
+    return programs(name)[0](jax.random.split(jax.random.key(2), count))
+
+
+def alone(states, i=0):
+    return jax.tree.map(lambda leaf: leaf[i], states)
+
+
+def act(name, state, action, **changes):
+    """One step from a state with changes."""
+    changes = {key: jnp.asarray(value, getattr(state, key).dtype) for key, value in changes.items()}
+    return programs(name)[1](state.replace(**changes), jnp.int32(action))
+
+
+@pytest.mark.parametrize("name", ["collect-health", "pickup-objects", "put-next", "sign"])
+def test_the_player_solves_it(name) -> None:
+    env, params = task(name)
+    states = first_states(name, 32)
+    # It walks from tile to tile, so that a few levels take it longer than the task allows.
+    limits = {"collect-health": 150, "pickup-objects": 600, "put-next": 500, "sign": 60}
+    params = params.replace(max_steps_in_episode=jnp.int32(limits[name]))
+    out = play(env, player_of(env), params, jax.random.key(0), states)
+    if name == "collect-health":
+        # The next medkit may be too far away.
+        assert np.mean(np.asarray(out.returned) == 2 * 150) > 0.8
+        return
+    steps = np.asarray(out.length)
+    wanted = {
+        "pickup-objects": 5.0,
+        "put-next": 1 - 0.2 * steps / 500,
+        "sign": 1.0,
+    }[name]
+    np.testing.assert_allclose(out.returned, np.broadcast_to(wanted, 32), atol=1e-5)
+
+
+def test_medkits_lie_apart_and_are_in_the_way() -> None:
+    states = jax.device_get(first_states("collect-health", 64))
+    for kits, start in zip(states.medkits, states.position, strict=True):
+        apart = np.linalg.norm(kits[:, None] - kits[None], axis=-1) + 9 * np.eye(18)
+        assert apart.min() >= 0.5
+        assert np.linalg.norm(kits - start[None], axis=-1).min() >= 0.65
+        assert ((kits >= 1.25) & (kits <= 16.75)).all()
+    far = np.full((18, 2), 3.0)
+    far[0] = (9.0, 9.0)
+    state = alone(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
+    for x, moves in ((8.1, True), (8.3, False)):
+        after = act("collect-health", state, FORWARD, position=[x, 9.0], heading=0.0)[0]
+        assert float(after.position[0]) == pytest.approx(x + 0.15 * moves)
+        back = act("collect-health", state, BACKWARD, position=[x, 9.0], heading=0.0)[0]
+        assert float(back.position[0]) < x
+
+
+def test_health_is_lost_and_given_back() -> None:
+    far = np.full((18, 2), 3.0)
+    far[0] = (9.0, 9.0)
+    state = alone(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
+    # The hand is 0.6 ahead and reaches 0.48 and the medkit's radius, 0.25.
+    for x, reached in ((7.6, False), (7.7, True)):
+        after, reward, terminated, info = act(
+            "collect-health", state, PICK_UP, position=[x, 9.0], heading=0.0, health=20
+        )
+        assert int(after.health) == (100 if reached else 18)
+        assert bool(info["took_medkit"]) == reached
+        moved = (np.asarray(after.medkits) != far).any(axis=1)
+        assert moved.tolist() == [reached] + [False] * 17
+        assert (float(reward), bool(terminated)) == (2, False)
+    after, reward, terminated, info = act("collect-health", state, -1, position=[6, 6], health=2)
+    assert (int(after.health), float(reward), bool(terminated)) == (0, -100, True)
+    assert info["died"]
+    _, reward, terminated, _ = act(
+        "collect-health", state, PICK_UP, position=[7.7, 9.0], heading=0.0, health=2
+    )
+    assert (float(reward), bool(terminated)) == (2, False)
+
+
+def test_what_is_picked_up_pays_and_is_gone() -> None:
+    state = alone(first_states("pickup-objects", 1))
+    tiles = np.array([(5, 5), (9, 2), (9, 4), (9, 6), (9, 8)])
+    things = state.things.replace(tile=jnp.asarray(tiles, jnp.int32))
+    state = state.replace(things=things)
+    before = {"position": [4.5, 5.5], "heading": 0.0}
+    after, reward, over, info = act("pickup-objects", state, PICK_UP, **before)
+    assert (float(reward), bool(over), bool(info["picked_up"])) == (1, False, True)
+    assert np.asarray(after.things.lying).tolist() == [False] + [True] * 4
+    assert not np.asarray(after.things.held).any()
+    # There it stands in the way; now it is gone.
+    assert float(act("pickup-objects", state, FORWARD, **before)[0].position[0]) == 4.5 or (
+        float(act("pickup-objects", state, FORWARD, **before)[0].position[0]) < 5
+    )
+    near = {"position": [4.95, 5.5], "heading": 0.0}
+    assert float(act("pickup-objects", state, FORWARD, **near)[0].position[0]) < 5
+    assert float(act("pickup-objects", after, FORWARD, **near)[0].position[0]) > 5
+    # Actions that there are not do nothing, interacting and dropping included.
+    for action in (5, 6, 7, -1):
+        same = act("pickup-objects", state, action, **before)[0]
+        assert np.asarray(same.things.lying).all()
+    last = state.replace(things=things.replace(place=jnp.array([0, 3, 3, 3, 3], jnp.int32)))
+    _, reward, over, info = act("pickup-objects", last, PICK_UP, **before)
+    assert (float(reward), bool(over), bool(info["success"])) == (1, True, True)
+
+
+def test_the_red_box_beside_the_yellow_one() -> None:
+    states = jax.device_get(first_states("put-next", 256))
+    colours, tiles = states.things.colour, states.things.tile
+    assert (np.sort(colours, axis=1) == np.arange(6)).all()
+    where = {
+        c: np.take_along_axis(tiles, np.argmax(colours == c, 1)[:, None, None], 1)[:, 0]
+        for c in range(6)
+    }
+    assert (np.abs(where[0] - where[4]).sum(axis=1) > 1).all()
+    state = alone(first_states("put-next", 1))
+    order = {int(c): i for i, c in enumerate(state.things.colour)}
+    placed = np.array([(12, 1 + 2 * i) for i in range(6)])
+    placed[order[4]] = (5, 4)
+    held = np.zeros(6, np.int32)
+    held[order[0]] = 1
+    things = state.things.replace(tile=jnp.asarray(placed, jnp.int32), place=jnp.asarray(held))
+    state = state.replace(things=things, time=jnp.int32(99))
+    for x, solved in ((4.5, False), (5.5, True)):
+        # Dropped on the tile to the south: (4, 5) touches (5, 4) at a corner alone.
+        after, reward, over, _ = act(
+            "put-next", state, DROP, position=[x, 6.5], heading=1.5 * np.pi
+        )
+        assert np.asarray(after.things.lying).all()
+        assert bool(over) == solved
+        assert float(reward) == pytest.approx(1 - 0.2 * 100 / 250 if solved else 0)
+
+
+def test_the_sign_tells_the_colour() -> None:
+    env, _ = task("sign")
+    states = first_states("sign", 128)
+    host = jax.device_get(states)
+    asked, seen = host.asked[:, 0, 0], host.level.walls[:, 0, 10:13, 11]
+    assert set(asked.tolist()) == {KEY_KIND, BOX_KIND}
+    assert (seen == seen[:, :1]).all()
+    # Red, blue and green walls have the labels 3, 4 and 5; colours are red, green, blue.
+    colour = np.array([0, 2, 1])[seen[:, 0] - 3]
+    assert set(colour.tolist()) == {0, 1, 2}
+    for i in range(16):
+        target = np.asarray(env.target(alone(states, i)))
+        wanted = (host.things.kind[i] == asked[i]) & (host.things.colour[i] == colour[i])
+        assert (target == wanted).all()
+        assert target.sum() == 1
+        word = "box" if asked[i] == BOX_KIND else "key"
+        assert env.instruction(alone(host, i)) == f"asked for: the {word} in the colour of the sign"
+    # What the vector tells does not tell the colour.
+    assert len({alone(states, i).asked.tobytes() for i in range(16)}) == 2
+
+
+def test_touching_what_is_asked_for_pays() -> None:
+    state = alone(first_states("sign", 1))
+    target = np.asarray(task("sign")[0].target(state))
+    for i, (column, row) in enumerate(np.asarray(state.things.tile).tolist()):
+        inward = np.array((1.0 if column < 5 else -1.0, 0.0)) * (1.72, 0)
+        place = np.array((column + 0.5, row + 0.5)) + inward
+        _, reward, over, info = act("sign", state, -1, position=place)
+        assert (float(reward), bool(over)) == (1 if target[i] else -1, True)
+        assert bool(info["success"]) == target[i]
+    _, reward, over, info = act("sign", state, 3)
+    assert (float(reward), bool(over), bool(info["failed"])) == (0, True, True)
+    _, reward, over, _ = act("sign", state, LEFT)
+    assert (float(reward), bool(over)) == (0, False)
+
+
+def test_bad_settings_are_refused() -> None:
+    with pytest.raises(SettingError, match="objects must be a whole number from 1 to 30"):
+        PickupObjects(objects=31)
+    with pytest.raises(SettingError, match="size must be a whole number from 1 to 60"):
+        PickupObjects(size=0)
