@@ -28,6 +28,7 @@ NAMES = (
     "basic",
     "simpler-basic",
     "take-cover",
+    "defend-the-line",
 )
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _BLOCK = re.compile(r"(\w+)\s*\{([^{}]*)\}")

@@ -33,7 +33,11 @@ IDS = (
     "doom-basic",
     "doom-simpler-basic",
     "doom-defend-the-center",
+    "doom-defend-the-line",
     "doom-take-cover",
+    "doom-rocket-basic",
+    "doom-predict-position",
+    "doom-deadly-corridor",
 )
 # A player of `players_of`, or the expert, and the tics for which it keeps an action.
 PLAYERS = (("idle", 1), ("uniform", 1), ("uniform", 4), ("expert", 1))

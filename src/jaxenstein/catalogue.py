@@ -183,24 +183,6 @@ def _doom_health(*, supreme: bool = False) -> Build:
     return DoomHealthGatheringSupreme if supreme else DoomHealthGathering
 
 
-def _doom_basic(*, simpler: bool = False) -> Build:
-    from .tasks.doom.basic import DoomBasic, DoomSimplerBasic
-
-    return DoomSimplerBasic if simpler else DoomBasic
-
-
-def _doom_center() -> Build:
-    from .tasks.doom.defend import DoomDefendTheCenter
-
-    return DoomDefendTheCenter
-
-
-def _doom_cover() -> Build:
-    from .tasks.doom.cover import DoomTakeCover
-
-    return DoomTakeCover
-
-
 def _entry(family: str, summary: str, load: Callable[..., Build], **variant: Any) -> Entry:
     return Entry(summary, functools.partial(load, **variant), family=family)
 
@@ -266,6 +248,24 @@ def _minigrid_entries() -> dict[str, Entry]:
     }
 
 
+def _doom_shooter(module: str, kind: str) -> Build:
+    return getattr(importlib.import_module(f"{__package__}.tasks.doom.{module}"), kind)
+
+
+def _doom_entries() -> dict[str, Entry]:
+    from .tasks.doom.table import SHOOTERS
+
+    return {
+        name: Entry(
+            f"ViZDoom's {told.summary}",
+            functools.partial(_doom_shooter, told.module, told.kind),
+            family=told.main or name,
+            variant_of=told.main,
+        )
+        for name, told in SHOOTERS.items()
+    }
+
+
 # Doom's angles grow counter-clockwise, ours clockwise: 0 to 3.6 degrees there is -3.6 to 0 here.
 ENTRIES: dict[str, Entry] = {
     "simple": _entry(
@@ -320,30 +320,7 @@ ENTRIES: dict[str, Entry] = {
         _doom_health,
         supreme=True,
     ),
-    "doom-basic": _entry(
-        "doom-basic",
-        "ViZDoom's Basic itself: step aside until the monster is ahead, and shoot",
-        _doom_basic,
-    ),
-    "doom-simpler-basic": dataclasses.replace(
-        _entry(
-            "doom-basic",
-            "ViZDoom's Simpler Basic itself: the monster is nearer",
-            _doom_basic,
-            simpler=True,
-        ),
-        variant_of="doom-basic",
-    ),
-    "doom-defend-the-center": _entry(
-        "doom-defend-the-center",
-        "ViZDoom's Defend the Center itself: turn and shoot what comes from all around",
-        _doom_center,
-    ),
-    "doom-take-cover": _entry(
-        "doom-take-cover",
-        "ViZDoom's Take Cover itself: dodge the fireballs of ever more imps",
-        _doom_cover,
-    ),
+    **_doom_entries(),
 }
 
 ALIASES: dict[str, str] = {

@@ -16,6 +16,7 @@ import jaxenstein
 from jaxenstein.environment import Environment
 from jaxenstein.tasks.doom.arena import DoomArena
 from jaxenstein.tasks.doom.basic import DoomBasic
+from jaxenstein.tasks.doom.corridor import DoomDeadlyCorridor
 from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering
 from jaxenstein.tasks.doom.my_way_home import DoomMyWayHome
 from jaxenstein.tasks.explore import Explore
@@ -156,7 +157,7 @@ def test_returns_add_up(name):
 
 def about_to_end(env, state):
     """The state with whatever the next step must find for the task to be over."""
-    if isinstance(env, DoomMyWayHome):
+    if isinstance(env, DoomMyWayHome | DoomDeadlyCorridor):
         return state.replace(taken=jnp.bool_(True))
     if isinstance(env, DoomBasic):
         return state.replace(killed=jnp.bool_(True))
@@ -206,10 +207,10 @@ def test_truth_table_of_ends(name, ending, limit):
     np.testing.assert_array_equal(terminated[0], [ends, ends])
     np.testing.assert_array_equal(truncated[0], [limit, limit])
     # Where nothing but survival counts, the limit is the aim; elsewhere it is what ends the task.
-    survives = isinstance(env, HealthTask)
+    survives = isinstance(env, HealthTask) and not isinstance(env, DoomDeadlyCorridor)
     aim = limit and not ending if survives else ending
     # The game leaves these levels in the tic after the aim was reached.
-    aim = aim and not isinstance(env, DoomMyWayHome | DoomBasic)
+    aim = aim and not isinstance(env, DoomMyWayHome | DoomBasic | DoomDeadlyCorridor)
     np.testing.assert_array_equal(info["success"][0], [aim, aim])
     np.testing.assert_array_equal(info["episode_length"][0], int(states.time[0]) + 1)
     np.testing.assert_array_equal(after.time[0], 0 if ends or limit else int(states.time[0]) + 1)

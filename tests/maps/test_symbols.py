@@ -15,6 +15,7 @@ from jaxenstein.maps.things import (
     BALL,
     BOX,
     CACODEMON,
+    CHAINGUN_GUY,
     COLOUR_NAMES,
     DEMON,
     FIREBALL,
@@ -25,6 +26,9 @@ from jaxenstein.maps.things import (
     MARINE,
     MEDKIT,
     POISON,
+    ROCKET,
+    SHOTGUN_GUY,
+    ZOMBIE,
 )
 
 
@@ -41,8 +45,10 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert (BALL.labels, BOX.labels, LAVA.label) == (range(115, 121), range(121, 127), 127)
     assert (CACODEMON.label, DEMON.label, MARINE.label) == (128, 129, 130)
     assert (IMP.label, FIREBALL.label) == (131, 132)
-    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 133
-    assert LABEL_COLOURS.shape == (133, 3)
+    labels = ZOMBIE.label, SHOTGUN_GUY.label, CHAINGUN_GUY.label, ROCKET.label
+    assert labels == (134, 135, 136, 137)
+    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 138
+    assert LABEL_COLOURS.shape == (138, 3)
     assert LABEL_COLOURS.dtype == np.uint8
     assert not LABEL_COLOURS.flags.writeable
 

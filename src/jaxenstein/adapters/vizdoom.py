@@ -187,26 +187,35 @@ class GameSession(Session):
         """Our state of what the game shows."""
         if self._state is None:
             x, y, angle, dx, dy, health = (float(v) for v in self._seen.game_variables)
-            # The game divides by the greatest angle there is, not by the circle.
-            turns = round(angle / 360 * (2**32 - 1)) % 2**32
             position, velocity = (to_fixed(x), to_fixed(y)), (to_fixed(dx), to_fixed(dy))
             posed = _at_pose(
                 self.env,
                 self._first,
                 np.array(position, np.int32),
                 np.array(velocity, np.int32),
-                np.uint32(turns),
+                np.uint32(_turns(angle)),
             )
             looks = {name: look for look, name in enumerate(self.env.game_things)}
             things = [
-                (looks[o.name], to_fixed(o.position_x), to_fixed(o.position_y), o.id)
+                (
+                    looks[o.name],
+                    to_fixed(o.position_x),
+                    to_fixed(o.position_y),
+                    o.id,
+                    _turns(o.angle),
+                )
                 for o in self._seen.objects
                 if o.name in looks
             ]
-            table = np.array(things, np.int64).reshape(-1, 4)
+            table = np.array(things, np.int64).reshape(-1, 5)
             time = np.int32(len(self.actions) * self.env.frame_skip)
             self._state = self.env.with_things(posed.replace(time=time), round(health), table)
         return self._state
+
+
+def _turns(angle: float) -> int:
+    """Degrees of the game as 2**32ths of a circle: it divides by the greatest angle there is."""
+    return round(angle / 360 * (2**32 - 1)) % 2**32
 
 
 @functools.partial(jax.jit, static_argnums=0)

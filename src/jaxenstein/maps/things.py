@@ -113,9 +113,18 @@ DEMON = Thing("demon", 129, (206, 96, 110), "demon-one", 0.4, 0.1, detail=(240, 
 MARINE = Thing("marine", 130, (92, 140, 80), "soldier-one", 0.4, 0.1, detail=(190, 170, 80))
 IMP = Thing("imp", 131, (150, 96, 56), "imp-one", 0.4, 0.1, detail=(230, 200, 60))
 FIREBALL = Thing("fireball", 132, (255, 150, 40), "fireball", 0.15, 0.1, detail=(255, 236, 160))
-
 # On MiniWorld's sidewalk.
 CONE = Thing("cone", 133, (240, 104, 24), "cone", 0.3, 0.2, detail=(240, 240, 236))
+
+# Doom's marksmen and rockets.
+ZOMBIE = Thing("zombie", 134, (156, 138, 96), "soldier-one", 0.4, 0.1, detail=(200, 180, 140))
+SHOTGUN_GUY = Thing(
+    "shotgun guy", 135, (116, 92, 112), "soldier-one", 0.4, 0.1, detail=(220, 80, 60)
+)
+CHAINGUN_GUY = Thing(
+    "chaingun guy", 136, (176, 60, 48), "soldier-one", 0.4, 0.1, detail=(190, 190, 190)
+)
+ROCKET = Thing("rocket", 137, (190, 186, 170), "rocket", 0.15, 0.1, detail=(255, 210, 120))
 
 THINGS: tuple[Thing, ...] = (
     KEY,
@@ -132,6 +141,10 @@ THINGS: tuple[Thing, ...] = (
     IMP,
     FIREBALL,
     CONE,
+    ZOMBIE,
+    SHOTGUN_GUY,
+    CHAINGUN_GUY,
+    ROCKET,
 )
 """All of them, in the order of their labels."""
 

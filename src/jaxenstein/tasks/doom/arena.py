@@ -21,6 +21,7 @@ from .fixed import ONE
 from .geometry import RADIUS
 from .kinds import Kind, Pose, Roster
 from .look import MONSTERS, Picture
+from .motion import Tried
 from .shooter import DoomShooter, DoomShooterState
 from .shots import segments, way_to
 from .strikes import strike, throws
@@ -55,11 +56,13 @@ class Fought(PyTreeNode):
         fires: bool[], whether the player's bullet left.
         killed: bool[N], the monsters that died.
         throws: bool[N], the monsters that throw something.
+        tried: where the player was put.
     """
 
     fires: jax.Array
     killed: jax.Array
     throws: jax.Array
+    tried: Tried
 
 
 S = TypeVar("S", bound=DoomArenaState)
@@ -67,7 +70,7 @@ P = TypeVar("P", bound=DoomArenaParams)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomArena(DoomShooter[S, P], HealthTask[S, P]):
+class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """Base of scenarios with monsters that fight: who lives to the time limit succeeds."""
 
     cast: ClassVar[tuple[Kind, ...]]
@@ -115,7 +118,7 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):
             return jnp.any(met & before.living)
 
         origin = state.fixed_position
-        state, _ = self.moved(state, action, bodies)
+        state, tried = self.moved(state, action, bodies)
         state, fires, towards = self.shoot(state, state.angle, action, bits[-1, 0])
         hit = fires & self.struck(origin, towards, before.position, before.living)
         damage = jnp.where(hit, self.weapon.damage(byte(bits[-1, 0], 2)), 0)
@@ -137,7 +140,7 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):
         state = self.suffer(state, creatures.position, lost, params)
         killed = before.living & ~creatures.living
         state = state.replace(kills=state.kills + jnp.sum(killed, dtype=jnp.int32))
-        return state, Fought(fires, killed, throws(roster, creatures, strikes, lost))
+        return state, Fought(fires, killed, throws(roster, creatures, strikes, lost), tried)
 
     def suffer(self, state: S, origins: jax.Array, damage: jax.Array, params: P) -> S:
         """The state after blows to the player, which also push it by an eighth of a unit a point.

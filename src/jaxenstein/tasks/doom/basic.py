@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -102,12 +102,19 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
         over, origin = state.killed, state.fixed_position
         bits = jax.random.bits(key, (), jnp.uint32)
         state, fires, towards = self.shoot(state, state.angle, action, bits)
-        hits = fires & self.struck(origin, towards, state.target[None], ~over[None])[0]
         state, _ = self.moved(state, action)
+        state, hits = self.hit(state, origin, fires, towards)
         reward = params.living_reward + jnp.where(fires, params.shot_reward, 0)
         reward = reward + jnp.where(hits, params.kill_reward, 0)
         events = {"shots": fires.astype(jnp.int32), "kills": hits.astype(jnp.int32)}
         return state.replace(killed=over | hits), reward, over, events
+
+    def hit(
+        self, state: Any, origin: jax.Array, fires: jax.Array, towards: jax.Array
+    ) -> tuple[Any, jax.Array]:
+        """The state after a shot, if there was one, and bool[] whether the monster is hit now."""
+        there = ~state.killed[None]
+        return state, fires & self.struck(origin, towards, state.target[None], there)[0]
 
     def succeeded(
         self,
@@ -145,7 +152,8 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
 
     def with_things(self, state: DoomBasicState, health: int, things: np.ndarray) -> DoomBasicState:
         """The state with the monster of the game."""
-        target = things[0, 1:3].astype(np.int32) if len(things) else state.target
+        rows = things[things[:, 0] == 0]
+        target = rows[0, 1:3].astype(np.int32) if len(rows) else state.target
         return state.replace(target=target, health=np.int32(health))
 
 

@@ -162,7 +162,7 @@ def act(
     frame = jnp.where(bites, roster.melee, jnp.where(shoots, roster.missile, frame))
     walks = chases & ~rests & ~bites & ~shoots
     turns = rests & ~roster.fast
-    position, direction, leg = _walk(
+    position, direction, leg = walk(
         roster, creatures, player, offset, walks, turns, bits[:, 0], walls
     )
     after = creatures.replace(
@@ -224,7 +224,7 @@ def _dares(roster: Roster, offset: jax.Array, luck: jax.Array) -> jax.Array:
     return (roster.missile >= 0) & (luck >= jnp.minimum(distance, _FARTHEST))
 
 
-def _walk(
+def walk(
     roster: Roster,
     creatures: Creatures,
     player: jax.Array,
@@ -234,7 +234,18 @@ def _walk(
     bits: jax.Array,
     walls: np.ndarray,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Positions, directions and legs after those step on who walk, or first turn."""
+    """Positions, directions and legs after those step on who walk, or turn before they step.
+
+    Args:
+        roster: their kinds.
+        creatures: the monsters.
+        player: int32[2], a body in their way.
+        offset: int32[N, 2], from each to where it wants to go.
+        walks: bool[N], who goes on.
+        turns: bool[N], who chooses another direction first.
+        bits: uint32[N], random.
+        walls: float32[L, 4], walls that block monsters.
+    """
     step = _STEPS[None] * roster.speeds[:, None, None]
     target = creatures.position[:, None] + step
     free = _free(roster, creatures, player, target, walls)

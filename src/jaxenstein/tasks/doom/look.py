@@ -13,7 +13,21 @@ from ...engine.art import load_art
 from ...engine.scene import Theme
 from ...engine.shade import Light
 from ...maps.symbols import LABEL_COLOURS, SYMBOLS
-from ...maps.things import CACODEMON, DEMON, FIREBALL, GOAL, IMP, MARINE, MEDKIT, POISON, RGB
+from ...maps.things import (
+    CACODEMON,
+    CHAINGUN_GUY,
+    DEMON,
+    FIREBALL,
+    GOAL,
+    IMP,
+    MARINE,
+    MEDKIT,
+    POISON,
+    RGB,
+    ROCKET,
+    SHOTGUN_GUY,
+    ZOMBIE,
+)
 from .lattice import Tiles
 
 EYE = 41
@@ -39,11 +53,18 @@ TEXTURES: dict[str, tuple[str, RGB]] = {
     "CEMENT3": ("Q", (136, 134, 130)),
     "TANROCK2": ("W", (133, 108, 87)),
     "BRICK12": ("I", (112, 89, 70)),
+    "CONS1_7": ("M", (91, 91, 86)),
+    "CONS1_1": ("Z", (91, 91, 86)),
+    "SLIME16": ("K", (111, 89, 67)),
+    "STARGR2": ("D", (85, 84, 83)),
+    "SILVER3": ("H", (100, 100, 103)),
+    "FLAT23": ("X", (119, 119, 119)),
 }
 # Mean colours of the textures FLAT1_1, NUKAGE1, CEIL4_1; FLOOR0_1, FLAT4, CEIL1_1, CEIL1_2.
 BROWN, ACID, CEILING = (65, 46, 26), (23, 47, 13), (0, 0, 25)
 GREY, CRATES = (98, 98, 98), (81, 81, 81)  # FLOOR0_5, CRATOP1
 TAN, SLATE, TILES, OCHRE = (116, 92, 72), (38, 38, 38), (88, 67, 49), (73, 64, 29)
+STEEL, TUBES = (89, 89, 89), (60, 44, 44)  # STONE5, TLITE6_5
 
 
 @dataclass(frozen=True)
@@ -82,10 +103,17 @@ MONSTERS = {
     "demon": _monster(DEMON.label, "demon", 60, (161, 68, 68), (236, 206, 190)),
     "imp": _monster(IMP.label, "imp", 60, (82, 52, 28), (200, 170, 60)),
     "chainsaw marine": _monster(MARINE.label, "soldier", 58, (74, 98, 65), (170, 140, 60)),
+    "zombie": _monster(ZOMBIE.label, "soldier", 56, (92, 84, 60), (150, 130, 100)),
+    "shotgun guy": _monster(SHOTGUN_GUY.label, "soldier", 56, (60, 56, 52), (150, 50, 40)),
+    "chaingun guy": _monster(CHAINGUN_GUY.label, "soldier", 60, (112, 44, 36), (140, 140, 140)),
 }
 FIREBALLS = (
     Picture(FIREBALL.label, "fireball", 16, (236, 140, 40), (255, 230, 150), lift=24),
     Picture(FIREBALL.label, "burst", 40, (200, 80, 20), (255, 200, 90), lift=12),
+)
+ROCKETS = (
+    Picture(ROCKET.label, "rocket", 14, (120, 116, 112), (255, 200, 90), lift=28),
+    Picture(ROCKET.label, "burst", 60, (200, 80, 20), (255, 200, 90), lift=4),
 )
 CACODEMONS = (
     Picture(CACODEMON.label, "cacodemon", 66, (66, 38, 42), (150, 120, 60)),

@@ -9,7 +9,7 @@ import numpy as np
 from ...pytree import PyTreeNode
 from .bodies import crosses, overlap
 from .fixed import ONE
-from .shots import is_seen, ranked
+from .shots import ranked
 
 
 class Projectiles(PyTreeNode):
@@ -111,25 +111,3 @@ def fly(
         bursts=jnp.where(stops, bursts, jnp.maximum(projectiles.bursts - 1, 0)),
     )
     return after, hits
-
-
-def blast(
-    centre: jax.Array,
-    bodies: tuple[jax.Array, np.ndarray, jax.Array],
-    walls: np.ndarray,
-    power: int,
-) -> jax.Array:
-    """int32[N]: what an explosion takes from bodies: a point less for each map unit to their box.
-
-    Args:
-        centre: int32[2], where it is.
-        bodies: as of `fly`.
-        walls: float32[L, 4], behind which nobody is hurt.
-        power: points at its centre.
-    """
-    places, widths, there = bodies
-    # The greater of the two coordinates, as in the game.
-    gap = jnp.max(jnp.abs(places - centre[None]), axis=-1).astype(jnp.float32) * (1 / ONE)
-    points = power - jnp.maximum(gap - jnp.asarray(widths, jnp.float32), 0)
-    seen = is_seen(jnp.broadcast_to(centre, places.shape), places, walls)
-    return jnp.where(there & seen, jnp.maximum(points, 0).astype(jnp.int32), 0)

@@ -249,8 +249,8 @@ class DoomScenario(FirstPerson[S, P]):
         Args:
             state: the state.
             health: of the player.
-            things: int64[M, 4], of each thing its look, x and y in 16.16 map units, and a number
-                that is the higher the later it appeared.
+            things: int64[M, 5], of each thing its look, x and y in 16.16 map units, a number that
+                is the higher the later it appeared, and its angle, 2**32 a circle.
         """
         del health, things
         return state

@@ -28,6 +28,8 @@ class Weapon:
         sides: of that die.
         spread: bits by which the sum of two bytes is shifted to be the error of the angle of
             all shots of a held trigger but the first; 0 if there is none.
+        speed: of the rockets that it fires, map units a tic; 0 if it fires bullets.
+        locks: whether it stays locked until ATTACK is released once it is drawn.
     """
 
     name: str
@@ -37,6 +39,8 @@ class Weapon:
     dice: int
     sides: int
     spread: int = 0
+    speed: int = 0
+    locks: bool = False
 
     def damage(self, byte: jax.Array) -> jax.Array:
         """int32[]: of one hit, from a random byte."""
@@ -44,6 +48,9 @@ class Weapon:
 
 
 PISTOL = Weapon("pistol", shot=4, again=14, ready=19, dice=5, sides=3, spread=18)
+ROCKET_LAUNCHER = Weapon(
+    "rocket launcher", shot=8, again=20, ready=20, dice=20, sides=8, speed=20, locks=True
+)
 
 
 class Trigger(PyTreeNode):
@@ -77,7 +84,10 @@ def pull(weapon: Weapon, trigger: Trigger, attack: jax.Array) -> tuple[Trigger, 
     starts = again | (presses & (tics >= weapon.ready))
     held = again | (trigger.held & (tics < weapon.again))
     tics = jnp.where(starts, 0, jnp.minimum(tics, weapon.ready))
-    return Trigger(tics, held, ammo, jnp.maximum(trigger.wait - 1, 0)), fires
+    wait = jnp.maximum(trigger.wait - 1, 0)
+    if weapon.locks:
+        wait = jnp.where(attack & (trigger.wait == 1), 1, wait)
+    return Trigger(tics, held, ammo, wait), fires
 
 
 def shot_angle(weapon: Weapon, trigger: Trigger, angle: jax.Array, bits: jax.Array) -> jax.Array:

@@ -1,0 +1,53 @@
+"""ViZDoom's scenarios with weapons or monsters, without importing them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Scenario(NamedTuple):
+    """A scenario: its module and class here, what it is about, and the id that stands for it."""
+
+    module: str
+    kind: str
+    summary: str
+    main: str = ""
+
+
+SHOOTERS: dict[str, Scenario] = {
+    "doom-basic": Scenario(
+        "basic", "DoomBasic", "Basic itself: step aside until the monster is ahead, and shoot"
+    ),
+    "doom-simpler-basic": Scenario(
+        "basic", "DoomSimplerBasic", "Simpler Basic itself: the monster is nearer", "doom-basic"
+    ),
+    "doom-defend-the-center": Scenario(
+        "defend",
+        "DoomDefendTheCenter",
+        "Defend the Center itself: turn and shoot what comes from all around",
+    ),
+    "doom-defend-the-line": Scenario(
+        "defend_line",
+        "DoomDefendTheLine",
+        "Defend the Line itself: turn and shoot what is at the other side of a room",
+        "doom-defend-the-center",
+    ),
+    "doom-take-cover": Scenario(
+        "cover", "DoomTakeCover", "Take Cover itself: dodge the fireballs of ever more imps"
+    ),
+    "doom-rocket-basic": Scenario(
+        "rockets",
+        "DoomRocketBasic",
+        "Rocket Basic itself: a rocket needs a second to get there",
+        "doom-basic",
+    ),
+    "doom-predict-position": Scenario(
+        "predict",
+        "DoomPredictPosition",
+        "Predict Position itself: one rocket for a monster that walks to and fro",
+        "doom-basic",
+    ),
+    "doom-deadly-corridor": Scenario(
+        "corridor", "DoomDeadlyCorridor", "Deadly Corridor itself: past six marksmen to the armour"
+    ),
+}

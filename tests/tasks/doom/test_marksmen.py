@@ -1,0 +1,166 @@
+"""Deadly Corridor and Defend the Line by exact small cases."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.kinds import Act
+from jaxenstein.tasks.doom.shots import is_seen
+from jaxenstein.tasks.doom.strikes import strike
+
+SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
+
+
+def place(x: float, y: float) -> jax.Array:
+    return jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
+
+
+@pytest.fixture(scope="module")
+def corridor() -> Any:
+    """Deadly Corridor, its first state, and a function that plays 40 tics of one action."""
+    env, params = jaxenstein.make("doom-deadly-corridor", **SIZE)
+
+    @jax.jit
+    def play(state: Any, action: jax.Array, key: jax.Array) -> Any:
+        def step(state: Any, key: jax.Array) -> Any:
+            after, reward, ends, info = env.advance(key, state, action, params)
+            return after, (reward, ends, info)
+
+        return jax.lax.scan(step, state, jax.random.split(key, 40))[1]
+
+    return env, env.reset(jax.random.key(0), params)[1], play
+
+
+def without_monsters(state: Any) -> Any:
+    nobody = jnp.zeros_like(state.creatures.present)
+    return state.replace(creatures=state.creatures.replace(present=nobody))
+
+
+def test_nobody_moves_in_the_first_seven_tics(corridor: Any) -> None:
+    """The rewards of one who runs ahead, as the game gave them."""
+    env, state, play = corridor
+    ahead = env.index_of("forward")
+    reward, *_ = play(without_monsters(state), jnp.int32(ahead), jax.random.key(0))
+    assert (reward[:7] == 0).all()
+    np.testing.assert_allclose(reward[7:11], [0.781, 1.489, 2.131, 2.712], atol=6e-4)
+
+
+def test_the_pistol_is_drawn_after_fifteen_tics(corridor: Any) -> None:
+    env, state, play = corridor
+    attack = jnp.int32(env.index_of("attack"))
+    *_, info = play(without_monsters(state), attack, jax.random.key(0))
+    assert np.flatnonzero(info["shots"]).tolist() == [19, 33]
+    assert info["ammo"][-1] == 50
+
+
+def test_the_armour_pays_and_ends_in_the_tic_after(corridor: Any) -> None:
+    env, state, play = corridor
+    near = env.at_pose(without_monsters(state), place(1250, 0), place(0, 0), jnp.uint32(0))
+    near = near.replace(time=jnp.int32(20))
+    ahead = jnp.int32(env.index_of("forward"))
+    reward, ends, info = play(near, ahead, jax.random.key(0))
+    first = int(np.flatnonzero(np.asarray(reward) > 500)[0])
+    # It lies at 1312, 36 units reach it: the way until then adds up.
+    assert 1276 < 1250 + float(reward[: first + 1].sum()) - 1000 < 1284
+    assert np.flatnonzero(ends).tolist()[:1] == [first + 1]
+    assert np.flatnonzero(info["success"]).tolist()[:1] == [first]
+
+
+def test_walls_hide_who_stands_in_an_alcove(corridor: Any) -> None:
+    """From (608, 64) the way to (x, 0) passes y = 32 in the middle, and there it opens at 448."""
+    env, *_ = corridor
+    marksman = place(608, 64)
+    assert is_seen(marksman, place(289, 0), env.opaque_walls)
+    assert not is_seen(marksman, place(287, 0), env.opaque_walls)
+
+
+def test_bullets_scatter_and_hurt_by_threes(corridor: Any) -> None:
+    env, state, _ = corridor
+    roster, creatures = env.roster, state.creatures
+    aims = jnp.asarray(roster.missile) + 1
+    assert (roster.acts[np.asarray(aims)] == Act.SHOOT).all()
+    creatures = creatures.replace(frame=aims)
+
+    @jax.jit
+    def shoot(key: jax.Array) -> jax.Array:
+        bits = jax.random.bits(key, (6, 3), jnp.uint32)
+        everyone = jnp.ones(6, bool)
+        return strike(roster, creatures, everyone, place(0, 0), bits, env.opaque_walls)[0]
+
+    lost = np.asarray(jax.vmap(shoot)(jax.random.split(jax.random.key(0), 400)))
+    assert (lost % 3 == 0).all()
+    kinds = {(thing.x, thing.y): i for i, thing in enumerate(env._monsters)}
+    shotgun, rifle = kinds[160, 64], kinds[160, -64]
+    assert lost[:, rifle].max() == 15
+    assert 15 < lost[:, shotgun].max() <= 45
+    # The others are out of sight.
+    assert not np.delete(lost, [shotgun, rifle], axis=1).any()
+    # A body of half-width 16 at (-160, +-64) from there covers so many degrees to each side; the
+    # error is the difference of two bytes, 0.352 degrees each.
+    corners = np.array([[x, y] for x in (-16, 16) for y in (-16, 16)]) - [160, 64]
+    angles = np.degrees(np.arctan2(-corners[:, 1], -corners[:, 0]))
+    aim = np.degrees(np.arctan2(64, 160))
+    byte = np.arange(256)
+    error = (byte[:, None] - byte[None]) * 360 / 2**12
+    share = np.mean((error >= angles.min() - aim) & (error <= angles.max() - aim))
+    assert (lost[:, rifle] > 0).mean() == pytest.approx(share, abs=4 * (share / 400) ** 0.5)
+
+
+@pytest.fixture(scope="module")
+def line() -> Any:
+    """Defend the Line, its first state, and a function that plays 105 tics."""
+    env, params = jaxenstein.make("doom-defend-the-line", **SIZE)
+
+    @jax.jit
+    def play(state: Any, shots: jax.Array, key: jax.Array) -> Any:
+        def step(state: Any, given: Any) -> Any:
+            tic, key = given
+            action = jnp.where(tic < shots, env.index_of("attack"), 0)
+            after, reward, _, info = env.advance(key, state, action, params)
+            creatures = after.creatures
+            return after, (reward, info, creatures.present, creatures.health)
+
+        given = jnp.arange(105), jax.random.split(key, 105)
+        return jax.lax.scan(step, state, given)[1]
+
+    return env, env.reset(jax.random.key(0), params)[1], play
+
+
+def test_who_dies_comes_back_stronger_and_ammunition_grows(line: Any) -> None:
+    env, state, play = line
+    state = state.replace(health=jnp.int32(10000))
+    reward, info, present, health = play(state, jnp.int32(6), jax.random.key(0))
+    # As in the game: the bullet leaves in tic 8, and hits the demon that has come straight on.
+    assert np.flatnonzero(info["shots"]).tolist() == [8]
+    assert reward[8] == 1
+    assert info["ammo"][:9].tolist() == [*range(80, 88), 87]
+    demon = int(np.flatnonzero(~np.asarray(present[8]))[0])
+    assert env.roster.kinds[env.roster.cast[demon]].name == "demon"
+    assert not present[8:98, demon].any()
+    assert present[98, demon]
+    assert health[98, demon] == 5
+
+
+def test_a_fireball_kills_another_kind_and_spares_its_own(line: Any) -> None:
+    env, state, _ = line
+    params = env.default_params
+    for victim, dies in ((3, True), (1, False)):
+        spot = state.creatures.position[victim]
+        balls = state.balls.replace(
+            position=state.balls.position.at[0].set(spot + jnp.array([30 * ONE, 0])),
+            velocity=state.balls.velocity.at[0].set(jnp.array([-10 * ONE, 0])),
+            flies=state.balls.flies.at[0].set(True),
+        )
+        near = state.replace(balls=balls)
+        _, fought = env.fight(jax.random.key(0), near, jnp.int32(0), params)
+        calm = fought.replace(throws=jnp.zeros_like(fought.throws))
+        after, hits = env.burn(jax.random.key(0), near, calm, params)
+        assert not hits.any()
+        assert not after.balls.flies.any()
+        assert bool(after.creatures.living[victim]) != dies
+        assert int(after.kills) == int(dies)
