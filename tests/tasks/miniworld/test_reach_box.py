@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -32,7 +33,7 @@ MAZES = {"maze-s2": (2, 96), "maze-s3": (3, 216), "maze": (8, 1536), "maze-s3-fa
 
 
 @functools.cache
-def task(name):
+def task(name) -> tuple[Any, Any]:
     env, params = jaxenstein.make(f"miniworld-{name}", height=8, width=8)
     return env, env.check_params(params)
 

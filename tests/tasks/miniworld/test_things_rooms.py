@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +20,7 @@ LEFT, RIGHT, FORWARD, BACKWARD, PICK_UP, DROP = range(6)
 
 
 @functools.cache
-def task(name):
+def task(name) -> tuple[Any, Any]:
     env, params = jaxenstein.make(f"miniworld-{name}", height=8, width=8)
     return env, env.check_params(params)
 
