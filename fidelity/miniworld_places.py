@@ -41,7 +41,7 @@ def load(folder: Path) -> None:
         package = types.ModuleType(name)
         package.__path__ = [str(folder / name.replace(".", "/"))]
         sys.modules[name] = package
-    world = importlib.import_module("miniworld.miniworld")
+    world: Any = importlib.import_module("miniworld.miniworld")
     world.gen_texcs_floor = lambda _, places: np.zeros((len(places), 2))
     world.gen_texcs_wall = lambda *_: np.zeros((4, 2))
     # Cones and buildings are meshes, which keep no one away from where episodes begin.
