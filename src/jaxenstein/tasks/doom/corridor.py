@@ -156,7 +156,7 @@ class DoomDeadlyCorridor(DoomArena[DoomCorridorState, DoomCorridorParams]):
         walls = [w for w in self.doom_map.walls if w.x0 == w.x1 or abs(w.y0) == abs(w.y1) == 32]
         return build_geometry([*walls, *self.doom_map.rails])
 
-    @functools.cached_property
+    @property
     def opaque_walls(self) -> np.ndarray:
         """float32[L, 4]: all walls."""
         return segments(self.doom_map.walls)

@@ -14,7 +14,8 @@ from .fixed import ONE
 from .shots import offsets
 
 if TYPE_CHECKING:
-    from .cover import DoomCoverState, DoomTakeCover
+    from .cover import DoomTakeCover
+    from .fireballs import DoomFireState
 
 # Map units: fireballs farther ahead or aside than this are no danger yet; so near a side of the
 # room a player goes back.
@@ -28,7 +29,7 @@ def dodge(env: DoomTakeCover, params: Any) -> Choose:
     sides = [wall.y0 for wall in env.doom_map.walls]
     south, north = min(sides) + _WALL, max(sides) - _WALL
 
-    def choose(key: jax.Array, state: DoomCoverState) -> jax.Array:
+    def choose(key: jax.Array, state: DoomFireState) -> jax.Array:
         del key
         offset = offsets(state.fixed_position, state.balls.position)
         ahead, aside = offset[:, 0], offset[:, 1]
