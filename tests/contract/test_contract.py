@@ -257,7 +257,8 @@ def test_seeds_decide(name):
     one, other = (play(keys, reset(keys, params)[1], actions, params) for _ in range(2))
     jax.tree.map(np.testing.assert_array_equal, one, other)
     frames = np.asarray(one[0])
-    # In the last of these all episodes begin alike, and fireballs are smaller than a pixel here.
+    # In the last of these all episodes begin alike, and for so long chance decides alone when imps
+    # aim and throw: an imp is a pixel wide here, a fireball a third of one.
     alike = ("simple", "key-door", "doom-take-cover")
     assert (frames[:, 0] != frames[:, 1]).any() == (name not in alike)
 
