@@ -5,8 +5,8 @@
 Numbers come from the environments themselves, differences to the originals from
 docs/fidelity.md, returns from docs/returns.json (`python -m docs.returns`), trained agents from
 docs/agents.json (`python -m docs.agents`), changes from CHANGELOG.md, pictures from
-docs/images/environments (`python -m docs.gallery`), and animations from docs/_static/episodes
-(`python -m docs.episodes`).
+docs/images/environments (`python -m docs.gallery`) and docs/images/looks (`python -m docs.looks`),
+and animations from docs/_static/episodes (`python -m docs.episodes`).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from PIL import Image
 
 import jaxenstein
 from docs.families import FAMILIES, Family
+from docs.looks import IMAGES as LOOKS
 from docs.page_parts import (
     HERE,
     fidelity,
@@ -100,7 +101,7 @@ def page(family: Family) -> str:
 Actions: {named}. Any other number does nothing and takes its time.
 
 {sections}
-{variants(family)}## What a step tells
+{variants(family)}{looks(family)}## What a step tells
 
 {info_table(env, params)}
 
@@ -125,6 +126,24 @@ def variants(family: Family) -> str:
     ]
     listed = table(("id", "", "map", "horizon"), rows, right=(3,))
     return f"## Variants\n\n{listed}\n\n"
+
+
+def looks(family: Family) -> str:
+    """The looks of the first environment, if they are drawn."""
+    name = family.ids[0]
+    if not (LOOKS / f"{name}.png").is_file():
+        return ""
+    return f"""## Looks
+
+`{name}` plain, with `look="patterned"`, and twice with `look="random"`
+([what they are for](../concepts.md#looks)):
+
+```{{image}} ../images/looks/{name}.png
+:alt: A view of {name} in one colour a wall, with patterns, and in drawn colours and patterns
+:class: recorded
+```
+
+"""
 
 
 def section(name: str) -> str:

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 import jaxenstein
-from docs import agents, commands, environment_pages, episodes, page_parts, returns
+from docs import agents, commands, environment_pages, episodes, looks, page_parts, returns
 from docs.families import FAMILIES
 from jaxenstein.baselines.runs import options
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
@@ -49,6 +49,14 @@ def test_pictures_and_animations_exist(pages) -> None:
         assert len(moving) == 2 * shows
         for path in [*shown, *moving]:
             assert (DOCS / path).is_file(), path
+
+
+def test_families_with_other_looks_show_them(pages) -> None:
+    drawn = {path.stem for path in (DOCS / "images" / "looks").iterdir()}
+    assert {"simple", "my-way-home", "key-corridor"} < drawn <= set(looks.IDS)
+    assert set(looks.IDS) == {f.ids[0] for f in FAMILIES if not f.name.startswith("doom")}
+    for family in FAMILIES:
+        assert ("\n## Looks\n" in pages[family.name]) == (family.ids[0] in drawn)
 
 
 @pytest.mark.parametrize("name", IDS)
