@@ -6,7 +6,7 @@ import pytest
 
 from jaxenstein.engine.art import load_art
 from jaxenstein.maps.symbols import DOOR_LABELS, LABEL_COLOURS, LABEL_NAMES, SYMBOLS
-from jaxenstein.maps.things import COLOURS, THING_OF, THINGS, Thing
+from jaxenstein.maps.things import COLOUR_NAMES, COLOURS, THING_OF, THINGS, Thing
 from jaxenstein.view.glyphs import GLYPHS
 
 
@@ -14,7 +14,8 @@ def test_labels_follow_those_of_doors_without_gaps() -> None:
     labels = [label for thing in THINGS for label in thing.labels]
     assert labels == list(range(DOOR_LABELS.stop, len(LABEL_NAMES))) == list(THING_OF)
     for label, thing in THING_OF.items():
-        assert LABEL_NAMES[label].split()[-1] == thing.name
+        assert LABEL_NAMES[label] in thing.names
+        assert LABEL_NAMES[label].removesuffix(thing.name).strip() in ("", *COLOUR_NAMES)
         assert tuple(LABEL_COLOURS[label]) in [rgb for _, rgb in COLOURS] + [thing.colour]
 
 
