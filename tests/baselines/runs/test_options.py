@@ -86,7 +86,7 @@ def test_defaults_are_those_of_the_paper() -> None:
 TUNED = {
     "num_envs": 64, "rollout": 128, "learning_rate": 1e-3, "anneal": False, "value_clip": 10.0,
     "advantage_floor": 0.01, "features": 64, "hidden": 64, "head": 64,
-    "convolutions": ((4, 4, 32),), "zero_values": True,
+    "convolutions": ((4, 4, 32),), "zero_values": True, "gamma": 0.99, "epochs": 2,
 }  # fmt: skip
 
 
