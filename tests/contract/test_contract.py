@@ -257,9 +257,7 @@ def test_seeds_decide(name):
     one, other = (play(keys, reset(keys, params)[1], actions, params) for _ in range(2))
     jax.tree.map(np.testing.assert_array_equal, one, other)
     frames = np.asarray(one[0])
-    # In the last of these all episodes begin alike, and for so long chance decides alone when imps
-    # aim and throw: an imp is a pixel wide here, a fireball a third of one.
-    alike = ("simple", "key-door", "doom-take-cover")
+    alike = ("simple", "key-door")
     assert (frames[:, 0] != frames[:, 1]).any() == (name not in alike)
 
 
@@ -409,7 +407,7 @@ def test_wrong_params_are_refused():
 
 
 def test_x64_changes_no_type():
-    env, params = jaxenstein.make("my-way-home", **SIZE)
+    env, params = jaxenstein.make(DRAWN[1], **SIZE)
     key = jax.random.key(5)
     narrow = env.step(key, env.reset(key, params)[1], 2, params)
     # Older versions of JAX have it among the experiments, newer ones only at the top.

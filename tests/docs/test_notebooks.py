@@ -18,7 +18,7 @@ NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 SMALLER = {
     "NUM_ENVS, STEPS = 256, 200": "NUM_ENVS, STEPS = 4, 5",
     "NUM_ENVS, STEPS = 256, 100": "NUM_ENVS, STEPS = 4, 5",
-    '"total_steps": 800_000}': '"total_steps": 32, "num_envs": 4, "rollout": 8, "minibatches": 1,'
+    '"total_steps": 1_500_000}': '"total_steps": 32, "num_envs": 4, "rollout": 8, "minibatches": 1,'
     ' "network": "tiny", "epochs": 1} | {"horizon": 12}',
 }
 SHOWS = ("_repr_html_", "_repr_png_")

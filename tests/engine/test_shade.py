@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxenstein.engine.pixels import _row_paints
+from jaxenstein.engine.pixels import CHECKER_FADES, _row_paints
 from jaxenstein.engine.shade import brightness, luma, pack_rgb
 from tests.reference import scenes
 
@@ -38,7 +38,11 @@ def test_packing_rounds_each_channel() -> None:
 
 def test_the_checker_fades_from_3_to_14_tiles() -> None:
     distance = np.array([0.5, 2.9, 3, 5, 8.5, 11, 14, 20, 100], np.float32)[:, None]
-    ceiling, even, odd = (channels(each)[:, 0] for each in _row_paints(THEME, distance, "rgb"))
+    rows = _row_paints(
+        np.asarray(THEME.floor), np.asarray(THEME.ceiling), None,
+        light=THEME.light, fades=CHECKER_FADES, distance=distance, kind="rgb",
+    )  # fmt: skip
+    ceiling, even, odd = (channels(p)[:, 0] for p in (rows.ceiling, rows.first, rows.second))
     tiles = np.asarray(THEME.floor, np.float64)
     contrast = np.interp(distance, [3, 14], [1, 0])
     light = np.asarray(brightness(distance), np.float64)

@@ -163,4 +163,4 @@ class Sign(ThingsRoom):
 def build(name: str) -> functools.partial[Sign]:
     """The environment; `name` is that of no other."""
     del name
-    return functools.partial(Sign)
+    return functools.partial(Sign, defaults=DEFAULTS)
