@@ -10,7 +10,7 @@ import pytest
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.opening import given_options
 from jaxenstein.settings import changed, given_by, recipe_from
-from jaxenstein.tasks.first_person import SEEN
+from jaxenstein.tasks.first_person import SEEN, FirstPerson
 
 # Each with what it needs besides, and how it is told the environment.
 COMMANDS = {
@@ -96,7 +96,9 @@ def test_another_look_takes_the_place_of_that_of_a_run() -> None:
             {"env": "simple", "look": "random", "look_seeds": [100, 200], "look_range": 0.5}
         ).build()[0]
     )
-    assert changed(trained, {"settings": {"look": "plain"}}).build()[0].look == "plain"
+    plain = changed(trained, {"settings": {"look": "plain"}}).build()[0]
+    assert isinstance(plain, FirstPerson)
+    assert plain.look == "plain"
 
 
 def test_a_recipe_comes_back_from_its_options() -> None:

@@ -42,7 +42,9 @@ def test_the_checker_fades_from_3_to_14_tiles() -> None:
         np.asarray(THEME.floor), np.asarray(THEME.ceiling), None,
         light=THEME.light, fades=CHECKER_FADES, distance=distance, kind="rgb",
     )  # fmt: skip
-    ceiling, even, odd = (channels(p)[:, 0] for p in (rows.ceiling, rows.first, rows.second))
+    ceiling, even, odd = (
+        channels(np.asarray(paint))[:, 0] for paint in (rows.ceiling, rows.first, rows.second)
+    )
     tiles = np.asarray(THEME.floor, np.float64)
     contrast = np.interp(distance, [3, 14], [1, 0])
     light = np.asarray(brightness(distance), np.float64)
