@@ -29,7 +29,7 @@ from ..players.walking import gait, towards
 from .appearance import build_theme
 from .draws import draw_unit
 from .first_person import FirstPerson
-from .health import FULL_HEALTH, HealthTask, about_health
+from .health import FULL_HEALTH, HealthTask, P, S, about_health
 from .hud import bar, strip_rows
 from .steering import ACTION_NAMES, FORWARD, SteeringParams, steer
 
@@ -115,11 +115,39 @@ GREEDY_MEDKITS = Player(
 )
 
 
+class HealthRoom(HealthTask[S, P], FirstPerson[S, P]):
+    """Base of tasks of health in one room with medkits in it."""
+
+    ceiling: ClassVar[RGB] = CEILING
+
+    @functools.cached_property
+    def tilemap(self) -> TileMap:
+        """The room, with its wall one tile thick; the task's own."""
+        raise NotImplementedError
+
+    @functools.cached_property
+    def map_size(self) -> tuple[int, int]:
+        """(columns, rows) of the map in tiles."""
+        return self.tilemap.columns, self.tilemap.rows
+
+    def tilemap_of(self, state: S) -> TileMap:
+        """The room."""
+        del state
+        return self.tilemap
+
+    @functools.cached_property
+    def level(self) -> Level:
+        """The room compiled for the renderer."""
+        return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the room looks."""
+        return build_theme((MEDKIT.label,), doors=False, floor=FLOOR, ceiling=self.ceiling)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class HealthGathering(
-    HealthTask[HealthGatheringState, HealthGatheringParams],
-    FirstPerson[HealthGatheringState, HealthGatheringParams],
-):
+class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
     """Stay alive on a floor that hurts, by walking over medkits.
 
     Actions: turn left, turn right, forward. The floor takes 8 health every 32 steps; a medkit
@@ -162,26 +190,6 @@ class HealthGathering(
         rows = ["U" * (ROOM + 2), *["U" + "." * ROOM + "U"] * ROOM, "U" * (ROOM + 2)]
         rows[side + 1] = "U" + "." * side + "S" + "." * (side - 1) + "U"
         return parse_ascii("\n".join(rows), "health-gathering", goal_required=False)
-
-    @functools.cached_property
-    def map_size(self) -> tuple[int, int]:
-        """(columns, rows) of the map in tiles."""
-        return self.tilemap.columns, self.tilemap.rows
-
-    def tilemap_of(self, state: HealthGatheringState) -> TileMap:
-        """The room."""
-        del state
-        return self.tilemap
-
-    @functools.cached_property
-    def level(self) -> Level:
-        """The room compiled for the renderer."""
-        return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
-
-    @functools.cached_property
-    def theme(self) -> Theme:
-        """How the room looks."""
-        return build_theme((MEDKIT.label,), doors=False, floor=FLOOR, ceiling=CEILING)
 
     def init_state(self, key: jax.Array, params: HealthGatheringParams) -> HealthGatheringState:
         """Stand in the centre, look east, and place the first medkits."""

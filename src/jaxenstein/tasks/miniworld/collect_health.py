@@ -12,21 +12,18 @@ import numpy as np
 
 from ...about import About, Choose, Event, Player
 from ...batching import select
-from ...engine.level import Level, compile_level
 from ...engine.motion import forward
-from ...engine.scene import Scene, Sprites, Theme
+from ...engine.scene import Scene, Sprites
 from ...environment import Info, Scalar, State
 from ...maps.symbols import DEFAULT_WALL
-from ...maps.things import MEDKIT
+from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...params import number
 from ...players.chance import NO_OP
 from ...players.walking import gait, towards
-from ..appearance import build_theme
 from ..draws import draw_unit
-from ..first_person import FirstPerson
-from ..health import FULL_HEALTH, HealthTask, about_health
-from ..health_gathering import FLOOR
+from ..health import FULL_HEALTH, about_health
+from ..health_gathering import HealthRoom
 from ..steering import ACTION_NAMES, SteeringParams, draw_heading, steer
 from .reach_box import CEILING
 
@@ -91,10 +88,7 @@ COLLECTOR = Player(
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class CollectHealth(
-    HealthTask[CollectHealthState, CollectHealthParams],
-    FirstPerson[CollectHealthState, CollectHealthParams],
-):
+class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
     """Stay alive on a floor that hurts, by picking up medkits.
 
     Actions: turn left, turn right, forward, backward, pick up. Every step takes 2 health; picking
@@ -103,6 +97,7 @@ class CollectHealth(
     """
 
     action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:4], "pick up")
+    ceiling: ClassVar[RGB] = CEILING
 
     @property
     def default_params(self) -> CollectHealthParams:
@@ -115,21 +110,6 @@ class CollectHealth(
         walls = np.full((ROOM + 2, ROOM + 2), DEFAULT_WALL, np.uint8)
         walls[1:-1, 1:-1] = 0
         return TileMap(self.name, tuple(bytes(line) for line in walls))
-
-    def tilemap_of(self, state: CollectHealthState) -> TileMap:
-        """The room."""
-        del state
-        return self.tilemap
-
-    @functools.cached_property
-    def level(self) -> Level:
-        """The room compiled for the renderer."""
-        return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
-
-    @functools.cached_property
-    def theme(self) -> Theme:
-        """How the room looks."""
-        return build_theme((MEDKIT.label,), doors=False, floor=FLOOR, ceiling=CEILING)
 
     def init_state(self, key: jax.Array, params: CollectHealthParams) -> CollectHealthState:
         """Lay medkits down apart from each other, and begin apart from them."""
