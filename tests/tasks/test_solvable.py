@@ -1,0 +1,49 @@
+"""That what is generated can be solved: by search on the host, over thousands of levels of each."""
+
+from typing import Any
+
+import jax
+import pytest
+
+import jaxenstein
+from jaxenstein.catalogue import ENTRIES
+from jaxenstein.tasks.minigrid.world import GridWorld
+from tests.tasks.minigrid.search import check_laid
+from tests.tasks.solving import solvable
+
+FAMILIES = (
+    "key-corridor",
+    "dmlab-explore",
+    "memory-maze",
+    "minigrid",
+    "miniworld",
+    "miniworld-objects",
+)
+# Nobody is promised to live to the end there: the next medkit may be too far away.
+IDS = [
+    name
+    for name, entry in ENTRIES.items()
+    if entry.family in FAMILIES and name != "miniworld-collect-health"
+]
+LEVELS = 4096
+
+
+def test_no_generated_environment_is_left_out() -> None:
+    generated = {name for name in ENTRIES if jaxenstein.make(name)[0].about().generated}
+    assert generated <= set(IDS)
+    assert len(generated) >= 88
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", IDS)
+def test_thousands_of_levels_can_be_solved(name) -> None:
+    env: Any
+    env, params = jaxenstein.make(name, height=8, width=8)
+    params = env.check_params(params)
+    keys = jax.random.split(jax.random.key(5), LEVELS)
+    states = jax.device_get(jax.jit(jax.vmap(lambda key: env.init_state(key, params)))(keys))
+    good = solvable(env, params, states)
+    assert good.shape == (LEVELS,)
+    assert good.all(), f"{(~good).sum()} of {LEVELS} cannot be solved"
+    if isinstance(env, GridWorld):
+        check_laid(env, states)
