@@ -143,7 +143,7 @@ def walk_down(
 SHORTEST_PATH = Player("walks the shortest path; sees the whole state", shortest_path)
 
 
-def towards(body: Gait, scene: Scene, offset: jax.Array) -> jax.Array:
+def towards(body: Gait, scene: Scene, offset: jax.Array, slack: float = 0.5) -> jax.Array:
     """int32[]: the next action on the way to a place that lies open before the player.
 
     Forward if no turn brings the heading nearer to the place, else that turn. Where turns are
@@ -154,8 +154,10 @@ def towards(body: Gait, scene: Scene, offset: jax.Array) -> jax.Array:
         body: how it moves.
         scene: where it is, and what is solid.
         offset: float32[2], from the player to the place, in tiles.
+        slack: turns by which the heading may be off. With 0.5 it is the nearest one; with more,
+            who walks far does not turn to and fro between two that are as near.
     """
-    error, aligned, turns = _turns(body, scene, offset)
+    error, aligned, turns = _turns(body, scene, offset, slack)
     side = jnp.where(error > 0, 1.0, -1.0)
     beyond = jnp.where(error > turns * body.angle, turns + 1, turns - 1)
     astray = _blocked(body, scene, turns) & ~_blocked(body, scene, beyond)
@@ -165,11 +167,13 @@ def towards(body: Gait, scene: Scene, offset: jax.Array) -> jax.Array:
     return jnp.where(ahead, jnp.int32(body.forward), turn)
 
 
-def _turns(body: Gait, scene: Scene, offset: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Radians to the right of a place; whether no turn is nearer to it; the turns that are."""
+def _turns(
+    body: Gait, scene: Scene, offset: jax.Array, slack: float = 0.5
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Radians to the right of a place; whether they are few enough; the turns to the nearest."""
     error = jnp.arctan2(offset[1], offset[0]) - scene.heading
     error = jnp.mod(error + math.pi, 2 * math.pi) - math.pi
-    aligned = jnp.abs(error) <= 0.5 * body.angle + _SLACK
+    aligned = jnp.abs(error) <= slack * body.angle + _SLACK
     return error, aligned, jnp.where(aligned, 0.0, jnp.round(error / body.angle))
 
 

@@ -210,10 +210,20 @@ def test_levels_are_of_a_range_of_seeds() -> None:
 
 @pytest.mark.parametrize("name", ["sidewalk", "maze-s3-fast"])
 def test_the_shortest_path_reaches_the_box(name) -> None:
+    check_player(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*ROOMS, "one-room-s6-fast", "maze", "maze-s2", "maze-s3"])
+def test_the_shortest_path_reaches_every_box(name) -> None:
+    check_player(name, 256)
+
+
+def check_player(name, count=64) -> None:
     env, params = task(name)
-    states = jax.tree.map(lambda leaf: jnp.asarray(leaf[:64]), first_states(name))
+    states = jax.tree.map(lambda leaf: jnp.asarray(leaf[:count]), first_states(name))
     out = play(env, player_of(env), params, jax.random.key(0), states)
-    assert np.asarray(out.terminated).all()
+    assert np.asarray(out.successes).all()
     steps = int(params.max_steps_in_episode)
     np.testing.assert_allclose(out.returned, 1 - 0.2 * np.asarray(out.length) / steps, atol=1e-6)
 

@@ -7,6 +7,7 @@ in, carries away what blocks the way, and lays down what it has no hand free for
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -22,6 +23,8 @@ from .state import BOX_KIND, BOXED, KEY_KIND, LAVA_KIND, GridState, beside, mask
 
 # Things in the way of things in the way of things: more than any world has.
 _DEEPEST = 12
+Walk = Callable[[Gait, Any, jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
+"""How to walk down a field, such as `walk_down`."""
 
 
 class Ground(NamedTuple):
@@ -42,8 +45,14 @@ class Ground(NamedTuple):
     own: jax.Array
 
 
-def planner(env: Any, params: Any) -> Choose:
-    """Do what `env.aim` says, and before it what has to be done for that."""
+def planner(env: Any, params: Any, walk: Walk = walk_down) -> Choose:
+    """Do what `env.aim` says, and before it what has to be done for that.
+
+    Args:
+        env: a world of things and doors.
+        params: its params.
+        walk: how to walk down a field; `walk_straight` is for rooms without doors.
+    """
     body = gait(env, params)
 
     def choose(key: jax.Array, state: GridState) -> jax.Array:
@@ -53,7 +62,7 @@ def planner(env: Any, params: Any) -> Choose:
         scene = env.scene(state, params)
         level, closed = solid_level(state, also=state.things.lying & state.things.of(LAVA_KIND))
         scene = scene.replace(level=level, closed=closed)
-        action, target = walk_down(body, scene, field, key)
+        action, target = walk(body, scene, field, key)
         lost = field[state.cell[1], state.cell[0]] >= FAR
         careful = (action == FORWARD) & (lost | _burns(body, scene, state, hands=env.hands))
         action = jnp.where(careful, jnp.int32(TURN_LEFT), action)

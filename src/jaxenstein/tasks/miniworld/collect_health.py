@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from typing import ClassVar
 
 import jax
@@ -20,7 +21,7 @@ from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...params import number
 from ...players.chance import NO_OP
-from ...players.walking import gait, towards
+from ...players.walking import Gait, gait, towards
 from ..draws import draw_unit
 from ..health import FULL_HEALTH, about_health
 from ..health_gathering import HealthRoom
@@ -33,6 +34,8 @@ PICK_UP = 4
 # Radii of the body and of a medkit in tiles; and those of the hand, and how far ahead it is.
 _BODY, _MEDKIT = 0.4, 0.25
 _HAND, _AHEAD = 0.48, 0.6
+# Turns by which the player may be off its way.
+_SLACK = 0.75
 
 
 class CollectHealthParams(SteeringParams):
@@ -66,22 +69,64 @@ class CollectHealthState(State):
 
 
 def collector(env: CollectHealth, params: CollectHealthParams) -> Choose:
-    """Go to the nearest medkit, and pick it up when hardly any health is left."""
+    """Go to the medkit from which most others are near, of those that can be reached in time.
+
+    It waits there, and picks it up when hardly any health is left. What it leaves lies around it,
+    so that the next one is not too far away.
+    """
     body = gait(env, params)
+    damage = jnp.asarray(params.damage, jnp.float32)
+    often = damage * body.steps
 
     def choose(key: jax.Array, state: CollectHealthState) -> jax.Array:
         del key
         offset = state.medkits - state.position[None]
-        nearest = offset[jnp.argmin(jnp.sum(offset**2, axis=-1))]
-        walk = towards(body, env.scene(state, params), nearest)
-        taken = jnp.where(state.health > 2 * params.damage, NO_OP, jnp.int32(PICK_UP))
-        return jnp.where(jnp.any(in_hand(state)), taken, walk)
+        decisions = _decisions(body, state.heading, offset)
+        health = state.health.astype(jnp.float32)
+        near = (decisions < health / often - 1) & ~_behind_others(offset)
+        worth = jnp.where(near, _worth(state.medkits, body, often), -1)
+        best = jnp.where(jnp.any(near), jnp.argmax(worth), jnp.argmin(decisions))
+        walk = towards(body, env.scene(state, params), offset[best], _SLACK)
+        touched, late = in_hand(state), health <= often + damage
+        still = jnp.where(touched[best], jnp.int32(NO_OP), walk)
+        return jnp.where(jnp.any(touched) & late, jnp.int32(PICK_UP), still)
 
     return choose
 
 
+def _decisions(body: Gait, heading: jax.Array, offset: jax.Array) -> jax.Array:
+    """float32[n]: how many it takes until the hand touches medkits at float32[n, 2] from here."""
+    error = jnp.arctan2(offset[:, 1], offset[:, 0]) - heading
+    error = jnp.abs(jnp.mod(error + math.pi, 2 * math.pi) - math.pi)
+    left = jnp.maximum(jnp.sqrt(jnp.sum(offset**2, axis=-1)) - (_AHEAD + _HAND), 0)
+    return jnp.ceil(error / body.angle) + jnp.ceil(left / (body.step * body.steps))
+
+
+def _behind_others(offset: jax.Array) -> jax.Array:
+    """bool[n]: which of the medkits at float32[n, 2] from here another one is in the way of."""
+    square = jnp.sum(offset**2, axis=-1)
+    along = jnp.sum(offset[:, None] * offset[None], axis=-1) / jnp.maximum(square, 1e-6)[:, None]
+    past = offset[None] - along[..., None] * offset[:, None]
+    width = jnp.float32(_BODY + _MEDKIT + 0.05)
+    between = (along > 0) & (along < 1) & (jnp.sum(past**2, axis=-1) < width**2)
+    return jnp.any(between & ~np.eye(MEDKITS, dtype=bool), axis=1)
+
+
+def _worth(medkits: jax.Array, body: Gait, often: jax.Array) -> jax.Array:
+    """float32[18]: how many ways there are from each to another one, and on to a third.
+
+    Each within what full health allows after half a turn.
+    """
+    strides = FULL_HEALTH / often - 2 - math.pi / body.angle
+    reach = strides * body.step * body.steps
+    apart = jax.vmap(_distances, (0, None))(medkits, medkits)
+    linked = ((apart < reach) & ~np.eye(MEDKITS, dtype=bool)).astype(jnp.float32)
+    return jnp.sum(linked * (jnp.sum(linked, axis=1) - 1)[None], axis=1)
+
+
 COLLECTOR = Player(
-    "goes to the nearest medkit and picks it up at the last moment; sees the whole state",
+    "goes to medkits with others near them and picks them up at the last moment; sees the whole "
+    "state",
     collector,
     waits="waits: healthy",
 )

@@ -14,10 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...about import About, Choose, Player
+from ...batching import select
 from ...calls import check_whole
 from ...engine.scene import Theme
 from ...environment import Info
 from ...maps.things import COLOUR_NAMES
+from ...players.straight import walk_straight
 from ..minigrid.aims import DROP, PICK_UP, Aim
 from ..minigrid.player import planner
 from ..minigrid.sketch import COLOURS, Sketch
@@ -31,7 +33,7 @@ RED, YELLOW = (COLOUR_NAMES.index(name) for name in ("red", "yellow"))
 
 def plan(env: ThingsRoom, params: GridParams) -> Choose:
     """What solves worlds of things, by the actions that there are here."""
-    choose = planner(env, params)
+    choose = planner(env, params, walk_straight)
     deeds = np.array(env.deeds, np.int32)
 
     def act(key: jax.Array, state: GridState) -> jax.Array:
@@ -192,14 +194,22 @@ class PutNext(ThingsRoom):
         return jnp.any(red & beside(yellow)), jnp.bool_(False)
 
     def aim(self, state: GridState) -> Aim:
-        """To pick the red box up, then to drop it beside the yellow one."""
-        held = jnp.any(state.things.held & (state.things.colour == RED))
+        """To pick up the nearer one of the two, then to drop it beside the other.
+
+        If there is no room beside one of them, that is the one to pick up.
+        """
         taken = self.tiles_of(state, state.things.lying) | (jnp.asarray(state.level.walls)[0] != 0)
         column, row = state.cell
         own = jnp.zeros(taken.shape, bool).at[row, column].set(True)
-        spots = beside(self._box(state, YELLOW)) & ~taken & ~own
-        tiles = jnp.where(held, spots, self._box(state, RED))
-        return Aim(tiles, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
+        boxes = [self._box(state, colour) for colour in (RED, YELLOW)]
+        spots = [beside(box) & ~taken & ~own for box in boxes]
+        shut = [~jnp.any(beside(box) & ~taken) for box in boxes]
+        nearer = boxes[0] & (shut[0] | ~shut[1]) | boxes[1] & (shut[1] | ~shut[0])
+        held = [
+            jnp.any(state.things.held & (state.things.colour == colour)) for colour in (RED, YELLOW)
+        ]
+        tiles = select(held[0], spots[1], select(held[1], spots[0], nearer))
+        return Aim(tiles, jnp.where(held[0] | held[1], DROP, PICK_UP).astype(jnp.int32))
 
     def _box(self, state: GridState, colour: int) -> jax.Array:
         return self.tiles_of(state, state.things.colour == colour)

@@ -28,6 +28,7 @@ from ..minigrid.state import BOX_KIND, KEY_KIND, GridState
 from ..minigrid.world import GridParams
 from ..steering import ACTION_NAMES, draw_heading
 from .objects import ThingsRoom
+from .two_legs import TWO_LEGS
 
 # (column, row) of the things: of each kind one in red, green and blue.
 _COLOURS = ("red", "green", "blue")
@@ -140,8 +141,8 @@ class Sign(ThingsRoom):
             about,
             ends="at the first thing that is touched, and by done",
             rewards={**about.rewards, "fail_reward": "{:+g} for touching another thing"},
-            players={"shortest_path": SHORTEST_PATH},
-            expert="shortest_path",
+            players={"two_legs": TWO_LEGS, "shortest_path": SHORTEST_PATH},
+            expert="two_legs",
         )
 
     def instruction(self, state: GridState) -> str:
