@@ -82,6 +82,8 @@ def animate(episode: Episode, name: str, scale: int = 1) -> int:
 def draw(name: str) -> int:
     """Write the files of an environment; returns the bytes of its animations."""
     episode = play(name)
+    # Of a class ("examples.custom_shooter:Outpost") the files have the last part.
+    name = name.rpartition(":")[2].lower()
     size = animate(episode, name)
     if name in pretrained():
         seen = play_agent(name)

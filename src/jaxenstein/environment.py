@@ -78,7 +78,7 @@ class Environment(abc.ABC, Generic[S, P]):
         shown = [repr(self.name)]
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            plain = value is None or isinstance(value, int | float | str)
+            plain = field.repr and (value is None or isinstance(value, int | float | str))
             if plain and field.name not in ("name", "version") and value != field.default:
                 shown.append(f"{field.name}={value!r}")
         return f"{type(self).__name__}({', '.join(shown)})"

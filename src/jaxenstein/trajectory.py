@@ -116,8 +116,9 @@ def check_trajectory(path: str | Path) -> None:
 def to_text(trajectory: Trajectory) -> str:
     """The content of a trajectory's file."""
     recipe, checks = trajectory.environment, trajectory.checks
+    texts = TEXTS if recipe.id is None else ()
     settings = {
-        name: value.splitlines() if name in TEXTS else value
+        name: value.splitlines() if name in texts else value
         for name, value in recipe.settings.items()
     }
     entries = {

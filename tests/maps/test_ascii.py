@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxenstein.errors import MapError, MapWarning
-from jaxenstein.maps import MAX_SIZE, Door, Key, parse_ascii
+from jaxenstein.maps import MAX_SIZE, Door, Item, Key, parse_ascii
 from jaxenstein.maps.symbols import SYMBOLS, door_label
 
 
@@ -33,7 +33,8 @@ def test_a_map() -> None:
 def test_every_symbol() -> None:
     others = "".join(c for c in SYMBOLS if c not in "SG")
     # A second row of floor and keys lets every door of the first be opened.
-    tilemap = parse_ascii(f"{others}\n{'.' * len(others)}\nS{'.' * (len(others) - 2)}G")
+    text = f"{others}\n{'.' * len(others)}\nS{'.' * (len(others) - 2)}G"
+    tilemap = parse_ascii(text, known=SYMBOLS)
     for column, character in enumerate(others):
         symbol = SYMBOLS[character]
         assert tilemap.tiles[0][column] == symbol.tile
@@ -42,7 +43,8 @@ def test_every_symbol() -> None:
         assert ((column, 0) in tilemap.spawns) == (character == "@")
         door = Door(column, 0, symbol.colour, symbol.locked)
         assert (door in tilemap.doors) == (symbol.kind == "door")
-    assert (len(tilemap.keys), len(tilemap.doors)) == (6, 12)
+        assert (Item(column, 0, symbol.label) in tilemap.items) == (character in "zscidm+=")
+    assert (len(tilemap.keys), len(tilemap.doors), len(tilemap.items)) == (6, 12, 8)
 
 
 PLAIN = parse_ascii("####\n#SG#\n####")
@@ -83,6 +85,7 @@ def test_blanks_are_floor_also_at_the_edge() -> None:
         ("\r\n#\r\n#SG#\r\n#v", 4, 2, "unknown symbol 'v'"),
         ("#SG\n#s?", 2, 2, r"did you mean 'S' \(spawn"),
         ("#Sg", 1, 3, r"did you mean 'G' \(goal\)"),
+        ("#SG\n#.+", 2, 3, r"'\+' \(medkit\) has its place in shooters"),
         ("#S\u2028G", 1, 3, "unknown symbol"),
         ("####\n#S\tG", 2, 3, "tab"),
         ("SG" + "." * (MAX_SIZE - 1), 1, MAX_SIZE + 1, "too large.*256"),
@@ -159,22 +162,22 @@ def texts(draw: st.DrawFn) -> list[str]:
 @given(texts())
 @pytest.mark.filterwarnings("ignore::jaxenstein.errors.MapWarning")
 def test_round_trip(lines: list[str]) -> None:
-    tilemap = parse_ascii("\n".join(lines))
+    tilemap = parse_ascii("\n".join(lines), known=SYMBOLS)
     assert tilemap.tile_text().splitlines() == [line.replace(" ", ".") for line in lines]
-    assert parse_ascii(tilemap.tile_text()) == tilemap
+    assert parse_ascii(tilemap.tile_text(), known=SYMBOLS) == tilemap
 
 
 @settings(deadline=None)
 @given(texts(), st.data())
 @pytest.mark.filterwarnings("ignore::jaxenstein.errors.MapWarning")
 def test_regions_face_by_face(lines: list[str], data: st.DataObject) -> None:
-    plain = parse_ascii("\n".join(lines))
+    plain = parse_ascii("\n".join(lines), known=SYMBOLS)
     walls = [[SYMBOLS[mark].kind == "wall" for mark in line] for line in lines]
     paint = [
         "".join(data.draw(st.sampled_from("." if wall else "..#12A")) for wall in row)
         for row in walls
     ]
-    tilemap = parse_ascii("\n".join(lines), regions="\n".join(paint))
+    tilemap = parse_ascii("\n".join(lines), regions="\n".join(paint), known=SYMBOLS)
     faces = tilemap.faces or (tilemap.tiles,) * 4
     for face, (dx, dy) in zip(faces, ((-1, 0), (1, 0), (0, -1), (0, 1)), strict=True):
         for row, line in enumerate(lines):

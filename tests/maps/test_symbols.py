@@ -11,6 +11,7 @@ import pytest
 from jaxenstein.maps import symbols
 from jaxenstein.maps.symbols import LABEL_COLOURS, LABEL_NAMES, SYMBOLS, decal_label, door_label
 from jaxenstein.maps.things import (
+    AMMUNITION,
     APPLE,
     BALL,
     BOX,
@@ -47,8 +48,9 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert (IMP.label, FIREBALL.label) == (131, 132)
     labels = ZOMBIE.label, SHOTGUN_GUY.label, CHAINGUN_GUY.label, ROCKET.label
     assert labels == (134, 135, 136, 137)
-    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 138
-    assert LABEL_COLOURS.shape == (138, 3)
+    assert AMMUNITION.label == 138
+    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 139
+    assert LABEL_COLOURS.shape == (139, 3)
     assert LABEL_COLOURS.dtype == np.uint8
     assert not LABEL_COLOURS.flags.writeable
 
@@ -61,7 +63,8 @@ def test_symbols_of_the_paper() -> None:
     assert [meaning(c) for c in "RNBPYE"] == [f"locked {name} door" for name in COLOUR_NAMES]
     assert [meaning(c) for c in "',\";\\:"] == [f"unlocked {name} door" for name in COLOUR_NAMES]
     assert [meaning(c) for c in "#. SG"] == ["wall", "floor", "floor", "floor", "goal"]
-    assert len(SYMBOLS) == 5 + 26 + 18 + 64 + 2
+    assert len(symbols.PEACEFUL) == 5 + 26 + 18 + 64 + 2
+    assert "".join(sorted(set(SYMBOLS) - symbols.PEACEFUL)) == "+=cdimsz"
 
 
 def test_decals_are_the_characters_after_latin_1() -> None:
@@ -85,7 +88,7 @@ def test_apples() -> None:
 def test_ascii_without_a_meaning_stays_unknown() -> None:
     """Typing mistakes are found; no symbol but the decals is beyond ASCII."""
     free = {chr(code) for code in range(33, 127)} - set(SYMBOLS)
-    assert free == set("cdfghijklmoqstuvwxz0V!$%&()*+-/<=>?[]^_`{|}~")
+    assert free == set("fghjkloqtuvwx0V!$%&()*-/<>?[]^_`{|}~")
     beyond = {character for character in SYMBOLS if ord(character) > 126}
     assert beyond == {chr(0x100 + number) for number in range(1, 65)}
 
@@ -121,8 +124,9 @@ def test_legend_explains_every_symbol() -> None:
 
 
 def test_characters_lists_the_decals_as_a_range() -> None:
-    assert symbols.characters("floor", "apple") == ". space a @"
-    assert symbols.characters("wall") == "# " + " ".join("123456789ACDFHIJKLMOQTUWXZ") + (
+    assert symbols.characters(". a@") == ". space a @"
+    walls = {character for character, symbol in SYMBOLS.items() if symbol.kind == "wall"}
+    assert symbols.characters(walls) == "# " + " ".join("123456789ACDFHIJKLMOQTUWXZ") + (
         " \u0101-\u0140"
     )
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from jaxenstein.errors import MapError
-from jaxenstein.maps import MAX_SIZE, Door, Key, TileMap, parse_ascii
+from jaxenstein.maps import MAX_SIZE, Door, Item, Key, TileMap, parse_ascii
 from jaxenstein.maps.symbols import door_label
-from jaxenstein.maps.things import GOAL
+from jaxenstein.maps.things import GOAL, IMP, MEDKIT
 
 RED_LOCKED = door_label(0, locked=True)
 UNLOCKED = bytes([door_label(0, locked=False)])
@@ -92,6 +92,9 @@ LONG = (bytes(MAX_SIZE + 1),)
         ({"keys": (Key(3, 1, 0),)}, "key at column 3, row 1"),
         ({"keys": (Key(1, 1, 0), Key(1, 1, 1))}, "two keys"),
         ({"keys": (Key(1, 1, 6),)}, "colour index 6"),
+        ({"items": (Item(0, 0, IMP.label),)}, "item at column 0, row 0"),
+        ({"items": (Item(1, 1, IMP.label), Item(1, 1, MEDKIT.label))}, "two items"),
+        ({"items": (Item(1, 1, GOAL.label),)}, f"label {GOAL.label} is no monster"),
         ({"faces": (TILES,) * 3}, "four kinds"),
         ({"faces": (TILES[:2],) * 4}, "solid tiles"),
         ({"faces": (TILES, TILES, TILES, (TILES[0], TILES[0], TILES[2]))}, "solid tiles"),
@@ -112,6 +115,8 @@ def test_tile_text_shows_one_thing_a_tile() -> None:
     assert apples.tile_text().splitlines()[1] == "#a@R"
     covered = build(apples=((1, 1), (2, 1)), goals=((1, 1),), keys=(Key(2, 1, 0),))
     assert covered.tile_text().splitlines()[1] == "#GrR"
+    items = build(items=(Item(1, 1, IMP.label), Item(2, 1, MEDKIT.label)), goals=((2, 1),))
+    assert items.tile_text().splitlines()[1] == "#i+R"
 
 
 def test_maps_do_not_import_jax() -> None:

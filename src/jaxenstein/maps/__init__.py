@@ -2,11 +2,12 @@
 
 from .ascii import layout_names, load_layout, parse_ascii
 from .symbols import legend
-from .tilemap import MAX_SIZE, Door, Key, TileMap
+from .tilemap import MAX_SIZE, Door, Item, Key, TileMap
 
 __all__ = [
     "MAX_SIZE",
     "Door",
+    "Item",
     "Key",
     "TileMap",
     "layout_names",

@@ -5,14 +5,15 @@ from __future__ import annotations
 import dataclasses
 import importlib.resources
 import warnings
+from collections.abc import Collection
 from importlib.resources.abc import Traversable
 
 from ..errors import MapError, MapWarning, nearest
 from .faces import read_faces, read_regions
 from .page import make_page, split_lines
 from .reach import problems
-from .symbols import SYMBOLS, Symbol
-from .tilemap import Door, Key, TileMap
+from .symbols import PEACEFUL, SYMBOLS, Symbol
+from .tilemap import Door, Item, Key, TileMap
 
 _WALL = SYMBOLS["#"]
 
@@ -24,6 +25,7 @@ def parse_ascii(
     goal_required: bool = True,
     regions: str | None = None,
     faces: str | None = None,
+    known: Collection[str] = PEACEFUL,
     stacklevel: int = 2,
 ) -> TileMap:
     r"""Read a map from text.
@@ -45,6 +47,7 @@ def parse_ascii(
             each of the lines `west`, `east`, `north` and `south` stands a block of the map's
             shape, whose wall symbols are what the faces that look there show. Where it shows
             floor, on doors too, the tile stays what it is; so do the faces without a block.
+        known: the symbols that it may hold; by default all but those of shooters.
         stacklevel: whose line a warning names, as for `warnings.warn`.
 
     Raises:
@@ -61,7 +64,7 @@ def parse_ascii(
         >>> tilemap.spawns, tilemap.goals
         (((1, 1),), ((3, 1),))
     """
-    page = make_page(split_lines(text), 1)
+    page = make_page(split_lines(text), 1, known=known)
     tilemap = _build(name, [[SYMBOLS[character] for character in line] for line in page.lines])
     if not tilemap.spawns:
         raise MapError("the map has no spawn: put an 'S' where an episode may start")
@@ -128,4 +131,5 @@ def _build(name: str, grid: list[list[Symbol]]) -> TileMap:
             for c, r, symbol in placed
             if symbol.kind == "door"
         ),
+        items=tuple(Item(c, r, symbol.label) for c, r, symbol in placed if symbol.role),
     )

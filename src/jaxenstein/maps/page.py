@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from ..errors import MapError
-from .symbols import SYMBOLS, characters
+from .symbols import PEACEFUL, SYMBOLS, characters
 from .tilemap import MAX_SIZE
 
 PAINT = {c for c, symbol in SYMBOLS.items() if symbol.kind in ("wall", "floor")}
@@ -49,7 +49,7 @@ def split_lines(text: str, source: str = "") -> list[str]:
 
 
 def make_page(
-    lines: list[str], first_line: int, source: str = "", known: Collection[str] = SYMBOLS
+    lines: list[str], first_line: int, source: str = "", known: Collection[str] = PEACEFUL
 ) -> Page:
     """The lines without the empty ones before and after, checked.
 
@@ -87,10 +87,11 @@ def _check_size(page: Page) -> None:
 def _unknown(character: str, known: Collection[str]) -> str:
     if character == "\t":
         return "a tab has no fixed width; use '.' or spaces for floor"
-    if character in SYMBOLS:
-        meaning = SYMBOLS[character].meaning
-        return f"{character!r} ({meaning}) has no place here, only {characters('wall', 'floor')}"
-    other = SYMBOLS.get(character.swapcase())
+    other, symbol = SYMBOLS.get(character.swapcase()), SYMBOLS.get(character)
     hint = f", did you mean {other.character!r} ({other.meaning})?" if other else ""
-    all_known = characters() if len(known) == len(SYMBOLS) else characters("wall", "floor")
-    return f"unknown symbol {character!r}{hint}; the symbols are {all_known}"
+    if symbol is None:
+        return f"unknown symbol {character!r}{hint}; the symbols are {characters(known)}"
+    if symbol.role:
+        shooters = "has its place in shooters (jaxenstein.tasks.shooter) alone"
+        return f"{character!r} ({symbol.meaning}) {shooters}{hint}"
+    return f"{character!r} ({symbol.meaning}) has no place here, only {characters(known)}"

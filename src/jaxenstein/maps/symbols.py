@@ -6,12 +6,12 @@ here and, for things, in `things`; `legend` prints the characters for people.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from .things import COLOUR_NAMES, COLOURS, RGB, THINGS
+from .things import COLOUR_NAMES, COLOURS, RGB, THINGS, Role
 
 # What stands on a tile: "floor", "spawn", "wall", "door" or the name of a thing.
 Kind = str
@@ -120,6 +120,7 @@ class Symbol:
         colour: colour index of a door or of a thing in several colours, else -1.
         locked: whether it is a locked door.
         spawn: whether an episode may start on the tile.
+        role: of what stands in shooters alone, `things.Thing.role`.
     """
 
     character: str
@@ -129,6 +130,7 @@ class Symbol:
     colour: int = -1
     locked: bool = False
     spawn: bool = False
+    role: Role = ""
 
     @property
     def tile(self) -> int:
@@ -179,8 +181,9 @@ def _thing_symbols(*, coloured: bool) -> Iterator[Symbol]:
         if thing.coloured != coloured:
             continue
         for index, character in enumerate(thing.symbols):
+            name, label = thing.names[index], thing.labels[index]
             colour = index if coloured else -1
-            yield Symbol(character, thing.name, thing.labels[index], thing.names[index], colour)
+            yield Symbol(character, thing.name, label, name, colour, role=thing.role)
         if thing.spawn_symbol:
             meaning = f"{thing.name} on a spawn"
             yield Symbol(thing.spawn_symbol, thing.name, thing.label, meaning, spawn=True)
@@ -196,12 +199,17 @@ TILE_CHARACTERS: dict[int, str] = {
 """The character of each value of `TileMap.tiles`."""
 
 
-def characters(*kinds: Kind) -> str:
-    """The characters of some kinds, or of all if none is named, separated by blanks.
+PEACEFUL = frozenset(character for character, symbol in SYMBOLS.items() if not symbol.role)
+"""Those of maps without monsters."""
 
-    The blank itself is written 'space', the decals as a range.
+
+def characters(known: Collection[str]) -> str:
+    """The characters among some, separated by blanks; a blank is 'space', the decals are a range.
+
+    Args:
+        known: the characters; of the decals all or none.
     """
-    return " ".join(shown for shown, symbol in _shown() if not kinds or symbol.kind in kinds)
+    return " ".join(shown for shown, symbol in _shown() if symbol.character in known)
 
 
 def legend() -> str:
@@ -209,7 +217,7 @@ def legend() -> str:
     last = SYMBOLS[TILE_CHARACTERS[DECAL_LABELS[-1]]]
     lines = []
     for shown, symbol in _shown():
-        meaning = symbol.meaning
+        meaning = f"in shooters: {symbol.meaning}" if symbol.role else symbol.meaning
         if symbol.label in DECAL_LABELS:
             codes = f"U+{ord(symbol.character):04X} to U+{ord(last.character):04X}"
             meaning = f"{meaning} to {last.meaning}: walls for landmarks ({codes})"

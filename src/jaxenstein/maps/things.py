@@ -10,6 +10,7 @@ from typing import Literal
 
 RGB = tuple[int, int, int]
 Glyph = Literal["star", "key", "apple", "medkit"]
+Role = Literal["", "monster", "supply"]
 
 # Keys and doors share these colours; an index into this table is a colour index.
 COLOURS: tuple[tuple[str, RGB], ...] = (
@@ -40,6 +41,7 @@ class Thing:
         symbols: its character in text maps, or one for each colour; "" if texts cannot hold it.
         spawn_symbol: the character of one that lies where an episode may start, or "".
         glyph: its drawing on maps from above in `view/glyphs.py`, or None for its art.
+        role: of those that only maps of shooters hold (`tasks.shooter`): what they are there.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Thing:
     symbols: str = ""
     spawn_symbol: str = ""
     glyph: Glyph | None = None
+    role: Role = ""
 
     @property
     def coloured(self) -> bool:
@@ -97,7 +100,16 @@ APPLE = Thing(
     glyph="apple",
 )
 MEDKIT = Thing(
-    "medkit", 113, (240, 240, 236), "medkit", 0.24, 0.26, detail=(200, 24, 28), glyph="medkit"
+    "medkit",
+    113,
+    (240, 240, 236),
+    "medkit",
+    0.24,
+    0.26,
+    detail=(200, 24, 28),
+    symbols="+",
+    glyph="medkit",
+    role="supply",
 )
 
 POISON = Thing("poison", 114, (96, 152, 86), "bottle", 0.24, 0.26, detail=(128, 160, 76))
@@ -109,22 +121,89 @@ LAVA = Thing("lava", 127, (255, 106, 0), "lava", 0.5, 0.0, detail=(255, 196, 40)
 
 # Doom's monsters.
 CACODEMON = Thing("cacodemon", 128, (178, 62, 66), "cacodemon", 0.4, 0.1, detail=(240, 220, 120))
-DEMON = Thing("demon", 129, (206, 96, 110), "demon-one", 0.4, 0.1, detail=(240, 220, 210))
-MARINE = Thing("marine", 130, (92, 140, 80), "soldier-one", 0.4, 0.1, detail=(190, 170, 80))
-IMP = Thing("imp", 131, (150, 96, 56), "imp-one", 0.4, 0.1, detail=(230, 200, 60))
+DEMON = Thing(
+    "demon",
+    129,
+    (206, 96, 110),
+    "demon-one",
+    0.4,
+    0.1,
+    detail=(240, 220, 210),
+    symbols="d",
+    role="monster",
+)
+MARINE = Thing(
+    "marine",
+    130,
+    (92, 140, 80),
+    "soldier-one",
+    0.4,
+    0.1,
+    detail=(190, 170, 80),
+    symbols="m",
+    role="monster",
+)
+IMP = Thing(
+    "imp",
+    131,
+    (150, 96, 56),
+    "imp-one",
+    0.4,
+    0.1,
+    detail=(230, 200, 60),
+    symbols="i",
+    role="monster",
+)
 FIREBALL = Thing("fireball", 132, (255, 150, 40), "fireball", 0.15, 0.1, detail=(255, 236, 160))
 # On MiniWorld's sidewalk.
 CONE = Thing("cone", 133, (240, 104, 24), "cone", 0.3, 0.2, detail=(240, 240, 236))
 
 # Doom's marksmen and rockets.
-ZOMBIE = Thing("zombie", 134, (156, 138, 96), "soldier-one", 0.4, 0.1, detail=(200, 180, 140))
+ZOMBIE = Thing(
+    "zombie",
+    134,
+    (156, 138, 96),
+    "soldier-one",
+    0.4,
+    0.1,
+    detail=(200, 180, 140),
+    symbols="z",
+    role="monster",
+)
 SHOTGUN_GUY = Thing(
-    "shotgun guy", 135, (116, 92, 112), "soldier-one", 0.4, 0.1, detail=(220, 80, 60)
+    "shotgun guy",
+    135,
+    (116, 92, 112),
+    "soldier-one",
+    0.4,
+    0.1,
+    detail=(220, 80, 60),
+    symbols="s",
+    role="monster",
 )
 CHAINGUN_GUY = Thing(
-    "chaingun guy", 136, (176, 60, 48), "soldier-one", 0.4, 0.1, detail=(190, 190, 190)
+    "chaingun guy",
+    136,
+    (176, 60, 48),
+    "soldier-one",
+    0.4,
+    0.1,
+    detail=(190, 190, 190),
+    symbols="c",
+    role="monster",
 )
 ROCKET = Thing("rocket", 137, (190, 186, 170), "rocket", 0.15, 0.1, detail=(255, 210, 120))
+AMMUNITION = Thing(
+    "ammunition",
+    138,
+    (122, 128, 88),
+    "ammunition",
+    0.2,
+    0.3,
+    detail=(228, 184, 80),
+    symbols="=",
+    role="supply",
+)
 
 THINGS: tuple[Thing, ...] = (
     KEY,
@@ -145,6 +224,7 @@ THINGS: tuple[Thing, ...] = (
     SHOTGUN_GUY,
     CHAINGUN_GUY,
     ROCKET,
+    AMMUNITION,
 )
 """All of them, in the order of their labels."""
 

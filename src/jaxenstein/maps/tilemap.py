@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import MapError
 from .symbols import DOOR_LABELS, TILE_CHARACTERS, WALL_LABELS, door_label
-from .things import APPLE, COLOURS, GOAL, KEY
+from .things import APPLE, COLOURS, GOAL, KEY, THING_OF
 
 MAX_SIZE = 256
 """The most columns, and the most rows, that a map may have."""
@@ -47,6 +47,15 @@ class Door:
 
 
 @dataclass(frozen=True)
+class Item:
+    """A monster, or what a player can take, on a map of a shooter: its tile and label id."""
+
+    column: int
+    row: int
+    label: int
+
+
+@dataclass(frozen=True)
 class TileMap:
     """One map. Equal maps are equal and hash alike.
 
@@ -60,6 +69,7 @@ class TileMap:
         keys: the keys, at most one a tile.
         doors: the doors; each one's tile holds its label.
         apples: tiles where an apple may lie, spawns or not.
+        items: monsters, medkits and ammunition of a shooter, at most one a tile.
 
     Raises:
         MapError: if the parts contradict one another, such as a goal inside a wall.
@@ -73,6 +83,7 @@ class TileMap:
     keys: tuple[Key, ...] = ()
     doors: tuple[Door, ...] = ()
     apples: tuple[Cell, ...] = ()
+    items: tuple[Item, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that the parts agree."""
@@ -85,6 +96,10 @@ class TileMap:
         _check_cells(self, "key", tuple((key.column, key.row) for key in self.keys))
         for key in self.keys:
             _check_colour(key.colour)
+        _check_cells(self, "item", tuple((item.column, item.row) for item in self.items))
+        for item in self.items:
+            if item.label not in THING_OF or not THING_OF[item.label].role:
+                raise MapError(f"label {item.label} is no monster and no supply of a shooter")
 
     @property
     def rows(self) -> int:
@@ -133,8 +148,9 @@ class TileMap:
     def tile_text(self) -> str:
         """The map as text, one line per row.
 
-        Each tile shows one symbol: of several things on it the key, else the goal, else the
-        apple, which has a symbol for one on a spawn. The faces are not part of the text.
+        Each tile shows one symbol: of several things on it the monster or supply, else the key,
+        else the goal, else the apple, which has a symbol for one on a spawn. The faces are not
+        part of the text.
         """
         lines = [[TILE_CHARACTERS[tile] for tile in row] for row in self.tiles]
         for column, row in self.spawns:
@@ -146,6 +162,8 @@ class TileMap:
             lines[row][column] = GOAL.symbols
         for key in self.keys:
             lines[key.row][key.column] = KEY.symbols[key.colour]
+        for item in self.items:
+            lines[item.row][item.column] = THING_OF[item.label].symbols
         return "".join("".join(line) + "\n" for line in lines)
 
     def faces_text(self) -> str | None:

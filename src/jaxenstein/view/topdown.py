@@ -79,11 +79,12 @@ class MapPicture:
         return self
 
     def things(self) -> Self:
-        """Draw what the map itself lists: doors, all of them closed, keys, apples and goals."""
+        """Draw what the map itself lists: doors, all of them closed, and all things."""
         tilemap = self.tilemap
         listed = [((key.column, key.row), KEY.labels[key.colour]) for key in tilemap.keys]
         listed += [(cell, APPLE.label) for cell in tilemap.apples]
         listed += [(cell, GOAL.label) for cell in tilemap.goals]
+        listed += [((item.column, item.row), item.label) for item in tilemap.items]
         positions = np.array([cell for cell, _ in listed], np.float64).reshape(-1, 2) + 0.5
         return self.doors().sprites(positions, np.array([label for _, label in listed], int))
 

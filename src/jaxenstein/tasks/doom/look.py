@@ -14,6 +14,7 @@ from ...engine.scene import Theme
 from ...engine.shade import Light
 from ...maps.symbols import LABEL_COLOURS, SYMBOLS
 from ...maps.things import (
+    AMMUNITION,
     CACODEMON,
     CHAINGUN_GUY,
     DEMON,
@@ -91,6 +92,8 @@ class Picture:
 VEST = Picture(GOAL.label, "vest", 37, (61, 84, 51), (47, 52, 40))
 MEDKIT_BOX = Picture(MEDKIT.label, "medkit-box", 29.5, (150, 152, 148), (52, 122, 46))
 BOTTLE = Picture(POISON.label, "bottle", 15.3, (72, 112, 80), (110, 140, 66))
+AMMUNITION_BOX = Picture(AMMUNITION.label, "ammunition", 26, (98, 104, 74), (226, 180, 76))
+GOAL_STAR = Picture(GOAL.label, "goal", 40, (255, 216, 20), (140, 118, 11), lift=10)
 
 
 def _monster(label: int, art: str, side: float, shape: RGB, detail: RGB) -> tuple[Picture, ...]:

@@ -1,0 +1,242 @@
+"""Shooters of one's own: their maps, what may be taken, and how they are won and lost."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.errors import MapError, MapWarning, SettingError
+from jaxenstein.maps.things import THINGS, ZOMBIE
+from jaxenstein.tasks.doom.fixed import ONE
+from jaxenstein.tasks.doom.lattice import rasterise
+from jaxenstein.tasks.doom.look import MONSTERS
+from jaxenstein.tasks.doom.outline import outline
+from jaxenstein.tasks.doom.walls import DoomMap
+from jaxenstein.tasks.doom.weapons import ROCKET_LAUNCHER
+from jaxenstein.tasks.shooter import KINDS, Kind, Shooter, Weapon
+
+SIZE: dict[str, Any] = {"height": 12, "width": 16, "autoreset": None}
+# The way east: a medkit, ammunition, the goal; a zombie behind a wall.
+LANE = """
+##########
+#S..+.=.G#
+########.#
+#......z.#
+##########
+"""
+DEN = "#########\n#S....z.#\n#########"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_outline_of_a_map_encloses_its_open_tiles(seed: int) -> None:
+    """Against the way by which the maps of the game become tiles, which also checks the sides."""
+    solid = np.random.default_rng(seed).random((9, 12)) < 0.4
+    walls = outline(solid, 64)
+    tiles = rasterise(DoomMap(walls, (), 0, 128, 255), 64)
+    found = np.ones((11, 14), bool)
+    row, column = 10 - tiles.north // 64, tiles.west // 64 + 1
+    rows, columns = tiles.solid.shape
+    found[row : row + rows, column : column + columns] = tiles.solid
+    np.testing.assert_array_equal(found, np.pad(solid, 1, constant_values=True))
+    padded = np.pad(~solid, 1).astype(int)
+    borders = np.abs(np.diff(padded, axis=0)).sum() + np.abs(np.diff(padded, axis=1)).sum()
+    assert sum(abs(w.x1 - w.x0) + abs(w.y1 - w.y0) for w in walls) == 64 * borders
+    # Each is as long as it goes: no other one goes on where it ends.
+    starts, ends = ({p[i : i + 2] for p in map(_points, walls)} for i in (0, 2))
+    straight = [
+        (one, other)
+        for one in walls
+        for other in walls
+        if _points(one)[2:] == _points(other)[:2] and _way(one) == _way(other)
+    ]
+    assert not straight
+    assert starts == ends
+
+
+def _points(wall: Any) -> tuple[int, int, int, int]:
+    return wall.x0, wall.y0, wall.x1, wall.y1
+
+
+def _way(wall: Any) -> tuple[int, int]:
+    return int(np.sign(wall.x1 - wall.x0)), int(np.sign(wall.y1 - wall.y0))
+
+
+def test_every_monster_of_a_map_has_a_kind_and_pictures() -> None:
+    rows = [thing for thing in THINGS if thing.role == "monster"]
+    assert {thing.symbols for thing in rows} == set(KINDS)
+    for thing in rows:
+        assert MONSTERS[KINDS[thing.symbols].name][0].label == thing.label
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("####\n#Sz?\n####", r"line 2, column 4: unknown symbol '\?'.* G \+ d m i z s c = # 1"),
+        ("####\n#SzR\n####", r"line 2, column 4: 'R' \(locked red door\) has no place here"),
+        ("####\n#Sza\n####", r"line 2, column 4: 'a' \(apple\) has no place here"),
+        ("####\n#zz#\n####", "no spawn"),
+        ("####\n#SG#\n####", r"1 to 64 monsters \(z s c i d m\), not 0"),
+        ("S" + "z" * 65, "66 columns and 1 rows is too large for a shooter"),
+        ("S" + "z" * 32 + "\n" + "z" * 33, "1 to 64 monsters .* not 65"),
+        (3, "not int"),
+    ],
+)
+def test_maps_that_are_none(text: Any, message: str) -> None:
+    with pytest.raises(MapError, match=f"(?s){message}"):
+        Shooter(text=text)
+
+
+def test_monsters_have_no_place_in_other_maps() -> None:
+    with pytest.raises(
+        MapError, match=r"line 1, column 3: 'z' \(zombie\) has its place in shooters"
+    ):
+        jaxenstein.from_ascii("SGz")
+    with pytest.warns(MapWarning, match="no path reaches this goal"):
+        Shooter(text="Sz#G")
+
+
+class Armed(Shooter):
+    """With rockets, which there are none of yet."""
+
+    weapon: ClassVar[Weapon] = ROCKET_LAUNCHER
+
+
+class Stranger(Shooter):
+    """With a monster that nobody has drawn."""
+
+    monsters: ClassVar[Mapping[str, Kind]] = {"z": dataclasses.replace(KINDS["z"], name="ghost")}
+
+
+def test_settings_that_cannot_be() -> None:
+    with pytest.raises(SettingError, match="fires bullets, not rockets as 'rocket launcher'"):
+        Armed(text=DEN)
+    with pytest.raises(SettingError, match=r"no pictures of the monster 'ghost'.*zombie"):
+        Stranger(text=DEN)
+    with pytest.raises(SettingError, match="no kind for the symbol 'i'"):
+        Stranger(text="Siz")
+    with pytest.raises(SettingError, match="heading must be"):
+        Shooter(text=DEN, heading=4000)
+    assert repr(Shooter(text=DEN, heading=90)) == "Shooter('custom', heading=90)"
+
+
+@pytest.fixture(scope="module")
+def lane() -> Any:
+    """The way east, its first state, and a function that runs along it for 110 tics."""
+    env = Shooter(text=LANE, heading=0, **SIZE)
+    params = env.check_params()
+
+    @jax.jit
+    def run(state: Any) -> Any:
+        def step(state: Any, key: jax.Array) -> Any:
+            action = jnp.int32(env.index_of("forward"))
+            after, reward, ends, info = env.advance(key, state, action, params)
+            return after, (reward, ends, info, after.fixed_position, after.left)
+
+        return jax.lax.scan(step, state, jax.random.split(jax.random.key(0), 110))[1]
+
+    state = env.first_state(jax.random.key(0), params)
+    return env, state, lambda state: jax.device_get(run(state))
+
+
+def test_where_one_starts_and_what_stands_there(lane: Any) -> None:
+    env, state, _ = lane
+    # The second column and row of five, from the south-western corner.
+    assert (np.asarray(state.fixed_position) / ONE).tolist() == [96, 3.5 * 64]
+    assert state.position.tolist() == [1.5, 1.5]
+    assert int(state.angle) == 0
+    assert (np.asarray(state.creatures.position) / ONE).tolist() == [[7.5 * 64, 1.5 * 64]]
+    assert state.creatures.health.tolist() == [20]
+    assert env.most_balls == 0
+    assert env.cast == (KINDS["z"],)
+    assert (env.goals / 64).tolist() == [[8.5, 3.5]]
+
+
+def test_supplies_are_taken_where_the_boxes_meet_and_the_goal_ends(lane: Any) -> None:
+    _, state, run = lane
+    hurt = state.replace(health=jnp.int32(90))
+    reward, ends, info, position, left = run(hurt)
+    x = position[:, 0] / ONE
+    for event, column, slot in (("took_medkit", 4.5, 0), ("took_ammunition", 6.5, 1)):
+        first = int(np.flatnonzero(info[event])[0])
+        assert info[event].sum() == 1
+        assert first == np.flatnonzero(x > 64 * column - 36)[0]
+        assert left[:, slot].tolist() == [True] * first + [False] * (110 - first)
+    won = int(np.flatnonzero(info["won"])[0])
+    assert (int(info["health"][won]), int(info["ammo"][won])) == (100, 60)
+    assert won == np.flatnonzero(x > 64 * 8.5 - 36)[0] == np.flatnonzero(ends)[0]
+    assert info["success"][won]
+    assert reward[: won + 1].tolist() == [0] * won + [10]
+
+
+def test_what_is_not_needed_is_left(lane: Any) -> None:
+    env, state, run = lane
+    full = state.replace(trigger=state.trigger.replace(ammo=jnp.int32(env.most_ammo)))
+    _, _, info, _, left = run(full)
+    assert left.all()
+    assert not info["took_medkit"].any()
+    assert not info["took_ammunition"].any()
+
+
+@pytest.fixture(scope="module")
+def den() -> Any:
+    """One zombie ahead; a function of first state, action and key that plays 150 tics."""
+    env = Shooter(text=DEN, heading=0, **SIZE)
+    params = env.check_params()
+
+    @jax.jit
+    def play(state: Any, action: jax.Array, key: jax.Array) -> Any:
+        def step(state: Any, key: jax.Array) -> Any:
+            after, reward, ends, info = env.advance(key, state, action, params)
+            return after, (reward, ends, info)
+
+        return jax.lax.scan(step, state, jax.random.split(key, 150))[1]
+
+    return env, env.first_state(jax.random.key(0), params), play
+
+
+def test_without_a_goal_the_last_kill_wins(den: Any) -> None:
+    env, state, play = den
+    weak = state.replace(creatures=state.creatures.replace(health=jnp.ones(1, jnp.int32)))
+    reward, ends, info = play(weak, jnp.int32(env.index_of("attack")), jax.random.key(0))
+    # The pistol's first bullet leaves in tic 4, exactly ahead.
+    assert np.flatnonzero(ends).tolist()[:1] == [4]
+    assert reward[:5].tolist() == [0, 0, 0, 0, 11]
+    assert (int(info["killed"][4]), bool(info["success"][4]), int(info["ammo"][4])) == (1, True, 49)
+
+
+def test_who_stands_still_dies_and_does_not_win(den: Any) -> None:
+    _, state, play = den
+    awake = state.creatures.replace(alarmed=jnp.ones(1, bool))
+    state = state.replace(health=jnp.int32(1), creatures=awake)
+    died = 0
+    for seed in range(12):
+        reward, ends, info = jax.device_get(play(state, jnp.int32(0), jax.random.key(seed)))
+        if ends.any():
+            tic = int(ends.argmax())
+            died += bool(info["died"][tic])
+            assert reward[tic] == -1
+            assert not info["success"][tic]
+            assert info["health"][tic] == 0
+    assert 0 < died <= 12
+
+
+def test_params_change_health_of_monsters(den: Any) -> None:
+    env, *_ = den
+    params = env.check_params().replace(monster_health=2.5)
+    assert env.first_state(jax.random.key(0), params).creatures.health.tolist() == [50]
+    assert env.first_state(jax.random.key(0), params.replace(monster_health=0)).creatures.living
+
+
+def test_a_monster_ahead_is_seen() -> None:
+    env = Shooter(text=DEN, heading=0, observation="labels", height=48, width=64)
+    obs, _ = env.reset(jax.random.key(0), env.check_params())
+    # Its trunk, straight ahead and just below the eye; the walls on either side are nearer.
+    assert (np.asarray(obs)[24:26, 31:33] == ZOMBIE.label).all()
+    assert (np.asarray(obs)[:, [0, 63]] != ZOMBIE.label).all()
