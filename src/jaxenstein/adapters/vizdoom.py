@@ -76,7 +76,7 @@ class GameSession(Session):
 
         def prepare(game: Any) -> None:
             game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
-            game.set_render_weapon(False)
+            game.set_render_weapon(getattr(env, "show_weapon", False))
             game.set_render_crosshair(False)
             game.set_render_hud(False)
             game.set_depth_buffer_enabled(env.observation == "depth")

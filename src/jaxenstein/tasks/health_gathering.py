@@ -19,7 +19,6 @@ from ..engine.level import WORD, Level, compile_level, pack_bits
 from ..engine.scene import Scene, Sprites, Theme
 from ..engine.shade import ImageKind
 from ..environment import Info, Scalar, State
-from ..errors import SettingError
 from ..maps.ascii import parse_ascii
 from ..maps.things import MEDKIT, RGB
 from ..maps.tilemap import TileMap
@@ -30,7 +29,7 @@ from .appearance import build_theme
 from .draws import draw_unit
 from .first_person import FirstPerson
 from .health import FULL_HEALTH, HealthTask, P, S, about_health
-from .hud import bar, strip_rows
+from .hud import bar, check_strip, strip_rows
 from .steering import ACTION_NAMES, FORWARD, SteeringParams, steer
 
 # Tiles of the room from wall to wall: 1216 of Doom's map units, 32 of which are a tile.
@@ -169,14 +168,7 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        if not isinstance(self.hud, bool):
-            raise SettingError(f"hud must be True or False, not {self.hud!r}")
-        if self.hud and self.observation not in ("rgb", "gray", "dict"):
-            raise SettingError(
-                f"hud=True needs observation 'rgb', 'gray' or 'dict', not {self.observation!r}"
-            )
-        if self.hud and strip_rows(self.height) * 2 > self.height:
-            raise SettingError(f"hud=True needs a height of at least 8 pixels, not {self.height}")
+        check_strip(self.hud, self.observation, self.height)
 
     @property
     def default_params(self) -> HealthGatheringParams:

@@ -1,23 +1,54 @@
-"""What is drawn over or below the view: a bar in a strip, and a frame in a colour."""
+"""What is drawn over or below the view: bars in a strip, and a frame in a colour."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..engine.shade import LUMA, ImageKind
+from ..errors import SettingError
 
 # Rows of the strip for each row of the whole image, and the fewest.
 SHARE, FEWEST = 0.1, 4
 EMPTY = (38, 38, 42)
 RIM = (12, 12, 14)
-# The bar's colour up to each level; a level of its own lets an agent tell danger at a glance.
-LEVELS: tuple[tuple[float, tuple[int, int, int]], ...] = (
+Levels = tuple[tuple[float, tuple[int, int, int]], ...]
+"""A bar's colour up to each level; a level of its own lets an agent tell danger at a glance."""
+LEVELS: Levels = (
     (0.3, (226, 44, 36)),
     (0.6, (238, 190, 36)),
     (1.0, (66, 200, 72)),
 )
+AMMUNITION: Levels = ((0.2, (206, 60, 190)), (1.0, (84, 138, 240)))
+
+
+def check_overlay(name: str, wanted: Any, observation: str) -> None:
+    """Raise unless a setting is a bool that adds to the picture, and false if there is none.
+
+    Args:
+        name: of the setting.
+        wanted: its value.
+        observation: the kind of observation.
+
+    Raises:
+        SettingError: it is something else, or the observation has neither colours nor grays.
+    """
+    if not isinstance(wanted, bool):
+        raise SettingError(f"{name} must be True or False, not {wanted!r}")
+    if wanted and observation not in ("rgb", "gray", "dict"):
+        raise SettingError(
+            f"{name}=True needs observation 'rgb', 'gray' or 'dict', not {observation!r}"
+        )
+
+
+def check_strip(hud: Any, observation: str, height: int) -> None:
+    """Raise unless a strip can be drawn where it is wanted, in an image of a height in pixels."""
+    check_overlay("hud", hud, observation)
+    if hud and strip_rows(height) * 2 > height:
+        raise SettingError(f"hud=True needs a height of at least 8 pixels, not {height}")
 
 
 def strip_rows(height: int) -> int:
@@ -25,7 +56,9 @@ def strip_rows(height: int) -> int:
     return max(FEWEST, round(SHARE * height))
 
 
-def bar(level: jax.Array, rows: int, width: int, kind: ImageKind) -> jax.Array:
+def bar(
+    level: jax.Array, rows: int, width: int, kind: ImageKind, levels: Levels = LEVELS
+) -> jax.Array:
     """A bar that is full at level 1 and empty at 0.
 
     Args:
@@ -33,13 +66,14 @@ def bar(level: jax.Array, rows: int, width: int, kind: ImageKind) -> jax.Array:
         rows: rows of the strip, at least 3.
         width: its columns.
         kind: `"rgb"` for uint8[rows, width, 3], `"gray"` for uint8[rows, width].
+        levels: its colours.
     """
     rim = np.ones((rows, width), bool)
     rim[1:-1, 1:-1] = False
     inner = max(width - 2, 1)
     filled = (np.arange(width, dtype=np.float32) - 0.5) / np.float32(inner) < level
-    colour = jnp.asarray(LEVELS[-1][1], jnp.uint8)
-    for bound, paint in reversed(LEVELS[:-1]):
+    colour = jnp.asarray(levels[-1][1], jnp.uint8)
+    for bound, paint in reversed(levels[:-1]):
         colour = jnp.where(level <= bound, jnp.asarray(paint, jnp.uint8), colour)
     row = jnp.where(filled[:, None], colour[None], jnp.asarray(EMPTY, jnp.uint8)[None])
     strip = jnp.where(rim[..., None], jnp.asarray(RIM, jnp.uint8)[None, None], row[None])

@@ -177,7 +177,7 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
     ) -> tuple[ShooterState, dict[str, jax.Array]]:
         """The state after the player, if able to, has taken what it needs; and how much."""
         reach = state.left & self.touches(state, self.supplies) & able
-        trigger, most = state.trigger, max(self.ammo, self.most_ammo)
+        trigger, most = state.trigger, self._most_ammo
         healing = reach & self.medkits & (state.health < FULL_HEALTH)
         loading = reach & ~self.medkits & (trigger.ammo < most)
         healed, loaded = (jnp.sum(taken, dtype=jnp.int32) for taken in (healing, loading))

@@ -13,10 +13,14 @@ import numpy as np
 
 from ...about import Event
 from ...engine.scene import Theme
+from ...engine.shade import ImageKind
 from ...environment import Info, Params
+from ...errors import SettingError
 from ...maps.things import RGB
 from ...spaces import Box
 from ..health import FULL_HEALTH
+from ..hud import AMMUNITION, bar, check_overlay, check_strip, strip_rows
+from . import hands
 from .look import Picture, doom_theme
 from .scenario import DoomScenario, DoomState
 from .shots import along, first_body
@@ -47,7 +51,17 @@ P = TypeVar("P", bound=Params)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomShooter(DoomScenario[S, P]):
-    """Base of scenarios in which the player shoots at bodies."""
+    """Base of scenarios in which the player shoots at bodies.
+
+    Attributes:
+        hud: show health and ammunition as bars in a strip below the view, which then is as much
+            lower; for images of colours or greys.
+        show_weapon: show the weapon in the player's hands, and the flash of its shots, as the game
+            does by default; likewise.
+    """
+
+    hud: bool = False
+    show_weapon: bool = False
 
     weapon: ClassVar[Weapon] = PISTOL
     ammo: ClassVar[int] = 50
@@ -60,6 +74,14 @@ class DoomShooter(DoomScenario[S, P]):
     ceiling: ClassVar[RGB]
     # The label of each of `game_things`, of which there may be more pictures than one.
     thing_labels: ClassVar[tuple[int, ...]]
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_strip(self.hud, self.observation, self.height)
+        check_overlay("show_weapon", self.show_weapon, self.observation)
+        if self.show_weapon and not self._most_ammo:
+            raise SettingError(f"show_weapon=True: there is no weapon in {self.name!r}")
 
     @property
     @abc.abstractmethod
@@ -124,6 +146,28 @@ class DoomShooter(DoomScenario[S, P]):
         """float32[L, 4]: walls that can stand between two places of the room: none here."""
         return np.zeros((0, 4), np.float32)
 
+    @property
+    def view_height(self) -> int:
+        """Rows of the image above the strip."""
+        return self.height - strip_rows(self.height) if self.hud else self.height
+
+    def draw(self, state: S, params: P, kind: ImageKind) -> jax.Array:
+        """Add the weapon and the strip."""
+        image = super().draw(state, params, kind)
+        if self.show_weapon:
+            image = hands.show(image, self.weapon, state.trigger, kind)
+        return jnp.concatenate([image, self._strip(state, kind)]) if self.hud else image
+
+    def _strip(self, state: S, kind: ImageKind) -> jax.Array:
+        """Health at the left and, where there is any, ammunition at the right."""
+        rows, most = strip_rows(self.height), self._most_ammo
+        right = self.width // 2 if most else 0
+        health = bar(state.health / FULL_HEALTH, rows, self.width - right, kind)
+        if not right:
+            return health
+        ammo = bar(state.trigger.ammo / most, rows, right, kind, AMMUNITION)
+        return jnp.concatenate([health, ammo], axis=1)
+
     def describe(self, state: S, params: P) -> Info:
         """Add health and ammunition."""
         told = {"health": state.health, "ammo": state.trigger.ammo}
@@ -142,5 +186,10 @@ class DoomShooter(DoomScenario[S, P]):
     @property
     def _most(self) -> dict[str, int]:
         """The most that each variable can be."""
-        ammo = max(self.ammo, self.most_ammo)
+        ammo = self._most_ammo
         return {"health": FULL_HEALTH} | ({"ammo": ammo} if ammo else {})
+
+    @property
+    def _most_ammo(self) -> int:
+        """The most shots that there can be."""
+        return max(self.ammo, self.most_ammo)

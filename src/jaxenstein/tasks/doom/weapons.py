@@ -30,6 +30,7 @@ class Weapon:
             all shots of a held trigger but the first; 0 if there is none.
         speed: of the rockets that it fires, map units a tic; 0 if it fires bullets.
         locks: whether it stays locked until ATTACK is released once it is drawn.
+        look: what it looks like in the player's hands, one of `hands.LOOKS`.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Weapon:
     spread: int = 0
     speed: int = 0
     locks: bool = False
+    look: str = "pistol"
 
     def damage(self, byte: jax.Array) -> jax.Array:
         """int32[]: of one hit, from a random byte."""
@@ -49,7 +51,15 @@ class Weapon:
 
 PISTOL = Weapon("pistol", shot=4, again=14, ready=19, dice=5, sides=3, spread=18)
 ROCKET_LAUNCHER = Weapon(
-    "rocket launcher", shot=8, again=20, ready=20, dice=20, sides=8, speed=20, locks=True
+    "rocket launcher",
+    shot=8,
+    again=20,
+    ready=20,
+    dice=20,
+    sides=8,
+    speed=20,
+    locks=True,
+    look="rocket launcher",
 )
 
 
