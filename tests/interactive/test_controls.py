@@ -52,6 +52,33 @@ def test_keys_without_a_meaning_do_nothing() -> None:
     assert controls.take(0.0) is None
 
 
+def test_keys_together_are_the_action_that_takes_both() -> None:
+    """As of Doom's tasks with buttons="all"; where there is none, they take turns."""
+    names = ("nothing", "attack", "turn left", "turn left + attack", "turn right")
+    assert keys_of(names)["turn left + attack"] == ()
+    controls = Controls(names, FPS)
+    controls.press("a", 0.0)
+    controls.press("space", 0.05)
+    assert {action for _, action in played(controls, 0.0, 0.95)} == {3}
+    controls.release("a")
+    assert {action for _, action in played(controls, 1.0, 0.95)} == {1}
+    # There is no action for turning right and shooting, and the two directions exclude each other.
+    controls.press("d", 2.0)
+    assert {action for _, action in played(controls, 2.0, 0.95)} == {1, 4}
+    controls.release("space")
+    controls.press("a", 3.0)
+    assert {action for _, action in played(controls, 3.01, 0.9)} == {2}
+
+
+def test_taps_that_wait_together_are_one_action() -> None:
+    """As a terminal tells them: released at once."""
+    controls = Controls(("attack", "turn left", "turn left + attack"), FPS)
+    for key in ("space", "a"):
+        controls.press(key, 0.0)
+        controls.release(key)
+    assert [action for _, action in played(controls, 0.0, 0.5)] == [2]
+
+
 def test_unknown_actions_get_digits() -> None:
     names = ("jump", "forward", "duck")
     assert keys_of(names) == {"jump": ("1",), "forward": ("w", "up"), "duck": ("2",)}

@@ -30,15 +30,23 @@ OPPOSITES = {
     "move left": "move right",
     "move right": "move left",
 }
+# Between the names of actions that one action takes at once, as of `buttons="all"` of Doom's tasks.
+AND = " + "
 # Seconds for which a key must be held before it acts again: a tap is one step.
 HOLD = 0.2
 
 
 def keys_of(action_names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """The keys of each action, by its name; actions that nobody foresaw get the keys 1 to 9."""
+    """The keys of each action, by its name; actions that nobody foresaw get the keys 1 to 9.
+
+    Those that take several others at once have none: they come of their keys together.
+    """
     digits = iter("123456789")
     found: dict[str, tuple[str, ...]] = {}
     for name in action_names:
+        if AND in name:
+            found[name] = ()
+            continue
         taken = {key for keys in found.values() for key in keys}
         keys = tuple(key for key in ACTION_KEYS.get(name, ()) if key not in taken)
         found[name] = keys or tuple(digit for digit in (next(digits, None),) if digit)
@@ -49,8 +57,9 @@ class Controls:
     """The keys pressed and held, as actions at a limited rate.
 
     A press is one action; when it comes while an earlier one of the same action still waits for
-    its turn, the two are one. A key that is held repeats. Several that are held take turns, which
-    walks in curves; of two opposite ones the later one counts.
+    its turn, the two are one. A key that is held repeats. Several that are held are one action
+    where there is one that takes them at once; else they take turns, which walks in curves. Of two
+    opposite ones the later one counts.
     """
 
     def __init__(self, action_names: Sequence[str], fps: float) -> None:
@@ -67,6 +76,10 @@ class Controls:
             index[name]: index[other]
             for name, other in OPPOSITES.items()
             if name in index and other in index
+        }
+        self._names = tuple(action_names)
+        self._together = {
+            frozenset(name.split(AND)): i for i, name in enumerate(action_names) if AND in name
         }
         self._interval = 1 / fps
         self._waiting: list[int] = []
@@ -109,13 +122,27 @@ class Controls:
             late = now - self._ready
             self._ready = now + self._interval - (late if late < self._interval else 0.0)
             self._turns = [*(turn for turn in self._turns if turn != action), action]
+            action = self._joined(action)
         return action
+
+    def _joined(self, action: int) -> int:
+        """The action that takes this one and those of all other keys at once, if there is one."""
+        down = [self._actions[key] for key in self._held]
+        asked = _unopposed([*down, *self._waiting, action], self._opposite)
+        both = self._together.get(frozenset(self._names[one] for one in asked))
+        if both is None:
+            return action
+        self._waiting = [one for one in self._waiting if one not in asked]
+        return both
 
     def _repeated(self, now: float) -> int | None:
         held = [self._actions[key] for key, start in self._held.items() if start <= now]
-        held = [
-            action for i, action in enumerate(held) if self._opposite.get(action) not in held[i:]
-        ]
+        held = _unopposed(held, self._opposite)
         if not held:
             return None
         return min(held, key=lambda a: self._turns.index(a) if a in self._turns else -1)
+
+
+def _unopposed(actions: Sequence[int], opposite: dict[int, int]) -> list[int]:
+    """The actions without those of which a later one is the opposite."""
+    return [one for i, one in enumerate(actions) if opposite.get(one) not in actions[i:]]
