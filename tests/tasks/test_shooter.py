@@ -19,8 +19,7 @@ from jaxenstein.tasks.doom.lattice import rasterise
 from jaxenstein.tasks.doom.look import MONSTERS
 from jaxenstein.tasks.doom.outline import outline
 from jaxenstein.tasks.doom.walls import DoomMap
-from jaxenstein.tasks.doom.weapons import ROCKET_LAUNCHER
-from jaxenstein.tasks.shooter import KINDS, Kind, Shooter, Weapon
+from jaxenstein.tasks.shooter import KINDS, ROCKET_LAUNCHER, Kind, Shooter, Weapon
 
 SIZE: dict[str, Any] = {"height": 12, "width": 16, "autoreset": None}
 # The way east: a medkit, ammunition, the goal; a zombie behind a wall.
@@ -103,7 +102,7 @@ def test_monsters_have_no_place_in_other_maps() -> None:
 
 
 class Armed(Shooter):
-    """With rockets, which there are none of yet."""
+    """With rockets."""
 
     weapon: ClassVar[Weapon] = ROCKET_LAUNCHER
 
@@ -115,8 +114,6 @@ class Stranger(Shooter):
 
 
 def test_settings_that_cannot_be() -> None:
-    with pytest.raises(SettingError, match="fires bullets, not rockets as 'rocket launcher'"):
-        Armed(text=DEN)
     with pytest.raises(SettingError, match=r"no pictures of the monster 'ghost'.*zombie"):
         Stranger(text=DEN)
     with pytest.raises(SettingError, match="no kind for the symbol 'i'"):
@@ -240,3 +237,76 @@ def test_a_monster_ahead_is_seen() -> None:
     # Its trunk, straight ahead and just below the eye; the walls on either side are nearer.
     assert (np.asarray(obs)[24:26, 31:33] == ZOMBIE.label).all()
     assert (np.asarray(obs)[:, [0, 63]] != ZOMBIE.label).all()
+
+
+def test_looks_are_drawn_as_on_other_maps() -> None:
+    env = Shooter(text=DEN, heading=0, look="random", height=24, width=32)
+    reset = jax.jit(jax.vmap(lambda key: env.reset(key, env.check_params())))
+    obs, states = reset(jax.random.split(jax.random.key(0), 3))
+    assert len(set(np.asarray(states.look).tolist())) == 3
+    seen = np.asarray(obs)
+    assert (seen[0] != seen[1]).any()
+    assert (seen[1] != seen[2]).any()
+    # The zombie has its own colours.
+    np.testing.assert_array_equal(seen[0, 12, 15:17], seen[1, 12, 15:17])
+
+
+@pytest.fixture(scope="module")
+def gallery() -> Any:
+    """Two zombies asleep ahead, one behind a wall; a function that fires once and waits."""
+    env = Armed(text="#########\n#S...zz.#\n#########\n#....z..#\n#########", heading=0, **SIZE)
+    params = env.check_params()
+
+    @jax.jit
+    def play(state: Any, key: jax.Array) -> Any:
+        def step(state: Any, given: Any) -> Any:
+            tic, key = given
+            action = jnp.where(tic == 0, env.index_of("attack"), 0)
+            after, _, _, info = env.advance(key, state, action, params)
+            return after, (info, after.rockets, after.creatures.health, after.health)
+
+        given = jnp.arange(40), jax.random.split(key, 40)
+        return jax.lax.scan(step, state, given)[1]
+
+    state = env.first_state(jax.random.key(0), params)
+    # Nobody looks, moves or hears before the rocket is there.
+    asleep = state.creatures.replace(tics=jnp.full(3, 1000, jnp.int32))
+    strong = asleep.replace(health=jnp.full(3, 1000, jnp.int32))
+    key = jax.random.key(0)
+    return state.replace(creatures=strong), lambda state: jax.device_get(play(state, key))
+
+
+def test_a_rocket_flies_hits_and_hurts_all_around_but_not_behind_walls(gallery: Any) -> None:
+    state, play = gallery
+    info, rockets, health, own = play(state)
+    # It leaves in tic 8, half a tic ahead, and flies 20 units a tic.
+    assert np.flatnonzero(info["shots"]).tolist() == [8]
+    x = rockets.position[8:, 0, 0] / ONE
+    assert x[:5].tolist() == [96 + 30 + 20 * tic for tic in range(5)]
+    # The first zombie's middle is at 352: the boxes meet nearer than 20 + 11, in thirds of a tic.
+    path = 96 + 10 + 20 / 3 * np.arange(1, 60)
+    end = path[np.flatnonzero(path > 352 - 31)[0]]
+    tic = int(np.flatnonzero(~rockets.flies[8:, 0])[0]) + 8
+    assert rockets.position[tic, 0, 0] / ONE == pytest.approx(end, abs=0.01)
+    assert (health[:tic] == 1000).all()
+    lost = 1000 - health[tic]
+    # A hit is 20 times a die of eight; the blast is 128 less the distance to a body's side.
+    hit, rest = divmod(lost[0] - (128 - int(352 - 20 - end)), 20)
+    assert 1 <= hit <= 8
+    assert rest == 0
+    assert lost[1] == 128 - int(416 - 20 - end)
+    assert lost[2] == 0
+    assert (health[tic : tic + 8] == health[tic]).all()
+    assert (own[: tic + 1] == 100).all()
+
+
+def test_who_fires_at_a_wall_nearby_is_hurt(gallery: Any) -> None:
+    state, play = gallery
+    turned = state.replace(angle=jnp.uint32(1 << 31))
+    info, rockets, _, own = play(turned)
+    # The wall is 32 units behind the start, 16 from the player's side.
+    tic = int(np.flatnonzero(~rockets.flies[8:, 0])[0]) + 8
+    assert tic == 8
+    end = rockets.position[tic, 0, 0] / ONE
+    assert own[tic] == max(100 - (128 - max(int(abs(96 - end) - 16), 0)), 0) == 0
+    assert info["died"][tic]

@@ -16,22 +16,24 @@ import numpy as np
 
 from ..about import About, Event
 from ..environment import Info
-from ..errors import SettingError
 from ..params import Scalar, number
 from .doom.arena import DoomArenaParams
-from .doom.creatures import Creatures, placed
+from .doom.blasts import MOST, exploded, launched
+from .doom.creatures import Creatures, hurt, placed
+from .doom.dice import byte
 from .doom.drawn_arena import KINDS, DrawnArena, DrawnState
 from .doom.hunting import HUNT
 from .doom.kinds import Kind, standing
 from .doom.projectiles import no_projectiles
 from .doom.shooter import EVENTS
-from .doom.weapons import PISTOL, Weapon
+from .doom.weapons import PISTOL, ROCKET_LAUNCHER, Weapon
 from .draws import draw_index
 from .health import FULL_HEALTH
 
 __all__ = [
     "KINDS",
     "PISTOL",
+    "ROCKET_LAUNCHER",
     "Kind",
     "Shooter",
     "ShooterParams",
@@ -82,6 +84,7 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
     A subclass changes what it likes: `weapon`, `ammo`, `monsters`, `button_names`, `won`, `reward`.
     Monsters look anywhere at first, and stay where they are until they see the player before them
     or hear a shot. Medkits and ammunition are taken by walking over them while they are needed.
+    Rockets, where the weapon fires them, hurt all around where they burst, the player too.
 
     Attributes:
         text: the map, as for `from_ascii`, with the symbols of `KINDS`, `+` for medkits and `=`
@@ -92,8 +95,8 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
     Raises:
         MapError: with line and column of what is wrong with the map; or it has no monster, or more
             than `MOST_MONSTERS`, or more than `MOST_TILES` columns or rows.
-        SettingError: a setting is out of range, the weapon fires rockets, or a kind of monster
-            has a name for which there are no pictures.
+        SettingError: a setting is out of range, or a kind of monster has a name for which there
+            are no pictures.
     """
 
     weapon: ClassVar[Weapon] = PISTOL
@@ -101,14 +104,6 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
     most_ammo: ClassVar[int] = 100
     # What success means, in words that follow "the agent"; "" for what the map says.
     aim: ClassVar[str] = ""
-
-    def __post_init__(self) -> None:
-        """Check the settings and the map."""
-        super().__post_init__()
-        if self.weapon.speed:
-            raise SettingError(
-                f"the weapon of a shooter fires bullets, not rockets as {self.weapon.name!r} does"
-            )
 
     @property
     def default_params(self) -> ShooterParams:
@@ -126,6 +121,7 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
             kills=jnp.int32(0),
             balls=no_projectiles(self.most_balls),
             left=jnp.ones(len(self.supplies), bool),
+            rockets=no_projectiles(MOST if self.weapon.speed else 0),
         )
 
     def _asleep(self, bits: jax.Array, params: ShooterParams) -> Creatures:
@@ -145,9 +141,11 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
         self, key: jax.Array, state: ShooterState, action: jax.Array, params: ShooterParams
     ) -> tuple[ShooterState, jax.Array, jax.Array, Info]:
         """Fight, take what lies there, and look whether the aim is reached."""
-        fight_key, ball_key = jax.random.split(key)
+        fight_key, ball_key, rocket_key = jax.random.split(key, 3)
         before, hits = state, jnp.zeros(0, bool)
         state, fought = self.fight(fight_key, state, action, params)
+        if self.weapon.speed:
+            state = self._fly(rocket_key, state, fought.fires, params)
         if self.most_balls:
             state, hits = self.burn(ball_key, state, fought, params)
         dead = state.health <= 0
@@ -156,6 +154,22 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
         events = {"shots": fought.fires.astype(jnp.int32), "kills": state.kills - before.kills}
         events |= {"hits": jnp.sum(hits, dtype=jnp.int32), **took, "won": won, "died": dead}
         return state, self.reward(before, state, won, params), dead | won, events
+
+    def _fly(
+        self, key: jax.Array, state: ShooterState, fires: jax.Array, params: ShooterParams
+    ) -> ShooterState:
+        """The state after a tic of the player's rockets, one more if bool[] it fires."""
+        bits = jax.random.bits(key, (MOST + len(self.roster),), jnp.uint32)
+        origin, creatures = state.fixed_position, state.creatures
+        rockets = launched(state.rockets, self.weapon, fires, origin, state.angle)
+        direct = self.weapon.damage(byte(bits[:MOST], 0))
+        rockets, lost, dealt = exploded(
+            rockets, self.roster, creatures, origin, direct, self.opaque_walls
+        )
+        after = hurt(self.roster, creatures, dealt, bits[MOST:])
+        killed = jnp.sum(creatures.living & ~after.living, dtype=jnp.int32)
+        state = state.replace(rockets=rockets, creatures=after, kills=state.kills + killed)
+        return self.suffer(state, rockets.position, lost, params)
 
     def won(self, state: ShooterState) -> jax.Array:
         """bool[]: whether the aim is reached, which ends the episode: a goal, or all are dead."""

@@ -48,8 +48,17 @@ from .kinds import (
     Roster,
 )
 from .lattice import Tiles
-from .look import AMMUNITION_BOX, GOAL_STAR, MEDKIT_BOX, MONSTERS, Picture, doom_theme
+from .look import (
+    AMMUNITION_BOX,
+    GOAL_STAR,
+    MEDKIT_BOX,
+    MONSTERS,
+    ROCKETS,
+    Picture,
+    doom_theme,
+)
 from .outline import outline
+from .projectiles import Projectiles
 from .shots import segments
 from .walls import DoomMap
 
@@ -81,9 +90,11 @@ class DrawnState(DoomFireState):
 
     Attributes:
         left: bool[M], which of them still lie there.
+        rockets: the player's, if its weapon fires any.
     """
 
     left: jax.Array
+    rockets: Projectiles
 
 
 S = TypeVar("S", bound=DrawnState)
@@ -107,6 +118,7 @@ class DrawnArena(DoomFireArena[S, P]):
     # Whether monsters react at once and strike without pausing, as in the game's highest skill.
     fast: ClassVar[bool] = False
     unit: ClassVar[int] = TILE
+    takes_patterns: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = (
         MOVE_LEFT,
         MOVE_RIGHT,
@@ -221,6 +233,14 @@ class DrawnArena(DoomFireArena[S, P]):
         own, other = np.array(RADIUS, np.int32), np.array(_THING, np.int32)
         return overlap(state.fixed_position[None], own, jnp.asarray(places), other)
 
+    def struck(
+        self, origin: jax.Array, towards: jax.Array, places: jax.Array, there: jax.Array
+    ) -> jax.Array:
+        """bool[N]: the body that a bullet hits first; rockets hit later."""
+        if self.weapon.speed:
+            return jnp.zeros(there.shape, bool)
+        return super().struck(origin, towards, places, there)
+
     # What stands on it.
 
     @functools.cached_property
@@ -256,8 +276,8 @@ class DrawnArena(DoomFireArena[S, P]):
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
-        """Of monsters and fireballs, then of what lies there."""
-        return (*super().pictures, *_EXTRAS)
+        """Of monsters and fireballs, of what lies there, and of rockets."""
+        return (*super().pictures, *_EXTRAS, *(ROCKETS if self.weapon.speed else ()))
 
     @functools.cached_property
     def theme(self) -> Theme:
@@ -272,13 +292,17 @@ class DrawnArena(DoomFireArena[S, P]):
         )
 
     def things(self, state: S) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """Monsters, fireballs, what lies there, and the goals."""
+        """Monsters, fireballs, what lies there, the goals, and rockets."""
         places, looks, present = super().things(state)
-        first = len(self.pictures) - len(_EXTRAS)
+        first, rockets = len(super().pictures), state.rockets
         goals = self.places(self.tilemap.goals)
+        rocket = np.int32(first + len(_EXTRAS))
         kinds = np.append(np.where(self.medkits, 0, 1), np.full(len(goals), 2)) + first
+        fixed = [jnp.asarray(self.supplies), jnp.asarray(goals)]
+        kept = [state.left, jnp.ones(len(goals), bool)]
+        flying = jnp.where(rockets.flies, rocket, rocket + 1)
         return (
-            jnp.concatenate([places, jnp.asarray(self.supplies), jnp.asarray(goals)]),
-            jnp.concatenate([looks, jnp.asarray(kinds.astype(np.int32))]),
-            jnp.concatenate([present, state.left, jnp.ones(len(goals), bool)]),
+            jnp.concatenate([places, *fixed, rockets.position]),
+            jnp.concatenate([looks, jnp.asarray(kinds.astype(np.int32)), flying]),
+            jnp.concatenate([present, *kept, rockets.flies | (rockets.bursts > 0)]),
         )

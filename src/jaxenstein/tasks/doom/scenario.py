@@ -79,13 +79,15 @@ class DoomScenario(FirstPerson[S, P]):
     # What the game calls the things of each look, and whether success is to see the time limit.
     game_things: ClassVar[tuple[str, ...]]
     wins_by_time: ClassVar[bool] = False
+    # Whether the tiles are large enough for patterns on walls and floor.
+    takes_patterns: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
         if self.buttons not in get_args(ButtonsAtOnce):
             raise SettingError(f"buttons must be 'single' or 'all', not {self.buttons!r}")
-        if self.look != "plain":
+        if self.look != "plain" and not self.takes_patterns:
             raise SettingError(
                 "look must be 'plain' in Doom's scenarios, whose tiles are too small for "
                 f"patterns, not {self.look!r}"
