@@ -131,9 +131,8 @@ def fidelity(family: Family) -> str:
     found = [body for title, body in _parts(text) if family.original in re.split(r"[\s,`]+", title)]
     if not found:
         return ""
-    # The links of that file are relative to its own folder, and its headings one level up.
+    # The links of that file are relative to its own folder.
     body = re.sub(r"\]\((?![a-z]+:|#)", "](../", "\n\n".join(found))
-    body = re.sub(r"^(#+) ", r"#\1 ", body, flags=re.MULTILINE)
     return f"## How it differs from its original\n\n{body}\n\nFrom [Fidelity](../fidelity.md).\n"
 
 
