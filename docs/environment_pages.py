@@ -228,10 +228,14 @@ def ending(name: str) -> str:
 def params_table(family: Family) -> str:
     """The params of a family: their meanings, and their values."""
     values = [built(name)[1] for name in family.ids]
+    # The params of one may have more than those of another.
+    meanings = {k: v for params in values[::-1] for k, v in attributes(type(params)).items()}
+    order = {field: None for params in values for field in attributes(type(params))}
     rows = []
-    for field, meaning in attributes(type(values[0])).items():
-        shown = {f"{np.asarray(getattr(params, field)).item():.6g}": None for params in values}
-        rows.append((f"`{field}`", ", ".join(shown), meaning))
+    for field in order:
+        numbers = [getattr(params, field) for params in values if hasattr(params, field)]
+        shown = {f"{np.asarray(value).item():.6g}": None for value in numbers}
+        rows.append((f"`{field}`", ", ".join(shown), meanings[field]))
     return table(("param", "default", "meaning"), rows)
 
 

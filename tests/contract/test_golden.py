@@ -12,7 +12,7 @@ import pytest
 import jaxenstein
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from reliability import golden
-from tests.contract.ids import IDS
+from tests.contract.ids import GOLDEN_IDS
 
 EPISODES = golden.load()
 # A small one, for what does not need all.
@@ -23,7 +23,7 @@ def test_every_id_has_a_golden_episode() -> None:
     assert list(EPISODES) == list(MAIN_IDS), golden.COMMAND
 
 
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("name", GOLDEN_IDS)
 def test_behaviour_is_that_of_the_version(name: str) -> None:
     problem = golden.problem(name, EPISODES[name])
     assert not problem, golden.message(name, problem)

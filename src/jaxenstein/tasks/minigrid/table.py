@@ -15,6 +15,9 @@ from ...environment import AnyEnvironment
 # A move of one cell, or a turn of 90 degrees, is about 1 / 0.15 of our steps.
 STEPS_A_MOVE = 1 / 0.15
 PREFIX = "minigrid-"
+# Of each kind of rule a small world, which is shown for those like it.
+_KEY, _LAVA, _WANDERERS = "door-key-6x6", "lava-crossing-s9n1", "dynamic-obstacles-6x6"
+_BOXES, _INSTRUCTION = "obstructed-maze-1dlhb", "put-near-6x6-n2"
 
 
 class Worlds(NamedTuple):
@@ -69,15 +72,21 @@ def _obstructed(visited: int, quarters: int, aside: bool, traits: str) -> tuple[
 
 WORLDS: tuple[Worlds, ...] = (
     Worlds(
+        "locked:DoorKey",
+        "a key, a locked door, and the goal behind it",
+        _KEY,
+        _square((5, 6, 8, 16), 10, "door-key-{size}x{size}"),
+    ),
+    Worlds(
         "open_worlds:FourRooms",
         "four rooms, start and goal anywhere",
-        "door-key-6x6",
+        _KEY,
         {"four-rooms": (100, {})},
     ),
     Worlds(
         "open_worlds:Empty",
         "an empty room, the goal in its corner",
-        "door-key-6x6",
+        _KEY,
         {
             **_square((5, 6, 8, 16), 4, "empty-{size}x{size}"),
             **_square((5, 6), 4, "empty-random-{size}x{size}", random_start=True),
@@ -86,7 +95,7 @@ WORLDS: tuple[Worlds, ...] = (
     Worlds(
         "multi_room:MultiRoom",
         "a chain of {rooms} rooms joined by doors, the goal in the last",
-        "door-key-6x6",
+        _KEY,
         {
             "multi-room-n2-s4": (40, {"rooms": 2, "room_size": 4}),
             "multi-room-n4-s5": (80, {"rooms": 4, "room_size": 5}),
@@ -96,31 +105,31 @@ WORLDS: tuple[Worlds, ...] = (
     Worlds(
         "open_worlds:Crossing",
         "streams of lava ({crossings}) to cross by gaps",
-        "door-key-6x6",
+        _LAVA,
         _crossings("lava-crossing", "lava"),
     ),
     Worlds(
         "open_worlds:Crossing",
         "walls ({crossings}) to cross by gaps",
-        "door-key-6x6",
+        _KEY,
         _crossings("simple-crossing", "wall"),
     ),
     Worlds(
         "open_worlds:LavaGap",
         "a stream of lava with one gap",
-        "door-key-6x6",
+        _LAVA,
         _square((5, 6, 7), 4, "lava-gap-s{size}"),
     ),
     Worlds(
         "open_worlds:DistShift",
         "two strips of lava, the second in row {strip_row}",
-        "door-key-6x6",
+        _LAVA,
         {f"dist-shift{i}": (252, {"strip_row": row}) for i, row in ((1, 2), (2, 5))},
     ),
     Worlds(
         "wanderers:DynamicObstacles",
         "a room in which balls wander ({obstacles}), which must not be walked into",
-        "door-key-6x6",
+        _WANDERERS,
         {
             f"dynamic-obstacles-{'random-' * start}{size}x{size}": (
                 4 * size**2,
@@ -137,30 +146,22 @@ WORLDS: tuple[Worlds, ...] = (
         },
     ),
     Worlds(
-        "locked:DoorKey",
-        "a key, a locked door, and the goal behind it",
-        "door-key-6x6",
-        _square((5, 6, 8, 16), 10, "door-key-{size}x{size}"),
-    ),
-    Worlds(
         "locked:LockedRoom",
         "six rooms at a hall, one locked, its key in another",
-        "door-key-6x6",
+        _KEY,
         {"locked-room": (190, {})},
     ),
     Worlds(
         "locked:RedBlueDoors",
         "open the red door, then the blue one",
-        "door-key-6x6",
+        _KEY,
         _square((6, 8), 20, "red-blue-doors-{size}x{size}"),
     ),
-    Worlds(
-        "rooms:Unlock", "a key, and a locked door to open", "door-key-6x6", {"unlock": (288, {})}
-    ),
+    Worlds("rooms:Unlock", "a key, and a locked door to open", _KEY, {"unlock": (288, {})}),
     Worlds(
         "rooms:UnlockPickup",
         "pick up the box behind a locked door",
-        "door-key-6x6",
+        _BOXES,
         {
             "unlock-pickup": (288, {"blocked": False}),
             "blocked-unlock-pickup": (576, {"blocked": True}),
@@ -169,7 +170,7 @@ WORLDS: tuple[Worlds, ...] = (
     Worlds(
         "mazes:KeyCorridorBall",
         "key-corridor by the source's rule: pick the ball up with empty hands",
-        "door-key-6x6",
+        _KEY,
         {
             f"key-corridor-s{size}r{rows}": (30 * size**2, {"room_size": size, "room_rows": rows})
             for size, rows in ((3, 1), (3, 2), (3, 3), (4, 3), (5, 3), (6, 3))
@@ -178,7 +179,7 @@ WORLDS: tuple[Worlds, ...] = (
     Worlds(
         "mazes:ObstructedMaze",
         "a ball behind locked doors, keys in boxes: {hidden}, balls before doors: {blocked}",
-        "door-key-6x6",
+        _BOXES,
         {
             **{f"obstructed-maze-1dl{t}": _obstructed(2, 0, False, t) for t in ("", "h", "hb")},
             **{f"obstructed-maze-2dl{t}": _obstructed(4, 1, True, t) for t in ("", "h", "hb")},
@@ -190,7 +191,7 @@ WORLDS: tuple[Worlds, ...] = (
     Worlds(
         "errands:Memory",
         "a thing in a room, and its like at one end of a crossing: memory",
-        "door-key-6x6",
+        _KEY,
         {
             **_square((7, 9, 11, 13), 5, "memory-s{size}"),
             **_square((13, 17), 5, "memory-s{size}-random", random_length=True),
@@ -199,7 +200,7 @@ WORLDS: tuple[Worlds, ...] = (
     Worlds(
         "errands:Fetch",
         "pick up the one of {objects} things that is asked for",
-        "door-key-6x6",
+        _INSTRUCTION,
         {
             f"fetch-{size}x{size}-n{count}": (5 * size**2, {"size": size, "objects": count})
             for size, count in ((5, 2), (6, 2), (8, 3))
@@ -208,19 +209,19 @@ WORLDS: tuple[Worlds, ...] = (
     Worlds(
         "errands:GoToDoor",
         "say done beside the door that is asked for",
-        "door-key-6x6",
+        _INSTRUCTION,
         _square((5, 6, 8), 4, "go-to-door-{size}x{size}"),
     ),
     Worlds(
         "errands:GoToObject",
         "say done beside the thing that is asked for",
-        "door-key-6x6",
+        _INSTRUCTION,
         _square((6, 8), 5, "go-to-object-{size}x{size}-n2"),
     ),
     Worlds(
         "errands:PutNear",
         "put one of {objects} things down near another, as asked",
-        "door-key-6x6",
+        _INSTRUCTION,
         {
             f"put-near-{size}x{size}-n{count}": (5 * size, {"size": size, "objects": count})
             for size, count in ((6, 2), (8, 3))
