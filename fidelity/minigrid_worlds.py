@@ -1,10 +1,12 @@
 """Worlds of the `minigrid-*` ids, MiniGrid's and ours, compared by their statistics.
 
-    python -m fidelity.minigrid_worlds [--resets N] [ID ...]
+    python -m fidelity.minigrid_worlds [--resets N] [--episodes N] [ID ...]
 
 Needs the `minigrid` extra. Tables are of where walls, doors, things and the start are, of their
-colours, and of what is asked for. The status is 1 if one differs by more than chance explains (5 %
-for all tables of all ids together).
+colours, of what is asked for, and of the fewest moves that solve a level where `minigrid_moves`
+counts them. The status is 1 if one differs by more than chance explains (5 % for all tables of all
+ids together). With `--episodes`, players who draw every action play as many in both, until the time
+is up: the share that solves them.
 """
 
 from __future__ import annotations
@@ -15,11 +17,16 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import numpy as np
 
+import jaxenstein
 from fidelity.frequencies import Observation, chances
+from fidelity.minigrid_moves import end_of, fewest_moves
 from jaxenstein.maps.symbols import DOOR_LABELS
 from jaxenstein.maps.things import COLOUR_NAMES
+from jaxenstein.players import UNIFORM, play
+from jaxenstein.tasks.minigrid.table import WORLDS
 
 SIGNIFICANCE = 0.05
 # What MiniGrid calls them, by our kinds of things.
@@ -110,46 +117,84 @@ def _add(found: Observation, table: str, place: str, kind: str, colour: str) -> 
 
 def samples(name: str, resets: int) -> tuple[list[Observation], list[Observation]]:
     """Levels of MiniGrid and of ours."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import gymnasium  # pyright: ignore[reportMissingImports]
-        import minigrid  # noqa: F401  # pyright: ignore[reportMissingImports]
-    import jax
-
-    import jaxenstein
-
-    env = gymnasium.make(original_id(name, list(gymnasium.registry))).unwrapped
+    env = original(name)
     theirs = []
     for reset in range(resets):
         env.reset(seed=0 if reset == 0 else None)
         theirs.append(from_minigrid(env, name))
-    world, params = jaxenstein.make(f"minigrid-{name}", height=8, width=8)
-    keys = jax.random.split(jax.random.key(1), resets)
-    states = jax.device_get(jax.jit(jax.vmap(lambda key: world.init_state(key, params)))(keys))
+    _, _, states = first_states(name, resets)
     ours = [from_ours(jax.tree.map(lambda leaf, i=i: leaf[i], states), name) for i in range(resets)]
+    if end := end_of(name):
+        for found in (*theirs, *ours):
+            found["moves"] = [str(fewest_moves(found, end))]
     return theirs, ours
+
+
+def original(name: str) -> Any:
+    """MiniGrid's environment."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import gymnasium  # pyright: ignore[reportMissingImports]
+        import minigrid  # noqa: F401  # pyright: ignore[reportMissingImports]
+    return gymnasium.make(original_id(name, list(gymnasium.registry))).unwrapped
+
+
+def first_states(name: str, count: int) -> tuple[Any, Any, Any]:
+    """Our environment, its params, and first states on the host."""
+    env: Any
+    env, params = jaxenstein.make(f"minigrid-{name}", height=8, width=8)
+    params = env.check_params(params)
+    keys = jax.random.split(jax.random.key(1), count)
+    reset = jax.jit(jax.vmap(lambda key: env.init_state(key, params)))
+    return env, params, jax.device_get(reset(keys))
+
+
+def by_chance(name: str, episodes: int) -> tuple[float, float]:
+    """The share of episodes that players who draw every action solve, in MiniGrid and here."""
+    env, rng, solved = original(name), np.random.default_rng(0), 0
+    # Nobody looks at the picture.
+    env.gen_obs = lambda: {}
+    for episode in range(episodes):
+        env.reset(seed=0 if episode == 0 else None)
+        over, reward = False, 0.0
+        while not over:
+            _, reward, terminated, truncated, _ = env.step(rng.integers(env.action_space.n))
+            over = terminated or truncated
+        solved += reward > 0
+    ours, params, states = first_states(name, episodes)
+    played = play(ours, UNIFORM, params, jax.random.key(2), states)
+    return solved / episodes, float((np.asarray(played.successes) > 0).mean())
+
+
+def compared(name: str, resets: int, ids: int) -> bool:
+    """Compare the levels of one of several ids, and print how; whether a table is beyond chance."""
+    both = samples(name, resets)
+    found = chances(*both)
+    if name.startswith(("multi-room", "go-to-door")):
+        del found["walls"]  # what lies outside of the rooms is solid here
+    beyond = [table for table, chance in found.items() if chance < SIGNIFICANCE / len(found) / ids]
+    shown = ", ".join(f"{table} {chance:.3f}" for table, chance in found.items())
+    moves = [np.mean([int(one["moves"][0]) for one in side]) for side in both if "moves" in found]
+    told = "; fewest moves {:.1f} and {:.1f}".format(*moves) if moves else ""
+    print(f"{name}: {shown}{told}; beyond chance: {', '.join(beyond) or 'none'}", flush=True)
+    return bool(beyond)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Compare and print; returns the exit status."""
-    from jaxenstein.tasks.minigrid.table import WORLDS
-
     every = [name for world in WORLDS for name in world.sizes]
     parser = argparse.ArgumentParser(description="Compare worlds with MiniGrid's.")
     parser.add_argument("ids", nargs="*", default=every, metavar="ID", help="without minigrid-")
     parser.add_argument("--resets", type=int, default=1000, help="levels a side (default 1000)")
+    parser.add_argument("--episodes", type=int, default=0, help="of players who act by chance")
     options = parser.parse_args(argv)
-    failed = False
-    for name in options.ids:
-        found = chances(*samples(name, options.resets))
-        if name.startswith(("multi-room", "go-to-door")):
-            del found["walls"]  # what lies outside of the rooms is solid here
-        limit = SIGNIFICANCE / len(found) / len(options.ids)
-        beyond = [table for table, chance in found.items() if chance < limit]
-        shown = ", ".join(f"{table} {chance:.3f}" for table, chance in found.items())
-        print(f"{name}: {shown}; beyond chance: {', '.join(beyond) or 'none'}", flush=True)
-        failed |= bool(beyond)
-    return int(failed)
+    failed = [
+        compared(name, options.resets, len(options.ids)) for name in options.ids if options.resets
+    ]
+    for name in options.ids if options.episodes else ():
+        theirs, ours = by_chance(name, options.episodes)
+        print(f"{name}: by chance {theirs:.1%} in MiniGrid, {ours:.1%} here", flush=True)
+    return int(any(failed))
 
 
 if __name__ == "__main__":
