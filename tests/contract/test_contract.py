@@ -24,6 +24,10 @@ from jaxenstein.tasks.health import HealthTask
 from jaxenstein.tasks.health_gathering import HealthGathering
 from jaxenstein.tasks.key_corridor import KeyCorridor
 from jaxenstein.tasks.memory_maze import MemoryMaze
+from jaxenstein.tasks.minigrid.aims import DROP
+from jaxenstein.tasks.minigrid.errands import PutNear
+from jaxenstein.tasks.minigrid.rooms import PickUpWorld
+from jaxenstein.tasks.minigrid.state import HELD
 from jaxenstein.tasks.minigrid.world import GridWorld
 from jaxenstein.tasks.miniworld.collect_health import CollectHealth
 from jaxenstein.tasks.miniworld.reach_box import ReachBox
@@ -175,10 +179,34 @@ def about_to_end(env, state):
         return state.replace(position=state.things[0])
     if isinstance(env, MemoryMaze):
         return state.replace(position=state.things[state.wanted])
+    if isinstance(env, PutNear):
+        return about_to_put(env, state)
+    if isinstance(env, PickUpWorld):
+        return in_hand(env, state)
     if isinstance(env, GridWorld):
         row, column = np.argwhere(np.asarray(env.aim(state).tiles))[0]
         return state.replace(position=jnp.asarray([column + 0.5, row + 0.5], jnp.float32))
     return state.replace(position=jnp.asarray(env.tilemap.goals[state.goal], jnp.float32) + 0.5)
+
+
+def in_hand(env, state):
+    """The state with what is asked for in the hand."""
+    place = jnp.where(env.asked_for(state), HELD, state.things.place)
+    return state.replace(things=state.things.replace(place=place))
+
+
+def about_to_put(env, state):
+    """The state with what is asked for in the hand, before a tile beside the other thing."""
+    state = in_hand(env, state)
+    lies = np.asarray(env.tiles_of(state, state.things.lying))
+    free = (np.asarray(state.level.walls[0]) == 0) & ~lies
+    for row, column in np.argwhere(np.asarray(env.aim(state).tiles)).tolist():
+        for quarter, (right, down) in enumerate(((1, 0), (0, 1), (-1, 0), (0, -1))):
+            if free[row - down, column - right]:
+                place = [column - right + 0.5, row - down + 0.5]
+                heading = jnp.float32(quarter * np.pi / 2)
+                return state.replace(position=jnp.asarray(place, jnp.float32), heading=heading)
+    raise AssertionError("there is no place beside the other thing")
 
 
 @pytest.mark.parametrize("limit", [False, True], ids=["in time", "at the limit"])
@@ -200,7 +228,8 @@ def test_truth_table_of_ends(name, ending, limit):
             *single,
         )
     at = int(states.time[0]) + (1 if limit else 2)
-    standing = np.full_like(actions, -1)
+    # Something is put down by an action alone.
+    standing = np.full_like(actions, DROP if ending and isinstance(env, PutNear) else -1)
     params = params.replace(max_steps_in_episode=jnp.int32(at))
     _, after, _, terminated, truncated, info = play(keys, states, standing, params)
     ends = ending and env.about().ends != ""
