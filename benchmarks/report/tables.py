@@ -154,6 +154,17 @@ TABLES: Mapping[str, Table] = {
         ),
         rows=_adapters,
     ),
+    "resets": Table((TITLE, *RATES, ratio("of a step"))),
+    "starts": Table(
+        (
+            TITLE, Column("s", lambda row: number(1 / row["rates"]["median"])),
+            Column("x import jax", lambda row: number(1 / row["ratios"]["of import jax"])),
+        )
+    ),
+    "updates": Table(
+        (TITLE, *RATES[:2], ratio("of the products"),
+         column("MiB", "memory_bytes", form=whole, unit=MIB)),
+    ),
     "training-compare": Table(
         (
             ID, column("environments", "envs"), *RATES[:2], ratio("x RecurrentPPO"),

@@ -6,8 +6,8 @@ seconds. End of input ends it. Any interpreter can run it that has what the subj
 
 A name is a kind, a number of environments where the kind has one, and options, such as
 `scan-64 id=key-door size=84x84`. The kinds are those of `own.py`, `peers.py` (`vizdoom-...`,
-`envpool-B`, `miniworld`), `adapters.py` (`adapter-KIND-B`) and `sb3.py`, with their options.
-Options that a subject does not know only make its name another one.
+`envpool-B`, `miniworld`), `adapters.py` (`adapter-KIND-B`), `sb3.py` and `waits.py`, with their
+options. Options that a subject does not know only make its name another one.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from benchmarks.subjects.common import Chunk
 # Of those kinds that are not in `own.py`: the module, by their first word.
 MODULES = {"vizdoom": "peers", "envpool": "peers", "miniworld": "peers"}
 MODULES |= {"adapter": "adapters", "sb3": "sb3"}
+MODULES |= dict.fromkeys(("reset", "start", "training", "products"), "waits")
 # Packages whose versions are told where they are loaded: by module.
 PACKAGES = {
     **{name: name for name in ("jax", "jaxlib", "numpy", "gymnasium", "vizdoom", "envpool")},

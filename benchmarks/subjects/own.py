@@ -6,8 +6,7 @@
 - `frames-B`, `keep-B`, `fill-B`: frames alone, frames kept, and only writing as many bytes;
 - `rules-B`: as `scan-B`, without frames;
 - `stage-B stage=NAME`: one stage of a step (`stages.py`);
-- `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`);
-- `training-B`: whole updates of recurrent PPO; option `rollout`, steps of an update.
+- `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`).
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ from benchmarks.subjects.common import (
     ENVIRONMENT_ID,
     SIZE,
     STEPS_A_CALL,
-    TRAINED_STEPS,
     Chunk,
     Options,
     Subjects,
@@ -39,7 +37,6 @@ from benchmarks.subjects.frames import FRAMES_KEPT, make_frames, make_keeping_ro
 from benchmarks.subjects.stages import make_stage
 from jaxenstein.speed.random_rollout import make_random_rollout
 
-notes: dict[str, str] = {}
 # Options that are settings of the environments, with their types.
 SETTINGS: dict[str, Callable[[str], Any]] = {"observation": str, "frame_skip": int, "buttons": str}
 
@@ -174,28 +171,6 @@ def loop(batch: int, options: Options, asynchronous: bool = False) -> Chunk:
     return chunk
 
 
-def training(batch: int, options: Options) -> Chunk:
-    """Recurrent PPO, from environment to update in one compiled program."""
-    from jaxenstein.baselines import Config, Learner
-
-    config = Config(
-        algo="ppo",
-        num_envs=batch,
-        rollout=int(options.get("rollout", "128")),
-        minibatches=min(4, batch),
-        total_steps=TRAINED_STEPS,
-    )
-    # On an accelerator if there is one, as PyTorch does; JAX must not run before.
-    jax.config.update("jax_platforms", None)
-    env, params = jaxenstein.make(ENVIRONMENT_ID, height=SIZE, width=SIZE)
-    learner = Learner(env, params, config)
-    state = learner.init(jax.random.key(0))
-    notes["device"] = jax.devices()[0].device_kind
-    notes["parameters"] = f"{sum(leaf.size for leaf in jax.tree.leaves(state.params)):,}"
-    update = jax.jit(lambda state: learner.train_chunk(state, None, 1)[0])
-    return repeat(update, state, config.steps_per_update)
-
-
 SUBJECTS: Subjects = {
     "scan": scan,
     "loop": loop,
@@ -206,5 +181,4 @@ SUBJECTS: Subjects = {
     "fill": fill,
     "stage": stage,
     "spread": spread,
-    "training": training,
 }

@@ -61,6 +61,17 @@ class Plan:
     skips: tuple[int, ...] = (1, 4)
     trained: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256)
     adapter_envs: tuple[int, ...] = (64, 1024)
+    # Those whose resets and first frames are waited for.
+    waits: tuple[str, ...] = (
+        "my-way-home",
+        "health-gathering",
+        "key-corridor",
+        "memory-maze-9x9",
+        "minigrid-door-key-8x8",
+        "doom-my-way-home",
+    )
+    # Of trainings: the environments side by side.
+    learners: int = 64
     # Of the adapters' partners, whose environments to measure in.
     partners: tuple[str, ...] = ("gymnasium", "gymnax", "stoa", "brax", "sb3")
 
@@ -76,6 +87,8 @@ QUICK = Plan(
     maps=(9, 32),
     sprites=(1, 16),
     trained=(2,),
+    waits=("my-way-home",),
+    learners=4,
     adapter_envs=(16,),
     partners=("gymnasium",),
 )
@@ -190,6 +203,47 @@ def training(plan: Plan) -> Groups:
         ]
         rows = [dataclasses.replace(row, pinned=False) for row in rows]
         groups.append(_compared(rows, {"x RecurrentPPO": theirs}))
+    return groups
+
+
+def resets(plan: Plan) -> Groups:
+    """A batch of resets, beside as many steps with automatic resets."""
+    groups = []
+    for name in plan.waits:
+        step = _own(plan.batch, name, id=name)
+        words, title = f"reset-{plan.batch} id={name}", f"{name}, resets alone"
+        rows = [step, Subject(words, title, {"batch": plan.batch, "id": name})]
+        groups.append(_compared(rows, {"of a step": step.name}))
+    return groups
+
+
+def starts(plan: Plan) -> Groups:
+    """From the start of an interpreter to its end: the imports, or a reset and a step."""
+    rows = [
+        Subject(f"start until={module}", f"import {module}") for module in ("jax", "jaxenstein")
+    ]
+    for name in plan.waits:
+        words, told = f"start until=frames id={name}", f"first frames of {name}"
+        rows.append(Subject(words, told, {"id": name}))
+        rows.append(Subject(f"{words} cache=yes", f"{told}, compiled before", {"id": name}))
+    return [_compared(rows, {"of import jax": rows[0].name})]
+
+
+def updates(plan: Plan) -> Groups:
+    """Updates of recurrent PPO, beside as many operations in large matrix products."""
+    groups, many = [], plan.learners
+    for words, told, pinned in (
+        ("size=64", "the paper's network, 64x64, all cores", False),
+        ("size=16 network=small", "network small, 16x16, one core", True),
+        ("size=16 recipe=tuned", "recipe tuned, 16x16, one core", True),
+    ):
+        flags = {} if pinned else {"flags": ""}
+        products = f"products-{many} {words}"
+        rows = [
+            Subject(f"training-{many} {words}", told, pinned=pinned, **flags),
+            Subject(products, f"{told}: the machine's products", pinned=pinned, **flags),
+        ]
+        groups.append(_compared(rows, {"of the products": products}))
     return groups
 
 
@@ -323,6 +377,9 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "observations": observations,
     "maps-and-sprites": maps_and_sprites,
     "adapters": adapters,
+    "resets": resets,
+    "starts": starts,
+    "updates": updates,
     "training-compare": training,
     "compare": compare,
 }

@@ -63,13 +63,13 @@ def _busy_ticks(core: int | None) -> int:
 
 
 def _ticks(pid: int) -> int:
-    """Ticks that a process has used; 0 if it has ended."""
+    """Ticks that a process and its ended children have used; 0 if it has ended itself."""
     try:
         # The name, in brackets, may contain anything: count the fields behind it.
         fields = (PROCESSES / str(pid) / "stat").read_text().rpartition(")")[2].split()
     except OSError:
         return 0
-    return int(fields[11]) + int(fields[12])
+    return sum(map(int, fields[11:15]))
 
 
 def memory(pids: Sequence[int]) -> int | None:

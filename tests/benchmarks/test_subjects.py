@@ -3,10 +3,12 @@
 import importlib
 import re
 
+import jax
+import jax.numpy as jnp
 import pytest
 
 from benchmarks.subjects import __main__ as serve
-from benchmarks.subjects import adapters, own
+from benchmarks.subjects import adapters, own, waits
 from benchmarks.subjects.common import frame_skip, image_size, middle, random_actions
 from benchmarks.suites.parts import PARTS, Plan
 
@@ -16,10 +18,11 @@ def short(monkeypatch):
     """Calls of a few steps."""
     for module in (own, adapters):
         monkeypatch.setattr(module, "STEPS_A_CALL", 4)
+    monkeypatch.setattr(waits, "STEPS_A_CALL", 32)
     monkeypatch.setattr(own, "FRAMES_KEPT", 4)
 
 
-@pytest.mark.parametrize("kind", ["scan", "frames", "keep", "rules", "fill", "stage"])
+@pytest.mark.parametrize("kind", ["scan", "frames", "keep", "rules", "fill", "stage", "reset"])
 def test_own_subjects(short, kind):
     chunk, _ = serve.prepare(f"{kind}-2 id=simple size=8x6 stage=rules observation=rgb")
     assert chunk() == 4
@@ -35,12 +38,31 @@ def test_options_choose_the_environment():
 
 
 @pytest.mark.slow
-def test_training(monkeypatch):
+def test_training():
     pytest.importorskip("optax")
-    monkeypatch.setattr(own, "SIZE", 36)
-    chunk, notes = serve.prepare("training-2 rollout=4")
+    chunk, notes = serve.prepare("training-2 rollout=4 size=36")
     assert chunk() == 8
     assert int(notes["parameters"].replace(",", "")) > 1000
+
+
+def test_operations_of_loops_and_calls():
+    def program(a, b):
+        def body(carry, _):
+            return jax.nn.relu(carry @ b), None
+
+        return jax.lax.scan(body, jax.jit(jnp.matmul)(a, b), length=5)[0]
+
+    shapes = jnp.ones((3, 4), jnp.float32), jnp.ones((4, 4), jnp.float32)
+    counted = waits._operations(jax.make_jaxpr(program)(*shapes).jaxpr)
+    assert counted == 6 * 2 * 3 * 4 * 4
+
+
+def test_a_fresh_interpreter_is_a_step(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(waits.UNTIL, "jax", "open('there', 'a').write('.')")
+    chunk, _ = serve.prepare("start until=jax")
+    assert chunk() == chunk() == 1
+    assert (tmp_path / "there").read_text() == ".."
 
 
 @pytest.mark.slow
