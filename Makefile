@@ -121,6 +121,6 @@ $(VENV)/.mutation: $(VENV)/.dev
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.core
-	@echo "Installing ViZDoom, Gymnasium, OpenCV and matplotlib ..."
-	@$(PIP) --editable '.[bench]'
+	@echo "Installing ViZDoom, Gymnasium, OpenCV and what the baselines need ..."
+	@$(PIP) --editable '.[bench,baselines]'
 	@touch $@
