@@ -162,7 +162,7 @@ TABLES: Mapping[str, Table] = {
         )
     ),
     "updates": Table(
-        (TITLE, *RATES[:2], ratio("of the products"),
+        (TITLE, *RATES[:2], ratio("of large products"),
          column("MiB", "memory_bytes", form=whole, unit=MIB)),
     ),
     "training-compare": Table(

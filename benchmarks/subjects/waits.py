@@ -5,17 +5,20 @@
   `cache=yes` it finds its compiled programs where the one before left them;
 - `training-B`: whole updates of recurrent PPO on both cores or one; options `id`, `size`, `recipe`,
   `network` and `rollout`, the steps of an update;
-- `products-B`: with the options of `training-B`, as many steps as the machine could train if it did
-  nothing but multiply large matrices.
+- `products-B`: with the options of `training-B`, as many steps as the machine could train if it
+  made the matrix products of an update and nothing else (`of=update`), or if it made large ones of
+  as many operations (`of=large`).
 """
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -102,12 +105,28 @@ def training(batch: int, options: Options) -> Chunk:
 
 
 def products(batch: int, options: Options) -> Chunk:
-    """Large matrix products, counted as the steps of training that have as many operations."""
+    """The matrix products of an update, or large ones of as many operations, and nothing else."""
     learner = make_learner(batch, options)
-    share = 2 * MATRIX**3 / operations(learner)
-    square = jax.random.normal(jax.random.key(0), (MATRIX, MATRIX), jnp.float32)
-    program = jax.jit(lambda a: (a @ square) / MATRIX)
-    return repeat(program, square, round(share))
+    steps = learner.config.steps_per_update
+    if options["of"] == "large":
+        share = 2 * MATRIX**3 / operations(learner)
+        square = jax.random.normal(jax.random.key(0), (MATRIX, MATRIX), jnp.float32)
+        program = jax.jit(lambda a: (a @ square) / MATRIX)
+        return repeat(program, square, round(share))
+    programs = []
+    for (shapes, axes), times in _products(_update(learner)).items():
+        keys = jax.random.split(jax.random.key(0), 2)
+        given = [jax.random.normal(k, s, jnp.float32) for k, s in zip(keys, shapes, strict=True)]
+        program = jax.jit(functools.partial(jax.lax.dot_general, dimension_numbers=axes))
+        programs.append((program, given, times))
+
+    def chunk() -> int:
+        for program, given, times in programs:
+            for _ in range(times):
+                jax.block_until_ready(program(*given))
+        return steps
+
+    return chunk
 
 
 def make_learner(batch: int, options: Options) -> Any:
@@ -129,27 +148,38 @@ def make_learner(batch: int, options: Options) -> Any:
 
 def operations(learner: Any) -> float:
     """Floating-point operations in the matrix products of an update, a step of it."""
+    total = sum(times * _size(*of) for of, times in _products(_update(learner)).items())
+    return total / learner.config.steps_per_update
+
+
+def _update(learner: Any) -> Any:
+    """The program of an update."""
     state = jax.eval_shape(learner.init, jax.random.key(0))
-    program = jax.make_jaxpr(lambda state: learner.train_chunk(state, None, 1)[0])(state)
-    return _operations(program.jaxpr) / learner.config.steps_per_update
+    return jax.make_jaxpr(lambda state: learner.train_chunk(state, None, 1)[0])(state).jaxpr
 
 
-def _operations(program: Any) -> float:
-    """Of a program with all that it calls; a loop as often as it runs."""
-    total = 0.0
+def _size(shapes: Any, axes: Any) -> float:
+    """Floating-point operations of a product."""
+    (summed, _), (shared, _) = axes
+    twice = math.prod(shapes[0][axis] for axis in (*summed, *shared))
+    return 2.0 * math.prod(shapes[0]) * math.prod(shapes[1]) / twice
+
+
+def _products(program: Any) -> Counter[Any]:
+    """How often a program makes each matrix product: by shapes and axes, loops run to their end."""
+    found: Counter[Any] = Counter()
     for line in program.eqns:
         if line.primitive.name == "dot_general":
-            (contracted, _), _ = line.params["dimension_numbers"]
-            shape = line.invars[0].aval.shape
-            inner = math.prod(shape[axis] for axis in contracted)
-            total += 2.0 * inner * math.prod(line.outvars[0].aval.shape)
+            shapes = tuple(value.aval.shape for value in line.invars)
+            found[shapes, line.params["dimension_numbers"]] += 1
         times = line.params.get("length", 1) if line.primitive.name == "scan" else 1
         for value in line.params.values():
             for inside in value if isinstance(value, tuple | list) else (value,):
                 inside = getattr(inside, "jaxpr", inside)
                 if hasattr(inside, "eqns"):
-                    total += times * _operations(inside)
-    return total
+                    for key, count in _products(inside).items():
+                        found[key] += times * count
+    return found
 
 
 SUBJECTS: Subjects = {"reset": reset, "start": start, "training": training, "products": products}

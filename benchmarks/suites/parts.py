@@ -238,12 +238,14 @@ def updates(plan: Plan) -> Groups:
         ("size=16 recipe=tuned", "recipe tuned, 16x16, one core", True),
     ):
         flags = {} if pinned else {"flags": ""}
-        products = f"products-{many} {words}"
-        rows = [
-            Subject(f"training-{many} {words}", told, pinned=pinned, **flags),
-            Subject(products, f"{told}: the machine's products", pinned=pinned, **flags),
-        ]
-        groups.append(_compared(rows, {"of the products": products}))
+        large = f"products-{many} {words} of=large"
+        subjects = {
+            f"training-{many} {words}": told,
+            f"products-{many} {words} of=update": f"{told}: its matrix products alone",
+            large: f"{told}: large products of as many operations",
+        }
+        rows = [Subject(name, title, pinned=pinned, **flags) for name, title in subjects.items()]
+        groups.append(_compared(rows, {"of large products": large}))
     return groups
 
 

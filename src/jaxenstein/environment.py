@@ -66,6 +66,8 @@ class Environment(abc.ABC, Generic[S, P]):
     frame_skip: int = 1
 
     action_names: ClassVar[tuple[str, ...]] = ()
+    # The event that is the task's aim; "": to terminate with a positive reward.
+    success_event: ClassVar[str] = ""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """Keep the decorator `dataclass` from writing a longer `__repr__`."""
@@ -157,7 +159,8 @@ class Environment(abc.ABC, Generic[S, P]):
     ) -> jax.Array:
         """bool[]: whether a step reached the task's aim, which `info` tells as `success`.
 
-        Here it did if it terminated with a positive reward; tasks with another aim say so.
+        It did if `success_event` happened, or, where a class names none, if the step terminated
+        with a positive reward; tasks with another aim override this.
 
         Args:
             state: after the step; its `time`, `episode_return` and `done` count it in.
@@ -166,7 +169,9 @@ class Environment(abc.ABC, Generic[S, P]):
             events: as `transition` gave them.
             params: the params.
         """
-        del state, events, params
+        del state, params
+        if self.success_event:
+            return events[self.success_event].astype(bool)
         return terminated & (reward > 0)
 
     def first_state(self, key: jax.Array, params: P) -> S:

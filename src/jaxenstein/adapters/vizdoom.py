@@ -140,9 +140,11 @@ class GameSession(Session):
         self.actions.append(chosen)
         self.rewards.append(float(reward))
         if self._game.is_episode_finished():
-            late = self._game.is_episode_timeout_reached() and not self._game.is_player_dead()
+            dead = self._game.is_player_dead()
+            late = self._game.is_episode_timeout_reached() and not dead
             self.terminated, self.truncated = not late, late
-            self.info = {"success": self.env.wins_by_time == late}
+            # Who lives on has either reached the time limit or, before it, the event.
+            self.info = {"success": not dead and late != bool(self.env.success_event)}
         else:
             self._look()
         return self.observation

@@ -125,6 +125,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
     sprite_layers: int = 2
 
     action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES[:4]
+    success_event: ClassVar[str] = "respawned"
 
     def __post_init__(self) -> None:
         """Check the settings."""
@@ -255,18 +256,6 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         begun = few(over, key, state) if few else self._begin_round(key, state)
         state = select(over, begun, state)
         return state, reward, jnp.bool_(False), events | {"respawned": over}
-
-    def succeeded(
-        self,
-        state: ExploreState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: ExploreParams,
-    ) -> jax.Array:
-        """Whether all that pays was taken."""
-        del state, reward, terminated, params
-        return events["respawned"]
 
     def about(self) -> About:
         """What the task says of itself."""

@@ -69,6 +69,8 @@ class GoalTask(FirstPerson[S, NavigationParams]):
     defaults: NavigationParams = DEFAULTS
 
     action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES
+    # Also where it does not end the episode.
+    success_event: ClassVar[str] = "reached_goal"
 
     @property
     def default_params(self) -> NavigationParams:
@@ -122,18 +124,6 @@ class GoalTask(FirstPerson[S, NavigationParams]):
     def describe(self, state: S, params: NavigationParams) -> Info:
         """Add the straight-line distance to the goal, in tiles."""
         return super().describe(state, params) | {"distance_to_goal": self._distance(state)}
-
-    def succeeded(
-        self,
-        state: S,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: NavigationParams,
-    ) -> jax.Array:
-        """Whether the goal was reached, also where it does not end the episode."""
-        del state, reward, terminated, params
-        return events["reached_goal"]
 
     def about(self) -> About:
         """What the task says of itself."""

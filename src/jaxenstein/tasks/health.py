@@ -29,8 +29,9 @@ class HealthTask(Environment[S, P]):
     def succeeded(
         self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
     ) -> jax.Array:
-        """Whether the time limit was reached alive."""
-        del reward, events, params
+        """Whether the time limit was reached alive, unless the task names an event."""
+        if self.success_event:
+            return super().succeeded(state, reward, terminated, events, params)
         return state.done & ~terminated
 
     def variables(self, state: S) -> dict[str, jax.Array]:

@@ -131,6 +131,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
     # Things stand in different rooms.
     sprite_layers: int = 2
 
+    success_event: ClassVar[str] = "fetched"
     action_names: ClassVar[tuple[str, ...]] = (
         "nothing",
         "forward",
@@ -218,18 +219,6 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         """Add what is asked for, and how far it is in a straight line."""
         more = {"wanted": state.wanted, "distance_to_wanted": self._distance(state)}
         return super().describe(state, params) | more
-
-    def succeeded(
-        self,
-        state: MemoryMazeState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: MemoryMazeParams,
-    ) -> jax.Array:
-        """Whether what was asked for was fetched."""
-        del state, reward, terminated, params
-        return events["fetched"]
 
     def about(self) -> About:
         """What the task says of itself."""

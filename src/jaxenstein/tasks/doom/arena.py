@@ -74,7 +74,6 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
     """Base of scenarios with monsters that fight: who lives to the time limit succeeds."""
 
     cast: ClassVar[tuple[Kind, ...]]
-    wins_by_time: ClassVar[bool] = True
 
     @functools.cached_property
     def roster(self) -> Roster:

@@ -65,6 +65,7 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
     """
 
     map_name: ClassVar[str] = "basic"
+    success_event: ClassVar[str] = "kills"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT, ATTACK)
     pictures: ClassVar[tuple[Picture, ...]] = CACODEMONS
@@ -115,18 +116,6 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
         """The state after a shot, if there was one, and bool[] whether the monster is hit now."""
         there = ~state.killed[None]
         return state, fires & self.struck(origin, towards, state.target[None], there)[0]
-
-    def succeeded(
-        self,
-        state: DoomBasicState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: DoomBasicParams,
-    ) -> jax.Array:
-        """Whether the monster was hit."""
-        del state, reward, terminated, params
-        return events["kills"] > 0
 
     def about(self) -> About:
         """What the task says of itself."""

@@ -89,6 +89,7 @@ class DoomDeadlyCorridor(DoomArena[DoomCorridorState, DoomCorridorParams]):
     """
 
     map_name: ClassVar[str] = "deadly-corridor"
+    success_event: ClassVar[str] = "reached_goal"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (
         MOVE_LEFT,
@@ -103,7 +104,6 @@ class DoomDeadlyCorridor(DoomArena[DoomCorridorState, DoomCorridorParams]):
     ceiling: ClassVar[RGB] = BROWN
     ammo: ClassVar[int] = 52
     draw_tics: ClassVar[int] = 15
-    wins_by_time: ClassVar[bool] = False
 
     @functools.cached_property
     def cast(self) -> tuple[Kind, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -207,18 +207,6 @@ class DoomDeadlyCorridor(DoomArena[DoomCorridorState, DoomCorridorParams]):
         events = {"shots": fought.fires.astype(jnp.int32), "kills": kills}
         events |= {"reached_goal": reached, "died": dead}
         return state.replace(taken=leaves | reached), reward, dead | leaves, events
-
-    def succeeded(
-        self,
-        state: DoomCorridorState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: DoomCorridorParams,
-    ) -> jax.Array:
-        """Whether the armour was touched."""
-        del state, reward, terminated, params
-        return events["reached_goal"]
 
     def about(self) -> About:
         """What the task says of itself."""

@@ -83,7 +83,6 @@ class DoomHealthGathering(
         Kind(MEDKIT_BOX, health=25, at_first=17, period=30, capacity=88, spared_when_full=True),
     )
     game_things: ClassVar[tuple[str, ...]] = ("Medikit",)
-    wins_by_time: ClassVar[bool] = True
 
     @property
     def default_params(self) -> DoomHealthParams:

@@ -70,6 +70,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     angles: tuple[int, int] = ANY_ANGLE
 
     map_name: ClassVar[str] = "my-way-home"
+    success_event: ClassVar[str] = "reached_goal"
     unit: ClassVar[int] = 16
     button_names: ClassVar[tuple[str, ...]] = (
         TURN_LEFT,
@@ -132,18 +133,6 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
         offset = self.to_tiles(self._armour) - state.position
         distance = jnp.sqrt(jnp.sum(offset**2))
         return super().describe(state, params) | {"distance_to_goal": distance}
-
-    def succeeded(
-        self,
-        state: DoomHomeState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: DoomHomeParams,
-    ) -> jax.Array:
-        """Whether the armour was touched."""
-        del state, reward, terminated, params
-        return events["reached_goal"]
 
     def about(self) -> About:
         """What the task says of itself."""

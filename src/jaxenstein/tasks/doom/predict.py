@@ -81,6 +81,7 @@ class DoomPredictPosition(Rockets, DoomShooter[DoomPredictState, DoomPredictPara
     """
 
     map_name: ClassVar[str] = "predict-position"
+    success_event: ClassVar[str] = "kills"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
     game_things: ClassVar[tuple[str, ...]] = ("Cacodemon", "Rocket")
@@ -190,18 +191,6 @@ class DoomPredictPosition(Rockets, DoomShooter[DoomPredictState, DoomPredictPara
         reward = params.living_reward + jnp.where(hits, params.kill_reward, 0)
         events = {"shots": fires.astype(jnp.int32), "kills": hits.astype(jnp.int32)}
         return state, reward, over, events
-
-    def succeeded(
-        self,
-        state: DoomPredictState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: DoomPredictParams,
-    ) -> jax.Array:
-        """Whether the monster was hit."""
-        del state, reward, terminated, params
-        return events["kills"] > 0
 
     def about(self) -> About:
         """What the task says of itself."""

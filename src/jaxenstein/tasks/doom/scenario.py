@@ -76,9 +76,8 @@ class DoomScenario(FirstPerson[S, P]):
     map_name: ClassVar[str]
     unit: ClassVar[int]
     button_names: ClassVar[tuple[str, ...]]
-    # What the game calls the things of each look, and whether success is to see the time limit.
+    # What the game calls the things of each look.
     game_things: ClassVar[tuple[str, ...]]
-    wins_by_time: ClassVar[bool] = False
     # Whether the tiles are large enough for patterns on walls and floor.
     takes_patterns: ClassVar[bool] = False
 

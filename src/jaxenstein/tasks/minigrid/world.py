@@ -85,6 +85,7 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
     defaults: GridParams = DEFAULTS
 
     action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES, "pick up", "drop", "done")
+    success_event: ClassVar[str] = "solved"
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND,)
     """The kinds of things that the world may hold."""
     asks: ClassVar[bool] = False
@@ -151,18 +152,6 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         """What moves by itself; here nothing does."""
         del key, params
         return state
-
-    def succeeded(
-        self,
-        state: GridState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: GridParams,
-    ) -> jax.Array:
-        """Whether the world is solved."""
-        del state, reward, terminated, params
-        return events["solved"]
 
     def about(self) -> About:
         """What the task says of itself."""
