@@ -10,6 +10,7 @@ benchmarks.suites.peers training`); nothing of JAX or of this project is importe
 from __future__ import annotations
 
 import atexit
+import functools
 import os
 from typing import Any
 
@@ -21,19 +22,19 @@ PRELOADED = ["stable_baselines3.common.vec_env.subproc_vec_env", "vizdoom.gymnas
 notes: dict[str, str] = {}
 
 
-def make_env() -> Any:
-    """ViZDoom's My Way Home with 64x64 RGB frames, resized by area."""
+def make_env(**settings: Any) -> Any:
+    """ViZDoom's My Way Home with 64x64 RGB frames, resized by area; settings as `frame_skip`."""
     import gymnasium
     import numpy as np
     import vizdoom.gymnasium_wrapper  # noqa: F401
 
     resize = resizer("area")
     space = gymnasium.spaces.Box(0, 255, (64, 64, 3), np.uint8)
-    env = gymnasium.make("VizdoomMyWayHome-v1")
+    env = gymnasium.make("VizdoomMyWayHome-v1", **settings)
     return gymnasium.wrappers.TransformObservation(env, lambda obs: resize(obs["screen"]), space)
 
 
-def make_vector(count: int, kind: str) -> Any:
+def make_vector(count: int, kind: str, **settings: Any) -> Any:
     """Environments side by side: `subproc`, a worker process each, or `dummy`, in this process.
 
     Either way each of them has a process of ViZDoom's engine. On one core workers only add their
@@ -44,32 +45,31 @@ def make_vector(count: int, kind: str) -> Any:
     from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
     if kind == "dummy" or (kind == "auto" and (cores_allowed() == 1 or count == 1)):
-        return DummyVecEnv([make_env] * count)
+        return DummyVecEnv([functools.partial(make_env, **settings)] * count)
     # Else every worker would import PyTorch for itself: seconds and 0.2 GB for each.
     multiprocessing.set_forkserver_preload(PRELOADED)
-    return SubprocVecEnv([make_env] * count, start_method="forkserver")
+    makers = [functools.partial(make_env, **settings)] * count
+    return SubprocVecEnv(makers, start_method="forkserver")
 
 
-def make_model(env: Any, rollout: int) -> Any:
-    """RecurrentPPO with the numbers of this project's baseline."""
+def make_model(env: Any, rollout: int, **changed: Any) -> Any:
+    """RecurrentPPO with the numbers of this project's baseline, but for those that are given."""
     import torch
     from sb3_contrib import RecurrentPPO
 
-    return RecurrentPPO(
-        "CnnLstmPolicy",
-        env,
-        learning_rate=lambda left: 2.5e-4 * left,
-        n_steps=rollout,
-        batch_size=env.num_envs * rollout // min(4, env.num_envs),
-        n_epochs=4,
-        gamma=0.999,
-        gae_lambda=0.95,
-        clip_range=0.2,
-        clip_range_vf=0.2,
-        ent_coef=0.01,
-        vf_coef=0.5,
-        max_grad_norm=0.5,
-        policy_kwargs={
+    numbers: dict[str, Any] = {
+        "learning_rate": lambda left: 2.5e-4 * left,
+        "n_steps": rollout,
+        "batch_size": env.num_envs * rollout // min(4, env.num_envs),
+        "n_epochs": 4,
+        "gamma": 0.999,
+        "gae_lambda": 0.95,
+        "clip_range": 0.2,
+        "clip_range_vf": 0.2,
+        "ent_coef": 0.01,
+        "vf_coef": 0.5,
+        "max_grad_norm": 0.5,
+        "policy_kwargs": {
             "features_extractor_kwargs": {"features_dim": 256},
             "lstm_hidden_size": 256,
             "shared_lstm": True,
@@ -77,8 +77,9 @@ def make_model(env: Any, rollout: int) -> Any:
             "net_arch": {"pi": [256], "vf": [256]},
             "activation_fn": torch.nn.ReLU,
         },
-        seed=0,
-    )
+        "seed": 0,
+    }
+    return RecurrentPPO("CnnLstmPolicy", env, **numbers | changed)
 
 
 def sb3(batch: int, options: Options) -> Chunk:
