@@ -131,6 +131,7 @@ TABLES: Mapping[str, Table] = {
     "peers": BESIDE,
     "compare": BESIDE,
     "frame-skip": Table((*BESIDE.columns, ratio("x no frames"))),
+    "scenarios": Table((ID, *BESIDE.columns)),
     "cores": Table((TITLE, *RATES, ratio("x one core")), {"cores": Bars("title")}),
     "environments": Table((ID, *RATES, HOME), {"environments": Bars("id")}, _with_axes),
     "batches": Table(

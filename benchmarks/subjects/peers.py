@@ -2,8 +2,8 @@
 
 Every one of them reads a pixel of each frame, which shifts the next action, as the project's own
 subjects do. Nothing of JAX or of this project is imported here. Options of all of ViZDoom's:
-`scenario`, one of `SCENARIOS`; `frame_skip`; `frames=no`, of the raw game without its screen;
-`size`, one of ViZDoom's resolutions; `resize`, to 64x64 by `area` or `linear`, or `none`.
+`scenario`, one of `SCENARIOS` or `SHOOTING`; `frame_skip`; `frames=no`, of the raw game without its
+screen; `size`, one of ViZDoom's resolutions; `resize`, to 64x64 by `area` or `linear`, or `none`.
 """
 
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
@@ -29,6 +29,12 @@ from benchmarks.subjects.common import (
 
 STEPS = 64
 SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
+SHOOTING = (
+    "basic", "defend-the-center", "defend-the-line", "deadly-corridor", "predict-position",
+    "take-cover",
+)  # fmt: skip
+# ViZDoom's Gymnasium ids and files that are called otherwise.
+_IDS = {"DefendTheCenter": "DefendCenter", "DefendTheLine": "DefendLine"}
 
 # What a reader should know and only the running peer can tell, such as who draws.
 notes: dict[str, str] = {}
@@ -37,7 +43,8 @@ notes: dict[str, str] = {}
 def scenario(options: Options, separator: str = "") -> str:
     """ViZDoom's name of the scenario: `MyWayHome`, or with a separator `my_way_home`."""
     words = options.get("scenario", SCENARIOS[0]).split("-")
-    return separator.join(words) if separator else "".join(map(str.capitalize, words))
+    told = "".join(map(str.capitalize, words))
+    return separator.join(words) if separator else _IDS.get(told, told)
 
 
 def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from benchmarks.subjects.frames import FRAMES_KEPT
-from benchmarks.subjects.peers import SCENARIOS
+from benchmarks.subjects.peers import SCENARIOS, SHOOTING
 from benchmarks.subjects.stages import STAGES
 from benchmarks.suites.measure import Groups, Subject
 from benchmarks.suites.peers import PEERS
@@ -159,6 +159,21 @@ def frame_skips(plan: Plan) -> Groups:
                 Subject(f"rules-{plan.batch} id={own}", title, axes, {"x no frames": undrawn}),
             ]
         groups.append(rows)
+    return groups
+
+
+def scenarios(plan: Plan) -> Groups:
+    """ViZDoom's scenarios with weapons or enemies, each beside the environment of its name."""
+    groups = []
+    for name in SHOOTING:
+        words, own = f"scenario={name}", f"doom-{name}"
+        rows = [
+            _peer("vizdoom", f"{RESIZED} {words}", "ViZDoom, resized", id=own),
+            _peer("vizdoom", f"{RAW} {words}", "ViZDoom, raw", id=own),
+            _own(plan.batch, OWN, id=own),
+        ]
+        beside = {"x resized": f"{RESIZED} {words}", "x raw": f"{RAW} {words}"}
+        groups.append(_compared(rows, beside))
     return groups
 
 
@@ -371,6 +386,7 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "peers": peers,
     "cores": cores,
     "frame-skip": frame_skips,
+    "scenarios": scenarios,
     "batches": batches,
     "limits": limits,
     "stages": stages,
