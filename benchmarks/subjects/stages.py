@@ -70,7 +70,8 @@ def _stages(env: Any, params: Any) -> Mapping[str, tuple[Callable[..., Any], tup
 
     def aim(state: Any) -> Any:
         seen = scene(state)
-        return raycast.aim(seen.position, seen.heading, seen.closed, seen.level, camera)
+        pose = seen.position, seen.heading, seen.closed, seen.level
+        return raycast.aim(*pose, camera, raycast.fixed_lines(seen.level))
 
     def choose(state: Any) -> Any:
         seen = scene(state)

@@ -111,6 +111,12 @@ def pack_bits(bits: Any) -> Any:
     return xp.where(split, weights[None, None], np.uint32(0)).sum(axis=-1, dtype=np.uint32)
 
 
+def unpack_bits(words: np.ndarray) -> np.ndarray:
+    """uint32[n, k] -> bool[n, 32 k], on the host: what `pack_bits` packed, and the bits past it."""
+    bits = np.right_shift(words[:, :, None], np.arange(WORD, dtype=np.uint32)) & np.uint32(1)
+    return bits.astype(bool).reshape(len(words), -1)
+
+
 def occupancy(level: Level, closed: jax.Array) -> tuple[jax.Array, jax.Array]:
     """The words of `level.column_bits` and `level.row_bits` with the closed doors added.
 

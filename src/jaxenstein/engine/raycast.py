@@ -4,7 +4,8 @@ A ray is `forward + right * slope`, so its parameter is the perpendicular depth.
 grid lines x = 0, 1, 2, ... that it crosses are marched apart from the horizontal ones. The
 k-th line crossed has its occupancy word in common for all rays of the image, so a ray only
 shifts that word by the tile it crosses the line at and looks at one bit. The march goes from
-far to near and keeps the last hit, which needs no branch.
+far to near and keeps the last hit, which needs no branch. Where the map is a constant of the
+program, only lines with a face on them are looked at: one by one, wherever the eye is.
 
 Places along a grid line are fixed-point numbers: adding a step and taking the tile are then one
 integer operation each. A ray that leaves the map wraps around and may report a hit that is not
@@ -18,16 +19,18 @@ that used a march directly would repeat it, and a place rounded twice might be t
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from ..batching import varying
 from ..pytree import PyTreeNode, static
 from .camera import Camera
 from .fusion import staged
-from .level import WORD, Level, occupancy
+from .level import WORD, Level, occupancy, unpack_bits
 
 # More lines than this are marched in a loop of blocks of this size, to bound the program; in
 # smaller ones where a line has more than two words, which makes each line dearer to compile.
@@ -62,6 +65,35 @@ class Hits(PyTreeNode):
     tile: jax.Array
 
 
+class Crossed(PyTreeNode):
+    """All lines in the order in which rays cross them, of which there are K.
+
+    Attributes:
+        ahead: int32[K, words], bits of the solid rows of the columns entered by rays that go
+            forwards.
+        behind: int32[K, words], the same for the others.
+    """
+
+    ahead: jax.Array
+    behind: jax.Array
+
+
+class Fixed(PyTreeNode):
+    """The lines of a constant map that have a face.
+
+    Attributes:
+        doors: int32[L, words] where the map has doors: bits of the solid rows of each column.
+        columns: these columns.
+        words: the bits, where the map has no doors.
+        most: more lines than a ray can cross.
+    """
+
+    doors: jax.Array | None
+    columns: tuple[int, ...] = static()
+    words: tuple[tuple[int, ...], ...] = static()
+    most: int = static()
+
+
 class Aim(PyTreeNode):
     """Each ray on its way to the grid lines of one kind; named for the vertical ones.
 
@@ -73,9 +105,7 @@ class Aim(PyTreeNode):
         stride: int32[W], y from one line to the next.
         forwards: bool[W], whether x grows along the ray.
         home: int32[], column of the eye.
-        ahead: int32[K, words], bits of the solid rows of the columns entered by rays that go
-            forwards.
-        behind: int32[K, words], the same for the others.
+        lines: what there is to hit.
         fraction_bits: bits of a place after the point.
     """
 
@@ -86,8 +116,7 @@ class Aim(PyTreeNode):
     stride: jax.Array
     forwards: jax.Array
     home: jax.Array
-    ahead: jax.Array
-    behind: jax.Array
+    lines: Crossed | Fixed
     fraction_bits: int = static()
 
 
@@ -110,14 +139,43 @@ def cast(
         level: the level.
         camera: width and field of view of the image.
     """
-    aims = staged(partial(aim, camera=camera))(position, heading, closed, level)
+    pose = position, heading, closed, level
+    aims = staged(partial(aim, camera=camera, fixed=fixed_lines(level)))(*pose)
     return look_up(aims, staged(march)(aims), level)
 
 
+def fixed_lines(level: Level) -> tuple[Fixed, Fixed] | None:
+    """The vertical and horizontal lines that rays can hit; None if the map is no constant."""
+    if not all(isinstance(part, np.ndarray) for part in (level.column_bits, level.doors)):
+        return None
+    doors = np.zeros(level.size, bool)
+    doors[level.doors[:, 0], level.doors[:, 1]] = True
+    solid = unpack_bits(np.asarray(level.column_bits))[:, : level.size[1]]
+    return (
+        _with_faces(np.asarray(level.column_bits), solid, doors),
+        _with_faces(np.asarray(level.row_bits), solid.T, doors.T),
+    )
+
+
+def _with_faces(bits: np.ndarray, solid: np.ndarray, doors: np.ndarray) -> Fixed:
+    """The lines of one kind: those with a tile that may stop a ray beside one that may not."""
+    entered, left = solid | doors, ~solid
+    faces = np.zeros(len(solid), bool)
+    faces[1:] |= (entered[1:] & left[:-1]).any(axis=1)
+    faces[:-1] |= (entered[:-1] & left[1:]).any(axis=1)
+    words = () if doors.any() else tuple(map(tuple, bits[faces].view(np.int32).tolist()))
+    return Fixed(None, tuple(np.flatnonzero(faces).tolist()), words, len(solid))
+
+
 def aim(
-    position: jax.Array, heading: jax.Array, closed: jax.Array, level: Level, camera: Camera
+    position: jax.Array,
+    heading: jax.Array,
+    closed: jax.Array,
+    level: Level,
+    camera: Camera,
+    fixed: tuple[Fixed, Fixed] | None = None,
 ) -> tuple[Aim, Aim]:
-    """Aim the rays at the vertical and at the horizontal lines."""
+    """Aim the rays at the vertical and at the horizontal lines, those of `fixed_lines` if any."""
     columns, rows = occupancy(level, closed)
     # The tile and the place in it apart, so that the margin rounds nothing.
     floor = jnp.floor(position)
@@ -127,12 +185,15 @@ def aim(
     centre = 0.5 - inside
     left = ray_x * centre[1] < ray_y * centre[0]
     side = jnp.where(left, jnp.float32(-NUDGE), jnp.float32(NUDGE))
-    vertical = _aim_at_lines(columns, home, inside, ray_x, ray_y, side)
-    return vertical, _aim_at_lines(rows, home[::-1], inside[::-1], ray_y, ray_x, -side)
+    lines = fixed or (None, None)
+    vertical = _aim_at_lines(columns, lines[0], home, inside, ray_x, ray_y, side)
+    crosswise = home[::-1], inside[::-1], ray_y, ray_x, -side
+    return vertical, _aim_at_lines(rows, lines[1], *crosswise)
 
 
 def _aim_at_lines(
     words: jax.Array,
+    fixed: Fixed | None,
     home: jax.Array,
     inside: jax.Array,
     ray: jax.Array,
@@ -143,6 +204,7 @@ def _aim_at_lines(
 
     Args:
         words: uint32[C, words], solid rows of each column.
+        fixed: the columns that rays can hit; None if that may change.
         home: int32[2], (column, row) of the eye's tile.
         inside: float32[2], (x, y) of the eye within that tile.
         ray: float32[W], x component of each ray.
@@ -161,8 +223,6 @@ def _aim_at_lines(
     shift = ((onwards - aside) * one).astype(jnp.int32)
     words = lax.bitcast_convert_type(words, jnp.int32)
     column = jnp.clip(home[0], 0, lines - 1)
-    order = jnp.arange(lines - 1, dtype=jnp.int32)
-    ahead, behind = jnp.minimum(column + 1 + order, lines - 1), jnp.maximum(column - 1 - order, 0)
     return Aim(
         first=first,
         spacing=spacing,
@@ -171,10 +231,26 @@ def _aim_at_lines(
         stride=jnp.rint(across * spacing * one).astype(jnp.int32),
         forwards=forwards,
         home=column,
-        ahead=words.at[ahead].get(mode="promise_in_bounds"),
-        behind=words.at[behind].get(mode="promise_in_bounds"),
+        lines=_crossed(words, column) if fixed is None else _shut(words, fixed),
         fraction_bits=fraction_bits,
     )
+
+
+def _crossed(words: jax.Array, column: jax.Array) -> Crossed:
+    """The words of all columns but that of the eye, each way."""
+    last = words.shape[0] - 1
+    order = jnp.arange(last, dtype=jnp.int32)
+    ahead, behind = jnp.minimum(column + 1 + order, last), jnp.maximum(column - 1 - order, 0)
+    return Crossed(
+        ahead=words.at[ahead].get(mode="promise_in_bounds"),
+        behind=words.at[behind].get(mode="promise_in_bounds"),
+    )
+
+
+def _shut(words: jax.Array, fixed: Fixed) -> Fixed:
+    """The same lines with the doors that are closed now, if the map has doors."""
+    columns = np.asarray(fixed.columns, np.int32)
+    return fixed if fixed.words else fixed.replace(doors=words[columns])
 
 
 def march(aims: tuple[Aim, Aim]) -> tuple[jax.Array, jax.Array]:
@@ -184,15 +260,17 @@ def march(aims: tuple[Aim, Aim]) -> tuple[jax.Array, jax.Array]:
 
 def _march(aim: Aim) -> jax.Array:
     """int32[W]: how many lines each ray crosses before the one at which it hits."""
-    steps, words = aim.ahead.shape
-    most = BLOCK if words <= 2 else SMALL_BLOCK
-    if steps <= most:
-        hit = jnp.full(aim.place.shape, steps, jnp.int32)
-        return _march_block(aim, aim.ahead, aim.behind, jnp.int32(0), hit)
+    lines = aim.lines
+    if isinstance(lines, Fixed):
+        return _march_fixed(aim, lines)
+    steps, words = lines.ahead.shape
+    hit = jnp.full(aim.place.shape, steps, jnp.int32)
+    if steps <= (most := _most_lines(words)):
+        return _march_block(aim, lines.ahead, lines.behind, jnp.int32(0), hit)
     blocks = -(-steps // most)
     size = -(-steps // blocks)
     filler = ((0, blocks * size - steps), (0, 0))
-    ahead, behind = jnp.pad(aim.ahead, filler), jnp.pad(aim.behind, filler)
+    ahead, behind = jnp.pad(lines.ahead, filler), jnp.pad(lines.behind, filler)
 
     def visit(i: jax.Array, hit: jax.Array) -> jax.Array:
         base = (blocks - 1 - i) * size
@@ -200,9 +278,54 @@ def _march(aim: Aim) -> jax.Array:
         near = lax.dynamic_slice_in_dim(behind, base, size)
         return _march_block(aim, far, near, base, hit)
 
-    return lax.fori_loop(
-        0, blocks, visit, varying(jnp.full(aim.place.shape, steps, jnp.int32), aim)
-    )
+    return lax.fori_loop(0, blocks, visit, varying(hit, aim))
+
+
+def _most_lines(words: int) -> int:
+    """Of so many words: how many are marched without a loop."""
+    return BLOCK if words <= 2 else SMALL_BLOCK
+
+
+def _march_fixed(aim: Aim, lines: Fixed) -> jax.Array:
+    """The same, over the lines of a constant map that have a face; their order does not matter."""
+    count = len(lines.columns)
+    words = np.asarray(lines.words, np.int32) if lines.doors is None else lines.doors
+    columns = np.asarray(lines.columns, np.int32)
+    hit = jnp.full(aim.place.shape, lines.most, jnp.int32)
+    size = _most_lines(words.shape[1])
+    if count <= size:
+        for column, word in zip(columns, words, strict=True):
+            hit = _look_at(aim, column, list(word), lines.most, hit)
+        return hit
+    blocks = -(-count // size)
+    # The last block begins earlier, and looks at some lines again.
+    starts = np.minimum(np.arange(blocks, dtype=np.int32) * size, count - size)
+
+    def visit(i: jax.Array, hit: jax.Array) -> jax.Array:
+        at = jnp.asarray(starts)[i]
+        block = lax.dynamic_slice_in_dim(jnp.asarray(columns), at, size)
+        found = lax.dynamic_slice_in_dim(jnp.asarray(words), at, size)
+        for k in range(size):
+            hit = _look_at(aim, block[k], list(found[k]), lines.most, hit)
+        return hit
+
+    return lax.fori_loop(0, blocks, visit, varying(hit, aim))
+
+
+def _look_at(aim: Aim, column: Any, words: list[Any], most: int, hit: jax.Array) -> jax.Array:
+    """`hit`, or how many lines each ray crosses before that of a column, if it hits there."""
+    crossed = column - aim.home - 1
+    forwards = jnp.where(crossed >= 0, crossed, most)
+    backwards = jnp.where(crossed <= -2, -2 - crossed, most)
+    crossed = jnp.where(aim.forwards, forwards, backwards)
+    # The complement of a place has that of its tile, by which the tile's bit becomes a word's sign.
+    place = ~aim.place - aim.stride * crossed
+    tile = lax.shift_right_arithmetic(place, jnp.int32(aim.fraction_bits))
+    word = jnp.broadcast_to(words[0], tile.shape)
+    for i, further in enumerate(words[1:], 1):
+        word = jnp.where(tile < -i * WORD, further, word)
+    solid = lax.shift_left(word, tile & (WORD - 1)) < 0
+    return jnp.minimum(hit, jnp.where(solid, crossed, most))
 
 
 def _march_block(
