@@ -6,7 +6,7 @@ import pytest
 
 from examples.custom_world import BringBack
 from jaxenstein.players import play, player_of
-from tests.tasks.minigrid.search import reached
+from tests.tasks.minigrid.search import Search
 
 
 @pytest.fixture(scope="module")
@@ -18,10 +18,10 @@ def levels():
 
 def test_everything_can_be_had(levels):
     _, states = levels
-    seen, got, opened = reached(jax.device_get(states))
-    assert got.all()
-    assert opened.all()
-    assert seen[:, 1:5, 6:10].any(axis=(1, 2)).all()
+    search = Search(jax.device_get(states), carries=True)
+    assert search.had.all()
+    assert search.opened.all()
+    assert search.floor[:, 1:5, 6:10].any(axis=(1, 2)).all()
 
 
 @pytest.mark.slow
