@@ -92,14 +92,14 @@ def training(batch: int, options: Options) -> Chunk:
     learner = make_learner(batch, options)
     state = learner.init(jax.random.key(0))
     update = jax.jit(lambda state: learner.train_chunk(state, None, 1)[0])
-    found = update.lower(state).compile().memory_analysis()
+    held: Any = update.lower(state).compile().memory_analysis()
     notes["device"] = jax.devices()[0].device_kind
     notes["parameters"] = f"{sum(leaf.size for leaf in jax.tree.leaves(state.params)):,}"
     notes["operations of a step in matrix products"] = f"{operations(learner):,.0f}"
     frames = batch * learner.config.rollout * math.prod(learner.spec.images[0])
     notes["MiB"] = (
-        f"{frames / MIB:,.0f} of frames in a rollout, {found.argument_size_in_bytes / MIB:,.0f} of "
-        f"the training's state, {found.temp_size_in_bytes / MIB:,.0f} at most during an update"
+        f"{frames / MIB:,.0f} of frames in a rollout, {held.argument_size_in_bytes / MIB:,.0f} of "
+        f"the training's state, {held.temp_size_in_bytes / MIB:,.0f} at most during an update"
     )
     return repeat(update, state, learner.config.steps_per_update)
 
@@ -138,9 +138,11 @@ def make_learner(batch: int, options: Options) -> Any:
     jax.config.update("jax_platforms", None)
     named = {name: options[name] for name in ("recipe", "network") if name in options}
     known = Config.__dataclass_fields__
-    values = {name: value for name, value in defaults_of(named)[1].items() if name in known}
+    defaults = defaults_of(named)[1].items()
+    values: dict[str, Any] = {name: value for name, value in defaults if name in known}
     values |= {"num_envs": batch, "rollout": int(options.get("rollout", "128"))}
-    config = Config(**values | {"minibatches": min(4, batch), "total_steps": TRAINED_STEPS})
+    values |= {"minibatches": min(4, batch), "total_steps": TRAINED_STEPS}
+    config = Config(**values)
     size = int(options.get("size", SIZE))
     env, params = jaxenstein.make(options.get("id", ENVIRONMENT_ID), height=size, width=size)
     return Learner(env, params, config)

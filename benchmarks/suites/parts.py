@@ -13,6 +13,7 @@ from benchmarks.subjects.stages import STAGES
 from benchmarks.suites.measure import Groups, Subject
 from benchmarks.suites.peers import PEERS
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from jaxenstein.speed.measuring import ONE_THREAD
 
 # Processes alive at once, each of which takes some 400 MB.
 GROUP = 8
@@ -252,14 +253,16 @@ def updates(plan: Plan) -> Groups:
         ("size=16 network=small", "network small, 16x16, one core", True),
         ("size=16 recipe=tuned", "recipe tuned, 16x16, one core", True),
     ):
-        flags = {} if pinned else {"flags": ""}
+        flags = ONE_THREAD if pinned else ""
         large = f"products-{many} {words} of=large"
         subjects = {
             f"training-{many} {words}": told,
             f"products-{many} {words} of=update": f"{told}: its matrix products alone",
             large: f"{told}: large products of as many operations",
         }
-        rows = [Subject(name, title, pinned=pinned, **flags) for name, title in subjects.items()]
+        rows = [
+            Subject(name, title, pinned=pinned, flags=flags) for name, title in subjects.items()
+        ]
         groups.append(_compared(rows, {"of large products": large}))
     return groups
 

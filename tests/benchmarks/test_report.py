@@ -143,7 +143,7 @@ def test_quick_figures_stay_out_of_docs(tmp_path, monkeypatch):
 def test_a_part_alone_names_the_others(tmp_path):
     results(tmp_path, parts=["observations"])
     pages = Pages(read_results(tmp_path), tmp_path, []).write()
-    assert "Not measured: peers, cores, frame-skip, batches" in pages["benchmarks.md"]
+    assert "Not measured: peers, cores, frame-skip, scenarios, batches" in pages["benchmarks.md"]
     assert "no quiet machine" in pages["benchmarks.md"]
     assert "steps a second**" not in pages["benchmarks.md"]
     assert "## Kinds of observations" in pages["benchmarks/environments.md"]
