@@ -126,10 +126,17 @@ class Pages:
         return "\n\n".join(told)
 
     def machine(self) -> str:
-        """Where the suite was run."""
+        """Where the suite was run, and when if not all at once."""
         hardware = next(iter(self.suite.values())).report["hardware"]
         cores = plural(hardware["cores_allowed"] or hardware["cores"], "core")
-        return f"Measured on {hardware['cpu']}, {cores}, {hardware['platform']}."
+        told = f"Measured on {hardware['cpu']}, {cores}, {hardware['platform']}."
+        days = sorted(part.report["began"][:10] for part in self.suite.values())
+        if days[0] == days[-1]:
+            return told
+        return (
+            f"{told} Parts were measured from {days[0]} to {days[-1]}, each with the project as it "
+            "was then ([dates](benchmarks/method.md))."
+        )
 
     def missing(self) -> str:
         """The parts that were not measured."""
