@@ -47,6 +47,7 @@ class Bars(NamedTuple):
         axes.invert_yaxis()
         axes.margins(x=0.2, y=0.02)
         axes.set_xlabel(STEPS)
+        axes.locator_params(axis="x", nbins=4)
         _plain(axes.xaxis)
         axes.grid(axis="x", alpha=0.3)
         axes.set_axisbelow(True)
