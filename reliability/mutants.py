@@ -51,7 +51,9 @@ class Group:
 
 
 GROUPS = {
-    "rays": Group(("engine/raycast.py", "engine/camera.py"), ("engine/test_raycast.py",)),
+    "rays": Group(
+        ("engine/raycast.py", "engine/lines.py", "engine/camera.py"), ("engine/test_raycast.py",)
+    ),
     "level": Group(("engine/level.py",), ("engine/test_level.py", "engine/test_raycast.py")),
     "sprites": Group(("engine/sprites.py",), ("engine/test_sprites.py", "engine/test_render.py")),
     "pixels": Group(

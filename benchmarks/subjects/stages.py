@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxenstein.engine import image_columns, pixels, raycast, sprites
+from jaxenstein.engine.lines import fixed_lines
 
 # In the order of a step, with what each is.
 STAGES: Mapping[str, str] = {
@@ -71,7 +72,7 @@ def _stages(env: Any, params: Any) -> Mapping[str, tuple[Callable[..., Any], tup
     def aim(state: Any) -> Any:
         seen = scene(state)
         pose = seen.position, seen.heading, seen.closed, seen.level
-        return raycast.aim(*pose, camera, raycast.fixed_lines(seen.level))
+        return raycast.aim(*pose, camera, fixed_lines(seen.level))
 
     def choose(state: Any) -> Any:
         seen = scene(state)

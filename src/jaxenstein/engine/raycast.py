@@ -30,7 +30,8 @@ from ..batching import varying
 from ..pytree import PyTreeNode, static
 from .camera import Camera
 from .fusion import staged
-from .level import WORD, Level, occupancy, unpack_bits
+from .level import WORD, Level, occupancy
+from .lines import Crossed, Fixed, crossed, fixed_lines, shut
 
 # More lines than this are marched in a loop of blocks of this size, to bound the program; in
 # smaller ones where a line has more than two words, which makes each line dearer to compile.
@@ -63,35 +64,6 @@ class Hits(PyTreeNode):
     along: jax.Array
     horizontal: jax.Array
     tile: jax.Array
-
-
-class Crossed(PyTreeNode):
-    """All lines in the order in which rays cross them, of which there are K.
-
-    Attributes:
-        ahead: int32[K, words], bits of the solid rows of the columns entered by rays that go
-            forwards.
-        behind: int32[K, words], the same for the others.
-    """
-
-    ahead: jax.Array
-    behind: jax.Array
-
-
-class Fixed(PyTreeNode):
-    """The lines of a constant map that have a face.
-
-    Attributes:
-        doors: int32[L, words] where the map has doors: bits of the solid rows of each column.
-        columns: these columns.
-        words: the bits, where the map has no doors.
-        most: more lines than a ray can cross.
-    """
-
-    doors: jax.Array | None
-    columns: tuple[int, ...] = static()
-    words: tuple[tuple[int, ...], ...] = static()
-    most: int = static()
 
 
 class Aim(PyTreeNode):
@@ -142,29 +114,6 @@ def cast(
     pose = position, heading, closed, level
     aims = staged(partial(aim, camera=camera, fixed=fixed_lines(level)))(*pose)
     return look_up(aims, staged(march)(aims), level)
-
-
-def fixed_lines(level: Level) -> tuple[Fixed, Fixed] | None:
-    """The vertical and horizontal lines that rays can hit; None if the map is no constant."""
-    if not all(isinstance(part, np.ndarray) for part in (level.column_bits, level.doors)):
-        return None
-    doors = np.zeros(level.size, bool)
-    doors[level.doors[:, 0], level.doors[:, 1]] = True
-    solid = unpack_bits(np.asarray(level.column_bits))[:, : level.size[1]]
-    return (
-        _with_faces(np.asarray(level.column_bits), solid, doors),
-        _with_faces(np.asarray(level.row_bits), solid.T, doors.T),
-    )
-
-
-def _with_faces(bits: np.ndarray, solid: np.ndarray, doors: np.ndarray) -> Fixed:
-    """The lines of one kind: those with a tile that may stop a ray beside one that may not."""
-    entered, left = solid | doors, ~solid
-    faces = np.zeros(len(solid), bool)
-    faces[1:] |= (entered[1:] & left[:-1]).any(axis=1)
-    faces[:-1] |= (entered[:-1] & left[1:]).any(axis=1)
-    words = () if doors.any() else tuple(map(tuple, bits[faces].view(np.int32).tolist()))
-    return Fixed(None, tuple(np.flatnonzero(faces).tolist()), words, len(solid))
 
 
 def aim(
@@ -231,26 +180,9 @@ def _aim_at_lines(
         stride=jnp.rint(across * spacing * one).astype(jnp.int32),
         forwards=forwards,
         home=column,
-        lines=_crossed(words, column) if fixed is None else _shut(words, fixed),
+        lines=crossed(words, column) if fixed is None else shut(words, fixed),
         fraction_bits=fraction_bits,
     )
-
-
-def _crossed(words: jax.Array, column: jax.Array) -> Crossed:
-    """The words of all columns but that of the eye, each way."""
-    last = words.shape[0] - 1
-    order = jnp.arange(last, dtype=jnp.int32)
-    ahead, behind = jnp.minimum(column + 1 + order, last), jnp.maximum(column - 1 - order, 0)
-    return Crossed(
-        ahead=words.at[ahead].get(mode="promise_in_bounds"),
-        behind=words.at[behind].get(mode="promise_in_bounds"),
-    )
-
-
-def _shut(words: jax.Array, fixed: Fixed) -> Fixed:
-    """The same lines with the doors that are closed now, if the map has doors."""
-    columns = np.asarray(fixed.columns, np.int32)
-    return fixed if fixed.words else fixed.replace(doors=words[columns])
 
 
 def march(aims: tuple[Aim, Aim]) -> tuple[jax.Array, jax.Array]:
@@ -314,18 +246,18 @@ def _march_fixed(aim: Aim, lines: Fixed) -> jax.Array:
 
 def _look_at(aim: Aim, column: Any, words: list[Any], most: int, hit: jax.Array) -> jax.Array:
     """`hit`, or how many lines each ray crosses before that of a column, if it hits there."""
-    crossed = column - aim.home - 1
-    forwards = jnp.where(crossed >= 0, crossed, most)
-    backwards = jnp.where(crossed <= -2, -2 - crossed, most)
-    crossed = jnp.where(aim.forwards, forwards, backwards)
+    passed = column - aim.home - 1
+    forwards = jnp.where(passed >= 0, passed, most)
+    backwards = jnp.where(passed <= -2, -2 - passed, most)
+    passed = jnp.where(aim.forwards, forwards, backwards)
     # The complement of a place has that of its tile, by which the tile's bit becomes a word's sign.
-    place = ~aim.place - aim.stride * crossed
+    place = ~aim.place - aim.stride * passed
     tile = lax.shift_right_arithmetic(place, jnp.int32(aim.fraction_bits))
     word = jnp.broadcast_to(words[0], tile.shape)
     for i, further in enumerate(words[1:], 1):
         word = jnp.where(tile < -i * WORD, further, word)
     solid = lax.shift_left(word, tile & (WORD - 1)) < 0
-    return jnp.minimum(hit, jnp.where(solid, crossed, most))
+    return jnp.minimum(hit, jnp.where(solid, passed, most))
 
 
 def _march_block(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..engine.level import WORD, Level
+from ..engine.level import Level, unpack_bits
 from ..maps.symbols import DEFAULT_WALL, DOOR_LABELS, WALL_LABELS, door_label
 from ..maps.tilemap import Door, TileMap, Tiles
 
@@ -23,9 +23,8 @@ def read_level(name: str, level: Level) -> TileMap:
         name: what to call the map.
         level: one level, not a batch of them.
     """
-    bits = np.asarray(level.row_bits)[:, :, None] >> np.arange(WORD, dtype=np.uint32) & 1
     columns, rows = level.size
-    solid = bits.reshape(rows, -1)[:, :columns] == 1
+    solid = unpack_bits(np.asarray(level.row_bits))[:, :columns]
     faces = np.where(solid, np.asarray(level.walls), 0)
     faces = np.where(solid & ~np.isin(faces, WALL_LABELS), DEFAULT_WALL, faces).astype(np.uint8)
     doors = []
