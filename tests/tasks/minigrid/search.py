@@ -5,9 +5,10 @@ reached grows until it does not: the floor from the start on, things beside it, 
 that need no key or whose key is had, keys in boxes that are had.
 
 One thing at a time is carried. What lies in no way stays where it is until it is needed, and can be
-put back there. What lies in the way is taken up, carried on, and put down, once, on a tile of which
-the search makes sure that the floor around it hangs together without it. So whatever was reached
-before still can be, and all that is found is a way that can be walked.
+put back there. What lies in the way is taken up, carried on, and put down, up to four times, on a
+tile of which the search makes sure that the floor around it hangs together without it, and that no
+key or box has its only neighbour there. So whatever was reached before still can be, and all that
+is found is a way that can be walked.
 """
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 KEY, BALL, BOX, GOAL, LAVA = range(5)
 LYING, HELD, BOXED, GONE = range(4)
 RED, YELLOW = 0, 4
+MOVES = 4
 # East, south-east, south and so on around a tile: rows and columns.
 RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 
@@ -38,6 +40,12 @@ def flood(walkable, seen):
         if np.array_equal(grown, seen):
             return seen
         seen = grown
+
+
+def alone(floor, things):
+    """bool[B, rows, columns], the floor that something has beside it and no other."""
+    ways = sum(shifted(floor, *way).astype(np.int8) for way in RING[::2])
+    return floor & beside(things & (ways == 1))
 
 
 def hangs_together(floor):
@@ -71,7 +79,7 @@ class Search:
         floor: bool[B, rows, columns], where one gets to.
         had: bool[B, N], things that one gets beside.
         opened: bool[B, D], doors that are not locked, or that one gets to unlock.
-        moved: bool[B, N], things that were carried off.
+        moved: int[B, N], how often things were carried off.
     """
 
     def __init__(self, states, carries=True, gone=False, passable=()):
@@ -95,7 +103,7 @@ class Search:
         self.real = (tiles != 0).any(axis=-1)
         self.ground = states.level.walls[:, 0] == 0
         self.floor = starts(states)
-        self.had, self.moved = (np.zeros(self.kind.shape, bool) for _ in range(2))
+        self.had, self.moved = (np.zeros(self.kind.shape, kind) for kind in (bool, np.int8))
         known = -1
         # Carrying off gives as much floor as it takes or more, so no part of the sum shrinks.
         while known != (known := sum(x.sum() for x in self.parts())):
@@ -140,29 +148,31 @@ class Search:
 
     def carry_off(self):
         """Carry off what was had and has something behind it that is not reached yet."""
-        due = self.had & (self.place == LYING) & self.portable & ~self.moved
-        beyond = (self.ground | self.doors(self.real)) & ~self.near()
-        due &= beside(beyond)[self.batch, self.row, self.column]
+        due = self.had & (self.place == LYING) & self.portable & (self.moved < MOVES)
         for slot in np.flatnonzero(due.any(axis=0)):
-            self.put_down(slot, np.flatnonzero(due[:, slot]))
+            beyond = (self.ground | self.doors(self.real)) & ~self.near()
+            tile = self.batch[:, 0], self.row[:, slot], self.column[:, slot]
+            self.put_down(slot, np.flatnonzero(due[:, slot] & beside(beyond)[tile]))
 
     def put_down(self, slot, levels):
         """Take up one thing in some of the levels and put it down where it is in no way."""
         own = np.arange(self.kind.shape[1]) == slot
-        here, doors = self.tiles(own & ~self.moved)[levels], self.doors(self.real)[levels]
-        litter = self.tiles(self.place == LYING)[levels]
+        here, doors = self.tiles(own & (self.place == LYING))[levels], self.doors(self.real)[levels]
+        litter = self.tiles(self.place == LYING)[levels] & ~here
         # One may walk on with it.
         floor = flood(self.walkable()[levels] | here, self.floor[levels] | here)
-        spots = floor & hangs_together(floor) & ~doors & ~litter & ~here
-        # Rather where nothing is that might be reached from there alone.
-        apart = spots & ~beside((self.ground[levels] | doors) & ~floor)
-        spots = np.where(apart.any(axis=(1, 2), keepdims=True), apart, spots)
-        flat = spots.reshape(len(levels), -1)
+        needed = self.tiles((self.place == LYING) & (self.kind != BALL) & ~own)[levels]
+        spots = floor & hangs_together(floor) & ~doors & ~litter & ~here & ~alone(floor, needed)
+        # Rather where nothing is that might be reached from there alone, at least no door or floor.
+        for behind in (doors | self.ground[levels] & ~litter, self.ground[levels] | doors):
+            apart = spots & ~beside(behind & ~floor)
+            spots = np.where(apart.any(axis=(1, 2), keepdims=True), apart, spots)
+        flat = spots.reshape(len(levels), self.ground[0].size)
         place, moves = flat.argmax(axis=1), flat.any(axis=1)
-        floor.reshape(len(levels), -1)[np.arange(len(levels)), place] = False
+        floor.reshape(flat.shape)[np.arange(len(levels)), place] = False
         levels, place, floor = levels[moves], place[moves], floor[moves]
         self.row[levels, slot], self.column[levels, slot] = np.divmod(place, spots.shape[2])
-        self.moved[levels, slot] = True
+        self.moved[levels, slot] += 1
         self.floor[levels] = floor
 
     def can_put(self, thing, other, corners):

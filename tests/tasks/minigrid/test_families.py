@@ -101,6 +101,9 @@ def test_what_the_search_finds_out():
         # In the box is the yellow key, and the red one is in the way of it.
         ("########\n#..Skb##\n#....#.#\n##Y###.#\n#G.#####\n########", True),
         ("########\n#..Sk.##\n#....#.#\n##Y###.#\n#G.#####\n########", False),
+        # Where the only key that fits would be shut in.
+        ("#########\n#bSooYG##\n#########", False),
+        ("#########\n#bSooYG##\n##..#####\n#########", True),
         # The key is behind its own door.
         ("#######\n#S.Y.b#\n##.##.#\n##.##G#\n#######", False),
     ],
