@@ -117,7 +117,7 @@ def test_a_bite_reaches_sixty_units(distance: float, hurts: bool) -> None:
     creatures = creatures.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([2, 1]))
     bits = jnp.full((2, 1), 3 << 16, jnp.uint32)
     both = jnp.ones(2, bool)
-    lost, friendly = strike(PAIR, creatures, both, places((0, 0))[0], bits, NO_WALLS)
+    lost, friendly, *_ = strike(PAIR, creatures, both, places((0, 0))[0], bits, NO_WALLS)
     # A die of ten from byte 3 shows 4; a demon's bite is four times that.
     assert lost.tolist() == [16 if hurts else 0, 0]
     assert friendly.tolist() == [0, 0]
@@ -128,7 +128,7 @@ def test_a_saw_hits_who_stands_between() -> None:
     creatures = creatures.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([0, 1]))
     bits = jnp.full((2, 1), 9 << 16, jnp.uint32)
     strikes = jnp.array([False, True])
-    lost, friendly = strike(PAIR, creatures, strikes, places((0, 0))[0], bits, NO_WALLS)
+    lost, friendly, *_ = strike(PAIR, creatures, strikes, places((0, 0))[0], bits, NO_WALLS)
     assert lost.tolist() == [0, 0]
     assert friendly.tolist() == [20, 0]
 

@@ -131,15 +131,15 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
             opaque=self.opaque_walls,
             walls=self.monster_walls,
         )
-        lost, friendly = strike(
+        blows = strike(
             roster, creatures, strikes, state.fixed_position, bits[:-1, 4:], self.opaque_walls
         )
-        creatures = hurt(roster, creatures, friendly, bits[:-1, 3])
+        creatures = hurt(roster, creatures, blows.dealt, bits[:-1, 3], blows.source)
         state = state.replace(creatures=creatures)
-        state = self.suffer(state, creatures.position, lost, params)
+        state = self.suffer(state, creatures.position, blows.lost, params)
         killed = before.living & ~creatures.living
         state = state.replace(kills=state.kills + jnp.sum(killed, dtype=jnp.int32))
-        return state, Fought(fires, killed, throws(roster, creatures, strikes, lost), tried)
+        return state, Fought(fires, killed, throws(roster, creatures, strikes, blows.bitten), tried)
 
     def suffer(self, state: S, origins: jax.Array, damage: jax.Array, params: P) -> S:
         """The state after blows to the player, which also push it by an eighth of a unit a point.

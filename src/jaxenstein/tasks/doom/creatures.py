@@ -4,7 +4,7 @@ A monster goes through frames as in the game: each lasts some tics and begins wi
 ones look for the player; walking ones choose at every step whether to strike, to go on, or to turn,
 in eight directions and mostly towards the player (ZDoom's p_enemy.cpp, read for its rules). In the
 game one moves after the other; here all choose at once, and of two that would overlap the later one
-waits. Everybody's target is the player.
+waits. They go for the player, or for each other if the roster says so (`feuds`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from ...pytree import PyTreeNode
 from .bodies import crosses, overlap
 from .dice import byte
+from .feuds import Feud, calmer, peace, provoked, quarry, settled
 from .fixed import ONE
 from .geometry import RADIUS
 from .kinds import NOWHERE, Act, Roster
@@ -23,8 +24,9 @@ from .shots import bearing, is_seen, ranked
 
 REACTION = 8
 """Steps after waking up before which nobody shoots."""
-# How near the middle of the player is to be bitten, and to be noticed behind one's back.
-_BITES, _NOTICES = (44 + RADIUS) * ONE, 64 * ONE
+# How near the side of an enemy is to be bitten, in map units, and the middle of the player to be
+# noticed behind one's back.
+_BITES, _NOTICES = 44, 64 * ONE
 # Aims that fail by distance: nearer ones count as farther off for who bites, and none beyond.
 _NEARER, _NO_BITE, _FARTHEST = 64, 128, 200
 # A step counts as towards the player from so far off, and so much of it is one across.
@@ -50,6 +52,7 @@ class Creatures(PyTreeNode):
         reaction: int32[N], steps before it may shoot.
         struck: bool[N], whether it has just shot and now walks first.
         alarmed: bool[N], whether it has heard the player shoot.
+        feud: whom they are after; None if it is always the player.
     """
 
     position: jax.Array
@@ -63,6 +66,7 @@ class Creatures(PyTreeNode):
     reaction: jax.Array
     struck: jax.Array
     alarmed: jax.Array
+    feud: Feud | None = None
 
     @property
     def living(self) -> jax.Array:
@@ -88,6 +92,7 @@ def placed(
         reaction=none + (0 if roster.fast else REACTION),
         struck=jnp.zeros(len(roster), bool),
         alarmed=jnp.zeros(len(roster), bool),
+        feud=peace(len(roster)) if roster.feuds else None,
     )
 
 
@@ -106,16 +111,22 @@ def approximate(offset: jax.Array) -> jax.Array:
     return jnp.max(size, axis=-1) + (jnp.min(size, axis=-1) >> 1)
 
 
-def in_reach(creatures: Creatures, player: jax.Array, sees: jax.Array) -> jax.Array:
-    """bool[N]: whether the player at int32[2] is near enough to be bitten, and seen."""
-    return sees & (approximate(player[None] - creatures.position) < _BITES)
+def in_reach(offset: jax.Array, half_width: jax.Array | np.ndarray, sees: jax.Array) -> jax.Array:
+    """bool[N]: who is near enough to be bitten, and seen.
+
+    Args:
+        offset: int32[N, 2], from each monster to its enemy.
+        half_width: int32[N], of that one, in map units.
+        sees: bool[N], whether there is no wall between them.
+    """
+    return sees & (approximate(offset) < jnp.asarray(_BITES + half_width) * ONE)
 
 
-def sight(creatures: Creatures, player: jax.Array, walls: np.ndarray) -> jax.Array:
-    """bool[N]: which monsters have no wall between them and the player at int32[2]."""
+def sight(creatures: Creatures, goal: jax.Array, walls: np.ndarray) -> jax.Array:
+    """bool[N]: which monsters have no wall between them and places int32[2] or int32[N, 2]."""
     if not len(walls):
         return jnp.ones(creatures.present.shape, bool)
-    return is_seen(creatures.position, jnp.broadcast_to(player, creatures.position.shape), walls)
+    return is_seen(creatures.position, jnp.broadcast_to(goal, creatures.position.shape), walls)
 
 
 def act(
@@ -142,9 +153,11 @@ def act(
     Returns:
         The monsters, and bool[N] which of them strike now, as the act of their frame says.
     """
-    offset = player[None] - creatures.position
-    sees = sight(creatures, player, opaque)
-    near = in_reach(creatures, player, sees)
+    creatures = settled(creatures)
+    goal, width = quarry(roster, creatures, player)
+    offset = goal - creatures.position
+    sees = sight(creatures, goal, opaque)
+    near = in_reach(offset, width, sees)
     alarmed = creatures.alarmed | (creatures.living & noise)
     tics = creatures.tics - 1
     begins = creatures.present & (tics <= 0)
@@ -174,12 +187,27 @@ def act(
         reaction=reaction,
         struck=(creatures.struck & ~chases) | shoots,
         alarmed=alarmed,
+        feud=calmer(creatures.feud, chases),
     )
     return after, begins & (_of(roster.acts, frame) >= Act.BITE)
 
 
-def hurt(roster: Roster, creatures: Creatures, damage: jax.Array, bits: jax.Array) -> Creatures:
-    """The monsters after damage int32[N]: some flinch, some die; random bits uint32[N]."""
+def hurt(
+    roster: Roster,
+    creatures: Creatures,
+    damage: jax.Array,
+    bits: jax.Array,
+    source: jax.Array | None = None,
+) -> Creatures:
+    """The monsters after blows: some flinch, some die.
+
+    Args:
+        roster: their kinds.
+        creatures: the monsters.
+        damage: int32[N].
+        bits: uint32[N], random.
+        source: int32[N], which monster has hurt each; the player if there is none.
+    """
     hit = creatures.living & (damage > 0)
     health = creatures.health - jnp.where(hit, damage, 0)
     dies = hit & (health <= 0)
@@ -194,6 +222,7 @@ def hurt(roster: Roster, creatures: Creatures, damage: jax.Array, bits: jax.Arra
         frame=frame,
         tics=jnp.where(changed & wakes & ~flinches, 1, tics),
         reaction=jnp.where(hit, 0, creatures.reaction),
+        feud=provoked(creatures.feud, hit & ~dies, source),
     )
 
 

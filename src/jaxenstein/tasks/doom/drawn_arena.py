@@ -251,7 +251,7 @@ class DrawnArena(DoomFireArena[S, P]):
     @functools.cached_property
     def roster(self) -> Roster:
         """The monsters."""
-        return Roster(self.cast, fast=self.fast)
+        return Roster(self.cast, fast=self.fast, feuds=True)
 
     @functools.cached_property
     def most_balls(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]

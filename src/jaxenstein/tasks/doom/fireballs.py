@@ -13,14 +13,15 @@ from ...maps.things import FIREBALL
 from .arena import DoomArena, DoomArenaParams, DoomArenaState, Fought
 from .creatures import hurt
 from .dice import byte, roll
+from .feuds import quarry
 from .geometry import RADIUS
 from .kinds import Pose
 from .look import FIREBALLS, Picture
 from .projectiles import Projectiles, fly, throw
 from .shots import way_to
 
-# Fireballs: half-width, map units a tic, the damage's factor and die, tics that a burst is seen.
-BALL, SPEED, DICE, SIDES, BURST = 6, 10, 3, 8, 18
+# Fireballs: half-width, tics that a burst is seen.
+BALL, BURST = 6, 18
 
 
 class DoomFireState(DoomArenaState):
@@ -65,8 +66,9 @@ class DoomFireArena(DoomArena[S, P]):
         They hurt monsters of other kinds than the thrower's as well.
         """
         roster, before = self.roster, state.creatures
-        way = way_to(before.position, state.fixed_position[None])
-        balls = throw(state.balls, fought.throws, before.position, way, SPEED)
+        goal, _ = quarry(roster, before, state.fixed_position)
+        way = way_to(before.position, goal)
+        balls = throw(state.balls, fought.throws, before.position, way, roster.ball_speed)
         bodies = (
             jnp.concatenate([before.position, state.fixed_position[None]]),
             np.append(roster.half_widths, np.int32(RADIUS)),
@@ -74,15 +76,21 @@ class DoomFireArena(DoomArena[S, P]):
         )
         balls, hits = fly(balls, BALL, bodies, self.monster_walls, BURST)
         bits = jax.random.bits(key, (self.most_balls,), jnp.uint32)
-        damage = jnp.where(hits, roll(DICE, SIDES, byte(bits, 0))[:, None], 0)
+        dice, sides = (
+            jnp.asarray(table).at[balls.owner].get(mode="clip")
+            for table in (roster.ball_dice, roster.ball_sides)
+        )
+        damage = jnp.where(hits, roll(dice, sides, byte(bits, 0))[:, None], 0)
         lost = jnp.sum(damage[:, -1:], axis=1, dtype=jnp.int32)
         state = self.suffer(state.replace(balls=balls), balls.position, lost, params)
         if len(roster.kinds) > 1:
             kinds = jnp.asarray(roster.cast)
             others = kinds.at[balls.owner].get(mode="clip")[:, None] != kinds[None]
-            burnt = jnp.sum(jnp.where(others, damage[:, :-1], 0), axis=0, dtype=jnp.int32)
+            burns = jnp.where(others, damage[:, :-1], 0)
+            burnt = jnp.sum(burns, axis=0, dtype=jnp.int32)
             fate = jnp.broadcast_to(bits[0], (len(roster),))
-            creatures = hurt(roster, before, burnt, fate)
+            source = balls.owner.at[jnp.argmax(burns, axis=0)].get(mode="promise_in_bounds")
+            creatures = hurt(roster, before, burnt, fate, source)
             killed = jnp.sum(before.living & ~creatures.living, dtype=jnp.int32)
             state = state.replace(creatures=creatures, kills=state.kills + killed)
         return state, hits[:, -1]

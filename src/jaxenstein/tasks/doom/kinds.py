@@ -77,6 +77,9 @@ class Kind:
         rays: bullets of a shot.
         spread: bits by which the sum of two bytes is shifted to be the error of their angle.
         reach: how far they go, in map units.
+        ball_speed: of what it throws, map units a tic.
+        ball_dice: the damage of that is this times a die.
+        ball_sides: of that die.
     """
 
     name: str
@@ -95,6 +98,9 @@ class Kind:
     rays: int = 0
     spread: int = 0
     reach: float = 2048
+    ball_speed: int = 10
+    ball_dice: int = 3
+    ball_sides: int = 8
     die: tuple[Frame, ...] = field(default=(Frame(FOREVER, Pose.DEAD),))
 
 
@@ -155,6 +161,23 @@ CACODEMON = Kind(
     flinch=12,
     pain_chance=128,
 )
+_BRUISING = (Frame(8, Pose.AIM), Frame(8, Pose.AIM), Frame(8, Pose.TWO, Act.THROW))
+HELL_KNIGHT = Kind(
+    "hell knight",
+    "HellKnight",
+    health=500,
+    half_width=24,
+    speed=8,
+    stand=_standing(10),
+    walk=_walking(3),
+    melee=_BRUISING,
+    missile=_BRUISING,
+    pain_chance=50,
+    dice=10,
+    sides=8,
+    ball_speed=15,
+    ball_dice=8,
+)
 ZOMBIE = Kind(
     "zombie",
     "ZombieMan",
@@ -209,19 +232,23 @@ class Roster:
         kinds: the kinds, without repetition.
         cast: int32[N], the number of each monster's kind.
         fast: whether they react at once and strike without pausing, as in the game's skill 5.
+        feuds: whether those hurt by another monster turn on it.
         tics, following, back, acts, poses: int32[F], of each frame.
         stand, walk, melee, missile, pain, die: int32[N], the first such frame of each, or -1.
-        half_widths, speeds, health, pain_chance, dice, sides, rays, spread: int32[N].
+        half_widths, speeds, health, pain_chance, dice, sides, rays, spread, ball_speed, ball_dice,
+            ball_sides: int32[N].
         reach: float32[N].
     """
 
-    def __init__(self, cast: Sequence[Kind], *, fast: bool = False) -> None:
+    def __init__(self, cast: Sequence[Kind], *, fast: bool = False, feuds: bool = False) -> None:
         """Lay out the tables.
 
         Args:
             cast: the kind of each monster.
             fast: see the class.
+            feuds: likewise.
         """
+        self.feuds = feuds
         self.kinds = tuple(dict.fromkeys(cast))
         self.fast = np.bool_(fast)
         self.cast = np.array([self.kinds.index(kind) for kind in cast], np.int32)
@@ -236,6 +263,8 @@ class Roster:
         self.dice, self.sides = self._numbers("dice"), self._numbers("sides")
         self.rays, self.spread = self._numbers("rays"), self._numbers("spread")
         self.reach = self._numbers("reach").astype(np.float32)
+        self.ball_speed, self.ball_dice = self._numbers("ball_speed"), self._numbers("ball_dice")
+        self.ball_sides = self._numbers("ball_sides")
 
     def __len__(self) -> int:
         """How many monsters there are."""

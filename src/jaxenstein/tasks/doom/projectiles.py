@@ -40,7 +40,11 @@ def no_projectiles(count: int) -> Projectiles:
 
 
 def throw(
-    projectiles: Projectiles, throws: jax.Array, origin: jax.Array, way: jax.Array, speed: int
+    projectiles: Projectiles,
+    throws: jax.Array,
+    origin: jax.Array,
+    way: jax.Array,
+    speed: int | np.ndarray,
 ) -> Projectiles:
     """New ones, from each place that throws; half a tic's way ahead already.
 
@@ -49,10 +53,11 @@ def throw(
         throws: bool[N].
         origin: int32[N, 2], of the bodies that throw, the first N of `fly`.
         way: float32[N, 2], the direction, of length one.
-        speed: map units a tic.
+        speed: map units a tic, of all or int32[N].
     """
     count = projectiles.flies.shape[0]
-    velocity = (way * jnp.float32(speed * ONE)).astype(jnp.int32)
+    fixed = np.asarray(speed, np.float32).reshape(-1, 1) * np.float32(ONE)
+    velocity = (way * fixed).astype(jnp.int32)
     order = jnp.cumsum(throws.astype(jnp.int32)) - 1
     slot = jnp.where(throws, (projectiles.next + order) % count, count)
     index = np.arange(throws.shape[0], dtype=np.int32)
