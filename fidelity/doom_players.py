@@ -1,9 +1,10 @@
-"""What players get in Doom's scenarios, here and in the game: mean returns side by side.
+"""What players get in Doom's scenarios, here and in the game: mean returns and lengths.
 
     python -m fidelity.doom_players [--episodes N] [--seed N] [--json FILE] [ID ...]
 
-Needs the extra `vizdoom`. The same players act in both; a difference of means that is more than
-two of its standard errors is marked.
+Needs the extra `vizdoom`. The same rules act in both: in the game a scripted player sees our state
+of what it shows, the places of its things and its variables. A difference of means that is more
+than two of its standard errors is marked.
 """
 
 from __future__ import annotations
@@ -14,17 +15,16 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 import jaxenstein
+from fidelity.doom_games import play_games
 from fidelity.players import mean_and_error
-from jaxenstein.adapters.vizdoom import play_game
-from jaxenstein.episodes.policies import named_policy
 from jaxenstein.files import atomic, check_writable
-from jaxenstein.players import play, players_of
+from jaxenstein.players import Played, play, players_of
 
 IDS = (
     "doom-my-way-home",
@@ -32,97 +32,115 @@ IDS = (
     "doom-health-gathering-supreme",
     "doom-basic",
     "doom-simpler-basic",
+    "doom-rocket-basic",
     "doom-defend-the-center",
     "doom-defend-the-line",
-    "doom-take-cover",
-    "doom-rocket-basic",
-    "doom-predict-position",
     "doom-deadly-corridor",
+    "doom-predict-position",
+    "doom-take-cover",
 )
-# A player of `players_of`, or the expert, and the tics for which it keeps an action.
-PLAYERS = (("idle", 1), ("uniform", 1), ("uniform", 4), ("expert", 1))
+# Players of any scenario, and the tics for which they keep an action; its own keep theirs for one.
+PLAYERS = (("idle", 1), ("uniform", 1), ("uniform", 4))
 # Nobody looks: the smallest image that there is.
 UNSEEN = {"height": 1, "width": 1, "observation": "depth"}
+APART = 2
+"""Standard errors of a difference of means that count as more than chance."""
+
+Mean = tuple[float, float]
+"""A mean and its standard error."""
 
 
 class Row(NamedTuple):
-    """One player in one scenario; means with their standard errors.
+    """One player in one scenario.
 
     Attributes:
         scenario: id of the environment.
         player: its name.
         frame_skip: tics for which it keeps an action.
-        here: mean return and its error.
-        there: the same in the game.
-        successes: shares of episodes with success, here and there.
-        errors_apart: how many standard errors the means are apart.
+        episodes: in each of the two.
+        returns: means of the returns, here and in the game.
+        lengths: of the decisions that episodes took, likewise.
+        successes: shares of episodes with success, likewise.
     """
 
     scenario: str
     player: str
     frame_skip: int
-    here: tuple[float, float]
-    there: tuple[float, float]
+    episodes: int
+    returns: tuple[Mean, Mean]
+    lengths: tuple[Mean, Mean]
     successes: tuple[float, float]
-    errors_apart: float
+
+
+def apart(here: Mean, there: Mean) -> float:
+    """How many standard errors of their difference two means are apart; `inf` if there is none."""
+    # Rewards are summed as float32.
+    if math.isclose(here[0], there[0], rel_tol=1e-4):
+        return 0.0
+    error = math.hypot(here[1], there[1])
+    return abs(here[0] - there[0]) / error if error else math.inf
 
 
 def compare(id: str, name: str, frame_skip: int, episodes: int, seed: int) -> Row:
     """Play a player's episodes in both."""
     env, params = jaxenstein.make(id, frame_skip=frame_skip, **UNSEEN)
     params = env.check_params(params)
-    players = players_of(env)
-    chosen = env.about().expert if name == "expert" else name
-    keys = jax.random.split(jax.random.key(seed), episodes)
-    states = jax.vmap(lambda key: env.init_state(key, params))(keys)
-    played = jax.device_get(play(env, players[chosen], params, jax.random.key(seed + 1), states))
-    policy = named_policy("random" if name == "uniform" else name, env, params, seed)
-    games = play_game(env, params, policy, episodes=episodes, seed=seed)
-    here, there = mean_and_error(played.returned), mean_and_error(games.returns)
-    # Rewards are summed as float32.
-    apart = 0.0 if math.isclose(here[0], there[0], rel_tol=1e-4) else abs(here[0] - there[0])
-    error = math.hypot(here[1], there[1])
+    here = play_here(env, params, name, episodes, seed)
+    there = play_games(env, params, name, episodes=episodes, seed=seed)
     return Row(
         id,
         name,
         frame_skip,
-        here,
-        there,
-        (float(np.mean(played.successes > 0)), float(games.successes.mean())),
-        apart / error if error else math.inf if apart else 0.0,
+        episodes,
+        (mean_and_error(here.returned), mean_and_error(there.returns)),
+        (mean_and_error(here.length), mean_and_error(there.lengths)),
+        (float(np.mean(here.successes > 0)), float(there.successes.mean())),
     )
+
+
+def play_here(env: Any, params: Any, name: str, episodes: int, seed: int) -> Played:
+    """Episodes of a player of `players_of` in our environment; their lengths are decisions."""
+    keys = jax.random.split(jax.random.key(seed), episodes)
+    states = jax.vmap(lambda key: env.init_state(key, params))(keys)
+    player = players_of(env)[name]
+    played = jax.device_get(play(env, player, params, jax.random.key(seed + 1), states))
+    return played.replace(length=-(-played.length // env.frame_skip))
 
 
 def in_words(row: Row) -> str:
     """A line of the table."""
-    means = [f"{mean:.4g} +- {error:.2g}" for mean, error in (row.here, row.there)]
-    shares = [f"{share:.0%}" for share in row.successes]
-    mark = "  APART" if row.errors_apart > 2 else ""
-    return (
-        f"{row.scenario:30} {row.player:8} skip {row.frame_skip}  here {means[0]:16} {shares[0]:>5}"
-        f"  there {means[1]:16} {shares[1]:>5}{mark}"
-    )
+    columns = [f"{row.scenario:30} {row.player:14} skip {row.frame_skip}"]
+    for name, pair in (("return", row.returns), ("length", row.lengths)):
+        means = [f"{mean:.4g} +- {error:.2g}" for mean, error in pair]
+        mark = "APART" if apart(*pair) > APART else ""
+        columns.append(f"{name} {means[0]:>16} {means[1]:>16} {mark:5}")
+    columns.append(" ".join(f"{share:4.0%}" for share in row.successes))
+    return "  ".join(columns)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Play, print the table, write the file; 1 if a difference is beyond the noise."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
     parser.add_argument("ids", nargs="*", metavar="ID", default=IDS, help="(default: all of them)")
-    parser.add_argument("--episodes", type=int, default=100, help="in each (default %(default)s)")
+    parser.add_argument("--episodes", type=int, default=200, help="in each (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the draws (default %(default)s)")
+    parser.add_argument("--only", nargs="+", metavar="PLAYER", help="these players alone")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     options = parser.parse_args(argv)
     if options.json:
         check_writable(options.json)
-    rows = []
+    rows: list[Row] = []
     for id in options.ids:
-        for name, frame_skip in PLAYERS:
+        own = [(name, 1) for name in jaxenstein.make(id, **UNSEEN)[0].about().players]
+        for name, frame_skip in (*PLAYERS, *own):
+            if options.only and name not in options.only:
+                continue
             rows.append(compare(id, name, frame_skip, options.episodes, options.seed))
             print(in_words(rows[-1]), flush=True)
     if options.json:
         with atomic(options.json) as path:
             path.write_text(json.dumps([row._asdict() for row in rows], indent=1))
-    return int(any(row.errors_apart > 2 for row in rows))
+    return int(any(apart(*pair) > APART for row in rows for pair in (row.returns, row.lengths)))
 
 
 if __name__ == "__main__":

@@ -34,7 +34,8 @@ class Game:
     """`vizdoom.DoomGame` as far as the adapter uses it, played by our own rules."""
 
     def __init__(self, env: Any, params: Any) -> None:
-        self.env = dataclasses.replace(env, frame_skip=1, height=120, width=160)
+        plain = {name: False for name in ("hud", "show_weapon") if hasattr(env, name)}
+        self.env = dataclasses.replace(env, frame_skip=1, height=120, width=160, **plain)
         self.params = self.env.check_params(params)
         self.settings: dict[str, Any] = {}
         self.draw = jax.jit(self.env.observe)
@@ -47,6 +48,7 @@ class Game:
         (seed,) = self.settings.pop("set_seed")
         _, self.state = self.env.reset(jax.random.key(seed), self.params)
         self.finished = self.timeout = False
+        self.kills = 0
 
     def make_action(self, buttons: list[int], tics: int) -> float:
         held = sum(down << i for i, down in enumerate(buttons))
@@ -54,10 +56,11 @@ class Game:
         total = 0.0
         for _ in range(tics):
             key = jax.random.key(0)
-            _, self.state, reward, ended, late, _ = self.env.step(
+            _, self.state, reward, ended, late, info = self.env.step(
                 key, self.state, np.int32(action), self.params
             )
             total += float(reward)
+            self.kills += int(info.get("kills", 0))
             if ended or late:
                 self.finished, self.timeout = True, bool(late)
                 break
@@ -70,19 +73,25 @@ class Game:
         return self.timeout
 
     def is_player_dead(self) -> bool:
-        return self.finished and not self.timeout
+        return int(getattr(self.state, "health", 1)) <= 0
+
+    def get_game_variable(self, name: str) -> float:
+        assert name == "KILLCOUNT"
+        return float(self.kills)
 
     def get_state(self) -> Any:
-        depth = np.asarray(self.draw(self.state, self.params)) * self.env.unit
+        drawn = np.asarray(self.draw(self.state, self.params))
+        depth = drawn * self.env.unit
         step = vizdoom_buffers.DEPTH_STEP
         values = np.clip(np.floor((depth - 120 * vizdoom_buffers.DEPTH_START) / step), 0, 255)
+        ammo = float(self.state.trigger.ammo) if hasattr(self.state, "trigger") else 0.0
         place = np.asarray(self.state.fixed_position) / ONE
         speed = np.asarray(self.state.fixed_velocity) / ONE
         angle = int(self.state.angle) / (2**32 - 1) * 360
         return SimpleNamespace(
             depth_buffer=values.astype(np.uint8),
-            screen_buffer=np.zeros((120, 160, 3), np.uint8),
-            game_variables=[*place, angle, *speed, 100.0],
+            screen_buffer=drawn if drawn.ndim == 3 else np.zeros((120, 160, 3), np.uint8),
+            game_variables=[*place, angle, *speed, 100.0, ammo],
             labels=[],
             objects=[],
         )
@@ -96,6 +105,11 @@ def world() -> Any:
 
 @pytest.fixture
 def game(world: Any, monkeypatch: pytest.MonkeyPatch) -> Game:
+    return installed(world, monkeypatch)
+
+
+def installed(world: Any, monkeypatch: pytest.MonkeyPatch) -> Game:
+    """Our environment in the place of the game."""
     game = Game(*world)
     names = ("ScreenResolution", "GameVariable", "ScreenFormat")
     anything = type("Names", (), {"__getattr__": lambda self, name: name})()
@@ -105,6 +119,49 @@ def game(world: Any, monkeypatch: pytest.MonkeyPatch) -> Game:
     monkeypatch.setattr(vizdoom_buffers, "load_vizdoom", lambda: module)
     monkeypatch.setattr(vizdoom, "load_vizdoom", lambda: module)
     return game
+
+
+def test_a_missed_shot_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The game ends then as early as after a hit."""
+    env, params = jaxenstein.make("doom-predict-position", **SETTINGS)
+    installed((env, params), monkeypatch)
+    attack = env.action_names.index("attack")
+    with vizdoom.GameSession(env, params, 1) as session:
+        while not session.over:
+            session.step(attack if len(session.actions) == 2 else 0)
+        assert session.terminated
+        assert session.episode_return < 0
+        assert session.info == {"success": False}
+
+
+@pytest.mark.parametrize("kind", ["gray", "dict"])
+def test_health_and_ammunition_below_the_view(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    env, params = jaxenstein.make(
+        "doom-basic", observation=kind, height=40, width=60, hud=True, show_weapon=True
+    )
+    game = installed((env, params), monkeypatch)
+    game.env = dataclasses.replace(game.env, observation="rgb")
+    game.draw = jax.jit(game.env.observe)
+    attack = env.action_names.index("attack")
+    with vizdoom.GameSession(env, params, 1) as session:
+        assert game.settings["set_render_weapon"] == (True,)
+        for _ in range(5):
+            session.step(attack)
+        seen, ours = session.observation, env.observe(session.state, session.params)
+        if kind == "dict":
+            assert (float(seen["health"][0]), float(seen["ammo"][0])) == (100, 49)
+            seen, ours = seen["image"], ours["image"]
+        # A strip of four rows; at its right, within a rim, 28 columns are 50 bullets.
+        row = seen[38, 31:59].reshape(28, -1)
+        assert np.all(row == row[:1], axis=1).tolist() == [True] * 27 + [False]
+        np.testing.assert_array_equal(seen[36:], np.asarray(ours)[36:])
+        view = vizdoom_buffers.colour_image(session.screen, (36, 60))
+        view = vizdoom_buffers.grey(view) if kind == "gray" else view
+        np.testing.assert_array_equal(seen[:36], view)
+        # The shot has hit: this seed's monster stands ahead.
+        session.step(0)
+        assert session.over
+        assert session.info == {"success": True}
 
 
 def test_actions_rewards_and_ends_mean_the_same(world: Any, game: Game) -> None:
@@ -191,3 +248,39 @@ def test_the_game_shows_what_we_draw(id: str, kind: str, alike: float) -> None:
             session.step(action)
         ours = np.asarray(env.observe(session.state, session.params))
         assert np.mean(np.asarray(session.observation) == ours) > alike
+
+
+@pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
+def test_the_games_weapon_and_our_strip() -> None:
+    """The weapon stands in the lower middle, in the strip there is what its variables say."""
+    pictures = {}
+    for shown in (False, True):
+        env, params = jaxenstein.make(
+            "doom-basic", observation="rgb", height=60, width=80, hud=True, show_weapon=shown
+        )
+        with vizdoom.GameSession(env, params, 5) as session:
+            for action in [1] * 5 + [0] * 20:
+                session.step(action)
+            pictures[shown] = session.observation
+            assert int(session.state.trigger.ammo) == 49
+            ours = np.asarray(env.observe(session.state, session.params))
+            np.testing.assert_array_equal(session.observation[54:], ours[54:])
+    differs = np.any(pictures[True] != pictures[False], axis=-1)
+    assert differs[30:54, 30:50].sum() > 60
+    assert not differs[:24].any()
+    assert not differs[:, :20].any()
+    assert not differs[:, 60:].any()
+
+
+@pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
+def test_the_game_tells_everybody_there() -> None:
+    env: Any
+    env, params = jaxenstein.make("doom-deadly-corridor", **SETTINGS)
+    with vizdoom.GameSession(env, params, 5) as session:
+        ours, kinds = env.init_state(jax.random.key(0), params).creatures, env.roster.cast
+        theirs = session.state.creatures
+        for kind in range(len(env.roster.kinds)):
+            places = [np.asarray(c.position)[kinds == kind].tolist() for c in (ours, theirs)]
+            assert sorted(places[0]) == sorted(places[1])
+        assert np.asarray(theirs.living).all()
+        assert int(session.state.trigger.ammo) == 52

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import math
 from collections.abc import Callable
 from typing import Any, SupportsIndex
 
@@ -24,8 +25,11 @@ from ..errors import SettingError
 from ..tasks.doom.fixed import to_fixed
 from ..tasks.doom.look import label_of
 from ..tasks.doom.scenario import DoomScenario
+from ..tasks.doom.shooter import DoomShooter
+from ..tasks.doom.weapons import PISTOL
 from .gymnasium import gymnasium, gymnasium_space, resolve
 from .vizdoom_buffers import (
+    VARIABLES,
     colour_image,
     depth_image,
     grey,
@@ -86,14 +90,21 @@ class GameSession(Session):
 
         self._stack = contextlib.ExitStack()
         self._game = self._stack.enter_context(
-            running(env.scenario, seed=seed, size=size, prepare=prepare)
+            running(
+                env.scenario,
+                seed=seed,
+                variables=(*VARIABLES, getattr(env, "weapon", PISTOL).game_ammo),
+                size=size,
+                prepare=prepare,
+            )
         )
         self._held = [
             [held >> i & 1 for i in range(len(env.button_names))]
             for held in (*env.action_buttons.tolist(), 0)
         ]
         # Drawn once: all that the game does not tell stays as it is at our resets.
-        self._first = env.reset(jax.random.key(0, impl="threefry2x32"), params)[1]
+        key = jax.random.key(0, impl="threefry2x32")
+        self._first = jax.device_get(env.reset(key, params)[1])
         self._labels = env.game_labels
         textures = sorted({*map(label_of, env.tiles.textures)})
         self._wall = textures[0] if len(textures) == 1 else None
@@ -143,11 +154,19 @@ class GameSession(Session):
             dead = self._game.is_player_dead()
             late = self._game.is_episode_timeout_reached() and not dead
             self.terminated, self.truncated = not late, late
-            # Who lives on has either reached the time limit or, before it, the event.
-            self.info = {"success": not dead and late != bool(self.env.success_event)}
+            self.info = {"success": self._succeeded(dead, late)}
         else:
             self._look()
         return self.observation
+
+    def _succeeded(self, dead: bool, late: bool) -> bool:
+        """Whether the aim was reached in an episode that is over."""
+        event = self.env.success_event
+        if event == "kills":
+            kills = load_vizdoom().GameVariable.KILLCOUNT
+            return self._game.get_game_variable(kills) > 0
+        # Who lives on has either reached the time limit or, before it, the event.
+        return not dead and late != bool(event)
 
     def policy_key(self) -> jax.Array:
         """A key for choosing the next action."""
@@ -165,6 +184,7 @@ class GameSession(Session):
         self._seen = self._game.get_state()
         kind, size = self.env.observation, (self.env.height, self.env.width)
         self._state: Any = None
+        self._told: Any = None
         if kind == "depth":
             self.observation = depth_image(self._seen.depth_buffer, size, self.env.unit)
         elif kind == "labels":
@@ -176,42 +196,61 @@ class GameSession(Session):
                 walls = np.full(self.env.width, self._wall, np.uint8)
             self.observation = label_image(self._seen.labels_buffer, size, things, walls)
         else:
-            image = colour_image(self.screen, size)
+            image = colour_image(self.screen, (self.env.view_height, self.env.width))
             if kind == "gray":
                 image = grey(image)
+            if isinstance(self.env, DoomShooter) and self.env.hud:
+                strip = self.env.strip(self.state, "gray" if kind == "gray" else "rgb")
+                image = np.concatenate([image, np.asarray(strip)])
             self.observation = image
             if kind == "dict":
                 variables = jax.device_get(self.env.variables(self.state))
                 self.observation = {"image": image, **variables}
 
     @property
+    def things(self) -> np.ndarray:
+        """int64[M, 6]: what stands and flies about, as `DoomScenario.with_things` takes it."""
+        looks = {name: look for look, name in enumerate(self.env.game_things)}
+        things = [
+            (
+                looks[o.name],
+                to_fixed(o.position_x),
+                to_fixed(o.position_y),
+                o.id,
+                _turns(o.angle),
+                to_fixed(math.hypot(o.velocity_x, o.velocity_y)),
+            )
+            for o in self._seen.objects
+            if o.name in looks
+        ]
+        return np.array(things, np.int64).reshape(-1, 6)
+
+    @property
+    def told(self) -> Any:
+        """Our state of what the game shows, in numpy, but for `position` and `heading`.
+
+        These follow from the pose: `env.at_pose` works them out.
+        """
+        if self._told is not None:
+            return self._told
+        x, y, angle, dx, dy, health, ammo = (float(v) for v in self._seen.game_variables)
+        state = self._first.replace(
+            fixed_position=np.array((to_fixed(x), to_fixed(y)), np.int32),
+            fixed_velocity=np.array((to_fixed(dx), to_fixed(dy)), np.int32),
+            angle=np.uint32(_turns(angle)),
+            time=np.int32(len(self.actions) * self.env.frame_skip),
+        )
+        state = self.env.with_ammo(state, round(ammo))
+        self._told = self.env.with_things(state, round(health), self.things)
+        return self._told
+
+    @property
     def state(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Our state of what the game shows."""
         if self._state is None:
-            x, y, angle, dx, dy, health = (float(v) for v in self._seen.game_variables)
-            position, velocity = (to_fixed(x), to_fixed(y)), (to_fixed(dx), to_fixed(dy))
-            posed = _at_pose(
-                self.env,
-                self._first,
-                np.array(position, np.int32),
-                np.array(velocity, np.int32),
-                np.uint32(_turns(angle)),
-            )
-            looks = {name: look for look, name in enumerate(self.env.game_things)}
-            things = [
-                (
-                    looks[o.name],
-                    to_fixed(o.position_x),
-                    to_fixed(o.position_y),
-                    o.id,
-                    _turns(o.angle),
-                )
-                for o in self._seen.objects
-                if o.name in looks
-            ]
-            table = np.array(things, np.int64).reshape(-1, 5)
-            time = np.int32(len(self.actions) * self.env.frame_skip)
-            self._state = self.env.with_things(posed.replace(time=time), round(health), table)
+            told = self.told
+            pose = told.fixed_position, told.fixed_velocity, told.angle
+            self._state = _at_pose(self.env, told, *pose)
         return self._state
 
 

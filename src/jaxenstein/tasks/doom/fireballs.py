@@ -110,7 +110,9 @@ class DoomFireArena(DoomArena[S, P]):
     def with_things(self, state: S, health: int, things: np.ndarray) -> S:
         """The state with the monsters and the fireballs of the game."""
         state = super().with_things(state, health, things)
-        rows = things[things[:, 0] == len(self.roster.kinds)][: self.most_balls]
+        # Those that burst stand still.
+        flying = (things[:, 0] == len(self.roster.kinds)) & (things[:, 5] > 0)
+        rows = things[flying][: self.most_balls]
         place, flies = np.zeros((self.most_balls, 2), np.int32), np.arange(self.most_balls)
         place[: len(rows)] = rows[:, 1:3]
         balls = state.balls.replace(position=place, flies=flies < len(rows))

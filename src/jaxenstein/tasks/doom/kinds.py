@@ -180,7 +180,7 @@ HELL_KNIGHT = Kind(
 )
 ZOMBIE = Kind(
     "zombie",
-    "ZombieMan",
+    "Zombieman",
     health=20,
     half_width=20,
     speed=8,

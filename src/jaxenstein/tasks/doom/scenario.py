@@ -250,10 +250,15 @@ class DoomScenario(FirstPerson[S, P]):
         Args:
             state: the state.
             health: of the player.
-            things: int64[M, 5], of each thing its look, x and y in 16.16 map units, a number that
-                is the higher the later it appeared, and its angle, 2**32 a circle.
+            things: int64[M, 6], of each thing its look, x and y in 16.16 map units, a number that
+                is the higher the later it appeared, its angle, 2**32 a circle, and its speed.
         """
         del health, things
+        return state
+
+    def with_ammo(self, state: S, ammo: int) -> S:
+        """The state with so many shots left, where there is a weapon."""
+        del ammo
         return state
 
     def pressed(self, action: jax.Array) -> Buttons:

@@ -156,10 +156,10 @@ class DoomShooter(DoomScenario[S, P]):
         image = super().draw(state, params, kind)
         if self.show_weapon:
             image = hands.show(image, self.weapon, state.trigger, kind)
-        return jnp.concatenate([image, self._strip(state, kind)]) if self.hud else image
+        return jnp.concatenate([image, self.strip(state, kind)]) if self.hud else image
 
-    def _strip(self, state: S, kind: ImageKind) -> jax.Array:
-        """Health at the left and, where there is any, ammunition at the right."""
+    def strip(self, state: S, kind: ImageKind) -> jax.Array:
+        """The strip of `hud=True`: health, and at the right ammunition if there is any."""
         rows, most = strip_rows(self.height), self._most_ammo
         right = self.width // 2 if most else 0
         health = bar(state.health / FULL_HEALTH, rows, self.width - right, kind)
@@ -167,6 +167,11 @@ class DoomShooter(DoomScenario[S, P]):
             return health
         ammo = bar(state.trigger.ammo / most, rows, right, kind, AMMUNITION)
         return jnp.concatenate([health, ammo], axis=1)
+
+    def with_ammo(self, state: S, ammo: int) -> S:
+        """The state with so many shots left."""
+        shots = np.int32(min(max(ammo, 0), self._most_ammo))
+        return state.replace(trigger=state.trigger.replace(ammo=shots))
 
     def describe(self, state: S, params: P) -> Info:
         """Add health and ammunition."""

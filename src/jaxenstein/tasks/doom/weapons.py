@@ -31,6 +31,7 @@ class Weapon:
         speed: of the rockets that it fires, map units a tic; 0 if it fires bullets.
         locks: whether it stays locked until ATTACK is released once it is drawn.
         look: what it looks like in the player's hands, one of `hands.LOOKS`.
+        game_ammo: what the game calls its ammunition.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Weapon:
     speed: int = 0
     locks: bool = False
     look: str = "pistol"
+    game_ammo: str = "AMMO2"
 
     def damage(self, byte: jax.Array) -> jax.Array:
         """int32[]: of one hit, from a random byte."""
@@ -60,6 +62,7 @@ ROCKET_LAUNCHER = Weapon(
     speed=20,
     locks=True,
     look="rocket launcher",
+    game_ammo="AMMO5",
 )
 
 
