@@ -16,8 +16,9 @@ from benchmarks.report.results import Result, suite_rows
 from benchmarks.report.tables import table_of
 from benchmarks.store import earlier, write
 from benchmarks.suites.measure import FORMAT, Groups, Settings, measure
-from benchmarks.suites.parts import NAMED, PARTS, QUICK, Plan
+from benchmarks.suites.parts import NAMED, PARTS
 from benchmarks.suites.peers import FOLDER, find
+from benchmarks.suites.plan import QUICK, Plan
 from benchmarks.suites.processes import cores_allowed
 from benchmarks.suites.worker import tell
 from jaxenstein.errors import JAXensteinError

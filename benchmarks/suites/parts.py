@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from benchmarks.subjects.frames import FRAMES_KEPT
@@ -12,7 +11,8 @@ from benchmarks.subjects.peers import SCENARIOS, SHOOTING
 from benchmarks.subjects.stages import STAGES
 from benchmarks.suites.measure import Groups, Subject
 from benchmarks.suites.peers import PEERS
-from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from benchmarks.suites.plan import Plan
+from jaxenstein.catalogue import ENTRIES
 from jaxenstein.speed.measuring import ONE_THREAD
 
 # Processes alive at once, each of which takes some 400 MB.
@@ -43,56 +43,6 @@ ADAPTERS = (
         "adapter-gymnasium-single", "Gymnasium, one environment", "gymnasium", single=True
     ),
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Sizes of everything: of the parts that have them in the plural, and `batch` of the others."""
-
-    cores: int = 1
-    batches: tuple[int, ...] = (1, 8, 64, 256, 1024, 4096)
-    batch: int = 256
-    ids: tuple[str, ...] = MAIN_IDS
-    # Those that the other parts take.
-    tasks: tuple[str, ...] = ("my-way-home", "health-gathering")
-    sizes: tuple[str, ...] = ("64x64", "84x84", "160x120", "320x240")
-    kinds: tuple[str, ...] = ("rgb", "gray", "depth", "labels", "dict")
-    maps: tuple[int, ...] = (9, 16, 32, 64, 128, 256)
-    sprites: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128)
-    skips: tuple[int, ...] = (1, 4)
-    trained: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-    adapter_envs: tuple[int, ...] = (64, 1024)
-    # Those whose resets and first frames are waited for.
-    waits: tuple[str, ...] = (
-        "my-way-home",
-        "health-gathering",
-        "key-corridor",
-        "memory-maze-9x9",
-        "minigrid-door-key-8x8",
-        "doom-my-way-home",
-    )
-    # Of trainings: the environments side by side.
-    learners: int = 64
-    # Of the adapters' partners, whose environments to measure in.
-    partners: tuple[str, ...] = ("gymnasium", "gymnax", "stoa", "brax", "sb3")
-
-
-# Sizes to see the suite work with, not to learn anything from.
-QUICK = Plan(
-    batches=(1, 16),
-    batch=16,
-    ids=("simple", "my-way-home", "health-gathering"),
-    tasks=("my-way-home",),
-    sizes=("64x64", "160x120"),
-    kinds=("rgb", "depth"),
-    maps=(9, 32),
-    sprites=(1, 16),
-    trained=(2,),
-    waits=("my-way-home",),
-    learners=4,
-    adapter_envs=(16,),
-    partners=("gymnasium",),
-)
 
 
 def peers(plan: Plan) -> Groups:

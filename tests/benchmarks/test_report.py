@@ -10,7 +10,8 @@ import benchmarks.report.__main__ as report
 from benchmarks.report.pages import ROOT, Pages
 from benchmarks.report.results import read_results
 from benchmarks.report.tables import column, markdown, number
-from benchmarks.suites.parts import PARTS, QUICK
+from benchmarks.suites.parts import PARTS
+from benchmarks.suites.plan import QUICK
 from jaxenstein.errors import SettingError
 from jaxenstein.speed.measuring import summarise
 

@@ -10,7 +10,8 @@ import pytest
 from benchmarks.subjects import __main__ as serve
 from benchmarks.subjects import adapters, own, waits
 from benchmarks.subjects.common import frame_skip, image_size, middle, random_actions
-from benchmarks.suites.parts import PARTS, Plan
+from benchmarks.suites.parts import PARTS
+from benchmarks.suites.plan import Plan
 
 
 @pytest.fixture

@@ -9,8 +9,9 @@ import pytest
 import benchmarks.__main__ as suite
 from benchmarks.suites import measure
 from benchmarks.suites.measure import Subject
-from benchmarks.suites.parts import PARTS, QUICK, Plan
+from benchmarks.suites.parts import PARTS
 from benchmarks.suites.peers import PEERS
+from benchmarks.suites.plan import QUICK, Plan
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.files import OutputError
 
