@@ -1,0 +1,113 @@
+"""Which numbers learn fastest on the clock: variants of one training, and a table of them.
+
+    python -m experiments.study STUDY --out DIR
+
+STUDY is a TOML file: `base` names a file of `jaxenstein train --config`, `reach` is the success
+rate to be reached, and every line of `[variants]` is a name with the options in which that variant
+differs. Each is trained into a run directory below DIR, all its seeds side by side; the same
+command goes on with what is not finished. The table has the decisions and the seconds after which
+the median seed and the last one stayed above `reach` for three updates, compiling left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxenstein.baselines.runs.folder import TIMING, RunFolder, train
+from jaxenstein.baselines.runs.metrics import read_metrics
+from jaxenstein.baselines.runs.options import read_file, resolve
+from jaxenstein.progress import Progress
+
+# Updates whose episodes are pooled, so that one lucky update is no success.
+POOLED = 3
+HEAD = "| variant | solved | decisions: median, last | seconds: median, last | decisions a second |"
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Train what is not trained yet, and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.study", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("study", type=Path, metavar="STUDY")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    options = parser.parse_args(argv)
+    study = read(options.study)
+    base = read_file(options.study.parent / study["base"])
+    lines = [HEAD, "|---|---:|---:|---:|---:|"]
+    for name, differs in study["variants"].items():
+        folder = trained(options.out / "-".join(name.split()), {**base, **differs}, name)
+        lines.append(row_of(name, folder, study["reach"]))
+    print("\n".join(lines))
+
+
+def read(path: Path) -> dict[str, Any]:
+    """A study's file."""
+    return tomllib.loads(path.read_text("utf-8"))
+
+
+def trained(path: Path, given: dict[str, Any], name: str) -> RunFolder:
+    """The run directory, trained to its end.
+
+    Raises:
+        SettingError: it is there and was made with other options.
+    """
+    experiment = resolve(given)
+    folder = RunFolder.open(path) if path.exists() else RunFolder.create(path, experiment)
+    folder.check_same(experiment)
+    with Progress(experiment.config.updates, name, unit="updates", compiles=True) as progress:
+        train(folder, notify=lambda update, rows: progress.update(update))
+    return folder
+
+
+def row_of(name: str, folder: RunFolder, reach: float) -> str:
+    """A line of the table."""
+    runs, steps = len(folder.experiment.runs), folder.experiment.config.steps_per_update
+    first = np.array([solved_at(rows, reach) for rows in by_run(folder, runs)])
+    clock = seconds_of(folder)
+    solved = int(np.isfinite(first).sum())
+    shares = [np.median(first), first.max()]
+    decisions = told([at * steps for at in shares])
+    seconds = told([clock[int(at) - 1] if np.isfinite(at) else at for at in shares])
+    rate = (len(clock) - 1) * steps * runs / clock[-1]
+    return f"| {name} | {solved} of {runs} | {decisions} | {seconds} | {rate:,.0f} |"
+
+
+def told(numbers: Sequence[float]) -> str:
+    """Whole numbers, or `never`."""
+    return ", ".join(f"{number:,.0f}" if np.isfinite(number) else "never" for number in numbers)
+
+
+def by_run(folder: RunFolder, runs: int) -> list[list[dict[str, Any]]]:
+    """The rows of metrics of each run."""
+    rows = read_metrics(folder.path)
+    return [rows[number::runs] for number in range(runs)]
+
+
+def solved_at(rows: Sequence[dict[str, Any]], reach: float) -> float:
+    """The first update after which `POOLED` updates together have such a success rate; or inf."""
+    counts = np.array([[row["successes"], row["episodes"]] for row in rows], np.float64)
+    sums = np.cumsum(counts, axis=0)
+    sums[POOLED:] -= sums[:-POOLED].copy()
+    reached = sums[POOLED - 1 :, 0] >= reach * np.maximum(sums[POOLED - 1 :, 1], 1)
+    return float(np.argmax(reached) + POOLED) if reached.any() else np.inf
+
+
+def seconds_of(folder: RunFolder) -> np.ndarray:
+    """float64[updates], seconds since the first update of the program that made each of them."""
+    lines = (folder.path / TIMING).read_text("utf-8").splitlines()
+    rates = np.array([json.loads(line)["steps_per_second"] for line in lines])
+    config = folder.experiment.config
+    took = config.steps_per_update * len(folder.experiment.runs) / rates
+    # The first of a program waits for the compiler; no update is that much slower otherwise.
+    took[took > 3 * np.median(took)] = np.median(took)
+    return np.cumsum(took) - took[0]
+
+
+if __name__ == "__main__":
+    main()

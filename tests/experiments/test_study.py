@@ -1,0 +1,60 @@
+"""Studies of numbers: when a run has learned, and what the table says of its directory."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("flax")
+
+from experiments import study
+from jaxenstein.baselines.runs.options import read_file, resolve
+from jaxenstein.errors import SettingError
+
+STUDIES = Path(__file__).parents[2] / "experiments" / "studies"
+
+
+def row(successes: int, episodes: int) -> dict[str, Any]:
+    return {"successes": successes, "episodes": episodes}
+
+
+def test_learned_is_three_updates_together() -> None:
+    lucky = [row(0, 10), row(10, 10), row(0, 10), row(1, 10)]
+    assert study.solved_at(lucky, 0.9) == float("inf")
+    assert study.solved_at([*lucky, row(9, 10), row(10, 10), row(8, 10)], 0.9) == 7
+    assert study.solved_at([row(0, 0)] * 4, 0.9) == float("inf")
+    assert study.solved_at(lucky[:2], 0.9) == float("inf")
+
+
+@pytest.mark.parametrize("file", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
+def test_the_variants_are_experiments(file: Path) -> None:
+    told = study.read(file)
+    base = read_file(file.parent / told["base"])
+    for differs in told["variants"].values():
+        assert resolve({**base, **differs}).config
+
+
+def test_a_study_trains_goes_on_and_tells(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "base.toml").write_text(
+        'map = """\n####\n#SG#\n####\n"""\nheading = 0\nheight = 8\nwidth = 8\nhorizon = 8\n'
+        'recipe = "tuned"\nnum_envs = 8\nrollout = 8\nseeds = 2\ntotal_steps = 256\n'
+    )
+    (tmp_path / "study.toml").write_text(
+        'base = "base.toml"\nreach = 0.0\n[variants]\n"as it is" = {}\n"1 epoch" = { epochs = 1 }\n'
+    )
+    for _ in range(2):
+        study.main([str(tmp_path / "study.toml"), "--out", str(tmp_path / "runs")])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:4] == lines[4:]
+    # Any rate is reached after the three updates that are pooled: 3 times 64 decisions.
+    assert lines[2].startswith("| as it is | 2 of 2 | 192, 192 |")
+    assert lines[3].startswith("| 1 epoch | 2 of 2 | 192, 192 |")
+    config = json.loads((tmp_path / "runs" / "1-epoch" / "config.json").read_text())
+    assert config["config"]["epochs"] == 1
+    text = (tmp_path / "study.toml").read_text().replace("epochs = 1", "epochs = 3")
+    (tmp_path / "study.toml").write_text(text)
+    with pytest.raises(SettingError, match="epochs"):
+        study.main([str(tmp_path / "study.toml"), "--out", str(tmp_path / "runs")])
