@@ -47,11 +47,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--stages", type=int, default=5, metavar="N")
     options = parser.parse_args(argv)
-    rows = []
-    for algo in options.algo:
-        folder = opened(options.out / algo, read_file(options.config) | {"algo": algo})
-        rows.append(counted(folder, options.stages))
-    draw(folder.experiment.learner.env.tilemap, rows).save(options.out / "visits.png")
+    given = read_file(options.config)
+    folders = [opened(options.out / algo, given | {"algo": algo}) for algo in options.algo]
+    rows = [counted(folder, options.stages) for folder in folders]
+    draw(folders[0].experiment.learner.env.tilemap, rows).save(options.out / "visits.png")
     print(f"wrote {options.out / 'visits.png'}: from above {', '.join(options.algo)}")
 
 
