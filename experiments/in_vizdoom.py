@@ -1,20 +1,23 @@
 """Train in ViZDoom itself, with the same trainer and configuration, for as long as one likes.
 
-    python -m experiments.in_vizdoom CONFIG --out FILE [--minutes M] [--seed N]
+    python -m experiments.in_vizdoom CONFIG --out FILE [--minutes M] [--clock cpu] [--seed N]
 
 CONFIG is a file of `jaxenstein train --config` about a `doom-` environment. Every decision is asked
 of games that run beside (`jaxenstein.adapters.vizdoom.GameSession`), as many as `num_envs` says;
-all else is what `jaxenstein train` does. FILE gets a row of metrics after each update. Needs the
-extras `baselines` and `vizdoom`.
+all else is what `jaxenstein train` does. FILE gets a row of metrics after each update. On a core
+that other work shares, `--clock cpu` counts what this program and its games have had of it (on
+Linux). Needs the extras `baselines` and `vizdoom`.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -98,8 +101,23 @@ class Games:
         return obs, reward, *flags, final, np.int32(steps + 1)
 
 
-def train(config: str, minutes: float, seed: int) -> list[dict[str, float]]:
-    """Train one run in the game; a row for each update."""
+def cpu_seconds() -> float:
+    """What this program and its games have had of the processor so far."""
+    own, tick = str(os.getpid()), os.sysconf("SC_CLK_TCK")
+    total = 0.0
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            # After the name in brackets: state, parent, ..., user and system time.
+            fields = path.read_text().rpartition(")")[2].split()
+            if own in (path.parent.name, fields[1]):
+                total += (int(fields[11]) + int(fields[12])) / tick
+    return total
+
+
+def train(
+    config: str, minutes: float, seed: int, clock: Callable[[], float] = time.perf_counter
+) -> list[dict[str, float]]:
+    """Train one run in the game, for so many minutes of a clock; a row for each update."""
     experiment = resolve({**read_file(Path(config)), "seed": seed, "seeds": 1})
     env, params = experiment.recipe.build()
     games = Games(env, params, experiment.config.num_envs)
@@ -112,12 +130,12 @@ def train(config: str, minutes: float, seed: int) -> list[dict[str, float]]:
         row = {name: float(values[0]) for name, values in jax.device_get(metrics).items()}
         steps = (len(rows) + 1) * experiment.config.steps_per_update
         # The first update is compiled; time counts from there on.
-        begin = begin or time.perf_counter()
-        seconds = time.perf_counter() - begin
+        begin = begin or clock()
+        seconds = clock() - begin
         rows.append({"seed": seed, "steps": steps, "seconds": round(seconds, 1), **row})
         print(
             f"{seconds:6.0f} s  {steps} decisions  {row['successes']:.0f} of {row['episodes']:.0f} "
-            "episodes with success",
+            f"episodes with success, return {row['return_sum'] / max(row['episodes'], 1):.3g}",
             file=sys.stderr,
         )
     games.close()
@@ -130,10 +148,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("config")
     parser.add_argument("--out", required=True, help="a file of JSON lines")
     parser.add_argument("--minutes", type=float, default=8.0)
+    parser.add_argument("--clock", choices=("wall", "cpu"), default="wall")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args(argv)
     check_writable(arguments.out)
-    rows = train(arguments.config, arguments.minutes, arguments.seed)
+    clock = cpu_seconds if arguments.clock == "cpu" else time.perf_counter
+    rows = train(arguments.config, arguments.minutes, arguments.seed, clock)
     with atomic(arguments.out) as path:
         path.write_text("".join(json.dumps(row) + "\n" for row in rows))
 
