@@ -55,7 +55,7 @@ class Games:
         self.action_space, self.observation_space = env.action_space, env.observation_space
         self._sessions = [GameSession(env, params, seed) for seed in range(number)]
         self._next = 0
-        first = self._sessions[0].observation
+        first: Any = self._sessions[0].observation
         self._seen = jax.ShapeDtypeStruct(first.shape, first.dtype)
 
     def reset(self, key: jax.Array, params: Any) -> tuple[jax.Array, GameState]:
