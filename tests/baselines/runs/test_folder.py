@@ -366,6 +366,14 @@ def test_rows_are_in_order_and_have_no_infinite_numbers() -> None:
     assert [row["loss"] for row in rows] == [0.1, None, None, -1]
 
 
+def test_a_number_of_the_grid_is_not_lost_behind_a_metric_of_its_name() -> None:
+    values = {name: np.array([[1]]) for name in ("episodes", "return_sum", "length_sum")}
+    values |= {"successes": np.array([[1]]), "entropy": np.array([[1.5]], np.float32)}
+    (row,) = rows_of(values, [{"entropy": 0.01, "gamma": 0.9, "seed": 3}], first=0, steps=32)
+    assert (row["entropy"], row["grid_entropy"]) == (1.5, 0.01)
+    assert (row["gamma"], row["seed"]) == (0.9, 3)
+
+
 def test_names_of_runs_are_exact_and_differ() -> None:
     assert run_names(tiny(seed=20240601, seeds=3)) == [
         "seed-20240601",

@@ -33,9 +33,9 @@ def rows_of(
         steps: environment steps of an update.
 
     Returns:
-        By update, then by run: `update` from 1, `steps`, what tells the run apart, the mean
-        return, length and success rate of the episodes that ended (None where none did), and the
-        metrics.
+        By update, then by run: `update` from 1, `steps`, what tells the run apart (a number of the
+        grid that is called as a metric is, such as `entropy`, as `grid_entropy`), the mean return,
+        length and success rate of the episodes that ended (None where none did), and the metrics.
     """
     arrays = {name: np.asarray(values) for name, values in metrics.items()}
     updates = next(iter(arrays.values())).shape[1]
@@ -55,8 +55,9 @@ def _row(
     update: int,
 ) -> Row:
     values = {name: _plain(array[number, update]) for name, array in arrays.items()}
-    row: Row = {"update": count, "steps": count * steps, **run}
-    return row | means(values) | values
+    measured = means(values) | values
+    apart = {f"grid_{name}" if name in measured else name: told for name, told in run.items()}
+    return {"update": count, "steps": count * steps, **apart, **measured}
 
 
 def means(sums: Mapping[str, Number]) -> Row:
