@@ -2,17 +2,19 @@
 
     python -m experiments.study STUDY --out DIR
 
-STUDY is a TOML file: `base` names a file of `jaxenstein train --config`, `reach` is the success
-rate to be reached, and every line of `[variants]` is a name with the options in which that variant
-differs. Each is trained into a run directory below DIR, all its seeds side by side; the same
-command goes on with what is not finished. The table has the decisions and the seconds after which
-the median seed and the last one stayed above `reach` for three updates, compiling left out.
+STUDY is a TOML file: `base` names a file of `jaxenstein train --config`, `[shared]` has options in
+which all differ from it, every line of `[variants]` is a name with those in which that one does
+besides, and `reach` is the success rate to be reached. Each is trained into a run directory below
+DIR, all its seeds side by side; the same command goes on with what is not finished. The table has
+the decisions and the seconds after which the median seed and the last one reached it, over three
+updates, compiling left out.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,10 +40,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     options = parser.parse_args(argv)
     study = read(options.study)
-    base = read_file(options.study.parent / study["base"])
+    base = read_file(options.study.parent / study["base"]) | study.get("shared", {})
     lines = [HEAD, "|---|---:|---:|---:|---:|"]
     for name, differs in study["variants"].items():
-        folder = trained(options.out / "-".join(name.split()), {**base, **differs}, name)
+        folder = trained(options.out / folder_name(name), {**base, **differs}, name)
         lines.append(row_of(name, folder, study["reach"]))
     print("\n".join(lines))
 
@@ -49,6 +51,11 @@ def main(argv: Sequence[str] | None = None) -> None:
 def read(path: Path) -> dict[str, Any]:
     """A study's file."""
     return tomllib.loads(path.read_text("utf-8"))
+
+
+def folder_name(name: str) -> str:
+    """A variant's name without blanks and brackets."""
+    return "-".join(re.findall(r"[\w.-]+", name))
 
 
 def trained(path: Path, given: dict[str, Any], name: str) -> RunFolder:

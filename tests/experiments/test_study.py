@@ -32,9 +32,10 @@ def test_learned_is_three_updates_together() -> None:
 @pytest.mark.parametrize("file", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_variants_are_experiments(file: Path) -> None:
     told = study.read(file)
-    base = read_file(file.parent / told["base"])
+    base = read_file(file.parent / told["base"]) | told.get("shared", {})
     for differs in told["variants"].values():
         assert resolve({**base, **differs}).config
+    assert len(set(map(study.folder_name, told["variants"]))) == len(told["variants"])
 
 
 def test_a_study_trains_goes_on_and_tells(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

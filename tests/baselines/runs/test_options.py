@@ -95,7 +95,10 @@ TUNED = {
     [
         ("ppo", {}),
         ("icm", {"normalise_bonus": True}),
-        ("rnd", {"normalise_bonus": True, "rnd_normalise_observations": True}),
+        (
+            "rnd",
+            {"normalise_bonus": True, "bonus_learning_rate": 1e-4, "bonus_advantage": 0.3},
+        ),
         ("e3b", {"normalise_bonus": True, "e3b_lambda": 0.1, "random_clocks": True}),
     ],
 )

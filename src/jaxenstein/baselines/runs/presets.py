@@ -80,9 +80,14 @@ RECIPES: Mapping[str, Recipe] = {
             "advantage_floor": 0.01,
         },
         own={
-            # Its bonus falls to a hundredth within 25 updates; and frames of one map are much
-            # alike, so that a random network hardly tells them apart unless they are whitened.
-            "rnd": {"normalise_bonus": True, "rnd_normalise_observations": True},
+            # Its bonus falls to a hundredth within 25 updates. At the default rate, 3e-4, the
+            # predictor is done before a way that it led to is learned; and novelty at its full
+            # weight leads away again from goals that were found.
+            "rnd": {
+                "normalise_bonus": True,
+                "bonus_learning_rate": 1e-4,
+                "bonus_advantage": 0.3,
+            },
             # As RND's; not measured.
             "icm": {"normalise_bonus": True},
             # It counts within an episode: in lock-step every other rollout of `simple` would see
