@@ -16,6 +16,7 @@ from typing import Any
 
 from jaxenstein.baselines.runs.agents import evaluate_both, load_trained
 from jaxenstein.baselines.runs.options import read_file, resolve
+from jaxenstein.baselines.runs.timing import read_seconds
 from jaxenstein.baselines.runs.trained import Trained
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.progress import Progress
@@ -44,7 +45,7 @@ def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
         "sees": seen(trained),
         "seeds": seeds,
         "decisions": trained.update * about.config.steps_per_update,
-        "seconds": round(seconds_of(run)),
+        "seconds": round(read_seconds(run, trained.update)[-1]),
         "episodes": episodes,
         "success": {name: dataclasses.asdict(interval) for name, interval in success.items()},
     }
@@ -54,14 +55,6 @@ def seen(trained: Trained) -> str:
     """Size and kind of what the agents see, such as `16x16 rgb`; columns come first."""
     env = trained.experiment.learner.env
     return f"{env.width}x{env.height} {env.observation}"
-
-
-def seconds_of(run: Path) -> float:
-    """Seconds of training, all sessions together; each begins to count at zero."""
-    lines = (run / "timing.jsonl").read_text("utf-8").splitlines()
-    counts = [float(json.loads(line)["seconds"]) for line in lines]
-    ends = [a for a, b in zip(counts, [*counts[1:], 0.0], strict=True) if b < a]
-    return sum(ends)
 
 
 def main() -> None:

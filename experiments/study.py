@@ -7,13 +7,12 @@ which all differ from it, every line of `[variants]` is a name with those in whi
 besides, and `reach` is the success rate to be reached. Each is trained into a run directory below
 DIR, all its seeds side by side; the same command goes on with what is not finished. The table has
 the decisions and the seconds after which the median seed and the last one reached it, over three
-updates, compiling left out.
+updates, compiling included.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import tomllib
 from collections.abc import Sequence
@@ -22,9 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from jaxenstein.baselines.runs.folder import TIMING, RunFolder, train
+from jaxenstein.baselines.runs.folder import RunFolder, train
 from jaxenstein.baselines.runs.metrics import read_metrics
 from jaxenstein.baselines.runs.options import read_file, resolve
+from jaxenstein.baselines.runs.timing import read_seconds
 from jaxenstein.progress import Progress
 
 # Updates whose episodes are pooled, so that one lucky update is no success.
@@ -76,12 +76,12 @@ def row_of(name: str, folder: RunFolder, reach: float) -> str:
     """A line of the table."""
     runs, steps = len(folder.experiment.runs), folder.experiment.config.steps_per_update
     first = np.array([solved_at(rows, reach) for rows in by_run(folder, runs)])
-    clock = seconds_of(folder)
+    clock = read_seconds(folder.path, folder.experiment.config.updates)
     solved = int(np.isfinite(first).sum())
     shares = [np.median(first), first.max()]
     decisions = told([at * steps for at in shares])
     seconds = told([clock[int(at) - 1] if np.isfinite(at) else at for at in shares])
-    rate = (len(clock) - 1) * steps * runs / clock[-1]
+    rate = (len(clock) - 1) * steps * runs / (clock[-1] - clock[0])
     return f"| {name} | {solved} of {runs} | {decisions} | {seconds} | {rate:,.0f} |"
 
 
@@ -103,17 +103,6 @@ def solved_at(rows: Sequence[dict[str, Any]], reach: float) -> float:
     sums[POOLED:] -= sums[:-POOLED].copy()
     reached = sums[POOLED - 1 :, 0] >= reach * np.maximum(sums[POOLED - 1 :, 1], 1)
     return float(np.argmax(reached) + POOLED) if reached.any() else np.inf
-
-
-def seconds_of(folder: RunFolder) -> np.ndarray:
-    """float64[updates], seconds since the first update of the program that made each of them."""
-    lines = (folder.path / TIMING).read_text("utf-8").splitlines()
-    rates = np.array([json.loads(line)["steps_per_second"] for line in lines])
-    config = folder.experiment.config
-    took = config.steps_per_update * len(folder.experiment.runs) / rates
-    # The first of a program waits for the compiler; no update is that much slower otherwise.
-    took[took > 3 * np.median(took)] = np.median(took)
-    return np.cumsum(took) - took[0]
 
 
 if __name__ == "__main__":

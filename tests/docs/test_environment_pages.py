@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import re
 from pathlib import Path
 
@@ -207,12 +206,6 @@ def test_the_scoreboard_names_what_trained_its_agents(pages) -> None:
         assert f"`{row['config']}`" in trained
     last = re.findall(r"^\| \[`(.+?)`\].*\| *(.*?) *\|$", best, re.M)
     assert {name for name, shown in last if shown} == {row["id"] for row in rows}
-
-
-def test_training_time_adds_up_over_sessions(tmp_path) -> None:
-    rows = [{"seconds": seconds} for seconds in (5.0, 9.0, 2.0, 4.5, 1.0)]
-    (tmp_path / "timing.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
-    assert agents.seconds_of(tmp_path) == 9.0 + 4.5 + 1.0
 
 
 def test_agents_of_another_configuration_get_no_row() -> None:

@@ -32,6 +32,13 @@ def fill(parser: Parser) -> None:
         help="the picture, .png or .svg; may be given again",
     )
     flag(parser, "--metric NAME", "a column of metrics.jsonl", str, "return")
+    parser.add_argument(
+        "--over",
+        choices=("decisions", "minutes"),
+        default="decisions",
+        help="what the curves go along: decisions of a run, the default, or minutes of training, "
+        "of all runs of a folder together",
+    )
     flag(parser, "--points N", "pool the updates into N parts", whole(), 50)
     parser.add_argument("--title", default="", metavar="TEXT", help="a line above the plot")
 
@@ -44,7 +51,7 @@ def run(options: argparse.Namespace) -> None:
     found = [
         curve
         for folder in options.runs
-        for curve in drawing.curves_of(folder, options.metric, options.points)
+        for curve in drawing.curves_of(folder, options.metric, options.points, options.over)
     ]
     drawing.save_plot(found, options.out, options.metric, options.title)
     print(f"wrote {' and '.join(map(str, options.out))}")

@@ -18,6 +18,7 @@ from jaxenstein.baselines.runs.bootstrap import band, mean_interval
 from jaxenstein.baselines.runs.curves import Curve, curves_of, draw, save_plot
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import means
+from jaxenstein.baselines.runs.timing import read_seconds
 from jaxenstein.files import OutputError
 from tests.baselines.tiny import UPDATES, tiny
 
@@ -50,7 +51,7 @@ def folder(tmp_path: Path) -> Path:
 def test_values_are_means_over_episodes_not_over_updates(folder: Path) -> None:
     (curve,) = curves_of(folder, "success", points=3)
     assert curve.label == "run"
-    np.testing.assert_array_equal(curve.steps, [64, 128, 192])
+    np.testing.assert_array_equal(curve.at, [64, 128, 192])
     # The first run's second update saw no episode end.
     np.testing.assert_allclose(curve.values, [[0, 0.75, 1], [0.3, 0.9, 1]])
     (curve,) = curves_of(folder, "success", points=50)
@@ -75,7 +76,7 @@ def test_a_run_that_was_killed_is_drawn_as_far_as_it_is_whole(folder: Path) -> N
     lines = file.read_text().splitlines()
     file.write_text("\n".join(lines[:7]) + '\n{"update": 4, "st')
     (curve,) = curves_of(folder, "success")
-    np.testing.assert_array_equal(curve.steps, [32, 64, 96])
+    np.testing.assert_array_equal(curve.at, [32, 64, 96])
 
 
 @pytest.mark.parametrize(
@@ -141,8 +142,28 @@ def test_plots_are_written_and_equal_each_time(folder: Path, tmp_path: Path) -> 
     assert paths[1].read_bytes() == paths[2].read_bytes()
 
 
+def test_minutes_go_on_over_sessions(folder: Path) -> None:
+    # Killed after its fourth update, with a checkpoint after the third; the second row is missing.
+    clock = [(1, 30), (3, 60), (4, 90), (4, 15), (5, 45), (6, 75)]
+    rows = [json.dumps({"update": update, "seconds": s}) for update, s in clock]
+    (folder / "timing.jsonl").write_text("\n".join([*rows, '{"upda']))
+    np.testing.assert_allclose(read_seconds(folder, 6), [30, 45, 60, 105, 135, 165])
+    (curve,) = curves_of(folder, "success", points=3, over="minutes")
+    np.testing.assert_allclose(curve.at, [0.75, 1.75, 2.75])
+    assert draw([curve], "success").axes[0].get_xlabel() == "minutes"
+
+
+def test_times_that_cannot_be_read_are_told(folder: Path) -> None:
+    with pytest.raises(SettingError, match=r"cannot read .*timing.jsonl: no such file"):
+        curves_of(folder, over="minutes")
+    for text, problem in (("", "has no rows"), ("{}\n", "is damaged"), ("[\n", "is damaged")):
+        (folder / "timing.jsonl").write_text(text)
+        with pytest.raises(SettingError, match=f"timing.jsonl {problem}"):
+            curves_of(folder, over="minutes")
+
+
 def test_the_figure_shows_what_was_measured(folder: Path) -> None:
-    lone = Curve("lone", np.array([10, 20]), np.array([[np.nan, 0.5]]))
+    lone = Curve("lone", np.array([10.0, 20.0]), np.array([[np.nan, 0.5]]))
     figure = draw([*curves_of(folder, "success", points=3), lone], "success")
     (axes,) = figure.axes
     first, second = axes.lines
@@ -152,7 +173,7 @@ def test_the_figure_shows_what_was_measured(folder: Path) -> None:
     legend = axes.get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["run (2 runs)", "lone"]
-    assert axes.get_ylabel() == "success rate"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("decisions", "success rate")
 
 
 def test_what_cannot_be_drawn_is_told(folder: Path, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import dataclasses
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from .bootstrap import band
 from .experiment import exact
 from .folder import RunFolder
 from .metrics import Row, read_metrics
+from .timing import read_seconds
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,6 +29,7 @@ AXES = {
     "length": "steps of an episode",
 }
 SUFFIXES = (".png", ".svg")
+Over = Literal["decisions", "minutes"]
 POINTS = 50
 
 
@@ -37,16 +39,20 @@ class Curve:
 
     Attributes:
         label: for the legend.
-        steps: int64[points], environment steps of each run.
+        at: float64[points], where they lie: decisions of each run, or minutes of all together.
         values: float64[runs, points]; NaN where no episode ended.
+        over: what they lie along.
     """
 
     label: str
-    steps: np.ndarray
+    at: np.ndarray
     values: np.ndarray
+    over: Over = "decisions"
 
 
-def curves_of(path: str | Path, metric: str = "return", points: int = POINTS) -> list[Curve]:
+def curves_of(
+    path: str | Path, metric: str = "return", points: int = POINTS, over: Over = "decisions"
+) -> list[Curve]:
     """The curves of a run directory: one for each point of its grid.
 
     Args:
@@ -54,6 +60,8 @@ def curves_of(path: str | Path, metric: str = "return", points: int = POINTS) ->
         metric: a column of its metrics; of `return`, `length` and `success` every value is the
             mean over the episodes that ended, of others the mean over updates.
         points: into how many parts the updates are pooled, at most.
+        over: what the curves go along: decisions, which are steps of the world over the frame skip,
+            or minutes of training, compiling included.
 
     Raises:
         SettingError: there is no run, it has no metrics yet, or no such column.
@@ -71,7 +79,15 @@ def curves_of(path: str | Path, metric: str = "return", points: int = POINTS) ->
     for number, run in enumerate(experiment.runs):
         of_run = rows[number :: len(experiment.runs)]
         by_run.setdefault(_label(folder.path, grid, run), []).append(of_run)
-    return [_curve(label, runs, metric, points) for label, runs in by_run.items()]
+    # A run that was killed may have rows of some runs of its last update alone.
+    updates = min(len(run) for runs in by_run.values() for run in runs)
+    at = np.array([row["steps"] for row in rows[:: len(experiment.runs)]][:updates], np.float64)
+    if over == "minutes":
+        at = read_seconds(folder.path, updates) / 60
+    return [
+        Curve(label, *_pooled_runs(runs, metric, points, at), over)
+        for label, runs in by_run.items()
+    ]
 
 
 def _label(path: Path, grid: Sequence[str], run: Mapping[str, float | int]) -> str:
@@ -79,13 +95,13 @@ def _label(path: Path, grid: Sequence[str], run: Mapping[str, float | int]) -> s
     return ", ".join([name, *(f"{number} {exact(run[number])}" for number in grid)])
 
 
-def _curve(label: str, runs: list[list[Row]], metric: str, points: int) -> Curve:
-    # A run that was killed may have rows of some runs of its last update alone.
-    updates = min(map(len, runs))
-    parts = np.array_split(np.arange(updates), min(points, updates))
+def _pooled_runs(
+    runs: list[list[Row]], metric: str, points: int, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where the points lie, and float64[runs, points]."""
+    parts = np.array_split(np.arange(len(at)), min(points, len(at)))
     values = [[_pooled([run[i] for i in part], metric) for part in parts] for run in runs]
-    steps = [runs[0][part[-1]]["steps"] for part in parts]
-    return Curve(label, np.array(steps, np.int64), np.array(values, np.float64))
+    return np.array([at[part[-1]] for part in parts]), np.array(values, np.float64)
 
 
 def _pooled(rows: Sequence[Row], metric: str) -> float:
@@ -150,12 +166,12 @@ def draw(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
         count = f" ({runs} runs)" if runs > 1 else ""
         # A lone point would not be seen as a line.
         marker = "o" if np.sum(there) == 1 else ""
-        steps = curve.steps[there]
-        (line,) = axes.plot(steps, mean[there], marker=marker, label=f"{curve.label}{count}")
+        at = curve.at[there]
+        (line,) = axes.plot(at, mean[there], marker=marker, label=f"{curve.label}{count}")
         if runs > 1:
             colour = line.get_color()
-            axes.fill_between(steps, low[there], high[there], color=colour, alpha=0.2, lw=0)
-    axes.set_xlabel("environment steps")
+            axes.fill_between(at, low[there], high[there], color=colour, alpha=0.2, lw=0)
+    axes.set_xlabel(curves[0].over)
     axes.set_ylabel(AXES.get(metric, metric.replace("_", " ")))
     axes.set_title(title)
     axes.grid(alpha=0.3)

@@ -22,7 +22,7 @@ from typing import IO, Any
 import jax
 
 from ...errors import JAXensteinError, SettingError
-from ...files import append, atomic, check_links, make_folder, writing
+from ...files import atomic, check_links, make_folder, writing
 from ...pytree import PyTreeNode
 from ...version import __version__
 from ..learning.placement import place
@@ -31,8 +31,9 @@ from .checkpoints import Checkpoints, Restored, check_space
 from .experiment import Experiment, check_seeds, exact
 from .metrics import METRICS, MetricsFile, Row, Sink, read_metrics, rows_of
 from .options import check_grid
+from .timing import Timing
 
-CONFIG, CHECKPOINTS, TIMING, LOCK = "config.json", "checkpoints", "timing.jsonl", ".lock"
+CONFIG, CHECKPOINTS, LOCK = "config.json", "checkpoints", ".lock"
 # Seconds of training between two checkpoints.
 SAVE_EVERY = 60.0
 
@@ -294,7 +295,7 @@ def _train(
     many, runs, numbers = experiment.learner.many, experiment.runs, experiment.numbers()
     update, state = _begin(folder)
     writers = [MetricsFile(folder.path, rows=update * len(runs)), *sinks]
-    timing = Timing(folder.path / TIMING, experiment, update)
+    timing = Timing(folder.path, experiment, update)
     saved, total = time.monotonic(), experiment.config.updates
     notify(update, [])
     stopped = stop()
@@ -326,22 +327,3 @@ def _begin(folder: RunFolder) -> tuple[int, TrainState]:
     state = folder.experiment.learner.many.init(folder.experiment.keys())
     folder.checkpoints.save(0, state)
     return 0, place(state, folder.experiment.config)
-
-
-class Timing:
-    """Writes `timing.jsonl`: how long it took, apart from the metrics, which can be compared."""
-
-    def __init__(self, path: Path, experiment: Experiment, update: int) -> None:
-        """Start the clock at an update."""
-        self._path = path
-        self._steps = experiment.config.steps_per_update * len(experiment.runs)
-        self._update, self._start = update, time.monotonic()
-        self._before = self._start
-
-    def write(self, update: int) -> None:
-        """Append the seconds since this process began, and the rate since the last row."""
-        now = time.monotonic()
-        rate = (update - self._update) * self._steps / max(now - self._before, 1e-9)
-        row = {"update": update, "seconds": round(now - self._start, 3)}
-        append(self._path, json.dumps({**row, "steps_per_second": round(rate, 1)}) + "\n")
-        self._update, self._before = update, now
