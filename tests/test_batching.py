@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxenstein.batching import where_any, where_few
+from jaxenstein.batching import by_most, where_any, where_few
 from jaxenstein.engine.fusion import repeat, staged
 
 NEEDS = [np.zeros((2, 3), bool), np.array([[0, 0, 0], [0, 1, 0]], bool), np.ones((2, 3), bool)]
@@ -78,6 +78,22 @@ def test_where_few_brings_together_the_few_of_many(share: float) -> None:
     assert not np.asarray(twice)[~chosen].any()
 
 
+@pytest.mark.parametrize("shape", [(), (3,)])
+def test_by_most_runs_what_the_neediest_member_needs(shape: tuple[int, ...]) -> None:
+    """On the CPU; a branch says by what it adds which one it is."""
+    offset = jnp.float32(0.5)
+    run = by_most([lambda x, i=i: x + offset + 10 * i for i in range(3)])
+    x = jnp.arange(8, dtype=jnp.float32).reshape(4, 2)
+    twice = jax.jit(jax.vmap(jax.vmap(run, (0, None)), (0, 0)))
+    for most in range(3):
+        needed = np.zeros((4, 5, *shape), np.int32)
+        needed[2, 3] = most
+        out = twice(jnp.asarray(needed), x)
+        wanted = np.broadcast_to(np.asarray(x)[:, None] + 0.5 + 10 * most, (4, 5, 2))
+        np.testing.assert_array_equal(out, wanted)
+    assert run(jnp.full(shape, 1, jnp.int32), x[0, 1]) == 11.5
+
+
 TABLE = jnp.asarray(np.random.default_rng(7).integers(0, 99, 11), jnp.int32)
 
 
@@ -92,9 +108,10 @@ def _repeated(needed, x):
 @pytest.mark.parametrize("run", [
     lambda needed, x: jnp.where(needed, where_any(lambda x: TABLE[x % 11] + x)(needed, x), 0),
     lambda needed, x: jnp.where(needed, where_few(lambda x: TABLE[x % 11] + x)(needed, x), 0),
+    lambda needed, x: jnp.where(needed, by_most([lambda x: TABLE[x % 11] + x])(x * 0, x), 0),
     lambda needed, x: staged(lambda x: TABLE[x % 11] * needed.astype(jnp.int32))(x),
     _repeated,
-], ids=["where_any", "where_few", "staged", "repeat"])  # fmt: skip
+], ids=["where_any", "where_few", "by_most", "staged", "repeat"])  # fmt: skip
 def test_inside_a_choice_that_differs_within_the_batch(run, nested: bool) -> None:
     """`lax.cond` makes a batch of all arrays in its branches, also of those closed over."""
 

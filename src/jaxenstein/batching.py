@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -124,21 +124,73 @@ def _where_any(function: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-def where_few(function: Callable[..., Any]) -> Callable[..., Any]:
+def by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
+    """Wrap functions, each of which does what those before it do and more, to run one for a batch.
+
+    On other backends than the CPU that is the last one: there, the host must wait for a choice.
+
+    Returns:
+        A function of (needed int32[...], *args) whose result is that of `branches[i](*args)`,
+        where i is the greatest number that any member of the batch has anywhere in `needed`.
+    """
+
+    def run(needed: jax.Array, *args: Any) -> Any:
+        args = varying(args, needed, args)
+        pairs = [lifted(branch, *args) for branch in branches]
+        pure, arrays = zip(*pairs, strict=True)
+
+        def own(i: int) -> Callable[..., Any]:
+            return lambda arrays, *args: pure[i](arrays[i], *args)
+
+        return _by_most([own(i) for i in range(len(pure))])(needed, list(arrays), *args)
+
+    return run
+
+
+def _by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
+    branches = [jax.jit(branch, inline=True) for branch in branches]
+
+    @custom_vmap
+    def call(needed: jax.Array, *args: Any) -> Any:
+        def alike(branch: Callable[..., Any]) -> Callable[..., Any]:
+            return lambda *values: varying(branch(*values), needed, args)
+
+        def chosen(*args: Any) -> Any:
+            return lax.switch(jnp.max(needed), [alike(branch) for branch in branches], *args)
+
+        return lax.platform_dependent(*args, cpu=chosen, default=alike(branches[-1]))
+
+    @call.def_vmap
+    def _(axis_size: int, in_batched: list[Any], needed: jax.Array, *args: Any) -> tuple[Any, Any]:
+        if in_batched[0] and axis_size:
+            needed = jnp.max(needed, axis=0)
+        axes = jax.tree.map(lambda batched: 0 if batched else None, tuple(in_batched[1:]))
+        mapped = [jax.vmap(b, in_axes=axes, axis_size=axis_size) for b in branches]
+        out = _by_most(mapped)(needed, *args)
+        return out, jax.tree.map(lambda _: True, out)
+
+    return call
+
+
+def where_few(function: Callable[..., Any], share: int = CHUNK_SHARE) -> Callable[..., Any]:
     """Wrap `function` to run for those members of a batch alone that need the result.
 
     They are brought together, a quarter of the batch at a time, so that a round computes for
     members that all need it. On other backends than the CPU it runs for all: there, rounds cost
     more than they save.
 
+    Args:
+        function: what is computed.
+        share: what is brought together is one in so many of the batch.
+
     Returns:
         A function of (needed bool[], *args), whose result is that of `function(*args)` where
         `needed` is true, and anything elsewhere.
     """
-    return _closed(_where_few, function)
+    return _closed(partial(_where_few, share=share), function)
 
 
-def _where_few(function: Callable[..., Any]) -> Callable[..., Any]:
+def _where_few(function: Callable[..., Any], *, share: int) -> Callable[..., Any]:
     """`where_few` of `function(shared, *args)`; what is shared is the same for all of a batch."""
     function = jax.jit(function, inline=True)
 
@@ -150,13 +202,13 @@ def _where_few(function: Callable[..., Any]) -> Callable[..., Any]:
     def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
         own, in_batched, args = _unshared(function, in_batched, args)
         needed, *rest = _spread(axis_size, [in_batched[0], *in_batched[2:]], (args[0], *args[2:]))
-        out = _of_rows(own)(needed, args[1], *rest)
+        out = _of_rows(own, share)(needed, args[1], *rest)
         return out, jax.tree.map(lambda _: True, out)
 
     return call
 
 
-def _of_rows(function: Callable[..., Any]) -> Callable[..., Any]:
+def _of_rows(function: Callable[..., Any], share: int) -> Callable[..., Any]:
     """`function(shared, *row)` of those rows of a batch that need it."""
 
     @custom_vmap
@@ -164,7 +216,7 @@ def _of_rows(function: Callable[..., Any]) -> Callable[..., Any]:
         def every(*values: Any) -> Any:
             return varying(jax.vmap(partial(function, shared))(*values), needed, shared, args)
 
-        some = partial(_in_chunks, every)
+        some = partial(_in_chunks, every, share)
         return lax.platform_dependent(needed, *args, cpu=some, default=lambda _, *a: every(*a))
 
     @call.def_vmap
@@ -180,7 +232,7 @@ def _of_rows(function: Callable[..., Any]) -> Callable[..., Any]:
         own, in_batched, args = _unshared(function, in_batched, args)
         rows = _spread(axis_size, [in_batched[0], *in_batched[2:]], (args[0], *args[2:]))
         needed, *rest = jax.tree.map(lambda v: v.reshape(-1, *v.shape[2:]), rows)
-        out = _of_rows(own)(needed, args[1], *rest)
+        out = _of_rows(own, share)(needed, args[1], *rest)
         out = jax.tree.map(lambda v: v.reshape(axis_size, inner, *v.shape[1:]), out)
         return out, jax.tree.map(lambda _: True, out)
 
@@ -209,12 +261,12 @@ def _spread(axis_size: int, in_batched: list[Any], args: tuple[Any, ...]) -> tup
     return jax.tree.map(spread, args, tuple(in_batched))
 
 
-def _in_chunks(every: Callable[..., Any], needed: jax.Array, *args: Any) -> Any:
+def _in_chunks(every: Callable[..., Any], share: int, needed: jax.Array, *args: Any) -> Any:
     """`every(*args)` for the needed rows, zero in the others."""
     count = needed.shape[0]
     if not count:
         return every(*args)
-    size = min(max(CHUNK, -(-count // CHUNK_SHARE)), count)
+    size = min(max(CHUNK, -(-count // share)), count)
     rank = jnp.cumsum(needed, dtype=jnp.int32) - 1
     # Rows past the last that is needed are no rows at all: what is set there is dropped.
     rows = jnp.full(count + size, count, jnp.int32)

@@ -1,6 +1,7 @@
 """Billboards: visibility, occlusion by walls and each other, layers, art, against the reference."""
 
 import functools
+import itertools
 
 import jax
 import jax.numpy as jnp
@@ -100,6 +101,28 @@ def test_layers_limit_what_a_column_shows(layers: int) -> None:
     middle = depth[:, 23:25]
     in_front = {round(float(d), 4) for d in middle.flat} & {2.0, 3.0, 4.0, 5.0}
     assert in_front == {2.0, 3.0, 4.0, 5.0} & {float(d) for d in range(2, 2 + layers)}
+
+
+def test_a_batch_paints_the_layers_that_its_members_need() -> None:
+    """Each member as alone, whatever the others see: none to five billboards behind each other."""
+    world, camera = hall(), Camera(24, 32, 60)
+    depths = [3.0 + 0.3 * i for i in range(5)]
+    row = billboards(*((1.5 + d, 3.5 + 0.05 * i * d, 3) for i, d in enumerate(depths)))
+    alone = renderer(camera, "depth", 4)
+    scene = scenes.scene_of(world, row, THEME)
+    eye = scene.level, scene.closed, scene.position, scene.heading
+    seen = np.tri(6, 5, -1, dtype=bool)
+    batch = row.replace(
+        position=jnp.broadcast_to(row.position, (6, 5, 2)),
+        look=jnp.broadcast_to(row.look, (6, 5)),
+        visible=jnp.asarray(seen),
+    )
+    run = jax.jit(jax.vmap(lambda sprites: alone(*eye, sprites)))
+    wanted = [np.asarray(alone(*eye, row.replace(visible=jnp.asarray(one)))) for one in seen]
+    assert all((one != other).any() for one, other in itertools.pairwise(wanted))
+    for count in (1, 2, 3, 6):
+        images = run(jax.tree.map(lambda leaf, n=count: leaf[:n], batch))
+        np.testing.assert_array_equal(images, wanted[:count])
 
 
 def test_a_sprite_is_cut_by_a_wall_before_it() -> None:

@@ -10,19 +10,23 @@ Each stage is finished before the next one starts (see `fusion`):
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import jax
+import jax.numpy as jnp
 from jax import lax
 
+from ..batching import by_most
 from .camera import Camera
 from .fusion import staged
-from .image_columns import prepare
+from .image_columns import ImageColumns, prepare
 from .pixels import paint
 from .raycast import cast
 from .scene import Scene
 from .shade import ImageKind
-from .sprites import choose
+from .sprites import Spots, choose, layers_seen, nearest, pick, project, see
 
 
 def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 4) -> jax.Array:
@@ -44,9 +48,26 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
         sprites=lax.stop_gradient(scene.sprites),
     )
     pose = scene.position, scene.heading
-    spots = None
-    if scene.sprites.look.shape[0]:
-        spots = choose(*pose, scene.sprites, scene.theme, camera, layers)
     hits = cast(*pose, scene.closed, scene.level, camera)
-    stage = staged(partial(prepare, theme=scene.theme, camera=camera, kind=kind))
-    return paint(stage(scene.heading, hits, spots), scene, camera, kind)
+    stage = partial(prepare, theme=scene.theme, camera=camera, kind=kind)
+    count = scene.sprites.look.shape[0]
+    if count <= layers:
+        spots = choose(*pose, scene.sprites, scene.theme, camera, layers) if count else None
+        return paint(staged(stage)(scene.heading, hits, spots), scene, camera, kind)
+    spots = see(*pose, scene.sprites, scene.theme)
+    keys = nearest(spots, scene.theme, camera, layers)
+    columns = staged(partial(stage, spots=None))(scene.heading, hits)
+    over = staged(partial(project, theme=scene.theme, camera=camera, kind=kind))
+
+    def with_layers(most: int) -> Callable[..., jax.Array]:
+        def draw(columns: ImageColumns, depth: jax.Array, spots: Spots, keys: jax.Array) -> Any:
+            shown = over(pick(spots, keys[:most]), depth)
+            return paint(columns.replace(layers=shown), scene, camera, kind)
+
+        return draw
+
+    # Layers that nobody in the batch sees are not painted.
+    steps = sorted({min(step, layers) for step in (1, 2, layers)})
+    seen = layers_seen(keys, hits.depth, count)
+    step = sum((seen > most).astype(jnp.int32) for most in steps[:-1])
+    return by_most([with_layers(most) for most in steps])(step, columns, hits.depth, spots, keys)

@@ -6,6 +6,7 @@ shifts and tests a bit. Of the billboards over a column, the nearest few are kep
 
 from __future__ import annotations
 
+import functools
 from functools import partial
 from typing import Any
 
@@ -86,11 +87,39 @@ def choose(
         layers: how many billboards a column can show, one behind the other. If there are no
             more than that, the result is [N, 1]: all of them.
     """
-    spots = staged(partial(_spot, theme=theme))(position, heading, sprites)
+    spots = see(position, heading, sprites, theme)
     if sprites.look.shape[0] <= layers:
         return _sorted(spots, theme)
-    find = partial(_nearest, theme=theme, camera=camera, layers=layers)
-    return staged(_pick)(spots, staged(find)(spots))
+    return pick(spots, nearest(spots, theme, camera, layers))
+
+
+def see(position: jax.Array, heading: jax.Array, sprites: Sprites, theme: Theme) -> Spots:
+    """All billboards, [N]; arguments as of `choose`."""
+    return staged(partial(_spot, theme=theme))(position, heading, sprites)
+
+
+def nearest(spots: Spots, theme: Theme, camera: Camera, layers: int) -> jax.Array:
+    """uint32[layers, W]: keys of the nearest billboards over each column, in order."""
+    return staged(partial(_nearest, theme=theme, camera=camera, layers=layers))(spots)
+
+
+def pick(spots: Spots, keys: jax.Array) -> Spots:
+    """The billboards of keys from `nearest`, [K, W]."""
+    return staged(_pick)(spots, keys)
+
+
+def layers_seen(keys: jax.Array, wall_depth: jax.Array, count: int) -> jax.Array:
+    """int32[W]: how many layers of keys from `nearest` may be seen before the walls.
+
+    Args:
+        keys: uint32[layers, W].
+        wall_depth: float32[W].
+        count: of all billboards.
+    """
+    depth = lax.bitcast_convert_type(wall_depth, jnp.uint32)
+    before = (keys & ~_index_mask(count)) <= depth[None]
+    layer = np.arange(1, keys.shape[0] + 1, dtype=np.int32)[:, None]
+    return functools.reduce(jnp.maximum, jnp.where(before, layer, 0))
 
 
 def project(

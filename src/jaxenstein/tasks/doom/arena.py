@@ -10,12 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...batching import where_few
 from ...environment import Info
 from ...params import Params, Scalar, number
 from ...pytree import PyTreeNode
 from ..health import HealthTask
 from .bodies import overlap
-from .creatures import Creatures, act, hurt
+from .creatures import FEW, Creatures, act, hurt
 from .dice import byte
 from .fixed import ONE
 from .geometry import RADIUS
@@ -119,7 +120,8 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
         origin = state.fixed_position
         state, tried = self.moved(state, action, bodies)
         state, fires, towards = self.shoot(state, state.angle, action, bits[-1, 0])
-        hit = fires & self.struck(origin, towards, before.position, before.living)
+        aimed = origin, towards, before.position, before.living
+        hit = fires & where_few(self.struck, FEW)(fires, *aimed)
         damage = jnp.where(hit, self.weapon.damage(byte(bits[-1, 0], 2)), 0)
         creatures = hurt(roster, before, damage, bits[:-1, 0])
         creatures, strikes = act(
@@ -151,13 +153,11 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
             params: of the environment.
         """
         factor = jnp.asarray(params.damage_factor, jnp.float32)
-        lost = jnp.floor(damage.astype(jnp.float32) * factor)
-        way = way_to(origins, state.fixed_position[None])
-        push = jnp.sum(way * (lost[:, None] * jnp.float32(ONE / 8)), axis=0)
-        health = state.health - jnp.sum(lost).astype(jnp.int32)
+        blows = where_few(_suffered, FEW)
+        place = state.fixed_position
+        lost, push = blows(jnp.any(damage > 0), damage, factor, origins, place)
         return state.replace(
-            health=jnp.maximum(health, 0),
-            fixed_velocity=state.fixed_velocity + push.astype(jnp.int32),
+            health=jnp.maximum(state.health - lost, 0), fixed_velocity=state.fixed_velocity + push
         )
 
     def describe(self, state: S, params: P) -> Info:
@@ -184,3 +184,13 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
             position=place, present=present, health=np.where(present, 1, 0).astype(np.int32)
         )
         return state.replace(creatures=creatures, health=np.int32(health))
+
+
+def _suffered(
+    damage: jax.Array, factor: jax.Array, origins: jax.Array, player: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """int32[] health lost by int32[N] damage from int32[N, 2], and int32[2] by which it pushes."""
+    lost = jnp.floor(damage.astype(jnp.float32) * factor)
+    way = way_to(origins, player[None])
+    push = jnp.sum(way * (lost[:, None] * jnp.float32(ONE / 8)), axis=0)
+    return jnp.sum(lost).astype(jnp.int32), push.astype(jnp.int32)

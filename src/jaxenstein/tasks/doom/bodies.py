@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...batching import varying
 from .fixed import ONE
 from .shots import ranked
 
@@ -39,13 +40,18 @@ def crosses(place: jax.Array, half_width: jax.Array | np.ndarray, walls: np.ndar
     """
     if not len(walls):
         return jnp.zeros(place.shape[:-1], bool)
-    centre = place.astype(jnp.float32)[..., None, :] * jnp.float32(1 / ONE)
-    rank = place.ndim + 1
-    sides = ranked(jnp.asarray(half_width, jnp.float32)[..., None, None], rank)
-    ends = walls.reshape((1,) * (rank - 2) + (-1, 2, 2))
-    low, high = ends.min(axis=-2), ends.max(axis=-2)
-    near = (centre + sides > low) & (centre - sides < high)
-    way, gap = ends[..., 1, :] - ends[..., 0, :], centre - ends[..., 0, :]
-    beside = jnp.abs(gap[..., 0] * way[..., 1] - gap[..., 1] * way[..., 0])
-    reach = sides[..., 0] * np.abs(way).sum(axis=-1)
-    return jnp.any(jnp.all(near, axis=-1) & (beside < reach), axis=-1)
+    x, y = (place[..., i].astype(jnp.float32) * jnp.float32(1 / ONE) for i in (0, 1))
+    side = ranked(jnp.asarray(half_width, jnp.float32), x.ndim)
+    table = jnp.asarray(walls)
+
+    # One wall after the other: a reduction along a short axis takes several times as long.
+    def visit(i: jax.Array, found: jax.Array) -> jax.Array:
+        x0, y0, x1, y1 = table[i]
+        near_x = (x + side > jnp.minimum(x0, x1)) & (x - side < jnp.maximum(x0, x1))
+        near_y = (y + side > jnp.minimum(y0, y1)) & (y - side < jnp.maximum(y0, y1))
+        way_x, way_y = x1 - x0, y1 - y0
+        beside = jnp.abs((x - x0) * way_y - (y - y0) * way_x)
+        return found | (near_x & near_y & (beside < side * (jnp.abs(way_x) + jnp.abs(way_y))))
+
+    none = varying(jnp.zeros(x.shape, bool), place, side)
+    return jax.lax.fori_loop(0, len(walls), visit, none)

@@ -9,10 +9,13 @@ waits. They go for the player, or for each other if the roster says so (`feuds`)
 
 from __future__ import annotations
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...batching import where_few
 from ...pytree import PyTreeNode
 from .bodies import crosses, overlap
 from .dice import byte
@@ -35,6 +38,11 @@ _DIRECTIONS = 8
 _STEPS = np.array(
     [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)], np.int32
 ) * np.where(np.arange(_DIRECTIONS) % 2, _DIAGONAL, ONE)[:, None].astype(np.int32)
+
+Place = tuple[jax.Array, jax.Array, jax.Array]
+"""int32[N, 2] where monsters are, bool[N] who of them lives, int32[2] where the player is."""
+FEW = 8
+"""What few of a batch need in a tic is computed for one in so many at a time."""
 
 
 class Creatures(PyTreeNode):
@@ -275,24 +283,20 @@ def walk(
         bits: uint32[N], random.
         walls: float32[L, 4], walls that block monsters.
     """
-    step = _STEPS[None] * roster.speeds[:, None, None]
-    target = creatures.position[:, None] + step
-    free = _free(roster, creatures, player, target, walls)
     leg = creatures.leg - walks.astype(jnp.int32)
-    index = np.arange(_DIRECTIONS, dtype=np.int32)[None]
-    ahead = jnp.any(free & (index == creatures.direction[:, None]), axis=1)
-    goes_on = walks & (leg >= 0) & ahead
+    place = creatures.position, creatures.living, player
+    ahead = _free(roster, place, _step(roster, creatures, creatures.direction)[:, None], walls)
+    goes_on = walks & (leg >= 0) & ahead[:, 0] & (creatures.direction < _DIRECTIONS)
     turns = turns | (walks & ~goes_on)
-    rank = _preferences(creatures.direction, offset, bits)
-    best = jnp.argmin(jnp.where(free, rank, NOWHERE), axis=1).astype(jnp.int32)
-    best = jnp.where(jnp.any(free, axis=1), best, _DIRECTIONS)
+    # Few think of another direction in the same tic.
+    choose = where_few(partial(_another, roster, walls), FEW)
+    best = choose(jnp.any(turns), place, creatures.direction, offset, bits)
     direction = jnp.where(turns, best, creatures.direction)
     leg = jnp.where(turns & (best < _DIRECTIONS), byte(bits, 3) & 15, leg)
     if not roster.speeds.any():
         return creatures.position, direction, leg
     moves = (goes_on | turns) & (direction < _DIRECTIONS)
-    chosen = (index == direction[:, None])[..., None]
-    moved = creatures.position + jnp.sum(jnp.where(chosen, step, 0), axis=1, dtype=jnp.int32)
+    moved = _step(roster, creatures, direction)
     width = roster.half_widths
     bumps = overlap(moved[:, None], width[:, None], moved[None], width[None])
     earlier = np.tri(len(roster), k=-1, dtype=bool)
@@ -300,20 +304,37 @@ def walk(
     return jnp.where((moves & ~waits)[:, None], moved, creatures.position), direction, leg
 
 
-def _free(
+def _step(roster: Roster, creatures: Creatures, direction: jax.Array) -> jax.Array:
+    """int32[N, 2]: where each comes by a step in directions int32[N], if nothing is in its way."""
+    way = jnp.asarray(np.append(_STEPS, np.zeros((1, 2), np.int32), axis=0))
+    way = way.at[direction].get(mode="promise_in_bounds")
+    return creatures.position + way * roster.speeds[:, None]
+
+
+def _another(
     roster: Roster,
-    creatures: Creatures,
-    player: jax.Array,
-    target: jax.Array,
     walls: np.ndarray,
+    place: Place,
+    old: jax.Array,
+    offset: jax.Array,
+    bits: jax.Array,
 ) -> jax.Array:
-    """bool[N, 8]: whether each can step to places int32[N, 8, 2]; who has no speed always can."""
+    """int32[N]: the direction that each would choose; arguments as of `walk`."""
+    target = place[0][:, None] + _STEPS[None] * roster.speeds[:, None, None]
+    free = _free(roster, place, target, walls)
+    best = jnp.argmin(jnp.where(free, _preferences(old, offset, bits), NOWHERE), axis=1)
+    return jnp.where(jnp.any(free, axis=1), best.astype(jnp.int32), _DIRECTIONS)
+
+
+def _free(roster: Roster, place: Place, target: jax.Array, walls: np.ndarray) -> jax.Array:
+    """bool[N, D]: whether each can step to places int32[N, D, 2]; who has no speed always can."""
     if not roster.speeds.any():
         return jnp.ones(target.shape[:2], bool)
+    position, living, player = place
     width = roster.half_widths
-    others = jnp.concatenate([creatures.position, player[None]])
+    others = jnp.concatenate([position, player[None]])
     widths = np.append(width, np.int32(RADIUS))
-    there = jnp.append(creatures.living, True)[None] & ~np.eye(len(width), len(widths), dtype=bool)
+    there = jnp.append(living, True)[None] & ~np.eye(len(width), len(widths), dtype=bool)
     bumps = overlap(
         target[:, :, None], width[:, None, None], others[None, None], widths[None, None]
     )

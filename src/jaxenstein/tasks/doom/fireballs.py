@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from typing import ClassVar, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...batching import select, where_few
 from ...maps.things import FIREBALL
 from .arena import DoomArena, DoomArenaParams, DoomArenaState, Fought
-from .creatures import hurt
+from .creatures import FEW, Creatures, hurt
 from .dice import byte, roll
 from .feuds import quarry
 from .geometry import RADIUS
-from .kinds import Pose
+from .kinds import Pose, Roster
 from .look import FIREBALLS, Picture
 from .projectiles import Projectiles, fly, throw
 from .shots import way_to
@@ -66,9 +68,10 @@ class DoomFireArena(DoomArena[S, P]):
         They hurt monsters of other kinds than the thrower's as well.
         """
         roster, before = self.roster, state.creatures
-        goal, _ = quarry(roster, before, state.fixed_position)
-        way = way_to(before.position, goal)
-        balls = throw(state.balls, fought.throws, before.position, way, roster.ball_speed)
+        throws, balls = jnp.any(fought.throws), state.balls
+        thrown = where_few(partial(_thrown, roster), FEW)
+        thrown = thrown(throws, balls, fought.throws, before, state.fixed_position)
+        balls = select(throws, thrown, balls)
         bodies = (
             jnp.concatenate([before.position, state.fixed_position[None]]),
             np.append(roster.half_widths, np.int32(RADIUS)),
@@ -117,3 +120,16 @@ class DoomFireArena(DoomArena[S, P]):
         place[: len(rows)] = rows[:, 1:3]
         balls = state.balls.replace(position=place, flies=flies < len(rows))
         return state.replace(balls=balls)
+
+
+def _thrown(
+    roster: Roster,
+    balls: Projectiles,
+    throws: jax.Array,
+    creatures: Creatures,
+    player: jax.Array,
+) -> Projectiles:
+    """The fireballs with those of bool[N] monsters who throw one."""
+    goal, _ = quarry(roster, creatures, player)
+    way = way_to(creatures.position, goal)
+    return throw(balls, throws, creatures.position, way, roster.ball_speed)

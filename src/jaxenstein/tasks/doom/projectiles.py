@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...batching import varying
 from ...pytree import PyTreeNode
-from .bodies import crosses, overlap
+from .bodies import crosses
 from .fixed import ONE
-from .shots import ranked
 
 
 class Projectiles(PyTreeNode):
@@ -94,25 +94,54 @@ def fly(
         bursts: tics for which the end of one is seen.
         looks: how often each looks around on its way of a tic.
     """
-    part = np.arange(1, looks + 1, dtype=np.int32)[None, :, None]
-    way = projectiles.position[:, None] + projectiles.velocity[:, None] * part // looks
-    own = np.array(half_width, np.int32)
-    places, widths, there = bodies
-    met = overlap(way[:, :, None], own, ranked(places, 4), ranked(jnp.asarray(widths), 3))
-    index = np.arange(len(widths), dtype=np.int32)[None]
-    foreign = there[None] & (index != projectiles.owner[:, None])
-    met = met & foreign[:, None]
-    size = jnp.full((1, 1), half_width, jnp.float32)
-    ends = jnp.any(met, axis=-1) | crosses(way, size, walls)
-    first = jnp.argmax(ends, axis=1)
-    stops = projectiles.flies & jnp.any(ends, axis=1)
-    rows = np.arange(way.shape[0])
-    found = met[rows, first]
-    hits = found & (jnp.argmax(found, axis=1)[:, None] == index) & stops[:, None]
-    place = jnp.where(stops[:, None], way[rows, first], way[:, -1])
+    part = np.arange(1, looks + 1, dtype=np.int32)[:, None]
+    way = [at[None] + _quotient(by[None] * part, looks) for at, by in _pairs(projectiles)]
+    found = _met(way, half_width, bodies, projectiles.owner)
+    size = np.full((1, 1), half_width, np.float32)
+    ends = (found < len(bodies[1])) | crosses(jnp.stack(way, axis=-1), size, walls)
+    stops = projectiles.flies & jnp.any(ends, axis=0)
+    last = found[-1], way[0][-1], way[1][-1]
+    for k in reversed(range(looks - 1)):
+        values = found[k], way[0][k], way[1][k]
+        last = [jnp.where(ends[k], value, later) for value, later in zip(values, last, strict=True)]
+    index = np.arange(len(bodies[1]), dtype=np.int32)[None]
+    hits = stops[:, None] & (last[0][:, None] == index)
+    place = jnp.stack(last[1:], axis=-1)
     after = projectiles.replace(
         position=jnp.where(projectiles.flies[:, None], place, projectiles.position),
         flies=projectiles.flies & ~stops,
         bursts=jnp.where(stops, bursts, jnp.maximum(projectiles.bursts - 1, 0)),
     )
     return after, hits
+
+
+def _pairs(projectiles: Projectiles) -> list[tuple[jax.Array, jax.Array]]:
+    """int32[M] place and velocity along x, and along y."""
+    return [(projectiles.position[:, i], projectiles.velocity[:, i]) for i in (0, 1)]
+
+
+def _quotient(value: jax.Array, divisor: int) -> jax.Array:
+    """int32: the quotient rounded down."""
+    cut = jax.lax.div(value, np.int32(divisor))
+    return cut - (cut * divisor > value).astype(jnp.int32)
+
+
+def _met(
+    way: list[jax.Array],
+    half_width: int,
+    bodies: tuple[jax.Array, np.ndarray, jax.Array],
+    owner: jax.Array,
+) -> jax.Array:
+    """int32[looks, M]: the first body that is met at each look, or N; arguments as of `fly`."""
+    places, widths, there = bodies
+    reach = jnp.asarray((widths + half_width) * ONE)
+    count = len(widths)
+
+    # One body after the other, as walls in `crosses`.
+    def visit(k: jax.Array, found: jax.Array) -> jax.Array:
+        i = count - 1 - k
+        close = [jnp.abs(way[axis] - places[i, axis]) < reach[i] for axis in (0, 1)]
+        return jnp.where(close[0] & close[1] & there[i] & (owner != i)[None], i, found)
+
+    none = varying(jnp.full(way[0].shape, count, jnp.int32), way, bodies, owner)
+    return jax.lax.fori_loop(0, count, visit, none)

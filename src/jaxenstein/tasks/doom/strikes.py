@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .creatures import Creatures, in_reach, sight
+from ...batching import where_few
+from .creatures import FEW, Creatures, in_reach, sight
 from .dice import byte, roll, spread
 from .feuds import quarry
 from .geometry import RADIUS
@@ -53,11 +55,27 @@ def strike(
         bits: uint32[N, R], random; R is the most rays of a shot, and at least 1.
         opaque: float32[L, 4], walls that stop bullets.
     """
+    # In a tic, monsters strike in few of a batch.
+    blows = where_few(partial(_blows, roster, opaque), FEW)
+    return blows(jnp.any(strikes), creatures, strikes, player, bits)
+
+
+def _blows(
+    roster: Roster,
+    opaque: np.ndarray,
+    creatures: Creatures,
+    strikes: jax.Array,
+    player: jax.Array,
+    bits: jax.Array,
+) -> Blows:
     goal, width = quarry(roster, creatures, player)
     near = in_reach(goal - creatures.position, width, sight(creatures, goal, opaque))
     acts = jnp.asarray(roster.acts).at[creatures.frame].get(mode="promise_in_bounds")
     bites = strikes & near & ((acts == Act.BITE) | (acts == Act.THROW))
     bite = jnp.where(bites, roll(roster.dice, roster.sides, byte(bits[:, 0], 2)), 0)
+    if creatures.feud is None and not roster.rays.any():
+        nothing = jnp.zeros_like(bite)
+        return Blows(bite, nothing, nothing, bites)
     dealt = _bitten(creatures, bite)
     if roster.rays.any():
         shoots = strikes & (acts == Act.SHOOT)
