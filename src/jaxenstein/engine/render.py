@@ -28,6 +28,9 @@ from .scene import Scene
 from .shade import ImageKind
 from .sprites import Spots, choose, layers_seen, nearest, pick, project, see
 
+# Layers of billboards that are painted in any case.
+FEW = 2
+
 
 def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 4) -> jax.Array:
     """Draw what the eye sees; to automatic differentiation a picture is a constant.
@@ -51,7 +54,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     hits = cast(*pose, scene.closed, scene.level, camera)
     stage = partial(prepare, theme=scene.theme, camera=camera, kind=kind)
     count = scene.sprites.look.shape[0]
-    if count <= layers:
+    if count <= layers or layers <= FEW:
         spots = choose(*pose, scene.sprites, scene.theme, camera, layers) if count else None
         return paint(staged(stage)(scene.heading, hits, spots), scene, camera, kind)
     spots = see(*pose, scene.sprites, scene.theme)
@@ -66,8 +69,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
 
         return draw
 
-    # Layers that nobody in the batch sees are not painted.
-    steps = sorted({min(step, layers) for step in (1, 2, layers)})
-    seen = layers_seen(keys, hits.depth, count)
-    step = sum((seen > most).astype(jnp.int32) for most in steps[:-1])
-    return by_most([with_layers(most) for most in steps])(step, columns, hits.depth, spots, keys)
+    # Where nobody in the batch sees more than a few layers, the others are not painted.
+    more = (layers_seen(keys, hits.depth, count) > FEW).astype(jnp.int32)
+    steps = [with_layers(most) for most in (FEW, layers)]
+    return by_most(steps)(more, columns, hits.depth, spots, keys)
