@@ -97,7 +97,12 @@ TUNED = {
         ("icm", {"normalise_bonus": True}),
         (
             "rnd",
-            {"normalise_bonus": True, "bonus_learning_rate": 1e-4, "bonus_advantage": 0.3},
+            {
+                "normalise_bonus": True,
+                "bonus_learning_rate": 1e-4,
+                "bonus_advantage": 0.3,
+                "entropy": 0.003,
+            },
         ),
         ("e3b", {"normalise_bonus": True, "e3b_lambda": 0.1, "random_clocks": True}),
     ],

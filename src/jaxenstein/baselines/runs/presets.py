@@ -81,12 +81,14 @@ RECIPES: Mapping[str, Recipe] = {
         },
         own={
             # Its bonus falls to a hundredth within 25 updates. At the default rate, 3e-4, the
-            # predictor is done before a way that it led to is learned; and novelty at its full
-            # weight leads away again from goals that were found.
+            # predictor is done before a way that it led to is learned; novelty at its full weight
+            # leads away again from goals that were found; and 0.01 of entropy draws the policy back
+            # to chance as novelty fades.
             "rnd": {
                 "normalise_bonus": True,
                 "bonus_learning_rate": 1e-4,
                 "bonus_advantage": 0.3,
+                "entropy": 0.003,
             },
             # As RND's; not measured.
             "icm": {"normalise_bonus": True},
