@@ -44,7 +44,7 @@ def handle(state: GridState, action: jax.Array, reach: Scalar, *, hands: bool) -
     other = jnp.any(tile != state.cell)
     here = state.things.at(tile) & other
     door = jnp.all(jnp.asarray(state.level.doors) == tile[None], axis=-1) & other
-    state = _use_door(state, door & (action == INTERACT))
+    state = _use_door(state, tile, door & (action == INTERACT))
     if not hands:
         return state
     level, closed = solid_level(state, also=state.things.lying)
@@ -58,8 +58,8 @@ def handle(state: GridState, action: jax.Array, reach: Scalar, *, hands: bool) -
     return state.replace(things=things.replace(place=place, tile=tiles))
 
 
-def _use_door(state: GridState, used: jax.Array) -> GridState:
-    """Open or close those of bool[D] doors; what a key has opened is unlocked from then on."""
+def _use_door(state: GridState, tile: jax.Array, used: jax.Array) -> GridState:
+    """Open or close the one of bool[D] doors at a tile; a key unlocks it for good."""
     doors, things = state.doors, state.things
     if not used.shape[0]:
         return state
@@ -67,11 +67,13 @@ def _use_door(state: GridState, used: jax.Array) -> GridState:
     fits = jnp.any(key[None] & (things.colour[None] == doors.colour[:, None]), axis=1)
     turned = used & (~doors.locked | fits)
     unlocked = turned & doors.locked
-    column, row = jnp.asarray(state.level.doors).T
-    change = jnp.where(unlocked, jnp.int32(_UNLOCKED), 0).astype(jnp.uint8)
+    # Not with a scatter over all doors, whose loop is scalar.
+    walls = jnp.asarray(state.level.walls)
+    row, column = np.indices(walls.shape[1:], np.int32)
+    here = ((column == tile[0]) & (row == tile[1]) & jnp.any(unlocked))[None]
     return state.replace(
         level=state.level.replace(
-            walls=jnp.asarray(state.level.walls).at[:, row, column].add(change)
+            walls=walls + jnp.where(here, np.uint8(_UNLOCKED % 256), np.uint8(0))
         ),
         doors=doors.replace(opened=doors.opened ^ turned, locked=doors.locked & ~turned),
     )
