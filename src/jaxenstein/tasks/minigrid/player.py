@@ -23,6 +23,8 @@ from .state import BOX_KIND, BOXED, KEY_KIND, LAVA_KIND, GridState, beside, mask
 
 # Things in the way of things in the way of things: more than any world has.
 _DEEPEST = 12
+# Rows and columns around a tile, in their order, from the east on.
+_RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 Walk = Callable[[Gait, Any, jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
 """How to walk down a field, such as `walk_down`."""
 
@@ -123,10 +125,12 @@ def _reachable(state: GridState, ground: Ground, aim: Aim) -> Aim:
     doors = jnp.asarray(state.level.doors)
     shape = ground.own.shape
     edge = ground.any & ~ground.free & beside(ground.reached)
+    # A locked door is not reached by being near it, even if it is what the world asks for.
+    near = ground.reached | beside(ground.reached)
+    near = near & ~(mask_of(doors, state.doors.locked, shape) & ~ground.free)
 
     def blocked(carry: tuple[Aim, jax.Array]) -> jax.Array:
         aim, depth = carry
-        near = ground.reached | beside(ground.reached)
         return ~jnp.any(aim.tiles & near) & jnp.any(edge) & (depth < _DEEPEST)
 
     def before(carry: tuple[Aim, jax.Array]) -> tuple[Aim, jax.Array]:
@@ -156,7 +160,7 @@ def _lay_down(state: GridState, ground: Ground, top: Aim, aim: Aim) -> Aim:
     """The aim, or laying down what is carried, if it needs the hand and no key any more.
 
     A place for it is one that is not on the shortest ways to what the world asks for, and, if
-    there is one, not beside a door.
+    there is one, neither one that the floor hangs together by nor one beside a door.
     """
     things, shape = state.things, ground.own.shape
     doors = jnp.asarray(state.level.doors)
@@ -170,9 +174,20 @@ def _lay_down(state: GridState, ground: Ground, top: Aim, aim: Aim) -> Aim:
     here = flood(ground.any | ground.own, ground.own)
     length = jnp.min(jnp.where(top.tiles, here, FAR))
     spots = spots & (there + here > length)
-    apart = spots & ~beside(every)
-    spots = select(jnp.any(apart), apart, spots)
+    for apart in (_spare(without), ~beside(every)):
+        spots = select(jnp.any(spots & apart), spots & apart, spots)
     return select(full & jnp.any(spots), Aim(spots, jnp.int32(DROP)), aim)
+
+
+def _spare(floor: jax.Array) -> jax.Array:
+    """bool[rows, columns], the tiles without which the floor right around them hangs together."""
+    rows, columns = floor.shape
+    wide = jnp.pad(floor, 1)
+    ring = [wide[1 + y : 1 + y + rows, 1 + x : 1 + x + columns] for y, x in _RING]
+    # Pieces of floor that share an edge with the tile; none as well if all eight are floor.
+    ends = [ring[k] & ~(ring[k - 1] & ring[k - 2]) for k in range(0, 8, 2)]
+    pieces = jnp.sum(jnp.stack(ends), axis=0, dtype=jnp.int32)
+    return (pieces == 1) | ((pieces == 0) & beside(floor))
 
 
 def _burns(body: Gait, scene: Any, state: GridState, *, hands: bool) -> jax.Array:
