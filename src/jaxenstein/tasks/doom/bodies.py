@@ -40,8 +40,11 @@ def crosses(place: jax.Array, half_width: jax.Array | np.ndarray, walls: np.ndar
     """
     if not len(walls):
         return jnp.zeros(place.shape[:-1], bool)
-    x, y = (place[..., i].astype(jnp.float32) * jnp.float32(1 / ONE) for i in (0, 1))
-    side = ranked(jnp.asarray(half_width, jnp.float32), x.ndim)
+    # In one row, which vectorises where the last axis is short.
+    shape = place.shape[:-1]
+    x, y = (place[..., i].reshape(-1).astype(jnp.float32) * jnp.float32(1 / ONE) for i in (0, 1))
+    side = ranked(jnp.asarray(half_width, jnp.float32), len(shape))
+    side = jnp.broadcast_to(side, shape).reshape(-1)
     table = jnp.asarray(walls)
 
     # One wall after the other: a reduction along a short axis takes several times as long.
@@ -54,4 +57,4 @@ def crosses(place: jax.Array, half_width: jax.Array | np.ndarray, walls: np.ndar
         return found | (near_x & near_y & (beside < side * (jnp.abs(way_x) + jnp.abs(way_y))))
 
     none = varying(jnp.zeros(x.shape, bool), place, side)
-    return jax.lax.fori_loop(0, len(walls), visit, none)
+    return jax.lax.fori_loop(0, len(walls), visit, none).reshape(shape)
