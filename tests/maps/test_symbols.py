@@ -13,6 +13,7 @@ from jaxenstein.maps.symbols import LABEL_COLOURS, LABEL_NAMES, SYMBOLS, decal_l
 from jaxenstein.maps.things import (
     AMMUNITION,
     APPLE,
+    ARMOUR,
     BALL,
     BOX,
     CACODEMON,
@@ -21,6 +22,7 @@ from jaxenstein.maps.things import (
     DEMON,
     FIREBALL,
     GOAL,
+    HELL_KNIGHT,
     IMP,
     KEY,
     LAVA,
@@ -29,6 +31,7 @@ from jaxenstein.maps.things import (
     POISON,
     ROCKET,
     SHOTGUN_GUY,
+    WEAPON,
     ZOMBIE,
 )
 
@@ -49,8 +52,9 @@ def test_label_ids_are_those_of_the_contract() -> None:
     labels = ZOMBIE.label, SHOTGUN_GUY.label, CHAINGUN_GUY.label, ROCKET.label
     assert labels == (134, 135, 136, 137)
     assert AMMUNITION.label == 138
-    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 139
-    assert LABEL_COLOURS.shape == (139, 3)
+    assert (HELL_KNIGHT.label, WEAPON.label, ARMOUR.label) == (139, 140, 141)
+    assert len(LABEL_NAMES) == len(set(LABEL_NAMES)) == 142
+    assert LABEL_COLOURS.shape == (142, 3)
     assert LABEL_COLOURS.dtype == np.uint8
     assert not LABEL_COLOURS.flags.writeable
 

@@ -21,6 +21,11 @@ ACTION_KEYS: dict[str, tuple[str, ...]] = {
     "done": ("g",),
     "forward and turn left": ("u",),
     "forward and turn right": ("o",),
+    **{f"weapon {number}": (str(number),) for number in range(1, 7)},
+    "next weapon": ("v",),
+    "previous weapon": ("b",),
+    "speed": ("8",),
+    "strafe": ("9",),
 }
 OPPOSITES = {
     "forward": "backward",

@@ -18,9 +18,8 @@ from ..about import About, Event
 from ..environment import Info
 from ..params import Scalar, number
 from .doom.arena import DoomArenaParams
-from .doom.blasts import MOST, exploded, launched
-from .doom.creatures import Creatures, hurt, placed
-from .doom.dice import byte
+from .doom.blasts import MOST
+from .doom.creatures import Creatures, placed
 from .doom.drawn_arena import KINDS, DrawnArena, DrawnState
 from .doom.hunting import HUNT
 from .doom.kinds import Kind, standing
@@ -44,6 +43,8 @@ __all__ = [
 
 # The first look of a monster is one of so many tics.
 _FIRST_LOOKS = 10
+# The health and the shots below which a player fetches more.
+_HURT, _SHORT = 60, 8
 
 
 class ShooterParams(DoomArenaParams):
@@ -145,7 +146,7 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
         before, hits = state, jnp.zeros(0, bool)
         state, fought = self.fight(fight_key, state, action, params)
         if self.weapon.speed:
-            state = self._fly(rocket_key, state, fought.fires, params)
+            state = self.fly_rockets(rocket_key, state, fought.fires, params)
         if self.most_balls:
             state, hits = self.burn(ball_key, state, fought, params)
         dead = state.health <= 0
@@ -154,22 +155,6 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
         events = {"shots": fought.fires.astype(jnp.int32), "kills": state.kills - before.kills}
         events |= {"hits": jnp.sum(hits, dtype=jnp.int32), **took, "won": won, "died": dead}
         return state, self.reward(before, state, won, params), dead | won, events
-
-    def _fly(
-        self, key: jax.Array, state: ShooterState, fires: jax.Array, params: ShooterParams
-    ) -> ShooterState:
-        """The state after a tic of the player's rockets, one more if bool[] it fires."""
-        bits = jax.random.bits(key, (MOST + len(self.roster),), jnp.uint32)
-        origin, creatures = state.fixed_position, state.creatures
-        rockets = launched(state.rockets, self.weapon, fires, origin, state.angle)
-        direct = self.weapon.damage(byte(bits[:MOST], 0))
-        rockets, lost, dealt = exploded(
-            rockets, self.roster, creatures, origin, direct, self.opaque_walls
-        )
-        after = hurt(self.roster, creatures, dealt, bits[MOST:])
-        killed = jnp.sum(creatures.living & ~after.living, dtype=jnp.int32)
-        state = state.replace(rockets=rockets, creatures=after, kills=state.kills + killed)
-        return self.suffer(state, rockets.position, lost, params)
 
     def won(self, state: ShooterState) -> jax.Array:
         """bool[]: whether the aim is reached, which ends the episode: a goal, or all are dead."""
@@ -203,6 +188,15 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
             left=state.left & ~healing & ~loading,
         )
         return state, {"took_medkit": healed, "took_ammunition": loaded}
+
+    def supply_places(self, state: ShooterState) -> jax.Array:
+        """int32[M, 2]: where medkits and ammunition lie, or lay."""
+        del state
+        return jnp.asarray(self.supplies)
+
+    def wanted(self, state: ShooterState) -> jax.Array:
+        """bool[M]: which of them the player `hunt` fetches."""
+        return jnp.where(self.medkits, state.health < _HURT, state.trigger.ammo < _SHORT)
 
     def errand(self, state: ShooterState) -> jax.Array:
         """bool[rows, columns]: the tiles where the player `hunt` goes when it sees no monster."""

@@ -120,9 +120,8 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
         origin = state.fixed_position
         state, tried = self.moved(state, action, bodies)
         state, fires, towards = self.shoot(state, state.angle, action, bits[-1, 0])
-        aimed = origin, towards, before.position, before.living
-        hit = fires & where_few(self.struck, FEW)(fires, *aimed)
-        damage = jnp.where(hit, self.weapon.damage(byte(bits[-1, 0], 2)), 0)
+        shot = fires, towards
+        damage = self.volley(key, state, origin, shot, bits[-1, 0])
         creatures = hurt(roster, before, damage, bits[:-1, 0])
         creatures, strikes = act(
             roster,
@@ -143,6 +142,29 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
         state = state.replace(kills=state.kills + jnp.sum(killed, dtype=jnp.int32))
         return state, Fought(fires, killed, throws(roster, creatures, strikes, blows.bitten), tried)
 
+    def volley(
+        self,
+        key: jax.Array,
+        state: S,
+        origin: jax.Array,
+        shot: tuple[jax.Array, jax.Array],
+        bits: jax.Array,
+    ) -> jax.Array:
+        """int32[N]: what a shot does to each monster.
+
+        Args:
+            key: of the tic's fight.
+            state: with the monsters as they stand when it leaves.
+            origin: int32[2], from where.
+            shot: bool[], whether it leaves, and uint32[], at which angle.
+            bits: uint32[], random.
+        """
+        del key
+        fires, towards = shot
+        aimed = origin, towards, state.creatures.position, state.creatures.living
+        hit = fires & where_few(self.struck, FEW)(fires, *aimed)
+        return jnp.where(hit, self.weapon.damage(byte(bits, 2)), 0)
+
     def suffer(self, state: S, origins: jax.Array, damage: jax.Array, params: P) -> S:
         """The state after blows to the player, which also push it by an eighth of a unit a point.
 
@@ -156,9 +178,20 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
         blows = where_few(_suffered, FEW)
         place = state.fixed_position
         lost, push = blows(jnp.any(damage > 0), damage, factor, origins, place)
+        state, felt = self.shielded(state, lost)
         return state.replace(
-            health=jnp.maximum(state.health - lost, 0), fixed_velocity=state.fixed_velocity + push
+            health=jnp.maximum(state.health - felt, 0), fixed_velocity=state.fixed_velocity + push
         )
+
+    def shielded(self, state: S, lost: jax.Array) -> tuple[S, jax.Array]:
+        """The state after blows int32[N], and int32[] what of them is felt."""
+        return state, jnp.sum(lost, dtype=jnp.int32)
+
+    def tiles_of(self, places: np.ndarray | jax.Array, which: np.ndarray | jax.Array) -> jax.Array:
+        """bool[rows, columns]: the tiles of some places, int32[N, 2] and bool[N]."""
+        cell = jnp.floor(self.to_tiles(jnp.asarray(places))).astype(jnp.int32)
+        none = jnp.zeros((self.tilemap.rows, self.tilemap.columns), bool)
+        return none.at[cell[:, 1], cell[:, 0]].max(jnp.asarray(which))
 
     def describe(self, state: S, params: P) -> Info:
         """Add the kills."""
@@ -189,8 +222,8 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
 def _suffered(
     damage: jax.Array, factor: jax.Array, origins: jax.Array, player: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """int32[] health lost by int32[N] damage from int32[N, 2], and int32[2] by which it pushes."""
+    """int32[N] health lost by int32[N] damage from int32[N, 2], and int32[2] by which it pushes."""
     lost = jnp.floor(damage.astype(jnp.float32) * factor)
     way = way_to(origins, player[None])
     push = jnp.sum(way * (lost[:, None] * jnp.float32(ONE / 8)), axis=0)
-    return jnp.sum(lost).astype(jnp.int32), push.astype(jnp.int32)
+    return lost.astype(jnp.int32), push.astype(jnp.int32)

@@ -33,7 +33,6 @@ from .buttons import (
     TURN_LEFT,
     TURN_RIGHT,
 )
-from .fireballs import DoomFireArena, DoomFireState
 from .fixed import ONE
 from .geometry import RADIUS, Geometry, build_geometry
 from .kinds import (
@@ -58,7 +57,7 @@ from .look import (
     doom_theme,
 )
 from .outline import outline
-from .projectiles import Projectiles
+from .rocket_arena import DoomRocketArena, DoomRocketState
 from .shots import segments
 from .walls import DoomMap
 
@@ -85,16 +84,14 @@ _KNOWN = frozenset(
 _EXTRAS = (MEDKIT_BOX, AMMUNITION_BOX, GOAL_STAR)
 
 
-class DrawnState(DoomFireState):
+class DrawnState(DoomRocketState):
     """State of a player on a map with M medkits and boxes of ammunition.
 
     Attributes:
         left: bool[M], which of them still lie there.
-        rockets: the player's, if its weapon fires any.
     """
 
     left: jax.Array
-    rockets: Projectiles
 
 
 S = TypeVar("S", bound=DrawnState)
@@ -108,7 +105,7 @@ def _read(text: str) -> TileMap:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DrawnArena(DoomFireArena[S, P]):
+class DrawnArena(DoomRocketArena[S, P]):
     """Base of scenarios on a map in characters; `tasks.shooter.Shooter` says what it may hold."""
 
     text: str = dataclasses.field(repr=False)
@@ -221,12 +218,6 @@ class DrawnArena(DoomFireArena[S, P]):
         """The first heading, lowest and highest, in 65536ths of a circle counterclockwise."""
         low, high = heading_range(self.heading)
         return round(-high / (2 * math.pi) * ONE), round(-low / (2 * math.pi) * ONE)
-
-    def tiles_of(self, places: np.ndarray | jax.Array, which: np.ndarray | jax.Array) -> jax.Array:
-        """bool[rows, columns]: the tiles of some places, int32[N, 2] and bool[N]."""
-        cell = jnp.floor(self.to_tiles(jnp.asarray(places))).astype(jnp.int32)
-        none = jnp.zeros((self.tilemap.rows, self.tilemap.columns), bool)
-        return none.at[cell[:, 1], cell[:, 0]].max(jnp.asarray(which))
 
     def touches(self, state: S, places: np.ndarray | jax.Array) -> jax.Array:
         """bool[N]: whether the player is at places int32[N, 2]: nearer than 36 units in x and y."""

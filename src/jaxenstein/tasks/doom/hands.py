@@ -17,6 +17,7 @@ Layer = tuple[str, tuple[RGB, RGB]]
 """A picture of `engine/art`, and the colours of its shape and of its detail."""
 _FIST: Layer = "fist", ((196, 148, 108), (120, 84, 60))
 LOOKS: dict[str, tuple[Layer, ...]] = {
+    "fist": (_FIST,),
     "pistol": (_FIST, ("pistol", ((40, 40, 46), (104, 106, 114)))),
     "rocket launcher": (_FIST, ("rocket-launcher", ((84, 92, 72), (40, 44, 38)))),
 }

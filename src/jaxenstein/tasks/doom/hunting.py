@@ -1,4 +1,4 @@
-"""A scripted player of shooters of one's own: shoots who is in sight, else goes on."""
+"""A scripted player who shoots who is in sight, else fetches what is wanted, else goes on."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from .players import walker
 from .shots import offsets
 
 if TYPE_CHECKING:
-    from ..shooter import Shooter, ShooterState
+    from ..shooter import Shooter
+    from .deathmatch import DoomDeathmatch
 
-# Map units from which it shoots; the health and the shots below which it fetches more.
-_RANGE, _HURT, _SHORT = 800, 60, 8
+# Map units from which it shoots.
+_RANGE = 800
 
 
-def hunt(env: Shooter, params: Any) -> Choose:
-    """Shoot the nearest monster in sight; else fetch what is short, or go where `errand` says."""
+def hunt(env: Shooter | DoomDeathmatch, params: Any) -> Choose:
+    """Shoot the nearest monster in sight; else fetch what is `wanted`, or go by `errand`."""
     fight, walk = turn_and_shoot(env, params), walker(env)
     floor = jnp.asarray(np.pad(open_tiles(env.tilemap), 1))
 
-    def choose(key: jax.Array, state: ShooterState) -> jax.Array:
+    def choose(key: jax.Array, state: Any) -> jax.Array:
         creatures, origin = state.creatures, state.fixed_position
         distance = jnp.sum(offsets(origin, creatures.position) ** 2, axis=-1)
         seen = creatures.living & sight(creatures, origin, env.opaque_walls)
@@ -38,18 +39,18 @@ def hunt(env: Shooter, params: Any) -> Choose:
         shoots = fight(key, state.replace(creatures=shown))
         field = flood(floor, jnp.pad(_next(env, state), 1))[1:-1, 1:-1]
         (column, row), _ = next_tile(field, state)
-        north = 2 * env.tilemap.rows - 1 - 2 * row
-        centre = jnp.stack([2 * column + 1, north]) * (env.unit * ONE // 2)
+        east = env.tiles.west * ONE + (2 * column + 1) * (env.unit * ONE // 2)
+        north = env.tiles.north * ONE - (2 * row + 1) * (env.unit * ONE // 2)
+        centre = jnp.stack([east, north])
         return jnp.where(jnp.any(seen), shoots, walk(state, centre))
 
     return choose
 
 
-def _next(env: Shooter, state: ShooterState) -> jax.Array:
+def _next(env: Shooter | DoomDeathmatch, state: Any) -> jax.Array:
     """bool[rows, columns]: where it goes."""
-    needed = jnp.where(env.medkits, state.health < _HURT, state.trigger.ammo < _SHORT)
-    fetches = state.left & needed
-    supplies = env.tiles_of(env.supplies, fetches)
+    fetches = state.left & env.wanted(state)
+    supplies = env.tiles_of(env.supply_places(state), fetches)
     return jnp.where(jnp.any(fetches), supplies, env.errand(state))
 
 

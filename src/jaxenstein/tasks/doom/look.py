@@ -15,11 +15,13 @@ from ...engine.shade import Light
 from ...maps.symbols import LABEL_COLOURS, SYMBOLS
 from ...maps.things import (
     AMMUNITION,
+    ARMOUR,
     CACODEMON,
     CHAINGUN_GUY,
     DEMON,
     FIREBALL,
     GOAL,
+    HELL_KNIGHT,
     IMP,
     MARINE,
     MEDKIT,
@@ -27,6 +29,7 @@ from ...maps.things import (
     RGB,
     ROCKET,
     SHOTGUN_GUY,
+    WEAPON,
     ZOMBIE,
 )
 from .lattice import Tiles
@@ -60,12 +63,15 @@ TEXTURES: dict[str, tuple[str, RGB]] = {
     "STARGR2": ("D", (85, 84, 83)),
     "SILVER3": ("H", (100, 100, 103)),
     "FLAT23": ("X", (119, 119, 119)),
+    "FLAT5_3": ("A", (116, 21, 21)),
+    "COMPBLUE": ("T", (0, 0, 71)),
 }
 # Mean colours of the textures FLAT1_1, NUKAGE1, CEIL4_1; FLOOR0_1, FLAT4, CEIL1_1, CEIL1_2.
 BROWN, ACID, CEILING = (65, 46, 26), (23, 47, 13), (0, 0, 25)
 GREY, CRATES = (98, 98, 98), (81, 81, 81)  # FLOOR0_5, CRATOP1
 TAN, SLATE, TILES, OCHRE = (116, 92, 72), (38, 38, 38), (88, 67, 49), (73, 64, 29)
 STEEL, TUBES = (89, 89, 89), (60, 44, 44)  # STONE5, TLITE6_5
+CLAY = (89, 69, 45)  # CEIL3_3
 
 
 @dataclass(frozen=True)
@@ -93,6 +99,19 @@ VEST = Picture(GOAL.label, "vest", 37, (61, 84, 51), (47, 52, 40))
 MEDKIT_BOX = Picture(MEDKIT.label, "medkit-box", 29.5, (150, 152, 148), (52, 122, 46))
 BOTTLE = Picture(POISON.label, "bottle", 15.3, (72, 112, 80), (110, 140, 66))
 AMMUNITION_BOX = Picture(AMMUNITION.label, "ammunition", 26, (98, 104, 74), (226, 180, 76))
+STIMPACK = Picture(MEDKIT.label, "medkit-box", 17, (150, 152, 148), (52, 122, 46))
+HEALTH_BONUS = Picture(MEDKIT.label, "bottle", 15.3, (48, 72, 160), (110, 140, 66))
+ARMOUR_BONUS = Picture(ARMOUR.label, "vest", 17, (72, 84, 64), (47, 52, 40))
+GREEN_ARMOUR = Picture(ARMOUR.label, "vest", 37, (61, 84, 51), (47, 52, 40))
+BLUE_ARMOUR = Picture(ARMOUR.label, "vest", 37, (52, 60, 130), (40, 44, 60))
+BULLET_BOX = Picture(AMMUNITION.label, "ammunition", 28, (98, 104, 74), (226, 180, 76))
+SHELL_BOX = Picture(AMMUNITION.label, "ammunition", 28, (120, 90, 60), (190, 40, 36))
+ROCKET_BOX = Picture(AMMUNITION.label, "ammunition", 40, (92, 72, 48), (150, 146, 140))
+CLIP = Picture(AMMUNITION.label, "ammunition", 12, (98, 104, 74), (226, 180, 76))
+GUN = Picture(WEAPON.label, "gun", 56, (60, 60, 66), (120, 84, 50))
+SAW = Picture(WEAPON.label, "gun", 52, (150, 90, 40), (120, 124, 130))
+HEAVY_GUN = Picture(WEAPON.label, "gun", 58, (92, 94, 100), (52, 54, 60))
+LAUNCHER = Picture(WEAPON.label, "gun", 60, (72, 84, 64), (140, 120, 60))
 GOAL_STAR = Picture(GOAL.label, "goal", 40, (255, 216, 20), (140, 118, 11), lift=10)
 
 
@@ -106,6 +125,7 @@ MONSTERS = {
     "demon": _monster(DEMON.label, "demon", 60, (161, 68, 68), (236, 206, 190)),
     "imp": _monster(IMP.label, "imp", 60, (82, 52, 28), (200, 170, 60)),
     "chainsaw marine": _monster(MARINE.label, "soldier", 58, (74, 98, 65), (170, 140, 60)),
+    "hell knight": _monster(HELL_KNIGHT.label, "imp", 70, (140, 104, 84), (110, 70, 52)),
     "zombie": _monster(ZOMBIE.label, "soldier", 56, (92, 84, 60), (150, 130, 100)),
     "shotgun guy": _monster(SHOTGUN_GUY.label, "soldier", 56, (60, 56, 52), (150, 50, 40)),
     "chaingun guy": _monster(CHAINGUN_GUY.label, "soldier", 60, (112, 44, 36), (140, 140, 140)),

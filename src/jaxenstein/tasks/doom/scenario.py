@@ -263,8 +263,12 @@ class DoomScenario(FirstPerson[S, P]):
 
     def pressed(self, action: jax.Array) -> Buttons:
         """The buttons that an action holds."""
+        return hold(self.button_names, self.held(action))
+
+    def held(self, action: jax.Array) -> jax.Array:
+        """int32[]: the buttons that an action holds, bit i for `button_names[i]`."""
         table = jnp.asarray(np.append(self.action_buttons, np.int32(0)))
-        return hold(self.button_names, table.at[action].get(mode="promise_in_bounds"))
+        return table.at[action].get(mode="promise_in_bounds")
 
     def moved(self, state: S, action: jax.Array, bodies: Blocked | None = None) -> tuple[S, Tried]:
         """The state after the body has moved in a tic, and where it was put.

@@ -155,8 +155,12 @@ class DoomShooter(DoomScenario[S, P]):
         """Add the weapon and the strip."""
         image = super().draw(state, params, kind)
         if self.show_weapon:
-            image = hands.show(image, self.weapon, state.trigger, kind)
+            image = self.in_hands(image, state, kind)
         return jnp.concatenate([image, self.strip(state, kind)]) if self.hud else image
+
+    def in_hands(self, image: jax.Array, state: S, kind: ImageKind) -> jax.Array:
+        """The image with the weapon over it."""
+        return hands.show(image, self.weapon, state.trigger, kind)
 
     def strip(self, state: S, kind: ImageKind) -> jax.Array:
         """The strip of `hud=True`: health, and at the right ammunition if there is any."""

@@ -50,4 +50,9 @@ SHOOTERS: dict[str, Scenario] = {
     "doom-deadly-corridor": Scenario(
         "corridor", "DoomDeadlyCorridor", "Deadly Corridor itself: past six marksmen to the armour"
     ),
+    "doom-deathmatch": Scenario(
+        "deathmatch",
+        "DoomDeathmatch",
+        "Deathmatch itself, alone: monsters without end, seven weapons, things to take",
+    ),
 }

@@ -6,6 +6,7 @@ ready, and once more after a shot, when a held trigger fires again.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import jax
@@ -32,6 +33,11 @@ class Weapon:
         locks: whether it stays locked until ATTACK is released once it is drawn.
         look: what it looks like in the player's hands, one of `hands.LOOKS`.
         game_ammo: what the game calls its ammunition.
+        second: tics from pressing to a second shot; -1 if there is none.
+        rays: bullets of a shot.
+        uses: ammunition that a shot takes.
+        loose: whether first shots, too, have an error.
+        reach: how far shots go, in map units.
     """
 
     name: str
@@ -45,6 +51,11 @@ class Weapon:
     locks: bool = False
     look: str = "pistol"
     game_ammo: str = "AMMO2"
+    second: int = -1
+    rays: int = 1
+    uses: int = 1
+    loose: bool = False
+    reach: float = math.inf
 
     def damage(self, byte: jax.Array) -> jax.Array:
         """int32[]: of one hit, from a random byte."""
@@ -90,13 +101,14 @@ def drawn_weapon(weapon: Weapon, ammo: int, wait: int = 0) -> Trigger:
 def pull(weapon: Weapon, trigger: Trigger, attack: jax.Array) -> tuple[Trigger, jax.Array]:
     """The weapon after a tic in which ATTACK was held or not, and bool[] whether a shot left."""
     tics = trigger.tics + 1
-    fires = (tics == weapon.shot) & (trigger.ammo > 0)
-    ammo = trigger.ammo - fires.astype(jnp.int32)
-    presses = attack & (ammo > 0) & (trigger.wait == 0)
+    presses = attack & (trigger.ammo >= weapon.uses) & (trigger.wait == 0)
     again = presses & (tics == weapon.again)
     starts = again | (presses & (tics >= weapon.ready))
     held = again | (trigger.held & (tics < weapon.again))
     tics = jnp.where(starts, 0, jnp.minimum(tics, weapon.ready))
+    shoots = (tics == weapon.shot) | (tics == weapon.second)
+    fires = shoots & (trigger.ammo >= weapon.uses)
+    ammo = trigger.ammo - jnp.where(fires, weapon.uses, 0)
     wait = jnp.maximum(trigger.wait - 1, 0)
     if weapon.locks:
         wait = jnp.where(attack & (trigger.wait == 1), 1, wait)

@@ -1,0 +1,236 @@
+"""Deathmatch by exact small cases: who comes, what pellets hit, what the dead leave, what pays."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.tasks.doom.arsenal import CHAINGUN, CHAINSAW, SHOTGUN, SUPER_SHOTGUN
+from jaxenstein.tasks.doom.bodies import crosses
+from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.hordes import come, words
+from jaxenstein.tasks.doom.items import THIRD
+from jaxenstein.tasks.doom.kinds import DEMON, HELL_KNIGHT, SHOTGUN_GUY, ZOMBIE, Roster
+from jaxenstein.tasks.doom.weapons import PISTOL, Weapon
+
+SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
+MIDDLE = (512, 512)
+
+
+@pytest.fixture(scope="module")
+def match() -> Any:
+    """The environment, its first state in the middle, facing east, and its transition."""
+    env: Any
+    env, params = jaxenstein.make("doom-deathmatch", **SIZE)
+    assert env.arsenal.index_of(PISTOL) == 2
+    state = env.init_state(jax.random.key(0), params)
+    place = jnp.array([to_fixed(x) for x in MIDDLE], jnp.int32)
+    state = state.replace(**env.placed(place, jnp.uint32(0)))
+    state = state.replace(time=jnp.int32(0))
+    step = jax.jit(lambda key, state, action: env.transition(key, state, action, params))
+    return env, state, step
+
+
+def with_monster(env: Any, state: Any, kind: Any, x: float, y: float, health: int) -> Any:
+    """The state with one monster, which stands and looks away."""
+    slot = env.cast.index(kind)
+    creatures = state.creatures
+    place = jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
+    return state.replace(
+        creatures=creatures.replace(
+            position=creatures.position.at[slot].set(place),
+            present=creatures.present.at[slot].set(True),
+            health=creatures.health.at[slot].set(health),
+            tics=creatures.tics.at[slot].set(1000),
+        )
+    )
+
+
+def with_weapon(env: Any, state: Any, weapon: Weapon, tics: int) -> Any:
+    """The state with a weapon in hand whose ATTACK was pressed so many tics ago."""
+    arms = state.arms.replace(
+        selected=jnp.int32(env.arsenal.index_of(weapon)), ammo=jnp.array([50, 50, 50])
+    )
+    trigger = state.trigger.replace(tics=jnp.int32(tics), wait=jnp.int32(0))
+    return state.replace(arms=arms, trigger=trigger)
+
+
+def test_the_start(match: Any) -> None:
+    env, state, _ = match
+    assert env.action_names[0] == "nothing"
+    # ViZDoom's wrapper numbers the buttons from the last to the first.
+    assert (env.action_names[1], env.action_names[17]) == ("previous weapon", "attack")
+    assert not state.creatures.present.any()
+    assert (int(state.left.sum()), len(env.items)) == (178, 178 + 7 + 7 + 4)
+    assert {name: float(value[0]) for name, value in env.variables(state).items()} == {
+        "killed": 0,
+        "health": 100,
+        "armour": 0,
+        "weapon": 2,
+        "ammo": 50,
+    }
+
+
+def test_monsters_come_by_their_chances_where_there_is_room() -> None:
+    """Six hundred draws of a small roster, beside the player and one monster that is there."""
+    roster = Roster([ZOMBIE, ZOMBIE, DEMON])
+    env, params = jaxenstein.make("doom-deathmatch", **SIZE)
+    del params
+    old = jax.tree.map(
+        lambda x: x[: len(roster)], env.init_state(jax.random.key(0), None).creatures
+    )
+    old = old.replace(
+        position=old.position.at[0].set(jnp.array([500 * ONE, 500 * ONE])),
+        present=jnp.array([True, False, False]),
+        health=jnp.array([20, 0, 0]),
+        feud=None,
+    )
+    player = jnp.array([540 * ONE, 500 * ONE], jnp.int32)
+    health = jnp.array([20, 20, 150])
+    draws = 600
+
+    @jax.jit
+    @jax.vmap
+    def horde(bits: jax.Array) -> Any:
+        return come(roster, old, player, [32768.0, 6553.6], (400, 640), health, bits)
+
+    bits = jax.random.bits(jax.random.key(1), (draws, *words(roster)), jnp.uint32)
+    after, comes = jax.device_get(horde(bits))
+    assert not comes[:, 0].any()
+    for slot, chance in ((1, 0.5), (2, 0.1)):
+        assert abs(comes[:, slot].mean() - chance) < 4 * (chance * (1 - chance) / draws) ** 0.5
+    places = after.position / ONE
+    for slot, width in ((1, 20), (2, 30)):
+        new = places[comes[:, slot], slot]
+        assert ((new >= 400) & (new <= 640)).all()
+        assert (new.min() < 450) & (new.max() > 590)
+        assert (np.abs(new - (500, 500)).max(axis=1) >= 20 + width).all()
+        assert (np.abs(new - (540, 500)).max(axis=1) >= 16 + width).all()
+    both = comes[:, 1] & comes[:, 2]
+    gap = np.abs(places[both, 1] - places[both, 2]).max(axis=1)
+    assert both.sum() > 10
+    assert (gap >= 50).all()
+    assert (after.health[comes[:, 2], 2] == 150).all()
+
+
+def test_nobody_appears_in_a_wall(match: Any) -> None:
+    env, _, _ = match
+    corners = jnp.array([[x * ONE, y * ONE] for x in (32, 992) for y in (32, 992)], jnp.int32)
+    widest = np.array(30, np.float32)
+    assert not crosses(corners, widest, env.monster_walls).any()
+
+
+def test_pellets_have_their_own_errors_and_fists_their_reach(match: Any) -> None:
+    """Against sums over pellets one by one."""
+    env, state, _ = match
+    state = with_monster(env, state, HELL_KNIGHT, 512 + 300, 512, 500)
+    slot = env.cast.index(HELL_KNIGHT)
+
+    @jax.jit
+    @jax.vmap
+    def volley(key: jax.Array, weapon: jax.Array, tics: jax.Array) -> jax.Array:
+        armed = state.replace(
+            arms=state.arms.replace(selected=weapon),
+            trigger=state.trigger.replace(held=tics > 0),
+        )
+        zero = jnp.uint32(0)
+        return env.volley(key, armed, state.fixed_position, (jnp.bool_(True), zero), zero)
+
+    def damage(weapon: Weapon, held: bool = False, count: int = 400) -> np.ndarray:
+        keys = jax.random.split(jax.random.key(2), count)
+        number = jnp.full(count, env.arsenal.index_of(weapon), jnp.int32)
+        found = np.asarray(volley(keys, number, jnp.full(count, int(held))))
+        assert not np.delete(found, slot, axis=1).any()
+        return found[:, slot]
+
+    # A hit is 5, 10 or 15, with the chances of a byte's rest by three.
+    assert set(damage(PISTOL)) == set(damage(CHAINGUN)) == {5, 10, 15}
+    # 24 map units at 276 off the near side: 4.97 degrees; of 22.4 at most, the difference of two
+    # bytes (in steps of 5.6 / 255 degrees for a pistol, and of twice that for the super shotgun).
+    steps = np.arange(-255, 256)
+    chances = (256 - np.abs(steps)) / 256**2
+    for weapon, shift in ((SHOTGUN, 18), (SUPER_SHOTGUN, 19)):
+        angles = steps * 2.0**shift / 2**32 * 2 * np.pi
+        hits = (np.abs(np.tan(angles)) * 276 <= 24).astype(float) @ chances
+        found = damage(weapon)
+        expected = weapon.rays * hits * (5 * 86 + 10 * 85 + 15 * 85) / 256
+        assert abs(found.mean() - expected) < 4 * found.std() / 20
+        assert found.max() <= 15 * weapon.rays
+        assert (found % 5 == 0).all()
+    held = damage(PISTOL, held=True)
+    angles = steps * 2.0**18 / 2**32 * 2 * np.pi
+    hits = (np.abs(np.tan(angles)) * 276 <= 24).astype(float) @ chances
+    assert abs((held > 0).mean() - hits) < 4 * (max(hits * (1 - hits), 0.002) / 400) ** 0.5
+    assert not damage(CHAINSAW).any()
+
+
+def test_a_kill_pays_by_its_kind_and_leaves_what_the_dead_had(match: Any) -> None:
+    env, state, step = match
+    attack = jnp.int32(env.index_of("attack"))
+    ready = with_weapon(env, state, PISTOL, PISTOL.shot - 1)
+    for kind, pay, leaves in ((ZOMBIE, 1, True), (SHOTGUN_GUY, 3, True), (HELL_KNIGHT, 10, False)):
+        alive = with_monster(env, ready, kind, 512 + 60, 512, 1)
+        after, reward, dead, events = step(jax.random.key(3), alive, attack)
+        assert (float(reward), bool(dead), int(events["kills"])) == (pay, False, 1)
+        assert int(after.left.sum()) == 178 + leaves
+        if leaves:
+            drop = int(np.flatnonzero(np.asarray(after.left[178:]))[0])
+            assert (after.drops[drop] / ONE).tolist() == [572, 512]
+    # One that is only hurt pays nothing; who has shot before it is killed does not matter.
+    alive = with_monster(env, ready, DEMON, 512 + 60, 512, 150)
+    after, reward, _, events = step(jax.random.key(3), alive, attack)
+    assert (float(reward), int(events["kills"]), int(after.left.sum())) == (0, 0, 178)
+
+
+def test_things_are_taken_by_walking_into_them(match: Any) -> None:
+    env, state, step = match
+    things = list(env.doom_map.things)
+    number = next(i for i, thing in enumerate(things) if thing.kind == 82)
+    forward = jnp.int32(env.index_of("forward"))
+
+    def at(distance: float) -> Any:
+        x, y = things[number].x - distance, things[number].y
+        place = jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
+        alone = jnp.zeros_like(state.left).at[number].set(True)
+        return state.replace(**env.placed(place, jnp.uint32(0)), left=alone)
+
+    # A first tic of walking is 0.78 map units; the boxes are 16 and 20 wide to each side.
+    after, _, _, events = step(jax.random.key(4), at(37), forward)
+    assert after.left[number]
+    assert int(events["took_weapon"]) == 0
+    after, _, _, events = step(jax.random.key(4), at(36.5), forward)
+    assert int(events["took_weapon"]) == 1
+    assert not after.left[number]
+    assert after.arms.ammo.tolist() == [50, 8, 0]
+    assert int(after.arms.pending) == env.arsenal.index_of(SUPER_SHOTGUN)
+    hurt = at(36.5).replace(health=jnp.int32(0))
+    _, _, dead, events = step(jax.random.key(4), hurt, forward)
+    assert dead
+    assert int(events["took_weapon"]) == 0
+
+
+def test_armour_and_health_share_a_blow(match: Any) -> None:
+    env, state, _ = match
+    params = env.check_params()
+    dressed = state.replace(armour=jnp.int32(100), share=jnp.int32(THIRD))
+    origin = state.fixed_position[None] + jnp.array([[ONE * 100, 0]])
+    after = env.suffer(dressed, origin, jnp.array([30]), params)
+    assert (int(after.health), int(after.armour)) == (80, 90)
+    # The push is that of the whole blow: an eighth of a map unit a point, away from it.
+    assert after.fixed_velocity.tolist() == [-30 * ONE // 8, 0]
+
+
+def test_monsters_come_from_tic_105_on_every_tenth(match: Any) -> None:
+    env, state, _ = match
+    params = env.check_params().replace(crowd=1e6)
+
+    @jax.jit
+    def joined(state: Any) -> Any:
+        return env._joined(jax.random.key(5), state, params).creatures.present
+
+    for time, comes in ((0, 0), (103, 0), (104, 6), (105, 0), (113, 0), (114, 6)):
+        present = joined(state.replace(time=jnp.int32(time)))
+        assert int(present.sum()) == comes

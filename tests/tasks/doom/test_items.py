@@ -1,0 +1,124 @@
+"""What is taken and what it gives, and what armour takes off a blow, by exact small cases."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxenstein.tasks.doom.arsenal import FIST, SHOTGUN, SUPER_SHOTGUN, Arsenal, first_arms
+from jaxenstein.tasks.doom.items import (
+    DROPS,
+    HALF,
+    ITEMS,
+    THIRD,
+    Belongings,
+    Goods,
+    shielded,
+)
+from jaxenstein.tasks.doom.kinds import SHOTGUN_GUY
+from jaxenstein.tasks.doom.weapons import PISTOL
+
+ARSENAL = Arsenal()
+NUMBERS = tuple(ITEMS)
+MEDKIT, STIMPACK, VIAL, HELMET, GREEN, BLUE, BULLETS, SHELLS = (
+    2012,
+    2011,
+    2014,
+    2015,
+    2018,
+    2019,
+    2048,
+    2049,
+)
+GUN = 82
+GOODS = Goods([*ITEMS.values(), DROPS[SHOTGUN_GUY]], ARSENAL)
+take = jax.jit(GOODS.taken)
+
+
+def mine(health: int = 50, armour: int = 0, share: int = 0) -> Belongings:
+    arms = first_arms(ARSENAL, (FIST, PISTOL), PISTOL, 50)
+    return Belongings(jnp.int32(health), jnp.int32(armour), jnp.int32(share), arms)
+
+
+def reach(*numbers: int) -> jax.Array:
+    return jnp.array([number in numbers for number in (*NUMBERS, SHOTGUN_GUY)])
+
+
+@pytest.mark.parametrize(
+    ("health", "numbers", "after", "taken"),
+    [
+        (50, (MEDKIT,), 75, 1),
+        (80, (MEDKIT,), 100, 1),
+        (50, (MEDKIT, STIMPACK), 85, 2),
+        (100, (MEDKIT, STIMPACK), 100, 0),
+        (100, (VIAL,), 101, 1),
+        (150, (VIAL, MEDKIT), 151, 1),
+        (200, (VIAL,), 200, 1),
+        (50, (), 50, 0),
+    ],
+)
+def test_health(health: int, numbers: tuple[int, ...], after: int, taken: int) -> None:
+    have, what = take(mine(health), reach(*numbers))
+    assert (int(have.health), int(what.sum())) == (after, taken)
+
+
+@pytest.mark.parametrize(
+    ("armour", "share", "number", "after", "taken"),
+    [
+        (0, 0, HELMET, (1, THIRD), True),
+        (100, HALF, HELMET, (101, HALF), True),
+        (200, HALF, HELMET, (200, HALF), True),
+        (0, 0, GREEN, (100, THIRD), True),
+        (99, HALF, GREEN, (100, THIRD), True),
+        (100, HALF, GREEN, (100, HALF), False),
+        (199, THIRD, BLUE, (200, HALF), True),
+        (200, HALF, BLUE, (200, HALF), False),
+    ],
+)
+def test_armour(armour: int, share: int, number: int, after: tuple[int, int], taken: bool) -> None:
+    have, what = take(mine(armour=armour, share=share), reach(number))
+    assert (int(have.armour), int(have.share)) == after
+    assert bool(what.any()) == taken
+
+
+def test_ammunition_and_weapons() -> None:
+    have, what = take(mine(), reach(BULLETS, SHELLS))
+    assert have.arms.ammo.tolist() == [100, 20, 0]
+    assert int(what.sum()) == 2
+    full = mine()
+    full = full.replace(arms=full.arms.replace(ammo=jnp.array([200, 45, 0])))
+    have, what = take(full, reach(BULLETS, SHELLS))
+    assert have.arms.ammo.tolist() == [200, 50, 0]
+    assert np.array(NUMBERS)[np.flatnonzero(np.asarray(what))].tolist() == [SHELLS]
+    # A new weapon brings shells and is wanted at once; what a dead man leaves has half of them.
+    have, what = take(mine(), reach(GUN))
+    assert have.arms.ammo.tolist() == [50, 8, 0]
+    assert int(have.arms.pending) == ARSENAL.index_of(SUPER_SHOTGUN)
+    again, what = take(have.replace(arms=have.arms.replace(pending=jnp.int32(2))), reach(GUN))
+    assert (int(again.arms.pending), again.arms.ammo.tolist()) == (2, [50, 16, 0])
+    have, what = take(mine(), jnp.append(reach()[:-1], True))
+    assert have.arms.ammo.tolist() == [50, 4, 0]
+    assert np.flatnonzero(np.asarray(have.arms.owned)).tolist() == [
+        ARSENAL.index_of(weapon) for weapon in (FIST, PISTOL, SHOTGUN)
+    ]
+    assert what.tolist() == [False] * len(NUMBERS) + [True]
+
+
+@pytest.mark.parametrize(
+    ("armour", "share", "lost", "left", "felt"),
+    [
+        (100, THIRD, [15], 95, 10),
+        (100, HALF, [15], 93, 8),
+        # Every blow is rounded for itself.
+        (100, THIRD, [5, 5], 98, 8),
+        (3, HALF, [40], 0, 37),
+        (0, 0, [40], 0, 40),
+        # Blows beyond all that there are do not turn into health.
+        (200, HALF, [1_000_000], 0, 1_000_000 - 200),
+    ],
+)
+def test_armour_takes_its_share(
+    armour: int, share: int, lost: list[int], left: int, felt: int
+) -> None:
+    after, rest = shielded(jnp.int32(armour), jnp.int32(share), jnp.array(lost))
+    assert (int(after), int(rest)) == (left, felt)
