@@ -259,6 +259,7 @@ def _doom_entries() -> dict[str, Entry]:
         name: Entry(
             f"ViZDoom's {told.summary}",
             functools.partial(_doom_shooter, told.module, told.kind),
+            told.version,
             family=told.main or name,
             variant_of=told.main,
         )

@@ -10,7 +10,7 @@ import pytest
 import jaxenstein
 from jaxenstein.tasks.doom.creatures import Creatures, act, approximate, hurt, placed
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
-from jaxenstein.tasks.doom.kinds import CHAINSAW_MARINE, DEMON, Act, Roster
+from jaxenstein.tasks.doom.kinds import CHAINSAW_MARINE, DEMON, IMP, Act, Roster, standing
 from jaxenstein.tasks.doom.strikes import strike
 
 NO_WALLS = np.zeros((0, 4), np.float32)
@@ -180,3 +180,71 @@ def test_death_costs_one_in_its_tic_and_ends() -> None:
     # The demon beside notices at once and bites 16 tics later.
     assert tic == 16
     assert (float(reward), int(info["health"]), bool(info["died"])) == (-1, 0, True)
+
+
+# Where the monsters are when ViZDoom 1.3.2 shows the player first, in any episode.
+SEEN_FIRST = {
+    "doom-defend-the-center": [
+        *((743.0, 0.0), (219.734, 691.883), (-588.704, 426.263)),
+        *((-587.29, -424.849), (221.148, -693.297)),
+    ],
+    "doom-defend-the-line": [
+        *((64.0, 90.0), (64.0, 200.0), (64.0, 400.0)),
+        *((74.0, 150.0), (56.929, 292.929), (74.0, 450.0)),
+    ],
+}
+
+
+@pytest.mark.parametrize("name", SEEN_FIRST)
+def test_the_first_step_has_been_taken(name: str) -> None:
+    """Demons step again in the second tic, and so do marines, who had begun two tics earlier."""
+    env: Any
+    env, params = jaxenstein.make(name, **SIZE)
+
+    @jax.jit
+    def play(key: jax.Array) -> jax.Array:
+        def step(state: Any, key: jax.Array) -> Any:
+            return env.advance(key, state, jnp.int32(0), params)[0], state.creatures.position
+
+        return jax.lax.scan(step, env.init_state(key, params), jax.random.split(key, 10))[1]
+
+    path = np.asarray(play(jax.random.key(3))) / ONE
+    # The game's scripts have coarser sines.
+    np.testing.assert_allclose(path[0], SEEN_FIRST[name], atol=0.5)
+    steps = (np.diff(path, axis=0) != 0).any(axis=2)
+    for monster, speed in enumerate(env.roster.speeds):
+        pace = {0: [], 10: [1, 3, 5, 7], 8: [1, 5]}[int(speed)]
+        assert np.flatnonzero(steps[:8, monster]).tolist() == pace
+
+
+def test_who_flinches_shoots_back() -> None:
+    """Even one that would wait, or leave it for now as far away as this, but not within a leg."""
+    roster = Roster([standing(IMP)] * 2)
+    start = placed(
+        roster,
+        places((1000, 0), (1000, 200)),
+        jnp.full(2, WEST),
+        jnp.ones(2, bool),
+        jnp.array([60, 60]),
+    )
+    walking = jnp.asarray(roster.walk)
+    start = start.replace(frame=walking, tics=jnp.ones(2, jnp.int32), leg=jnp.array([0, 4]))
+    # The lowest byte of the first number decides who dares: none does with zero.
+    bits = jnp.zeros((2, 2), jnp.uint32)
+
+    def after(creatures: Creatures) -> Creatures:
+        quiet, player = jnp.bool_(False), places((0, 0))[0]
+        return act(roster, creatures, player, quiet, bits, opaque=NO_WALLS, walls=NO_WALLS)[0]
+
+    aims = after(start).frame == jnp.asarray(roster.missile)
+    assert aims.tolist() == [False, False]
+    hit = hurt(roster, start, jnp.array([5, 5]), jnp.zeros(2, jnp.uint32))
+    assert hit.stung is not None
+    assert hit.stung.tolist() == [True, True]
+    unmoved = hurt(roster, start, jnp.array([5, 5]), jnp.full(2, 0xFFFFFFFF, jnp.uint32))
+    assert unmoved.stung is not None
+    assert unmoved.stung.tolist() == [False, False]
+    again = after(hit.replace(frame=walking, tics=jnp.ones(2, jnp.int32), reaction=start.reaction))
+    assert (again.frame == jnp.asarray(roster.missile)).tolist() == [True, False]
+    assert again.stung is not None
+    assert again.stung.tolist() == [False, True]

@@ -59,7 +59,8 @@ class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
     map_name: ClassVar[str] = "take-cover"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT)
-    cast: ClassVar[tuple[Kind, ...]] = (standing(IMP),) * MOST
+    # Nothing can hurt them.
+    cast: ClassVar[tuple[Kind, ...]] = (dataclasses.replace(standing(IMP), pain_chance=0),) * MOST
     floor: ClassVar[RGB] = CRATES
     ceiling: ClassVar[RGB] = CRATES
     ammo: ClassVar[int] = 0

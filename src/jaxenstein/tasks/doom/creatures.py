@@ -61,6 +61,8 @@ class Creatures(PyTreeNode):
         struck: bool[N], whether it has just shot and now walks first.
         alarmed: bool[N], whether it has heard the player shoot.
         feud: whom they are after; None if it is always the player.
+        stung: bool[N], whether it has flinched, and shoots as soon as it may think of it; None
+            if no kind both flinches and shoots.
     """
 
     position: jax.Array
@@ -75,6 +77,7 @@ class Creatures(PyTreeNode):
     struck: jax.Array
     alarmed: jax.Array
     feud: Feud | None = None
+    stung: jax.Array | None = None
 
     @property
     def living(self) -> jax.Array:
@@ -101,6 +104,7 @@ def placed(
         struck=jnp.zeros(len(roster), bool),
         alarmed=jnp.zeros(len(roster), bool),
         feud=peace(len(roster)) if roster.feuds else None,
+        stung=jnp.zeros(len(roster), bool) if _shoots_back(roster).any() else None,
     )
 
 
@@ -178,8 +182,10 @@ def act(
     rests = chases & creatures.struck
     bites = chases & ~rests & near & (roster.melee >= 0)
     ready = (creatures.leg == 0) | roster.fast
-    shoots = chases & ~rests & ~bites & ready & sees & (reaction == 0)
-    shoots = shoots & _dares(roster, offset, byte(bits[:, 0], 0))
+    thinks = chases & ~rests & ~bites & ready & sees & (roster.missile >= 0)
+    dares = (reaction == 0) & _dares(roster, offset, byte(bits[:, 0], 0))
+    stung = creatures.stung
+    shoots = thinks & (dares if stung is None else dares | stung)
     frame = jnp.where(bites, roster.melee, jnp.where(shoots, roster.missile, frame))
     walks = chases & ~rests & ~bites & ~shoots
     turns = rests & ~roster.fast
@@ -196,6 +202,7 @@ def act(
         struck=(creatures.struck & ~chases) | shoots,
         alarmed=alarmed,
         feud=calmer(creatures.feud, chases),
+        stung=None if stung is None else stung & ~thinks,
     )
     return after, begins & (_of(roster.acts, frame) >= Act.BITE)
 
@@ -231,7 +238,13 @@ def hurt(
         tics=jnp.where(changed & wakes & ~flinches, 1, tics),
         reaction=jnp.where(hit, 0, creatures.reaction),
         feud=provoked(creatures.feud, hit & ~dies, source),
+        stung=None if creatures.stung is None else creatures.stung | flinches,
     )
+
+
+def _shoots_back(roster: Roster) -> np.ndarray:
+    """bool[N]: who may flinch and can shoot."""
+    return (roster.missile >= 0) & (roster.pain_chance > 0)
 
 
 def _of(table: np.ndarray, row: jax.Array) -> jax.Array:
@@ -258,7 +271,7 @@ def _dares(roster: Roster, offset: jax.Array, luck: jax.Array) -> jax.Array:
     """bool[N]: whether it shoots, the farther away the less likely; luck is a random byte."""
     shift = _NEARER + np.where(roster.melee >= 0, 0, _NO_BITE)
     distance = (approximate(offset) >> 16) - shift.astype(np.int32)
-    return (roster.missile >= 0) & (luck >= jnp.minimum(distance, _FARTHEST))
+    return luck >= jnp.minimum(distance, _FARTHEST)
 
 
 def walk(

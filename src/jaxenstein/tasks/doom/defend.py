@@ -26,6 +26,7 @@ from .lattice import Tiles, fill
 from .look import CEILING, GREY
 from .respawn import absent, respawned
 from .shooter import EVENTS
+from .waking import begun
 from .walls import Line
 
 # How far away monsters appear, in map units.
@@ -108,18 +109,19 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
         return build_geometry([Line(*a, *b, "-") for a, b in itertools.pairwise(corners)])
 
     def init_state(self, key: jax.Array, params: DoomCenterParams) -> DoomCenterState:
-        """Five monsters around the player, about to notice it."""
-        del key
+        """Five monsters around the player, who have noticed it and taken a step."""
         count = len(self.roster)
         angle = jnp.asarray(np.array(_FIFTHS, np.uint32) << 16)
         health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
         creatures = placed(
             self.roster, _at_wall(angle), angle + np.uint32(1 << 31), jnp.ones(count, bool), health
         )
+        body = self.drawn(jnp.zeros(2, jnp.uint32), (0, 0))
+        player = body["fixed_position"]
         return DoomCenterState(
-            **self.drawn(jnp.zeros(2, jnp.uint32), (0, 0)),
+            **body,
             **self.armed(),
-            creatures=creatures.replace(tics=jnp.ones(count, jnp.int32)),
+            creatures=begun(self.roster, creatures, player, key, self.monster_walls),
             kills=jnp.int32(0),
             absence=jnp.zeros(count, jnp.int32),
         )

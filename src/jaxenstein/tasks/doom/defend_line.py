@@ -22,6 +22,7 @@ from .kinds import DEMON, IMP, Kind, standing
 from .look import CRATES
 from .projectiles import no_projectiles
 from .respawn import absent, respawned
+from .waking import begun
 
 # Imps and demons stand at this x, at these y.
 LINE = 64
@@ -86,15 +87,16 @@ class DoomDefendTheLine(DoomFireArena[DoomLineState, DoomLineParams]):
         return jnp.asarray(places), jnp.full(len(places), np.uint32(1 << 31))
 
     def init_state(self, key: jax.Array, params: DoomLineParams) -> DoomLineState:
-        """Six monsters, about to notice the player."""
-        del key
+        """Six monsters, who have noticed the player and taken a step."""
         count = len(self.roster)
         health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
         creatures = placed(self.roster, *self._fresh, jnp.ones(count, bool), health)
+        body = self.drawn(jnp.zeros(2, jnp.uint32), (0, 0))
+        player = body["fixed_position"]
         return DoomLineState(
-            **self.drawn(jnp.zeros(2, jnp.uint32), (0, 0)),
+            **body,
             **self.armed(),
-            creatures=creatures.replace(tics=jnp.ones(count, jnp.int32)),
+            creatures=begun(self.roster, creatures, player, key, self.monster_walls),
             kills=jnp.int32(0),
             balls=no_projectiles(self.most_balls),
             absence=jnp.zeros(count, jnp.int32),

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 
 class Scenario(NamedTuple):
-    """A scenario: its module and class here, what it is about, and the id that stands for it."""
+    """A scenario: module and class, what it is about, the id that stands for it, its version."""
 
     module: str
     kind: str
     summary: str
     main: str = ""
+    version: int = 0
 
 
 SHOOTERS: dict[str, Scenario] = {
@@ -25,12 +26,14 @@ SHOOTERS: dict[str, Scenario] = {
         "defend",
         "DoomDefendTheCenter",
         "Defend the Center itself: turn and shoot what comes from all around",
+        version=1,
     ),
     "doom-defend-the-line": Scenario(
         "defend_line",
         "DoomDefendTheLine",
         "Defend the Line itself: turn and shoot what is at the other side of a room",
         "doom-defend-the-center",
+        version=1,
     ),
     "doom-take-cover": Scenario(
         "cover", "DoomTakeCover", "Take Cover itself: dodge the fireballs of ever more imps"
@@ -48,7 +51,10 @@ SHOOTERS: dict[str, Scenario] = {
         "doom-basic",
     ),
     "doom-deadly-corridor": Scenario(
-        "corridor", "DoomDeadlyCorridor", "Deadly Corridor itself: past six marksmen to the armour"
+        "corridor",
+        "DoomDeadlyCorridor",
+        "Deadly Corridor itself: past six marksmen to the armour",
+        version=1,
     ),
     "doom-deathmatch": Scenario(
         "deathmatch",
