@@ -204,9 +204,9 @@ AMMUNITION = Thing(
     symbols="=",
     role="supply",
 )
-HELL_KNIGHT = Thing("hell knight", 139, (196, 148, 112), "imp-one", 0.5, 0.1)
-WEAPON = Thing("weapon", 140, (70, 78, 92), "gun", 0.3, 0.35, detail=(150, 158, 170))
-ARMOUR = Thing("armour", 141, (60, 150, 90), "vest", 0.3, 0.3, detail=(30, 90, 60))
+HELL_KNIGHT = Thing("hell knight", 139, (196, 148, 112), "imp-one", 0.5, 0.0)
+WEAPON = Thing("weapon", 140, (70, 78, 92), "gun", 0.3, 0.2, detail=(150, 158, 170))
+ARMOUR = Thing("armour", 141, (60, 150, 90), "vest", 0.3, 0.2, detail=(30, 90, 60))
 
 THINGS: tuple[Thing, ...] = (
     KEY,

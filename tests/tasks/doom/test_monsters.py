@@ -172,12 +172,13 @@ def test_death_costs_one_in_its_tic_and_ends() -> None:
     step = jax.jit(lambda key, state, action: env.advance(key, state, action, params))
     state = env.reset(jax.random.key(0), params)[1].replace(health=jnp.int32(1))
     beside = places((300, 0), (59, 0), (-300, 0), (300, 300), (-300, -300))
-    state = state.replace(creatures=state.creatures.replace(position=beside))
+    now = jnp.ones(5, jnp.int32)
+    state = state.replace(creatures=state.creatures.replace(position=beside, tics=now))
     tic, terminated, reward, info = -1, False, 0.0, {}
     while not terminated and tic < 30:
         tic += 1
         state, reward, terminated, info = step(jax.random.key(tic), state, 0)
-    # The demon beside notices at once and bites 16 tics later.
+    # The demon beside steps at once and bites 16 tics later.
     assert tic == 16
     assert (float(reward), int(info["health"]), bool(info["died"])) == (-1, 0, True)
 
