@@ -27,8 +27,9 @@ from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.baselines.runs.timing import read_seconds
 from jaxenstein.progress import Progress
 
-# Updates whose episodes are pooled, so that one lucky update is no success.
-POOLED = 3
+# Updates whose episodes are pooled, and the fewest episodes in them: where all begin together,
+# those that end early are the successful ones.
+POOLED, FEWEST = 3, 20
 HEAD = "| variant | solved | decisions: median, last | seconds: median, last | decisions a second |"
 
 
@@ -65,8 +66,7 @@ def trained(path: Path, given: dict[str, Any], name: str) -> RunFolder:
         SettingError: it is there and was made with other options.
     """
     experiment = resolve(given)
-    folder = RunFolder.open(path) if path.exists() else RunFolder.create(path, experiment)
-    folder.check_same(experiment)
+    folder = RunFolder.open_or_create(path, experiment)
     with Progress(experiment.config.updates, name, unit="updates", compiles=True) as progress:
         train(folder, notify=lambda update, rows: progress.update(update))
     return folder
@@ -101,7 +101,8 @@ def solved_at(rows: Sequence[dict[str, Any]], reach: float) -> float:
     counts = np.array([[row["successes"], row["episodes"]] for row in rows], np.float64)
     sums = np.cumsum(counts, axis=0)
     sums[POOLED:] -= sums[:-POOLED].copy()
-    reached = sums[POOLED - 1 :, 0] >= reach * np.maximum(sums[POOLED - 1 :, 1], 1)
+    successes, episodes = sums[POOLED - 1 :].T
+    reached = (episodes >= FEWEST) & (successes >= reach * episodes)
     return float(np.argmax(reached) + POOLED) if reached.any() else np.inf
 
 

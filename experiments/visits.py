@@ -48,24 +48,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--stages", type=int, default=5, metavar="N")
     options = parser.parse_args(argv)
     given = read_file(options.config)
-    folders = [opened(options.out / algo, given | {"algo": algo}) for algo in options.algo]
+    folders = [
+        RunFolder.open_or_create(options.out / algo, resolve(given | {"algo": algo}))
+        for algo in options.algo
+    ]
     rows = [counted(folder, options.stages) for folder in folders]
     draw(folders[0].experiment.learner.env.tilemap, rows).save(options.out / "visits.png")
     print(f"wrote {options.out / 'visits.png'}: from above {', '.join(options.algo)}")
-
-
-def opened(path: Path, given: dict[str, Any]) -> RunFolder:
-    """The run directory, made where there is none.
-
-    Raises:
-        SettingError: it is there and was made with other options.
-    """
-    experiment = resolve(given)
-    if not path.exists():
-        return RunFolder.create(path, experiment)
-    folder = RunFolder.open(path)
-    folder.check_same(experiment)
-    return folder
 
 
 def counted(folder: RunFolder, stages: int) -> list[np.ndarray]:

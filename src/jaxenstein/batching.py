@@ -175,13 +175,13 @@ def _by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
 def where_few(function: Callable[..., Any], share: int = CHUNK_SHARE) -> Callable[..., Any]:
     """Wrap `function` to run for those members of a batch alone that need the result.
 
-    They are brought together, a quarter of the batch at a time, so that a round computes for
+    They are brought together, a part of the batch at a time, so that a round computes for
     members that all need it. On other backends than the CPU it runs for all: there, rounds cost
     more than they save.
 
     Args:
         function: what is computed.
-        share: what is brought together is one in so many of the batch.
+        share: a part is one in so many of the batch.
 
     Returns:
         A function of (needed bool[], *args), whose result is that of `function(*args)` where

@@ -26,6 +26,8 @@ def test_learned_is_three_updates_together() -> None:
     assert study.solved_at(lucky, 0.9) == float("inf")
     assert study.solved_at([*lucky, row(9, 10), row(10, 10), row(8, 10)], 0.9) == 7
     assert study.solved_at([row(0, 0)] * 4, 0.9) == float("inf")
+    # Only the successful ones have ended yet.
+    assert study.solved_at([row(1, 1), row(2, 2), row(0, 0), row(1, 64)], 0.9) == float("inf")
     assert study.solved_at(lucky[:2], 0.9) == float("inf")
 
 

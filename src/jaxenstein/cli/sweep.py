@@ -78,16 +78,12 @@ def run(options: argparse.Namespace) -> int:
 def _folder(options: argparse.Namespace, name: str, experiment: object) -> RunFolder:
     runs = baselines("folder")
     path = options.out / name
-    if not os.path.exists(path / runs.CONFIG):
-        return runs.RunFolder.create(path, experiment)
-    if not options.resume:
+    if not options.resume and os.path.exists(path / runs.CONFIG):
         raise UsageError(
             f"jaxenstein sweep: there is a run in {path} already: --resume goes on with it, or "
             "choose another folder"
         )
-    folder = runs.RunFolder.open(path)
-    folder.check_same(experiment)
-    return folder
+    return runs.RunFolder.open_or_create(path, experiment)
 
 
 def table(points: list[Point]) -> str:

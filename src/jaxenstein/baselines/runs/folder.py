@@ -117,6 +117,20 @@ class RunFolder:
         except JAXensteinError as error:
             raise SettingError(f"{file}: {error}") from error
 
+    @classmethod
+    def open_or_create(cls, path: str | Path, experiment: Experiment) -> RunFolder:
+        """The run directory of an experiment, made where there is none.
+
+        Raises:
+            SettingError: there is a run of another experiment.
+            OutputError: it cannot be written.
+        """
+        if not _exists(Path(path) / CONFIG):
+            return cls.create(path, experiment)
+        folder = cls.open(path)
+        folder.check_same(experiment)
+        return folder
+
     def check_same(self, experiment: Experiment) -> None:
         """Make sure that `experiment` is the one of this folder.
 
