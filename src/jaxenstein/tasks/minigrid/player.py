@@ -160,7 +160,8 @@ def _lay_down(state: GridState, ground: Ground, top: Aim, aim: Aim) -> Aim:
     """The aim, or laying down what is carried, if it needs the hand and no key any more.
 
     A place for it is one that is not on the shortest ways to what the world asks for, and, if
-    there is one, neither one that the floor hangs together by nor one beside a door.
+    there is one, neither the last that the aim is reached from, nor one that the floor hangs
+    together by, nor one beside a door.
     """
     things, shape = state.things, ground.own.shape
     doors = jnp.asarray(state.level.doors)
@@ -174,16 +175,23 @@ def _lay_down(state: GridState, ground: Ground, top: Aim, aim: Aim) -> Aim:
     here = flood(ground.any | ground.own, ground.own)
     length = jnp.min(jnp.where(top.tiles, here, FAR))
     spots = spots & (there + here > length)
-    for apart in (_spare(without), ~beside(every)):
+    ways = jnp.sum(jnp.stack(_ring(without)[::2]), axis=0, dtype=jnp.int32)
+    last = beside(aim.tiles & (ways == 1))
+    for apart in (~last, _spare(without), ~beside(every)):
         spots = select(jnp.any(spots & apart), spots & apart, spots)
     return select(full & jnp.any(spots), Aim(spots, jnp.int32(DROP)), aim)
 
 
-def _spare(floor: jax.Array) -> jax.Array:
-    """bool[rows, columns], the tiles without which the floor right around them hangs together."""
+def _ring(floor: jax.Array) -> list[jax.Array]:
+    """bool[rows, columns] each: whether there is floor on the tiles around, from the east on."""
     rows, columns = floor.shape
     wide = jnp.pad(floor, 1)
-    ring = [wide[1 + y : 1 + y + rows, 1 + x : 1 + x + columns] for y, x in _RING]
+    return [wide[1 + y : 1 + y + rows, 1 + x : 1 + x + columns] for y, x in _RING]
+
+
+def _spare(floor: jax.Array) -> jax.Array:
+    """bool[rows, columns], the tiles without which the floor right around them hangs together."""
+    ring = _ring(floor)
     # Pieces of floor that share an edge with the tile; none as well if all eight are floor.
     ends = [ring[k] & ~(ring[k - 1] & ring[k - 2]) for k in range(0, 8, 2)]
     pieces = jnp.sum(jnp.stack(ends), axis=0, dtype=jnp.int32)
