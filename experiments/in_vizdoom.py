@@ -1,10 +1,11 @@
 """Train in ViZDoom itself, with the same trainer and configuration, for as long as one likes.
 
-    python -m experiments.in_vizdoom CONFIG --out FILE [--minutes M] [--clock cpu] [--seed N]
+    python -m experiments.in_vizdoom CONFIG --out FILE [--minutes M] [--seed N] ...
 
 CONFIG is a file of `jaxenstein train --config` about a `doom-` environment. Every decision is asked
 of games that run beside (`jaxenstein.adapters.vizdoom.GameSession`), as many as `num_envs` says;
-all else is what `jaxenstein train` does. FILE gets a row of metrics after each update. On a core
+all else is what `jaxenstein train` does. FILE gets a row of metrics after each update. The game's
+rewards are its own: where CONFIG trains on a hundredth of them, it takes `--scale 0.01`. On a core
 that other work shares, `--clock cpu` counts what this program and its games have had of it (on
 Linux). Needs the extras `baselines` and `vizdoom`.
 """
@@ -50,8 +51,11 @@ class GameState(PyTreeNode):
 class Games:
     """Games by gymnax' contract, reset in the step that ends an episode; only for `jax.vmap`."""
 
-    def __init__(self, env: Environment[Any, Any], params: Any, number: int) -> None:
-        """Start so many games."""
+    def __init__(
+        self, env: Environment[Any, Any], params: Any, number: int, scale: float = 1.0
+    ) -> None:
+        """Start so many games, whose rewards are multiplied by `scale`."""
+        self._scale = scale
         self.action_space, self.observation_space = env.action_space, env.observation_space
         self._sessions = [GameSession(env, params, seed) for seed in range(number)]
         self._next = 0
@@ -95,7 +99,7 @@ class Games:
         final = obs = session.step(int(action))
         flags = [np.bool_(f) for f in (session.terminated, session.truncated)]
         flags.append(np.bool_(session.info["success"]))
-        reward = np.float32(session.rewards[-1])
+        reward = np.float32(session.rewards[-1] * self._scale)
         if session.over:
             obs = session.reset(int(seed))
         return obs, reward, *flags, final, np.int32(steps + 1)
@@ -115,12 +119,16 @@ def cpu_seconds() -> float:
 
 
 def train(
-    config: str, minutes: float, seed: int, clock: Callable[[], float] = time.perf_counter
+    config: str,
+    minutes: float,
+    seed: int,
+    clock: Callable[[], float] = time.perf_counter,
+    scale: float = 1.0,
 ) -> list[dict[str, float]]:
     """Train one run in the game, for so many minutes of a clock; a row for each update."""
     experiment = resolve({**read_file(Path(config)), "seed": seed, "seeds": 1})
     env, params = experiment.recipe.build()
-    games = Games(env, params, experiment.config.num_envs)
+    games = Games(env, params, experiment.config.num_envs, scale)
     learner = Learner(games, params, experiment.config)
     state = learner.init(experiment.keys()[0], experiment.numbers())
     rows: list[dict[str, float]] = []
@@ -150,10 +158,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--minutes", type=float, default=8.0)
     parser.add_argument("--clock", choices=("wall", "cpu"), default="wall")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--scale", type=float, default=1.0, help="of rewards (default 1)")
     arguments = parser.parse_args(argv)
     check_writable(arguments.out)
     clock = cpu_seconds if arguments.clock == "cpu" else time.perf_counter
-    rows = train(arguments.config, arguments.minutes, arguments.seed, clock)
+    rows = train(arguments.config, arguments.minutes, arguments.seed, clock, arguments.scale)
     with atomic(arguments.out) as path:
         path.write_text("".join(json.dumps(row) + "\n" for row in rows))
 
