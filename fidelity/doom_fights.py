@@ -3,10 +3,10 @@
     python -m fidelity.doom_fights [--episodes N] [--seed N] [--json FILE] [ID ...]
 
 Needs the extra `vizdoom`. Episodes of scripted players are watched tic by tic in both: when the
-first damage comes and how much a hit takes, how fast monsters come near, how often imps throw, and
-which of the player's bullets hit by distance. Means with standard errors; those that are more than
-two of them apart are marked, and so are distributions of damage that are less alike than by
-chance one time in twenty.
+first damage comes, how often the player is hit and how much that takes, how fast monsters come
+near, how often imps throw, and which of the player's bullets hit by distance. Means with standard
+errors; those that are more than two of them apart are marked, and so are distributions of damage
+that are less alike than by chance one time in twenty.
 """
 
 from __future__ import annotations
@@ -220,12 +220,14 @@ def measure(id: str, episodes: int, seed: int) -> list[Measure]:
 
     add("first damage, tic", [_all(first_damage, side) for side in both])
     add("damage of a hit", [_all(damage, side) for side in both], spread=True)
+    add("hits in 100 tics of a life", [_all(_hit_rate, side) for side in both])
     kinds = env.roster.kinds
     for i, kind in enumerate(kinds):
         own = env.roster.cast == i
         if kind.speed:
             come = [[t for t in side if len(t.health) > _AFTER] for side in both]
             far = [[float(distances(t)[_AFTER, own].mean()) for t in side] for side in come]
+            far = [[mean for mean in side if np.isfinite(mean)] for side in far]  # all live
             add(f"{kind.name}s after {_AFTER} tics, map units off", far)
     if hasattr(env, "most_balls"):
         rates = [_all(_rate, side) for side in both]
@@ -243,6 +245,11 @@ def measure(id: str, episodes: int, seed: int) -> list[Measure]:
 
 def _all(figures: Any, traces: Sequence[Seen]) -> list[float]:
     return [value for trace in traces for value in figures(trace)]
+
+
+def _hit_rate(trace: Seen) -> list[float]:
+    """Tics with damage in 100 tics of an episode: how often monsters strike, and do not miss."""
+    return [100.0 * len(damage(trace)) / (len(trace.health) - 1)]
 
 
 def _rate(trace: Seen) -> list[float]:
