@@ -50,6 +50,9 @@ GRID, MARGIN, NEAR = 1e-2, 2e-3, 1.5
 # How often the generator leaves what the expert does, for one step and to walk into something.
 WANDERING, STRAYING = 0.12, 0.04
 
+# Where nobody would come within so few steps, they come sooner and are more.
+SOONER: dict[str, dict[str, float]] = {"doom-deathmatch": {"first": 4, "crowd": 40}}
+
 Table = dict[str, Any]
 
 
@@ -75,7 +78,7 @@ class Trace:
 def trace(name: str, seed: int, actions: Sequence[int]) -> Trace:
     """Play the actions from the reset of a seed on."""
     env, params = jaxenstein.make(name, **SIZE)
-    params = params.replace(max_steps_in_episode=LIMIT)
+    params = params.replace(max_steps_in_episode=LIMIT, **SOONER.get(name, {}))
     keys = _keys(seed)
     first, steps = jax.device_get(_play(env, keys, jnp.asarray(actions, jnp.int32), params))
     # It follows from the others, and is younger than the file.
@@ -253,7 +256,7 @@ def choose(name: str, seeds: Iterable[int] = range(400)) -> Table:
 def wander(name: str, seed: int) -> list[int]:
     """Actions of the task's expert, with other ones in between, some of which are no actions."""
     env, params = jaxenstein.make(name, **SIZE)
-    params = params.replace(max_steps_in_episode=LIMIT)
+    params = params.replace(max_steps_in_episode=LIMIT, **SOONER.get(name, {}))
     rng = np.random.default_rng(seed)
     others = rng.integers(-1, env.num_actions + 1, STEPS).astype(np.int32)
     away = rng.random(STEPS) < WANDERING

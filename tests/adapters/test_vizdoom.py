@@ -79,19 +79,22 @@ class Game:
         assert name == "KILLCOUNT"
         return float(self.kills)
 
+    def ammo(self) -> list[float]:
+        count = len(self.env.game_variables)
+        return [float(self.state.trigger.ammo)] * count if count else []
+
     def get_state(self) -> Any:
         drawn = np.asarray(self.draw(self.state, self.params))
         depth = drawn * self.env.unit
         step = vizdoom_buffers.DEPTH_STEP
         values = np.clip(np.floor((depth - 120 * vizdoom_buffers.DEPTH_START) / step), 0, 255)
-        ammo = float(self.state.trigger.ammo) if hasattr(self.state, "trigger") else 0.0
         place = np.asarray(self.state.fixed_position) / ONE
         speed = np.asarray(self.state.fixed_velocity) / ONE
         angle = int(self.state.angle) / (2**32 - 1) * 360
         return SimpleNamespace(
             depth_buffer=values.astype(np.uint8),
             screen_buffer=drawn if drawn.ndim == 3 else np.zeros((120, 160, 3), np.uint8),
-            game_variables=[*place, angle, *speed, 100.0, ammo],
+            game_variables=[*place, angle, *speed, 100.0, *self.ammo()],
             labels=[],
             objects=[],
         )

@@ -26,7 +26,6 @@ from ..tasks.doom.fixed import to_fixed
 from ..tasks.doom.look import label_of
 from ..tasks.doom.scenario import DoomScenario
 from ..tasks.doom.shooter import DoomShooter
-from ..tasks.doom.weapons import PISTOL
 from .gymnasium import gymnasium, gymnasium_space, resolve
 from .vizdoom_buffers import (
     VARIABLES,
@@ -93,7 +92,7 @@ class GameSession(Session):
             running(
                 env.scenario,
                 seed=seed,
-                variables=(*VARIABLES, getattr(env, "weapon", PISTOL).game_ammo),
+                variables=(*VARIABLES, *env.game_variables),
                 size=size,
                 prepare=prepare,
             )
@@ -161,12 +160,10 @@ class GameSession(Session):
 
     def _succeeded(self, dead: bool, late: bool) -> bool:
         """Whether the aim was reached in an episode that is over."""
-        event = self.env.success_event
-        if event == "kills":
-            kills = load_vizdoom().GameVariable.KILLCOUNT
-            return self._game.get_game_variable(kills) > 0
+        if count := self.env.success_count:
+            return self._game.get_game_variable(getattr(load_vizdoom().GameVariable, count)) > 0
         # Who lives on has either reached the time limit or, before it, the event.
-        return not dead and late != bool(event)
+        return not dead and late != bool(self.env.success_event)
 
     def policy_key(self) -> jax.Array:
         """A key for choosing the next action."""
@@ -233,14 +230,15 @@ class GameSession(Session):
         """
         if self._told is not None:
             return self._told
-        x, y, angle, dx, dy, health, ammo = (float(v) for v in self._seen.game_variables)
+        x, y, angle, dx, dy, health, *rest = (float(v) for v in self._seen.game_variables)
         state = self._first.replace(
             fixed_position=np.array((to_fixed(x), to_fixed(y)), np.int32),
             fixed_velocity=np.array((to_fixed(dx), to_fixed(dy)), np.int32),
             angle=np.uint32(_turns(angle)),
             time=np.int32(len(self.actions) * self.env.frame_skip),
         )
-        state = self.env.with_ammo(state, round(ammo))
+        values = dict(zip(self.env.game_variables, map(round, rest), strict=True))
+        state = self.env.with_variables(state, values)
         self._told = self.env.with_things(state, round(health), self.things)
         return self._told
 

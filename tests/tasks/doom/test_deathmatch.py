@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.tasks.doom.arsenal import CHAINGUN, CHAINSAW, SHOTGUN, SUPER_SHOTGUN
+from jaxenstein.tasks.doom.arsenal import CHAINGUN, CHAINSAW, FIST, SHOTGUN, SUPER_SHOTGUN
 from jaxenstein.tasks.doom.bodies import crosses
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
 from jaxenstein.tasks.doom.hordes import come, words
@@ -64,7 +64,7 @@ def test_the_start(match: Any) -> None:
     # ViZDoom's wrapper numbers the buttons from the last to the first.
     assert (env.action_names[1], env.action_names[17]) == ("previous weapon", "attack")
     assert not state.creatures.present.any()
-    assert (int(state.left.sum()), len(env.items)) == (178, 178 + 7 + 7 + 4)
+    assert (int(state.left.sum()), len(env.items)) == (178, 178)
     assert {name: float(value[0]) for name, value in env.variables(state).items()} == {
         "killed": 0,
         "health": 100,
@@ -167,22 +167,20 @@ def test_pellets_have_their_own_errors_and_fists_their_reach(match: Any) -> None
     assert not damage(CHAINSAW).any()
 
 
-def test_a_kill_pays_by_its_kind_and_leaves_what_the_dead_had(match: Any) -> None:
+def test_a_kill_pays_by_its_kind_and_the_dead_are_gone(match: Any) -> None:
     env, state, step = match
     attack = jnp.int32(env.index_of("attack"))
     ready = with_weapon(env, state, PISTOL, PISTOL.shot - 1)
-    for kind, pay, leaves in ((ZOMBIE, 1, True), (SHOTGUN_GUY, 3, True), (HELL_KNIGHT, 10, False)):
+    for kind, pay in ((ZOMBIE, 1), (SHOTGUN_GUY, 3), (HELL_KNIGHT, 10)):
         alive = with_monster(env, ready, kind, 512 + 60, 512, 1)
         after, reward, dead, events = step(jax.random.key(3), alive, attack)
         assert (float(reward), bool(dead), int(events["kills"])) == (pay, False, 1)
-        assert int(after.left.sum()) == 178 + leaves
-        if leaves:
-            drop = int(np.flatnonzero(np.asarray(after.left[178:]))[0])
-            assert (after.drops[drop] / ONE).tolist() == [572, 512]
+        assert not after.creatures.present.any()
     # One that is only hurt pays nothing; who has shot before it is killed does not matter.
     alive = with_monster(env, ready, DEMON, 512 + 60, 512, 150)
     after, reward, _, events = step(jax.random.key(3), alive, attack)
-    assert (float(reward), int(events["kills"]), int(after.left.sum())) == (0, 0, 178)
+    assert (float(reward), int(events["kills"])) == (0, 0)
+    assert int(after.creatures.living.sum()) == 1
 
 
 def test_things_are_taken_by_walking_into_them(match: Any) -> None:
@@ -234,3 +232,31 @@ def test_monsters_come_from_tic_105_on_every_tenth(match: Any) -> None:
     for time, comes in ((0, 0), (103, 0), (104, 6), (105, 0), (113, 0), (114, 6)):
         present = joined(state.replace(time=jnp.int32(time)))
         assert int(present.sum()) == comes
+
+
+def test_what_the_game_tells(match: Any) -> None:
+    """Two weapons at the first button, one at the second; a ball, a rocket and one that bursts."""
+    env, state, _ = match
+    values = dict.fromkeys(env.game_variables, 0)
+    values |= {"KILLCOUNT": 3, "ARMOR": 70, "SELECTED_WEAPON": 1, "AMMO2": 30, "AMMO5": 4}
+    told = env.with_variables(state, values | {"WEAPON1": 2, "WEAPON2": 1})
+    owned = [env.arsenal.stocks[i].weapon for i in np.flatnonzero(told.arms.owned)]
+    assert owned == [FIST, CHAINSAW, PISTOL]
+    assert (int(told.armour), int(told.kills), told.arms.ammo.tolist()) == (70, 3, [30, 0, 4])
+    assert int(told.arms.selected) == env.arsenal.index_of(CHAINSAW)
+    told = env.with_variables(state, values | {"SELECTED_WEAPON": 5, "WEAPON5": 1})
+    assert int(told.trigger.ammo) == 4
+    x, y = env.supplies[5]
+    names = [env.items[5].game_name, "Demon", "BaronBall", "Rocket", "Rocket"]
+    look = [env.game_things.index(name) for name in names]
+    spots = [(x, y), (ONE, 2), (ONE, 3), (ONE, 4), (ONE, 5)]
+    speed = [0, 0, 15, 20, 0]
+    rows = [(look[i], *spots[i], i, 0, speed[i] * ONE) for i in range(len(names))]
+    told = env.with_things(state, 80, np.array(rows, np.int64))
+    assert int(told.health) == 80
+    assert np.flatnonzero(told.left).tolist() == [5]
+    assert np.flatnonzero(told.creatures.living).tolist() == [env.cast.index(DEMON)]
+    flying = [(p.position[p.flies].tolist()) for p in (told.balls, told.rockets)]
+    assert flying == [[[ONE, 3]], [[ONE, 4]]]
+    labels = {env.game_labels[name] for name in ("CellPack", "ClipBox", "ShellBox")}
+    assert len(labels) == 1

@@ -7,15 +7,14 @@ import pytest
 
 from jaxenstein.tasks.doom.arsenal import FIST, SHOTGUN, SUPER_SHOTGUN, Arsenal, first_arms
 from jaxenstein.tasks.doom.items import (
-    DROPS,
     HALF,
     ITEMS,
     THIRD,
     Belongings,
     Goods,
+    Item,
     shielded,
 )
-from jaxenstein.tasks.doom.kinds import SHOTGUN_GUY
 from jaxenstein.tasks.doom.weapons import PISTOL
 
 ARSENAL = Arsenal()
@@ -31,7 +30,9 @@ MEDKIT, STIMPACK, VIAL, HELMET, GREEN, BLUE, BULLETS, SHELLS = (
     2049,
 )
 GUN = 82
-GOODS = Goods([*ITEMS.values(), DROPS[SHOTGUN_GUY]], ARSENAL)
+# What a dead man leaves, as elsewhere in the game.
+LEFT = Item(ITEMS[GUN].picture, "Shotgun", ammunition=1, amount=4, weapon=SHOTGUN)
+GOODS = Goods([*ITEMS.values(), LEFT], ARSENAL)
 take = jax.jit(GOODS.taken)
 
 
@@ -41,7 +42,7 @@ def mine(health: int = 50, armour: int = 0, share: int = 0) -> Belongings:
 
 
 def reach(*numbers: int) -> jax.Array:
-    return jnp.array([number in numbers for number in (*NUMBERS, SHOTGUN_GUY)])
+    return jnp.array([number in numbers for number in (*NUMBERS, None)])
 
 
 @pytest.mark.parametrize(
@@ -90,7 +91,7 @@ def test_ammunition_and_weapons() -> None:
     have, what = take(full, reach(BULLETS, SHELLS))
     assert have.arms.ammo.tolist() == [200, 50, 0]
     assert np.array(NUMBERS)[np.flatnonzero(np.asarray(what))].tolist() == [SHELLS]
-    # A new weapon brings shells and is wanted at once; what a dead man leaves has half of them.
+    # A new weapon brings shells and is wanted at once; another one has fewer.
     have, what = take(mine(), reach(GUN))
     assert have.arms.ammo.tolist() == [50, 8, 0]
     assert int(have.arms.pending) == ARSENAL.index_of(SUPER_SHOTGUN)

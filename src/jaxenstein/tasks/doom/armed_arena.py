@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
+from collections.abc import Mapping
 from typing import ClassVar, TypeVar
 
 import jax
@@ -15,6 +16,7 @@ from ...about import Event
 from ...batching import where_few
 from ...engine.shade import ImageKind
 from ...environment import Info
+from ...maps.things import AMMUNITION, FIREBALL, ROCKET, WEAPON
 from . import hands
 from .arena import DoomArenaParams
 from .arsenal import WEAPONS, Arms, Arsenal, Stock
@@ -22,6 +24,7 @@ from .creatures import FEW
 from .dice import byte, spread
 from .items import MOST_ARMOUR, MOST_HEALTH, Belongings, Goods, Item, shielded
 from .look import ROCKETS, Picture
+from .projectiles import in_the_air
 from .rocket_arena import DoomRocketArena, DoomRocketState
 from .shots import along, first_body
 
@@ -33,26 +36,27 @@ TAKING = {
     "took_weapon": Event("took a weapon", "took {} weapons"),
     "took_ammunition": Event("took ammunition", "took {} boxes of ammunition"),
 }
+# What the game calls the ammunition, kind by kind, and how many weapons there are of each button.
+_AMMUNITION = ("AMMO2", "AMMO3", "AMMO5")
+_SLOTS = tuple(f"WEAPON{number}" for number in range(1, 6))
 # The most kills that a variable can tell.
 _MOST_KILLS = 10_000
 
 
 class DoomArmedState(DoomRocketState):
-    """State of a player with weapons and armour, among M things and D monsters that leave some.
+    """State of a player with weapons and armour, among M things to take.
 
     Attributes:
         arms: weapons and ammunition.
         armour: int32[], what it can still take, 0 to 200.
         share: int32[], of a blow that it takes off, in 65536ths.
-        left: bool[M + D], what is there to be taken.
-        drops: int32[D, 2], where monsters have left what they had, map units in 16.16.
+        left: bool[M], what is there to be taken.
     """
 
     arms: Arms
     armour: jax.Array
     share: jax.Array
     left: jax.Array
-    drops: jax.Array
 
 
 S = TypeVar("S", bound=DoomArmedState)
@@ -72,12 +76,12 @@ class DoomArmedArena(DoomRocketArena[S, P]):
     @property
     @abc.abstractmethod
     def items(self) -> tuple[Item, ...]:
-        """What there is to take, one by one: what lies there, and what monsters leave."""
+        """What there is to take, one by one."""
 
     @property
     @abc.abstractmethod
     def supplies(self) -> np.ndarray:
-        """int32[M, 2]: where things lie at first, map units in 16.16."""
+        """int32[M, 2]: where it lies, map units in 16.16."""
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:
@@ -99,12 +103,39 @@ class DoomArmedArena(DoomRocketArena[S, P]):
         """Of monsters and fireballs, of what is there to be taken, and of rockets."""
         return (*super().pictures, *self._pictures, *ROCKETS)
 
+    @functools.cached_property
+    def _labels(self) -> dict[str, int]:
+        """The label of each kind of thing to take, by what the game calls it."""
+        return {item.game_name: item.picture.label for item in self.items}
+
+    @property
+    def game_things(self) -> tuple[str, ...]:
+        """Monsters and their fireballs, things to take, and rockets."""
+        return (*super().game_things, *self._labels, "BaronBall", "Rocket")
+
+    @property
+    def thing_labels(self) -> tuple[int, ...]:
+        """Their labels."""
+        return (*super().thing_labels, *self._labels.values(), FIREBALL.label, ROCKET.label)
+
+    @functools.cached_property
+    def game_labels(self) -> dict[str, int]:
+        """Those, and of what our states leave out."""
+        plasma = {"PlasmaRifle": WEAPON.label, "CellPack": AMMUNITION.label}
+        return super().game_labels | plasma
+
+    @property
+    def game_variables(self) -> tuple[str, ...]:
+        """Kills, armour, ammunition, and the weapons by the buttons that select them."""
+        return ("KILLCOUNT", "ARMOR", "SELECTED_WEAPON", *_AMMUNITION, *_SLOTS)
+
     def supply_places(self, state: S) -> jax.Array:
-        """int32[M + D, 2]: where there is something to take, or was."""
-        return jnp.concatenate([jnp.asarray(self.supplies), state.drops])
+        """int32[M, 2]: where there is something to take, or was."""
+        del state
+        return jnp.asarray(self.supplies)
 
     def take(self, state: S, reach: jax.Array) -> tuple[S, dict[str, jax.Array]]:
-        """The state after the player has taken what it needs of bool[M + D]; and how much."""
+        """The state after the player has taken what it needs of bool[M]; and how much."""
         mine = Belongings(state.health, state.armour, state.share, state.arms)
         mine, taken = self.goods.taken(mine, reach)
         goods = self.goods
@@ -211,6 +242,37 @@ class DoomArmedArena(DoomRocketArena[S, P]):
             jnp.concatenate([looks, jnp.asarray(kinds + np.int32(first)), flying]),
             jnp.concatenate([present, state.left, rockets.flies | (rockets.bursts > 0)]),
         )
+
+    def with_variables(self, state: S, values: Mapping[str, int]) -> S:
+        """The state with that; of a button's weapons the game tells only how many there are."""
+        buttons = self.arsenal.buttons
+        rank = np.array([np.sum(buttons[:i] == number) for i, number in enumerate(buttons)])
+        counts = np.array([values.get(f"WEAPON{number}", 0) for number in buttons])
+        ammo = np.array([values[name] for name in _AMMUNITION], np.int32)
+        owned = counts > rank
+        held = np.flatnonzero(owned & (buttons == values["SELECTED_WEAPON"]))
+        selected = np.int32(held[-1] if len(held) else 0)
+        arms = state.arms.replace(selected=selected, owned=owned, ammo=ammo)
+        shots = ammo[self.arsenal.ammunition[selected]]
+        return state.replace(
+            arms=arms,
+            trigger=state.trigger.replace(ammo=shots),
+            armour=np.int32(values["ARMOR"]),
+            kills=np.int32(values["KILLCOUNT"]),
+        )
+
+    def with_things(self, state: S, health: int, things: np.ndarray) -> S:
+        """The state with the monsters, what flies, and what is there to be taken."""
+        names = self.game_things
+        # Those of hell knights are fireballs like all.
+        ball = names.index("BaronBall"), len(self.roster.kinds)
+        things = np.where((things[:, :1] == ball[0]) & (np.arange(6) == 0), ball[1], things)
+        state = super().with_things(state, health, things)
+        kinds = [names.index(item.game_name) for item in self.items]
+        lying = np.column_stack([kinds, self.supplies])
+        left = np.any(np.all(lying[:, None] == things[None, :, :3], axis=-1), axis=1)
+        rockets = in_the_air(state.rockets, things[things[:, 0] == names.index("Rocket")])
+        return state.replace(left=left, rockets=rockets)
 
     def describe(self, state: S, params: P) -> Info:
         """Add armour and the number of the weapon."""

@@ -39,7 +39,7 @@ from .creatures import placed
 from .fixed import ONE
 from .hordes import come, words
 from .hunting import HUNT
-from .items import DROPS, ITEMS, Item
+from .items import ITEMS, Item
 from .kinds import (
     CHAINGUN_GUY,
     CHAINSAW_MARINE,
@@ -70,10 +70,8 @@ _HORDE: tuple[tuple[Kind, int, int, int], ...] = (
 _CAST = tuple(kind for kind, _, _, count in _HORDE for _ in range(count))
 _REWARDS = np.array([pay for _, pay, _, count in _HORDE for _ in range(count)], np.float32)
 _CHANCES = np.array([chance for _, _, chance, _ in _HORDE], np.float32)
-_DROPPING = np.array([i for i, kind in enumerate(_CAST) if kind in DROPS], np.int32)
-# The health, and how much of each ammunition, below which the player `hunt` fetches more; it leaves
-# so little lying.
-_HURT, _SHORT, _HANDFUL = 60, (30, 8, 0), 5
+# The health, and how much of each ammunition, below which the player `hunt` fetches more.
+_HURT, _SHORT = 60, (30, 8, 0)
 # Everybody appears within these bounds of x and y.
 _SQUARE = (32, 992)
 
@@ -146,13 +144,12 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
 
     @functools.cached_property
     def items(self) -> tuple[Item, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """What there is to take, one by one: what lies there, and what monsters leave."""
-        lying = [ITEMS[thing.kind] for thing in self.doom_map.things]
-        return (*lying, *(DROPS[_CAST[i]] for i in _DROPPING))
+        """What there is to take, one by one."""
+        return tuple(ITEMS[thing.kind] for thing in self.doom_map.things)
 
     @functools.cached_property
     def supplies(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """int32[M, 2]: where things lie at first, map units in 16.16."""
+        """int32[M, 2]: where it lies, map units in 16.16."""
         places = np.array([(thing.x, thing.y) for thing in self.doom_map.things])
         return (places * ONE).astype(np.int32)
 
@@ -177,7 +174,7 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
         bits = jax.random.bits(key, (3,), jnp.uint32)
         low, high = _SQUARE
         place = low * ONE + draw_index(bits[:2], (high - low) * ONE + 1)
-        count, drops = len(self.roster), len(_DROPPING)
+        count = len(self.roster)
         nowhere = jnp.zeros((count, 2), jnp.int32)
         nobody = jnp.zeros(count, bool)
         creatures = placed(
@@ -193,14 +190,13 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
             arms=first_arms(self.arsenal, (FIST, PISTOL), PISTOL, self.ammo),
             armour=jnp.int32(0),
             share=jnp.int32(0),
-            left=jnp.arange(len(self.items)) < len(self.supplies),
-            drops=jnp.zeros((drops, 2), jnp.int32),
+            left=jnp.ones(len(self.items), bool),
         )
 
     def transition(
         self, key: jax.Array, state: DoomArmedState, action: jax.Array, params: DoomMatchParams
     ) -> tuple[DoomArmedState, jax.Array, jax.Array, Info]:
-        """Fight; take what is there; now and then others come."""
+        """Fight; take what is there; the dead are taken away; now and then others come."""
         fight_key, ball_key, rocket_key, horde_key = jax.random.split(key, 4)
         living, before = state.creatures.living, state.kills
         state, fought = self.fight(fight_key, state, action, params)
@@ -211,23 +207,14 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
         dead = state.health <= 0
         reach = near(fought.tried, self.supply_places(state), REACH // ONE) & state.left & ~dead
         state, took = self.take(state, reach)
-        state = self._dropped(state, killed)
+        creatures = state.creatures.replace(present=state.creatures.living)
+        state = state.replace(creatures=creatures)
         state = self._joined(horde_key, state, params)
         reward = jnp.sum(jnp.where(killed, _REWARDS, 0)) * params.kill_reward
         reward = reward - jnp.where(dead, params.death_penalty, 0)
         events = {"shots": fought.fires.astype(jnp.int32), "kills": state.kills - before}
         events |= {"hits": jnp.sum(hits, dtype=jnp.int32), **took, "died": dead}
         return state, reward, dead, events
-
-    def _dropped(self, state: DoomArmedState, killed: jax.Array) -> DoomArmedState:
-        """The state with what the dead of this tic, bool[N], have left."""
-        falls = killed[_DROPPING]
-        place = state.creatures.position[_DROPPING]
-        first = len(self.supplies)
-        return state.replace(
-            drops=jnp.where(falls[:, None], place, state.drops),
-            left=state.left.at[first:].set(state.left[first:] | falls),
-        )
 
     def _joined(
         self, key: jax.Array, state: DoomArmedState, params: DoomMatchParams
@@ -248,13 +235,13 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
     # For the player `hunt`.
 
     def wanted(self, state: DoomArmedState) -> jax.Array:
-        """bool[M + D]: what is worth a walk: health, bullets, shells and their weapons."""
+        """bool[M]: what is worth a walk: health, bullets, shells and their weapons."""
         goods, arms = self.goods, state.arms
         usual = np.isin(goods.ammunition, (BULLETS, SHELLS))
         heals = jnp.asarray(goods.health > 1) & (state.health < _HURT)
         short = (arms.ammo < np.array(_SHORT, np.int32))[np.maximum(goods.ammunition, 0)]
         missing = ~arms.owned[np.maximum(goods.weapon, 0)] & (goods.weapon >= 0)
-        return heals | (usual & (missing | (short & (goods.amount > _HANDFUL))))
+        return heals | (usual & (missing | short))
 
     def errand(self, state: DoomArmedState) -> jax.Array:
         """bool[rows, columns]: the middle of the arena."""

@@ -19,7 +19,7 @@ from .feuds import quarry
 from .geometry import RADIUS
 from .kinds import Pose, Roster
 from .look import FIREBALLS, Picture
-from .projectiles import Projectiles, fly, throw
+from .projectiles import Projectiles, fly, in_the_air, throw
 from .shots import way_to
 
 # Fireballs: half-width, tics that a burst is seen.
@@ -113,12 +113,7 @@ class DoomFireArena(DoomArena[S, P]):
     def with_things(self, state: S, health: int, things: np.ndarray) -> S:
         """The state with the monsters and the fireballs of the game."""
         state = super().with_things(state, health, things)
-        # Those that burst stand still.
-        flying = (things[:, 0] == len(self.roster.kinds)) & (things[:, 5] > 0)
-        rows = things[flying][: self.most_balls]
-        place, flies = np.zeros((self.most_balls, 2), np.int32), np.arange(self.most_balls)
-        place[: len(rows)] = rows[:, 1:3]
-        balls = state.balls.replace(position=place, flies=flies < len(rows))
+        balls = in_the_air(state.balls, things[things[:, 0] == len(self.roster.kinds)])
         return state.replace(balls=balls)
 
 

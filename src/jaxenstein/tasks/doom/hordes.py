@@ -37,8 +37,7 @@ def come(
 ) -> tuple[Creatures, jax.Array]:
     """The monsters with those who come, at most one of each of K kinds.
 
-    A new one takes the place of one that is not there, or else of a dead one; while all of its
-    kind live, none comes.
+    A new one takes the place of one that is not there; while all of its kind are, none comes.
 
     Args:
         roster: their kinds.
@@ -56,12 +55,10 @@ def come(
     wants = draw_index(bits[:, 0], _CHANCES).astype(jnp.float32) < jnp.asarray(chances)
     drawn = draw_index(bits[:, 2:], (high - low) * ONE + 1) + low * ONE
     place, room = _roomy(roster, old, player, drawn.reshape(kinds, TRIES, 2))
-    score = jnp.where(old.living, 0, jnp.where(old.present, 1, 2))
-    own = roster.cast[None] == np.arange(kinds)[:, None]
-    score = jnp.where(own, score[None], 0)
+    free = ~old.present[None] & (roster.cast[None] == np.arange(kinds)[:, None])
     index = np.arange(len(roster), dtype=np.int32)
-    here = index[None] == jnp.argmax(score, axis=1)[:, None]
-    here = here & ((wants & room)[:, None] & (score > 0))
+    here = index[None] == jnp.argmax(free, axis=1)[:, None]
+    here = here & (wants & room)[:, None] & free
     comes = jnp.any(here, axis=0)
     facing = (bits[:, 1] >> 24) << 24
     present = old.present | comes

@@ -21,17 +21,14 @@ from .arsenal import (
     MOST,
     ROCKETS,
     SHELLS,
-    SHOTGUN,
     SUPER_SHOTGUN,
     Arms,
     Arsenal,
 )
-from .kinds import CHAINGUN_GUY, SHOTGUN_GUY, ZOMBIE, Kind
 from .look import (
     ARMOUR_BONUS,
     BLUE_ARMOUR,
     BULLET_BOX,
-    CLIP,
     GREEN_ARMOUR,
     GUN,
     HEALTH_BONUS,
@@ -58,6 +55,7 @@ class Item:
 
     Attributes:
         picture: what it looks like.
+        game_name: what the game calls it.
         health: what it gives.
         armour: likewise.
         share: of a blow that the armour takes off, in 65536ths.
@@ -69,6 +67,7 @@ class Item:
     """
 
     picture: Picture
+    game_name: str
     health: int = 0
     armour: int = 0
     share: int = 0
@@ -79,27 +78,21 @@ class Item:
 
 
 ITEMS: dict[int, Item] = {
-    2012: Item(MEDKIT_BOX, health=25),
-    2011: Item(STIMPACK, health=10),
-    2014: Item(HEALTH_BONUS, health=1, bonus=True),
-    2015: Item(ARMOUR_BONUS, armour=1, share=THIRD, bonus=True),
-    2018: Item(GREEN_ARMOUR, armour=100, share=THIRD),
-    2019: Item(BLUE_ARMOUR, armour=200, share=HALF),
-    2048: Item(BULLET_BOX, ammunition=BULLETS, amount=50),
-    2049: Item(SHELL_BOX, ammunition=SHELLS, amount=20),
-    2046: Item(ROCKET_BOX, ammunition=ROCKETS, amount=5),
-    2005: Item(SAW, weapon=CHAINSAW),
-    82: Item(GUN, ammunition=SHELLS, amount=8, weapon=SUPER_SHOTGUN),
-    2002: Item(HEAVY_GUN, ammunition=BULLETS, amount=20, weapon=CHAINGUN),
-    2003: Item(LAUNCHER, ammunition=ROCKETS, amount=2, weapon=ROCKET_LAUNCHER),
+    2012: Item(MEDKIT_BOX, "Medikit", health=25),
+    2011: Item(STIMPACK, "Stimpack", health=10),
+    2014: Item(HEALTH_BONUS, "HealthBonus", health=1, bonus=True),
+    2015: Item(ARMOUR_BONUS, "ArmorBonus", armour=1, share=THIRD, bonus=True),
+    2018: Item(GREEN_ARMOUR, "GreenArmor", armour=100, share=THIRD),
+    2019: Item(BLUE_ARMOUR, "BlueArmor", armour=200, share=HALF),
+    2048: Item(BULLET_BOX, "ClipBox", ammunition=BULLETS, amount=50),
+    2049: Item(SHELL_BOX, "ShellBox", ammunition=SHELLS, amount=20),
+    2046: Item(ROCKET_BOX, "RocketBox", ammunition=ROCKETS, amount=5),
+    2005: Item(SAW, "Chainsaw", weapon=CHAINSAW),
+    82: Item(GUN, "SuperShotgun", ammunition=SHELLS, amount=8, weapon=SUPER_SHOTGUN),
+    2002: Item(HEAVY_GUN, "Chaingun", ammunition=BULLETS, amount=20, weapon=CHAINGUN),
+    2003: Item(LAUNCHER, "RocketLauncher", ammunition=ROCKETS, amount=2, weapon=ROCKET_LAUNCHER),
 }
 """By the numbers of the game's maps."""
-DROPS: dict[Kind, Item] = {
-    ZOMBIE: Item(CLIP, ammunition=BULLETS, amount=5),
-    SHOTGUN_GUY: Item(GUN, ammunition=SHELLS, amount=4, weapon=SHOTGUN),
-    CHAINGUN_GUY: Item(HEAVY_GUN, ammunition=BULLETS, amount=10, weapon=CHAINGUN),
-}
-"""What monsters leave where they die: half of what lies elsewhere."""
 
 
 class Belongings(PyTreeNode):

@@ -39,6 +39,15 @@ def no_projectiles(count: int) -> Projectiles:
     return Projectiles(pairs, pairs, jnp.zeros(count, bool), nothing, nothing, jnp.int32(0))
 
 
+def in_the_air(projectiles: Projectiles, things: np.ndarray) -> Projectiles:
+    """Those that fly of int64[M, 6] of the game's, as `DoomScenario.with_things` takes them."""
+    # Those that burst stand still.
+    rows, count = things[things[:, 5] > 0], len(projectiles.flies)
+    place = np.zeros((count, 2), np.int32)
+    place[: len(rows)] = rows[:count, 1:3]
+    return projectiles.replace(position=place, flies=np.arange(count) < len(rows))
+
+
 def throw(
     projectiles: Projectiles,
     throws: jax.Array,

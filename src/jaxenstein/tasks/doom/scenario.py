@@ -6,6 +6,7 @@ import abc
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
 from typing import ClassVar, Literal, TypeVar, get_args
 
 import jax
@@ -80,6 +81,8 @@ class DoomScenario(FirstPerson[S, P]):
     game_things: ClassVar[tuple[str, ...]]
     # Whether the tiles are large enough for patterns on walls and floor.
     takes_patterns: ClassVar[bool] = False
+    # The game's count that tells whether the aim was reached, where the end does not.
+    success_count: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         """Check the settings."""
@@ -135,6 +138,11 @@ class DoomScenario(FirstPerson[S, P]):
     def scenario(self) -> str | None:
         """Its name in ViZDoom, where that comes with it."""
         return self.map_name.replace("-", "_")
+
+    @property
+    def game_variables(self) -> tuple[str, ...]:
+        """What the game tells besides pose and health, by its names."""
+        return ()
 
     @property
     def starts(self) -> np.ndarray:
@@ -256,9 +264,9 @@ class DoomScenario(FirstPerson[S, P]):
         del health, things
         return state
 
-    def with_ammo(self, state: S, ammo: int) -> S:
-        """The state with so many shots left, where there is a weapon."""
-        del ammo
+    def with_variables(self, state: S, values: Mapping[str, int]) -> S:
+        """The state with the values of `game_variables`."""
+        del values
         return state
 
     def pressed(self, action: jax.Array) -> Buttons:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
+from collections.abc import Mapping
 from typing import Any, ClassVar, TypeVar
 
 import jax
@@ -172,9 +173,14 @@ class DoomShooter(DoomScenario[S, P]):
         ammo = bar(state.trigger.ammo / most, rows, right, kind, AMMUNITION)
         return jnp.concatenate([health, ammo], axis=1)
 
-    def with_ammo(self, state: S, ammo: int) -> S:
+    @property
+    def game_variables(self) -> tuple[str, ...]:
+        """The ammunition."""
+        return (self.weapon.game_ammo,)
+
+    def with_variables(self, state: S, values: Mapping[str, int]) -> S:
         """The state with so many shots left."""
-        shots = np.int32(min(max(ammo, 0), self._most_ammo))
+        shots = np.int32(min(max(values[self.weapon.game_ammo], 0), self._most_ammo))
         return state.replace(trigger=state.trigger.replace(ammo=shots))
 
     def describe(self, state: S, params: P) -> Info:

@@ -60,5 +60,6 @@ SHOOTERS: dict[str, Scenario] = {
         "deathmatch",
         "DoomDeathmatch",
         "Deathmatch itself, alone: monsters without end, seven weapons, things to take",
+        version=1,
     ),
 }
