@@ -26,6 +26,8 @@ SIGNIFICANCE = 0.05
 TABLES = ("start x", "start y", "heading", "box x", "box y")
 # Module and class, arguments, and what is to be added to x and z to get our columns and rows.
 ROOMS: dict[str, tuple[str, str, dict[str, Any], tuple[int, int]]] = {
+    "one-room": ("oneroom", "OneRoom", {"size": 10}, (1, 1)),
+    "one-room-s6": ("oneroom", "OneRoomS6", {"size": 6}, (1, 1)),
     "hallway": ("hallway", "Hallway", {"length": 12}, (2, 3)),
     "t-maze": ("tmaze", "TMaze", {"goal_pos": None}, (2, 9)),
     "four-rooms": ("fourrooms", "FourRooms", {}, (8, 8)),
