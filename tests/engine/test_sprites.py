@@ -7,13 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
 
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene, Sprites
 from tests.reference import images, raycaster, scenes
-from tests.reference.search import SEEDS, several
 from tests.reference.worlds import World
 
 THEME = scenes.plain_theme()
@@ -68,11 +66,7 @@ CASES = [
 def test_sprites_against_the_reference(camera, shape, count: int, layers: int) -> None:
     """Labels and depth of every pixel that is not within rounding of an edge."""
     pixels = masked = on_sprites = 0
-
-    @several(30)
-    @given(seed=SEEDS)
-    def check(seed: int) -> None:
-        nonlocal pixels, masked, on_sprites
+    for seed in range(30):
         world, sprites = scenes.draw_scene(seed, shape, count)
         wanted = scenes.picture_of(world, sprites, THEME, camera, layers)
         labels = show(world, sprites, camera, "labels", layers)
@@ -82,8 +76,6 @@ def test_sprites_against_the_reference(camera, shape, count: int, layers: int) -
         np.testing.assert_allclose(depth[sure], wanted.depth[sure], rtol=1e-4, atol=1e-6)
         pixels, masked = pixels + sure.size, masked + int((~sure).sum())
         on_sprites += int((sure & (wanted.sprite >= 0)).sum())
-
-    check()
     print(f"{masked} of {pixels} pixels masked, {on_sprites} on sprites")
     assert masked < 0.05 * pixels
     assert on_sprites > 20
