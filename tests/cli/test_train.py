@@ -89,9 +89,9 @@ def test_flags_and_files_give_the_same_experiment(flags: list[str], tmp_path: Pa
     assert parse("--config", str(file), "--seeds", "3")["seeds"] == 3
 
 
-def test_flags_of_recipes_and_of_names_of_before() -> None:
-    given = parse("--recipe", "tuned", "--network=tiny", "--no-normalise-observations")
-    assert given == {"recipe": "tuned", "network": "tiny", "rnd_normalise_observations": False}
+def test_flags_of_recipes() -> None:
+    given = parse("--recipe", "tuned", "--network=tiny", "--no-anneal")
+    assert given == {"recipe": "tuned", "network": "tiny", "anneal": False}
 
 
 def test_flags_of_tables_and_numbers() -> None:

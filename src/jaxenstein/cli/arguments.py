@@ -165,10 +165,7 @@ TABLES = {
     "params": ("--param", "NAME=VALUE"),
     "grid": ("--grid", "NAME=V,V"),
 }
-ALIASES = {
-    "field_of_view": ("--fov",),
-    "rnd_normalise_observations": ("--normalise-observations",),
-}
+ALIASES = {"field_of_view": ("--fov",)}
 # Where the parsed arguments keep the options that were given.
 PREFIX = "option_"
 

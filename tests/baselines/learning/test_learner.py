@@ -24,9 +24,7 @@ SMALL: dict[str, Any] = {
 }  # fmt: skip
 OWN: dict[str, Any] = {
     "ppo": None,
-    "rnd": RNDSettings(
-        rnd_hidden=8, rnd_output=8, rnd_deeper=1, rnd_normalise_observations=True, rnd_warm_up=3
-    ),
+    "rnd": RNDSettings(rnd_hidden=8, rnd_output=8),
     "icm": ICMSettings(icm_latent=8, icm_hidden=8),
     "e3b": E3BSettings(e3b_latent=8, e3b_hidden=8),
 }

@@ -143,18 +143,21 @@ def test_presets_are_written_down_and_runs_without_any_are_the_papers() -> None:
         Experiment.from_json(plain)
 
 
-def test_options_are_known_by_their_names_of_before(tmp_path: Path) -> None:
+def test_options_of_before_are_read_where_they_did_nothing(tmp_path: Path) -> None:
     file = tmp_path / "before.toml"
-    file.write_text('algo = "rnd"\nnormalise-observations = true\n')
+    file.write_text('algo = "rnd"\nnormalise-observations = false\nbonus-memory = 1.0\n')
     experiment = tiny(**read_file(file))
-    assert experiment.config.flat()["rnd_normalise_observations"] is True
-    assert experiment == tiny(algo="rnd", normalise_observations=True)
+    assert experiment == tiny(algo="rnd")
     plain = experiment.to_json()
-    config = plain["config"]
-    config["normalise_observations"] = config.pop("rnd_normalise_observations")
+    plain["config"] |= {"rnd_deeper": 0, "normalise_advantages": "minibatch"}
+    plain["hparams"] |= {"bonus_memory": 1.0, "bonus_value_clip": None}
     assert Experiment.from_json(plain) == experiment
-    plain["config"] |= {"algo": "ppo"}
-    assert "rnd_normalise_observations" not in Experiment.from_json(plain).config.flat()
+    plain["hparams"]["bonus_memory"] = 0.9
+    with pytest.raises(SettingError, match=r"bonus_memory is gone.*only 1.0 can be read, not 0.9"):
+        Experiment.from_json(plain)
+    file.write_text("rnd_deeper = 2\n")
+    with pytest.raises(SettingError, match=r"before.toml: rnd_deeper is gone"):
+        read_file(file)
 
 
 def test_an_experiment_survives_writing_and_reading() -> None:

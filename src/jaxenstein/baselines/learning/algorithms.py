@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ...errors import SettingError
 from ...pytree import PyTreeNode
 from .fields import check_choice, check_settings, names
 
@@ -55,8 +56,17 @@ class Algorithm:
 
 
 _ALGORITHMS: dict[str, Algorithm] = {}
-# Options that once belonged to all bonuses: in files, and in runs of before.
-_RENAMED = {"normalise_observations": "rnd_normalise_observations"}
+# Options that are gone, with the value of files and runs of before that did nothing.
+_REMOVED = {
+    "normalise_advantages": "minibatch",
+    "bonus_memory": 1.0,
+    "bonus_value_clip": None,
+    "normalise_observations": False,
+    "rnd_normalise_observations": False,
+    "rnd_warm_up": 0,
+    "rnd_deeper": 0,
+    "rnd_fraction": 1.0,
+}
 
 
 def add(name: str, algorithm: Algorithm) -> None:
@@ -79,13 +89,23 @@ def algorithm(name: str) -> Algorithm:
     return _ALGORITHMS[name]
 
 
-def renamed(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values by the names of today."""
-    return {_RENAMED.get(name, name): value for name, value in values.items()}
+def without_removed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values but for options of before that did nothing.
+
+    Raises:
+        SettingError: one did something.
+    """
+    for name, value in values.items():
+        if name in _REMOVED and value != _REMOVED[name]:
+            raise SettingError(
+                f"{name} is gone, since it helped on neither of two maps (docs/results.md, 'What "
+                f"RND needs'): only {_REMOVED[name]!r} can be read, not {value!r}"
+            )
+    return {name: value for name, value in values.items() if name not in _REMOVED}
 
 
 def without_others(values: Mapping[str, Any], own: Algorithm) -> dict[str, Any]:
     """The values but for settings and numbers of the bonuses of other algorithms."""
     rows = [row for row in _ALGORITHMS.values() if row is not own]
     others = {name for row in rows for cls in (row.settings, row.numbers) for name in names(cls)}
-    return {name: value for name, value in renamed(values).items() if name not in others}
+    return {name: value for name, value in without_removed(values).items() if name not in others}

@@ -7,7 +7,7 @@ plays, and one large call is faster than many small ones.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -87,20 +87,6 @@ class Bonus(Protocol):
         ...
 
 
-@runtime_checkable
-class WarmedUp(Protocol):
-    """A bonus that sees random play before the first update."""
-
-    @property
-    def warm_up(self) -> int:
-        """Steps of each environment, in episodes apart from those of the training."""
-        ...
-
-    def watch(self, state: Any, obs: Any) -> Any:
-        """The state after observations [N] that a step of them led to."""
-        ...
-
-
 class BonusScale(PyTreeNode):
     """The running size of discounted sums of the bonus, which it can be divided by.
 
@@ -119,9 +105,7 @@ def initial_scale(*shape: int) -> BonusScale:
     return BonusScale(jnp.zeros(shape, jnp.float32), running_stats.empty(shape[1:]))
 
 
-def scaled(
-    bonus: jax.Array, scale: BonusScale, gamma: Any, memory: Any
-) -> tuple[jax.Array, BonusScale]:
+def scaled(bonus: jax.Array, scale: BonusScale, gamma: Any) -> tuple[jax.Array, BonusScale]:
     """Divide a bonus by the deviation of its discounted sum, this rollout's included.
 
     No mean is subtracted. As OpenAI's RND (Burda et al. 2018), along time.
@@ -130,7 +114,6 @@ def scaled(
         bonus: float32[T, N, ...].
         scale: so far.
         gamma: discount of the sum.
-        memory: weight of the rollouts before, of which each counted 1 when it was the last.
     """
 
     def add(total: jax.Array, bonus: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -138,7 +121,7 @@ def scaled(
         return total, total
 
     total, totals = jax.lax.scan(add, scale.total, bonus)
-    stats = running_stats.merge(running_stats.faded(scale.stats, memory), totals)
+    stats = running_stats.merge(scale.stats, totals)
     deviation = jnp.maximum(stats.deviation, 1e-8)
     # As of each part of a bonus of several.
     return bonus / jnp.expand_dims(deviation, (0, 1)), BonusScale(total, stats)

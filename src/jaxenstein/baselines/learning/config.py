@@ -35,7 +35,6 @@ class Config:
         minibatches: parts of a rollout in one epoch: whole sequences of `N / minibatches`
             environments.
         anneal: let the learning rates fall linearly to zero; constant within one update.
-        normalise_advantages: what advantages get mean 0 and deviation 1 over.
         value_loss_half: halve the value loss.
         bootstrap_truncation: where the time limit cuts an episode off, continue its return with
             the value of the observation it ended in; if false, the limit counts as an end.
@@ -67,7 +66,6 @@ class Config:
     epochs: int = 4
     minibatches: int = 4  # as pobax and purejaxrl
     anneal: bool = True  # as pobax
-    normalise_advantages: Literal["minibatch", "rollout"] = "minibatch"  # as pobax
     value_loss_half: bool = False  # as pobax and SB3
     bootstrap_truncation: bool = True
     convolutions: tuple[tuple[int, int, int], ...] | None = None

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from . import gae, optimiser, ppo
-from .bonus import Bonus, Experience, Metrics, WarmedUp, initial_scale, scaled
+from .bonus import Bonus, Experience, Metrics, initial_scale, scaled
 from .config import Config
 from .fields import values_of
 from .hparams import HParams
@@ -65,30 +65,10 @@ class Loop:
             update=jnp.int32(0),
             params=params,
             optimiser=optimiser.init(params),
-            bonus=self._warm_up(self.bonus.init(bonus_key), bonus_key),
+            bonus=self.bonus.init(bonus_key),
             scale=scale,
             actors=start(self.simulator, self.network, env_key, number, self.clocks),
         )
-
-    def _warm_up(self, state: Any, key: jax.Array) -> Any:
-        """The bonus' state after the random play that it may ask for, in environments apart."""
-        bonus, number = self.bonus, self.config.num_envs
-        if not isinstance(bonus, WarmedUp) or not bonus.warm_up:
-            return state
-
-        def step(carry: Any, key: jax.Array) -> tuple[Any, None]:
-            env_state, state = carry
-            action_key, step_key = jax.random.split(key)
-            actions = self.simulator.num_actions
-            action = jax.random.randint(action_key, (number,), 0, actions, jnp.int32)
-            outcome = self.simulator.step(jax.random.split(step_key, number), env_state, action)
-            return (outcome.state, bonus.watch(state, outcome.obs)), None
-
-        # Those of the networks are drawn with the key itself.
-        reset_key, play_key = jax.random.split(jax.random.fold_in(key, 1))
-        _, env_state = self.simulator.reset(jax.random.split(reset_key, number))
-        keys = jax.random.split(play_key, bonus.warm_up)
-        return jax.lax.scan(step, (env_state, state), keys)[0][1]
 
     def updates(
         self, state: TrainState, hparams: HParams, number: int
@@ -168,7 +148,7 @@ class Loop:
         bonus = jnp.where(ended, 0, bonus.reshape(*batch, *self.parts))
         scale = state.scale
         if scale is not None:
-            bonus, scale = scaled(bonus, scale, hparams.bonus_gamma, hparams.bonus_memory)
+            bonus, scale = scaled(bonus, scale, hparams.bonus_gamma)
         return hparams.bonus_reward * bonus, state.replace(bonus=own, scale=scale), metrics
 
     def advantages(

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
 from typing import Any
 
 import flax.linen as nn
@@ -25,7 +24,6 @@ from .convolution import conv_lax, conv_matmul, output_size
 from .observations import ObservationSpec
 
 Layers = tuple[tuple[int, int, int], ...]
-Prepare = Callable[[Any, DTypeLike], tuple[list[jax.Array], jax.Array]]
 
 # Pixels that are encoded at once on a CPU: 16 frames of 64x64, 256 of 16x16.
 PIECE = 16 * 64 * 64
@@ -194,11 +192,11 @@ class Eye:
         images = [jnp.zeros((1, *shape), self.dtype) for shape in self.spec.images]
         return self._module.init(key, images, jnp.zeros((1, self.spec.vector), self.dtype))
 
-    def encode(self, params: Any, obs: Any, prepare: Prepare | None = None) -> jax.Array:
-        """dtype[..., features] of observations; `prepare` replaces that of `spec`."""
-        return self._module.apply(params, *(prepare or self.spec.prepare)(obs, self.dtype))
+    def encode(self, params: Any, obs: Any) -> jax.Array:
+        """dtype[..., features] of observations."""
+        return self._module.apply(params, *self.spec.prepare(obs, self.dtype))
 
-    def encode_sequence(self, params: Any, obs: Any, prepare: Prepare | None = None) -> jax.Array:
+    def encode_sequence(self, params: Any, obs: Any) -> jax.Array:
         """The same for leading axes [T, N].
 
         On a CPU it goes piece by piece, and again in the backward pass, so that the pieces stay
@@ -212,9 +210,9 @@ class Eye:
             if length % size == 0 and (size == 1 or size * batch * pixels <= PIECE)
         )
         if jax.default_backend() != "cpu" or piece == length:
-            return self.encode(params, obs, prepare)
+            return self.encode(params, obs)
         pieces = jax.tree.map(lambda leaf: leaf.reshape(-1, piece, *leaf.shape[1:]), obs)
-        encode = jax.checkpoint(lambda part: self.encode(params, part, prepare))
+        encode = jax.checkpoint(lambda part: self.encode(params, part))
         features = jax.lax.map(encode, pieces)
         return features.reshape(length, batch, -1)
 

@@ -17,7 +17,7 @@ from typing import Any
 from ...errors import SettingError, nearest, one_line
 from ...settings import Option, check, environment_options, options_of, recipe_from
 from ...settings import given_by as environment_given_by
-from ..learning.algorithms import Algorithm, algorithms, renamed
+from ..learning.algorithms import Algorithm, algorithms, without_removed
 from ..learning.config import Config
 from ..learning.fields import values_of
 from ..learning.hparams import HParams
@@ -75,7 +75,7 @@ def read_file(path: Path) -> dict[str, Any]:
         raise SettingError(f"{path} must hold names with values")
     try:
         given = {str(name).replace("-", "_"): value for name, value in given.items()}
-        return check(renamed(given), all_options())
+        return check(without_removed(given), all_options())
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None
 
@@ -103,7 +103,7 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
         JAXensteinError: an option is unknown or has a value it cannot have, or the environment
             and the training do not fit.
     """
-    given = check(renamed(given), all_options())
+    given = check(without_removed(given), all_options())
     presets, below = defaults_of(given)
     given = {**below, **given}
     default = SIZE if "map" in given else {"env": "simple", **SIZE}
