@@ -1,6 +1,6 @@
-"""`dmlab-static-01` with an oracle's bonus: a reward for each tile that is new in its episode.
+r"""`dmlab-static-01` with an oracle's bonus: a reward for each tile that is new in its episode.
 
-    jaxenstein train --env experiments.oracle:dmlab-static-01-oracle --frame-skip 3 --height 16 \\
+    jaxenstein train --env experiments.oracle:dmlab-static-01-oracle --frame-skip 3 --height 16 \
         --width 16 --param goal_reward=1 --recipe tuned --seeds 3 --total-steps 5e6 --out DIR
 
 Whether the goal is found tells what a bonus that knows the map could do: what is not learned with
@@ -39,9 +39,8 @@ class Oracle(Maze):
     def init_state(self, key: jax.Array, params: Any) -> OracleState:
         """Begin with no tile seen."""
         state = super().init_state(key, params)
-        fields = {field.name: getattr(state, field.name) for field in dataclasses.fields(state)}
         columns, rows = self.map_size
-        return OracleState(**fields, seen=jnp.zeros((rows, columns), bool))
+        return OracleState(**_fields(state), seen=jnp.zeros((rows, columns), bool))
 
     def transition(
         self, key: jax.Array, state: Any, action: jax.Array, params: Any
@@ -55,11 +54,14 @@ class Oracle(Maze):
 
 def build(id: str = "dmlab-static-01", **settings: Any) -> Oracle:
     """The maze of an id, as an oracle's."""
-    env, _ = jaxenstein.make(id, **settings)
-    given = {field.name: getattr(env, field.name) for field in dataclasses.fields(env)}
-    numbers = env.defaults
-    own = {field.name: getattr(numbers, field.name) for field in dataclasses.fields(numbers)}
-    return Oracle(**given | {"defaults": OracleParams(**own)})
+    env: Any = jaxenstein.make(id, **settings)[0]
+    given = _fields(env)
+    given["defaults"] = OracleParams(**_fields(env.defaults))
+    return Oracle(**given)
+
+
+def _fields(record: Any) -> dict[str, Any]:
+    return {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}
 
 
 jaxenstein.register("dmlab-static-01-oracle", build, summary="dmlab-static-01 that pays for tiles")
