@@ -43,6 +43,7 @@ def make_batch(rng, steps=4, batch=3, heads=2, dtype: Any = np.float32):
 
 def by_hand(logits, value, batch, h, floor=1e-8):
     """The loss, step by step in numpy."""
+    clips = [h.value_clip, h.value_clip if h.bonus_value_clip is None else h.bonus_value_clip]
     p = jax.tree.map(np.asarray, batch)
     advantage = (p.advantage - p.advantage.mean()) / (p.advantage.std() + floor)
     steps, count = p.advantage.shape
@@ -58,7 +59,7 @@ def by_hand(logits, value, batch, h, floor=1e-8):
             entropy -= (prob * np.log(prob)).sum()
             for v in range(len(errors)):
                 old, target, new = p.steps.value[t, n, v], p.target[t, n, v], value[t, n, v]
-                near = old + min(max(new - old, -h.value_clip), h.value_clip)
+                near = old + min(max(new - old, -clips[v]), clips[v])
                 errors[v] += max((new - target) ** 2, (near - target) ** 2)
     size = steps * count
     total = policy / size + h.value * errors.sum() / size - h.entropy * entropy / size
@@ -88,7 +89,7 @@ def test_loss_is_that_of_a_hand_computation(seed):
     np.testing.assert_allclose(got, expected, rtol=1e-5)
     half, _ = ppo.loss(network, Config(value_loss_half=True), {}, batch, h)
     np.testing.assert_allclose(total - half, h.value * expected[2] / 2, rtol=1e-4)
-    apart = h.replace(value_clip=1e3)
+    apart = h.replace(bonus_value_clip=1e3)
     total, _ = ppo.loss(network, Config(), {}, batch, apart)
     np.testing.assert_allclose(total, by_hand(logits, value, batch, apart)[0], rtol=1e-5)
     assert float(total) < expected[0]

@@ -30,9 +30,23 @@ def test_the_bonus_scale_is_that_of_its_discounted_sum():
     scale, totals, total = bonus.initial_scale(3), [], np.zeros(3)
     for _ in range(4):
         values = rng.exponential(2.0, (5, 3)).astype(np.float32)
-        result, scale = bonus.scaled(jnp.asarray(values), scale, 0.9)
+        result, scale = bonus.scaled(jnp.asarray(values), scale, 0.9, 1.0)
         for row in values:
             total = 0.9 * total + row
             totals.append(total)
         np.testing.assert_allclose(result, values / np.std(totals), rtol=1e-4)
     np.testing.assert_allclose(scale.total, total, rtol=1e-5)
+
+
+def test_a_bonus_scale_that_forgets_weighs_rollouts_by_their_age():
+    rng = np.random.default_rng(2)
+    scale, rollouts = bonus.initial_scale(3), []
+    for size in (100.0, 1.0, 1.0, 1.0):
+        values = rng.exponential(size, (5, 3)).astype(np.float32)
+        result, scale = bonus.scaled(jnp.asarray(values), scale, 0.0, 0.5)
+        rollouts.append(values)
+        weights = np.repeat(0.5 ** np.arange(len(rollouts))[::-1], values.size)
+        every = np.concatenate([rollout.ravel() for rollout in rollouts])
+        mean = np.average(every, weights=weights)
+        deviation = np.sqrt(np.average((every - mean) ** 2, weights=weights))
+        np.testing.assert_allclose(result, values / deviation, rtol=1e-4)

@@ -145,15 +145,15 @@ def test_presets_are_written_down_and_runs_without_any_are_the_papers() -> None:
 
 def test_options_of_before_are_read_where_they_did_nothing(tmp_path: Path) -> None:
     file = tmp_path / "before.toml"
-    file.write_text('algo = "rnd"\nnormalise-observations = false\nbonus-memory = 1.0\n')
+    file.write_text('algo = "rnd"\nnormalise-observations = false\nrnd-fraction = 1.0\n')
     experiment = tiny(**read_file(file))
     assert experiment == tiny(algo="rnd")
     plain = experiment.to_json()
     plain["config"] |= {"rnd_deeper": 0, "normalise_advantages": "minibatch"}
-    plain["hparams"] |= {"bonus_memory": 1.0, "bonus_value_clip": None}
+    plain["hparams"] |= {"rnd_fraction": 1.0}
     assert Experiment.from_json(plain) == experiment
-    plain["hparams"]["bonus_memory"] = 0.9
-    with pytest.raises(SettingError, match=r"bonus_memory is gone.*only 1.0 can be read, not 0.9"):
+    plain["hparams"]["rnd_fraction"] = 0.25
+    with pytest.raises(SettingError, match=r"rnd_fraction is gone.*only 1.0 can be read, not 0.25"):
         Experiment.from_json(plain)
     file.write_text("rnd_deeper = 2\n")
     with pytest.raises(SettingError, match=r"before.toml: rnd_deeper is gone"):

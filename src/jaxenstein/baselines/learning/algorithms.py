@@ -59,8 +59,6 @@ _ALGORITHMS: dict[str, Algorithm] = {}
 # Options that are gone, with the value of files and runs of before that did nothing.
 _REMOVED = {
     "normalise_advantages": "minibatch",
-    "bonus_memory": 1.0,
-    "bonus_value_clip": None,
     "normalise_observations": False,
     "rnd_normalise_observations": False,
     "rnd_warm_up": 0,
@@ -98,7 +96,7 @@ def without_removed(values: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in values.items():
         if name in _REMOVED and value != _REMOVED[name]:
             raise SettingError(
-                f"{name} is gone, since it helped on neither of two maps (docs/results.md, 'What "
+                f"{name} is gone, since it did not help (docs/results.md, 'What "
                 f"RND needs'): only {_REMOVED[name]!r} can be read, not {value!r}"
             )
     return {name: value for name, value in values.items() if name not in _REMOVED}

@@ -105,7 +105,9 @@ def initial_scale(*shape: int) -> BonusScale:
     return BonusScale(jnp.zeros(shape, jnp.float32), running_stats.empty(shape[1:]))
 
 
-def scaled(bonus: jax.Array, scale: BonusScale, gamma: Any) -> tuple[jax.Array, BonusScale]:
+def scaled(
+    bonus: jax.Array, scale: BonusScale, gamma: Any, memory: Any
+) -> tuple[jax.Array, BonusScale]:
     """Divide a bonus by the deviation of its discounted sum, this rollout's included.
 
     No mean is subtracted. As OpenAI's RND (Burda et al. 2018), along time.
@@ -114,6 +116,7 @@ def scaled(bonus: jax.Array, scale: BonusScale, gamma: Any) -> tuple[jax.Array, 
         bonus: float32[T, N, ...].
         scale: so far.
         gamma: discount of the sum.
+        memory: weight of the rollouts before, of which each counted 1 when it was the last.
     """
 
     def add(total: jax.Array, bonus: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -121,7 +124,7 @@ def scaled(bonus: jax.Array, scale: BonusScale, gamma: Any) -> tuple[jax.Array, 
         return total, total
 
     total, totals = jax.lax.scan(add, scale.total, bonus)
-    stats = running_stats.merge(scale.stats, totals)
+    stats = running_stats.merge(running_stats.faded(scale.stats, memory), totals)
     deviation = jnp.maximum(stats.deviation, 1e-8)
     # As of each part of a bonus of several.
     return bonus / jnp.expand_dims(deviation, (0, 1)), BonusScale(total, stats)

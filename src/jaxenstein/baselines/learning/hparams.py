@@ -33,6 +33,9 @@ class HParams(PyTreeNode):
         bonus_advantage: weight of the intrinsic advantages beside the extrinsic ones, where the
             bonus has values of its own (RND).
         bonus_gamma: discount of the intrinsic returns; None: that of the extrinsic ones.
+        bonus_value_clip: as value_clip, of values of the bonus' own; None: the same.
+        bonus_memory: share of its weight that normalise_bonus leaves to what it saw before a
+            rollout, in the size that it divides by; 1 forgets nothing.
         bonus: the bonus' own numbers; None: their defaults.
     """
 
@@ -50,6 +53,8 @@ class HParams(PyTreeNode):
     bonus_reward: Any = 1.0
     bonus_advantage: Any = 1.0
     bonus_gamma: Any = share(None)
+    bonus_value_clip: Any = positive(None)
+    bonus_memory: Any = share(1.0)
     bonus: BonusNumbers | None = None
 
     @classmethod

@@ -148,7 +148,7 @@ class Loop:
         bonus = jnp.where(ended, 0, bonus.reshape(*batch, *self.parts))
         scale = state.scale
         if scale is not None:
-            bonus, scale = scaled(bonus, scale, hparams.bonus_gamma)
+            bonus, scale = scaled(bonus, scale, hparams.bonus_gamma, hparams.bonus_memory)
         return hparams.bonus_reward * bonus, state.replace(bonus=own, scale=scale), metrics
 
     def advantages(

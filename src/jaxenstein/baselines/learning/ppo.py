@@ -58,7 +58,7 @@ def loss(
     steps = batch.steps
     logits, value, _ = network.unroll(params, steps.obs, steps.previous, steps.first, batch.memory)
     policy, metrics = policy_loss(logits, steps, normalise(batch.advantage, hparams), hparams)
-    error = value_loss(value, steps.value, batch.target, hparams.value_clip)
+    error = value_loss(value, steps.value, batch.target, value_clips(hparams, value.shape[-1]))
     if config.value_loss_half:
         error = error / 2
     log_probs = jax.nn.log_softmax(logits)
@@ -93,15 +93,22 @@ def policy_loss(
     }
 
 
-def value_loss(value: jax.Array, old: jax.Array, target: jax.Array, clip: Any) -> jax.Array:
+def value_clips(hparams: HParams, heads: int) -> jax.Array:
+    """float32[V], how far each value may move."""
+    own = hparams.value_clip if hparams.bonus_value_clip is None else hparams.bonus_value_clip
+    return jnp.stack([hparams.value_clip, *[own] * (heads - 1)])
+
+
+def value_loss(value: jax.Array, old: jax.Array, target: jax.Array, clip: jax.Array) -> jax.Array:
     """The larger of the squared errors of value and clipped value; mean over steps, sum of heads.
 
     Args:
         value: float32[T, N, V].
         old: float32[T, N, V], of the network that played.
         target: float32[T, N, V].
-        clip: how far each may move.
+        clip: float32[V], how far each may move.
     """
+    clip = clip[None, None]
     clipped = old + jnp.clip(value - old, -clip, clip)
     worse = jnp.maximum((value - target) ** 2, (clipped - target) ** 2)
     return jnp.sum(jnp.mean(worse, axis=(0, 1)))

@@ -56,6 +56,11 @@ def merge(stats: RunningStats, values: jax.Array) -> RunningStats:
     return combine(stats, RunningStats(jnp.float32(number), mean, squares))
 
 
+def faded(stats: RunningStats, share: jax.Array | float) -> RunningStats:
+    """The statistics with a share of their weight beside what is merged next."""
+    return stats.replace(count=stats.count * share, squares=stats.squares * share)
+
+
 def combine(a: RunningStats, b: RunningStats) -> RunningStats:
     """The statistics of both, in any order."""
     count = a.count + b.count
