@@ -83,11 +83,11 @@ RECIPES: Mapping[str, Recipe] = {
             # Its bonus falls to a hundredth within 25 updates. At the default rate, 3e-4, the
             # predictor is done before a way that it led to is learned; novelty at its full weight
             # leads away again from goals that were found; 0.01 of entropy draws the policy back to
-            # chance as novelty fades; and with values of novelty that move as freely as those of
-            # rewards, one of five seeds lost the goal again.
+            # chance as novelty fades; and where the size that it is divided by remembers the
+            # first rollouts for ever, one of five seeds lost the goal again.
             "rnd": {
                 "normalise_bonus": True,
-                "bonus_value_clip": 0.2,
+                "bonus_memory": 0.9,
                 "bonus_learning_rate": 1e-4,
                 "bonus_advantage": 0.3,
                 "entropy": 0.003,
