@@ -214,18 +214,31 @@ def test_the_shortest_path_reaches_the_box(name) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*ROOMS, "one-room-s6-fast", "maze", "maze-s2", "maze-s3"])
+@pytest.mark.parametrize("name", [*ROOMS, "one-room-s6-fast"])
 def test_the_shortest_path_reaches_every_box(name) -> None:
     check_player(name, 256)
 
 
-def check_player(name, count=64) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["maze", "maze-s2", "maze-s3"])
+def test_ways_through_mazes_are_few_times_longer_than_the_limit(name) -> None:
+    # The limits are MiniWorld's, whose cells are nearer to each other.
+    assert np.mean(check_player(name, 256, fewest=0.93)) < 1
+
+
+def check_player(name, count=64, fewest=1.0) -> np.ndarray:
+    """bool[count], which boxes are reached: at least that share, the others when time is up."""
     env, params = task(name)
     states = jax.tree.map(lambda leaf: jnp.asarray(leaf[:count]), first_states(name))
     out = play(env, player_of(env), params, jax.random.key(0), states)
-    assert np.asarray(out.successes).all()
+    reached, lengths = np.asarray(out.successes) > 0, np.asarray(out.length)
     steps = int(params.max_steps_in_episode)
-    np.testing.assert_allclose(out.returned, 1 - 0.2 * np.asarray(out.length) / steps, atol=1e-6)
+    assert reached.mean() >= fewest
+    assert (lengths[~reached] == steps).all()
+    np.testing.assert_allclose(
+        out.returned, np.where(reached, 1 - 0.2 * lengths / steps, 0), atol=1e-6
+    )
+    return reached
 
 
 def test_bad_settings_are_refused() -> None:
