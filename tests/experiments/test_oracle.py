@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from jaxenstein import registry
 
 
-def test_each_tile_pays_when_it_is_new_in_its_episode() -> None:
+def test_each_tile_pays_when_it_is_new_in_its_episode(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The id ends with the test.
+    monkeypatch.setattr(registry, "ENTRIES", dict(registry.ENTRIES))
     env, params = jaxenstein.make(
         "experiments.oracle:dmlab-static-01-oracle", height=16, width=16, autoreset=None
     )

@@ -99,6 +99,7 @@ TUNED = {
             "rnd",
             {
                 "normalise_bonus": True,
+                "bonus_memory": 0.9,
                 "bonus_learning_rate": 1e-4,
                 "bonus_advantage": 0.3,
                 "entropy": 0.003,
