@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from fidelity.corridors import broken_rules, from_tilemap
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.reach import flood, open_tiles
 from jaxenstein.maps.things import KEY
 from jaxenstein.tasks.key_corridor import KeyCorridor
 from jaxenstein.tasks.steering import INTERACT
+from tests.reference.corridors import broken_rules, from_tilemap
 
 IDS = ("key-corridor-s3r1", "key-corridor-s3r2", "key-corridor", "key-corridor-s6r3")
 

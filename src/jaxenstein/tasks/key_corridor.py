@@ -3,7 +3,7 @@
 Rules: minigrid/envs/keycorridor.py and core/roomgrid.py of Farama-Foundation/Minigrid. Three
 columns of rooms; the middle one is an open hall. A room in the east is locked and holds the
 goal, the key lies in a room in the west, and doors are added between random neighbours, never
-to the locked room, until every room can be reached. `fidelity/minigrid_layouts.py` compares the
+to the locked room, until every room can be reached. `fidelity/minigrid_worlds.py` compares the
 statistics of the layouts.
 """
 
