@@ -6,7 +6,7 @@ import importlib
 
 import pytest
 
-from fidelity import doom_map, vizdoom_rules, vizdoom_view
+from fidelity import doom_map, vizdoom_rules
 from fidelity.players import mean_and_error
 from fidelity.vizdoom_rules import Snapshot, single_buttons, towards_nearest, uniform
 
@@ -40,9 +40,7 @@ def test_the_greedy_player_turns_the_short_way(angle: float, button: int) -> Non
     assert towards_nearest(Snapshot(50, 0, 0, 0, {})) == [0, 0, 0]
 
 
-@pytest.mark.parametrize(
-    "main", [lambda: vizdoom_rules.main([]), lambda: vizdoom_view.main([]), doom_map.main]
-)
+@pytest.mark.parametrize("main", [lambda: vizdoom_rules.main([]), doom_map.main])
 def test_without_vizdoom_a_script_says_what_to_install(main, monkeypatch, capsys) -> None:
     real = importlib.import_module
 

@@ -18,7 +18,7 @@ from ..maps.symbols import CEILING, FLOOR
 # Screens of the ratio 4 to 3; the smallest one that has as many pixels as the image is taken.
 SCREENS = ((160, 120), (320, 240), (640, 480), (1280, 960))
 # Map units of a step of the 8-bit depth buffer, and per row of the screen those of value 0: fitted
-# to walls at known distances by `python -m fidelity.vizdoom_view`.
+# to walls at known distances.
 DEPTH_STEP, DEPTH_START = 7.1376, 0.0227
 # The label buffer's value for floor and ceiling; walls have 0, things others.
 FLATS = 1

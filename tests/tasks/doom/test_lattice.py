@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
-from fidelity.vizdoom_view import heading_of
 from jaxenstein.errors import MapError
 from jaxenstein.tasks.doom.lattice import WALL, rasterise
 from jaxenstein.tasks.doom.walls import MAP_SPOT, DoomMap, Line, Thing
@@ -75,18 +72,6 @@ def test_poses_are_mirrored() -> None:
     tiles = rasterise(doom_map())
     assert tiles.to_position(-16, 80) == (0.0, 0.0)
     assert tiles.to_position(8, 56) == (1.5, 1.5)
-    for angle, direction in ((0, (1, 0)), (90, (0, -1)), (180, (-1, 0)), (270, (0, 1))):
-        heading = heading_of(angle)
-        assert (math.cos(heading), math.sin(heading)) == pytest.approx(direction, abs=1e-12)
-
-
-def test_room_for_a_body() -> None:
-    tiles = rasterise(doom_map())
-    assert tiles.is_free(16, 16, 16)
-    assert not tiles.is_free(15.9, 16, 16)
-    assert tiles.is_free(16, 48, 16)
-    assert not tiles.is_free(17, 48, 16)
-    assert not tiles.is_free(48, 48, 1)
 
 
 def test_walls_off_the_lattice_are_refused() -> None:

@@ -61,14 +61,6 @@ class Tiles:
         """The map as the engine draws it."""
         return compile_level(self.faces, np.zeros((0, 2), np.int32))
 
-    def is_free(self, x: float, y: float, radius: float) -> bool:
-        """Whether a square of half-width `radius`, all in map units, touches no solid tile."""
-        left, top = self.to_position(x - radius, y + radius)
-        right, bottom = self.to_position(x + radius, y - radius)
-        columns = slice(max(math.floor(left), 0), math.ceil(right))
-        rows = slice(max(math.floor(top), 0), math.ceil(bottom))
-        return not self.solid[rows, columns].any()
-
 
 def rasterise(doom_map: DoomMap, unit: int = UNIT) -> Tiles:
     """The tiles of a map whose walls all stand on a lattice.
