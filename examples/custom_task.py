@@ -47,12 +47,8 @@ class TMaze(FirstPerson[TMazeState, TMazeParams]):
     """Go where the key told you to go: +1 at the end of that arm, -1 at the other end."""
 
     name: str = "t-maze"
+    params_class: ClassVar[type[jaxenstein.Params]] = TMazeParams
     action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES[:3]
-
-    @property
-    def default_params(self) -> TMazeParams:
-        """The params that `params=None` stands for."""
-        return TMazeParams()
 
     def init_state(self, key: jax.Array, params: TMazeParams) -> TMazeState:
         """Stand in the south, look north, and draw the arm."""

@@ -12,6 +12,7 @@ import pytest
 import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.params import Params, number
+from jaxenstein.tasks.navigation import Navigation
 
 SIZE = {"height": 8, "width": 8}
 
@@ -122,3 +123,22 @@ def test_actions_by_name():
         SettingError, match=r"unknown action 'foward', did you mean 'forward'.*known"
     ):
         env.step(key, state, "foward", params)
+
+
+def test_settings_have_ranges_too():
+    @dataclasses.dataclass(frozen=True, kw_only=True)
+    class Sized(Navigation):
+        rooms: int = number(4, 3)
+
+    @dataclasses.dataclass(frozen=True, kw_only=True)
+    class Larger(Sized):
+        rooms: int = 9
+
+    tilemap = jaxenstein.make("simple")[0].tilemap
+    assert Larger(tilemap=tilemap).rooms == 9
+    for kind in (Sized, Larger):
+        for wrong in (2, 4.0, True, "4"):
+            with pytest.raises(
+                SettingError, match=r"rooms must be a whole number from 3 on, .*not"
+            ):
+                kind(tilemap=tilemap, rooms=wrong)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Hashable
@@ -13,7 +14,7 @@ import numpy as np
 
 from .batching import varying
 from .errors import SettingError
-from .params import Params
+from .params import Params, Range, in_words, range_of
 
 Q = ParamSpec("Q")
 R = TypeVar("R")
@@ -90,13 +91,21 @@ def as_static(field: str, value: Any) -> Any:
     return value
 
 
-def check_whole(field: str, value: Any, highest: int, lowest: int = 1) -> None:
+def check_whole(field: str, value: Any, highest: float, lowest: float = 1) -> None:
     """Complain of a setting that is no whole number from `lowest` to `highest`."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or not lowest <= value <= highest:
         raise SettingError(
-            f"{field} must be a whole number from {lowest} to {highest}, not {value!r}"
+            f"{field} must be {in_words('i', Range(lowest, highest))}, not {value!r}"
         )
+
+
+def check_ranges(settings: Any) -> None:
+    """Complain of a whole number outside of the range that its class declares with `number`."""
+    for field in dataclasses.fields(settings):
+        limits = range_of(type(settings), field.name)
+        if limits != Range() and isinstance(field.default, int):
+            check_whole(field.name, getattr(settings, field.name), limits.most, limits.least)
 
 
 def as_kind(value: Any, default: Any) -> jax.Array:

@@ -11,17 +11,18 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from typing import Any, ClassVar, Generic, Literal, TypeVar, get_args
+from typing import Any, ClassVar, Generic, Literal, TypeVar, cast, get_args
 
 import jax
 import jax.numpy as jnp
 
 from .about import About
 from .batching import select, where_any
-from .calls import as_kind, as_static, check_whole, checked_action, compiled
+from .calls import as_kind, as_static, check_ranges, checked_action, compiled
 from .errors import SettingError, nearest
 from .params import Params as Params
 from .params import Scalar as Scalar
+from .params import number
 from .spaces import Discrete, Space
 from .turn import Advanced, S, Turn, repeated
 from .turn import Info as Info
@@ -63,8 +64,9 @@ class Environment(abc.ABC, Generic[S, P]):
     version: int = 0
     autoreset: Autoreset | None = "same-step"
     final_observation: bool = False
-    frame_skip: int = 1
+    frame_skip: int = number(1, 1, MOST_FRAME_SKIP)
 
+    params_class: ClassVar[type[Params]] = Params
     action_names: ClassVar[tuple[str, ...]] = ()
     # The event that is the task's aim; "": to terminate with a positive reward.
     success_event: ClassVar[str] = ""
@@ -103,14 +105,14 @@ class Environment(abc.ABC, Generic[S, P]):
                 f"final_observation=True needs autoreset='same-step': with {self.autoreset!r} "
                 "the observation that `step` returns is already the final one"
             )
-        check_whole("frame_skip", self.frame_skip, MOST_FRAME_SKIP)
+        check_ranges(self)
 
     # What a task supplies.
 
     @property
-    @abc.abstractmethod
     def default_params(self) -> P:
-        """The params that `params=None` stands for."""
+        """The params that `params=None` stands for; here the usual ones of `params_class`."""
+        return cast(P, self.params_class())
 
     @abc.abstractmethod
     def init_state(self, key: jax.Array, params: P) -> S:

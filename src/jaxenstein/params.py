@@ -38,7 +38,7 @@ class Range(NamedTuple):
 def number(
     default: float, least: float = -math.inf, most: float = math.inf, *, below: float | None = None
 ) -> Any:
-    """A param with a range, which holds for subclasses with another default as well.
+    """A param or a setting with a range, which holds for subclasses with another default as well.
 
     Args:
         default: its value; that of a whole number, or of a bool, makes it one.
@@ -113,7 +113,7 @@ def _check(cls: type, name: str, value: Any) -> None:
         return
     default = cls.__dataclass_fields__[name].default  # type: ignore[attr-defined]
     kind = np.asarray(default).dtype.kind if _is_number(default) else "f"
-    limits, array = _range_of(cls, name), np.asarray(value)
+    limits, array = range_of(cls, name), np.asarray(value)
     low, high = (_INT32.min, _INT32.max) if kind == "i" else (-_FLOAT32, _FLOAT32)
     low, high = max(low, limits.least), min(high, limits.most)
     if kind == "b" or array.dtype == bool:
@@ -125,11 +125,11 @@ def _check(cls: type, name: str, value: Any) -> None:
         good = False
     if not good:
         shown = value if array.ndim == 0 else array.tolist()
-        raise SettingError(f"{name} must be {_in_words(kind, limits)}, not {shown!r}")
+        raise SettingError(f"{name} must be {in_words(kind, limits)}, not {shown!r}")
 
 
-def _range_of(cls: type, name: str) -> Range:
-    """As the class nearest in the order of inheritance declares it."""
+def range_of(cls: type, name: str) -> Range:
+    """The values of a field, as the class nearest in the order of inheritance declares it."""
     for owner in cls.__mro__:
         field = owner.__dict__.get("__dataclass_fields__", {}).get(name)
         if field is not None and _RANGE in field.metadata:
@@ -137,7 +137,8 @@ def _range_of(cls: type, name: str) -> Range:
     return Range()
 
 
-def _in_words(kind: str, limits: Range) -> str:
+def in_words(kind: str, limits: Range) -> str:
+    """The values of a range, of numbers of a NumPy kind: "i" whole ones, "b" truth values."""
     if kind == "b":
         return "True or False"
     what = "a whole number" if kind == "i" else "a finite number"

@@ -11,7 +11,6 @@ from typing import Any, Literal, TypeVar, cast, get_args
 import jax
 import numpy as np
 
-from ..calls import check_whole
 from ..engine.camera import Camera
 from ..engine.level import Level
 from ..engine.render import render
@@ -20,6 +19,7 @@ from ..engine.shade import ImageKind
 from ..environment import Environment, Params, State
 from ..errors import SettingError
 from ..maps.tilemap import TileMap
+from ..params import number
 from ..spaces import Box, Dict, Space
 from .levels import read_level
 from .looks import Look, patterned, randomised
@@ -56,11 +56,11 @@ class FirstPerson(Environment[S, P]):
         look_seeds: of random looks, None for all of them, or those of some seeds: (first, stop).
     """
 
-    height: int = 64
-    width: int = 64
+    height: int = number(64, 1, MAX_PIXELS)
+    width: int = number(64, 1, MAX_PIXELS)
     field_of_view: float = 60.0
     observation: ObservationKind = "rgb"
-    sprite_layers: int = 4
+    sprite_layers: int = number(4, 1, 64)
     look: Look = "plain"
     look_range: float = 1.0
     look_seeds: tuple[int, int] | range | None = None
@@ -68,9 +68,6 @@ class FirstPerson(Environment[S, P]):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("height", self.height, MAX_PIXELS)
-        check_whole("width", self.width, MAX_PIXELS)
-        check_whole("sprite_layers", self.sprite_layers, 64)
         low, high = FIELD_OF_VIEW
         angle = self.field_of_view
         if not isinstance(angle, int | float | np.number) or not low <= float(angle) <= high:

@@ -18,7 +18,7 @@ from ..about import About, Choose, Event, Player
 from ..engine.level import WORD, Level, compile_level, pack_bits
 from ..engine.scene import Scene, Sprites, Theme
 from ..engine.shade import ImageKind
-from ..environment import Info, Scalar, State
+from ..environment import Info, Params, Scalar, State
 from ..maps.ascii import parse_ascii
 from ..maps.things import MEDKIT, RGB
 from ..maps.tilemap import TileMap
@@ -68,9 +68,6 @@ class HealthGatheringParams(SteeringParams):
     pickup_reach: Scalar = number(36 / 32, 0)
     living_reward: Scalar = 1.0
     death_penalty: Scalar = 100.0
-
-
-DEFAULTS = HealthGatheringParams()
 
 
 class HealthGatheringState(State):
@@ -163,17 +160,13 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
     # change 0.002 % of the pixels.
     sprite_layers: int = 2
 
+    params_class: ClassVar[type[Params]] = HealthGatheringParams
     action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES[:3]
 
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
         check_strip(self.hud, self.observation, self.height)
-
-    @property
-    def default_params(self) -> HealthGatheringParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     @functools.cached_property
     def tilemap(self) -> TileMap:

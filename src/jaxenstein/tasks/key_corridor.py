@@ -23,6 +23,7 @@ from ..errors import SettingError
 from ..maps.symbols import DEFAULT_WALL, door_label
 from ..maps.things import COLOUR_NAMES, GOAL, KEY
 from ..maps.tilemap import Key, TileMap
+from ..params import number
 from ..players.walking import flood
 from .appearance import build_theme
 from .draws import draw_index
@@ -69,18 +70,13 @@ class KeyCorridor(GeneratedTask[KeyCorridorState, NavigationParams], GoalTask[Ke
             start is drawn anew all the same.
     """
 
-    room_size: int = 4
-    room_rows: int = 3
+    room_size: int = number(4, 3, 16)
+    room_rows: int = number(3, 1, 3)
     layout_seed: int | None = None
 
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        if not (3 <= self.room_size <= 16 and 1 <= self.room_rows <= 3):
-            raise SettingError(
-                f"room_size must be 3 to 16 and room_rows 1 to 3, not {self.room_size!r} and "
-                f"{self.room_rows!r}"
-            )
         seed = self.layout_seed
         whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
         if seed is not None and not (whole and 0 <= seed < 2**32):

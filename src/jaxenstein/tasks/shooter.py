@@ -16,7 +16,7 @@ import numpy as np
 
 from ..about import About, Event
 from ..environment import Info
-from ..params import Scalar, number
+from ..params import Params, Scalar, number
 from .doom.arena import DoomArenaParams
 from .doom.blasts import MOST
 from .doom.creatures import Creatures, placed
@@ -71,9 +71,6 @@ class ShooterParams(DoomArenaParams):
     clip: Scalar = number(10, 0)
 
 
-DEFAULTS = ShooterParams()
-
-
 class ShooterState(DrawnState):
     """State of a shooter: that of its player, its monsters and its map."""
 
@@ -100,16 +97,12 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
             are no pictures.
     """
 
+    params_class: ClassVar[type[Params]] = ShooterParams
     weapon: ClassVar[Weapon] = PISTOL
     ammo: ClassVar[int] = 50
     most_ammo: ClassVar[int] = 100
     # What success means, in words that follow "the agent"; "" for what the map says.
     aim: ClassVar[str] = ""
-
-    @property
-    def default_params(self) -> ShooterParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     def init_state(self, key: jax.Array, params: ShooterParams) -> ShooterState:
         """Draw start, heading, and where each monster looks."""

@@ -41,9 +41,6 @@ class DoomBasicParams(Params):
     living_reward: Scalar = -1.0
 
 
-DEFAULTS = DoomBasicParams()
-
-
 class DoomBasicState(DoomShooterState):
     """State of the task.
 
@@ -64,6 +61,7 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
     The tic after the hit terminates.
     """
 
+    params_class: ClassVar[type[Params]] = DoomBasicParams
     map_name: ClassVar[str] = "basic"
     success_event: ClassVar[str] = "kills"
     success_count: ClassVar[str] = "KILLCOUNT"
@@ -74,11 +72,6 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
     thing_labels: ClassVar[tuple[int, ...]] = (CACODEMON.label,)
     floor: ClassVar[RGB] = TAN
     ceiling: ClassVar[RGB] = SLATE
-
-    @property
-    def default_params(self) -> DoomBasicParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     @property
     def half_widths(self) -> np.ndarray:

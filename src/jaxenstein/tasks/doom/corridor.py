@@ -13,7 +13,7 @@ import numpy as np
 from ...about import About, Event
 from ...environment import Info
 from ...maps.things import GOAL, RGB
-from ...params import Scalar, number
+from ...params import Params, Scalar, number
 from ...players.chance import NO_OP
 from ..draws import draw_index
 from .aiming import RUN, STORM
@@ -66,9 +66,6 @@ class DoomCorridorParams(DoomArenaParams):
     damage_factor: Scalar = number(2.0, 0)
 
 
-DEFAULTS = DoomCorridorParams()
-
-
 class DoomCorridorState(DoomArenaState):
     """State of the task.
 
@@ -88,6 +85,7 @@ class DoomDeadlyCorridor(DoomArena[DoomCorridorState, DoomCorridorParams]):
     dying, which terminates. The tic after the armour was reached terminates, too.
     """
 
+    params_class: ClassVar[type[Params]] = DoomCorridorParams
     map_name: ClassVar[str] = "deadly-corridor"
     success_event: ClassVar[str] = "reached_goal"
     unit: ClassVar[int] = 32
@@ -134,11 +132,6 @@ class DoomDeadlyCorridor(DoomArena[DoomCorridorState, DoomCorridorParams]):
     def pictures(self) -> tuple[Picture, ...]:
         """Of monsters and armour."""
         return (*super().pictures, VEST)
-
-    @property
-    def default_params(self) -> DoomCorridorParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     @property
     def goals(self) -> np.ndarray:

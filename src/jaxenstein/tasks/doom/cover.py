@@ -12,7 +12,7 @@ import numpy as np
 from ...about import About, Event
 from ...environment import Info
 from ...maps.things import RGB
-from ...params import Scalar, number
+from ...params import Params, Scalar, number
 from ..draws import draw_index
 from .arena import DoomArenaParams
 from .bodies import overlap
@@ -45,9 +45,6 @@ class DoomCoverParams(DoomArenaParams):
     damage_factor: Scalar = number(7.0, 0)
 
 
-DEFAULTS = DoomCoverParams()
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
     """Dodge fireballs: imps at the other side of the room throw them, and become ever more.
@@ -56,6 +53,7 @@ class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
     terminates; the game knows no time limit, here it is 2100 tics.
     """
 
+    params_class: ClassVar[type[Params]] = DoomCoverParams
     map_name: ClassVar[str] = "take-cover"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT)
@@ -64,11 +62,6 @@ class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
     floor: ClassVar[RGB] = CRATES
     ceiling: ClassVar[RGB] = CRATES
     ammo: ClassVar[int] = 0
-
-    @property
-    def default_params(self) -> DoomCoverParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     def init_state(self, key: jax.Array, params: DoomCoverParams) -> DoomFireState:
         """Three imps, who have not noticed the player yet."""

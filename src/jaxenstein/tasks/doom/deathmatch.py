@@ -13,7 +13,7 @@ import numpy as np
 from ...about import About, Event
 from ...environment import Info
 from ...maps.things import RGB
-from ...params import Scalar, number
+from ...params import Params, Scalar, number
 from ..draws import draw_index
 from .arena import DoomArenaParams
 from .armed_arena import (
@@ -98,9 +98,6 @@ class DoomMatchParams(DoomArenaParams):
     monster_health: Scalar = number(1.0, 0)
 
 
-DEFAULTS = DoomMatchParams()
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
     """Kill as many monsters as possible: they keep coming, of six kinds, and also fight each other.
@@ -112,6 +109,7 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
     # A second thing behind the first hardly shows, but for the crowds of things in the rooms.
     sprite_layers: int = 4
 
+    params_class: ClassVar[type[Params]] = DoomMatchParams
     map_name: ClassVar[str] = "deathmatch"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (
@@ -162,11 +160,6 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
     def starts(self) -> np.ndarray:
         """float[1, 2]: the middle; episodes start anywhere in the arena."""
         return np.array([(512.0, 512.0)])
-
-    @property
-    def default_params(self) -> DoomMatchParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     def init_state(self, key: jax.Array, params: DoomMatchParams) -> DoomArmedState:
         """Draw place and heading; nobody else is there."""

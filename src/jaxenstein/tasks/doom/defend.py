@@ -14,7 +14,7 @@ import numpy as np
 from ...about import About, Event
 from ...environment import Info
 from ...maps.things import RGB
-from ...params import Scalar, number
+from ...params import Params, Scalar, number
 from .aiming import TURN_AND_SHOOT
 from .arena import DoomArena, DoomArenaParams, DoomArenaState
 from .buttons import ATTACK, TURN_LEFT, TURN_RIGHT
@@ -54,9 +54,6 @@ class DoomCenterParams(DoomArenaParams):
     absence: Scalar = number(90, 1)
 
 
-DEFAULTS = DoomCenterParams()
-
-
 class DoomCenterState(DoomArenaState):
     """State of the task.
 
@@ -76,6 +73,7 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
     minus `death_penalty` for dying, which terminates.
     """
 
+    params_class: ClassVar[type[Params]] = DoomCenterParams
     map_name: ClassVar[str] = "defend-the-center"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
@@ -90,11 +88,6 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
     ceiling: ClassVar[RGB] = CEILING
     ammo: ClassVar[int] = 26
     draw_tics: ClassVar[int] = 6
-
-    @property
-    def default_params(self) -> DoomCenterParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     @functools.cached_property
     def tiles(self) -> Tiles:

@@ -12,7 +12,7 @@ import numpy as np
 from ...about import About, Event
 from ...environment import Info
 from ...maps.things import RGB
-from ...params import Scalar, number
+from ...params import Params, Scalar, number
 from .buttons import ATTACK, TURN_LEFT, TURN_RIGHT
 from .creatures import placed
 from .defend import DoomCenterParams, about_defence
@@ -40,9 +40,6 @@ class DoomLineParams(DoomCenterParams):
     growth: Scalar = number(4, 0)
 
 
-DEFAULTS = DoomLineParams()
-
-
 class DoomLineState(DoomFireState):
     """State of the task.
 
@@ -65,6 +62,7 @@ class DoomDefendTheLine(DoomFireArena[DoomLineState, DoomLineParams]):
     the game knows no time limit, here it is 2100 tics.
     """
 
+    params_class: ClassVar[type[Params]] = DoomLineParams
     map_name: ClassVar[str] = "defend-the-line"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
@@ -74,11 +72,6 @@ class DoomDefendTheLine(DoomFireArena[DoomLineState, DoomLineParams]):
     ammo: ClassVar[int] = 79
     most_ammo: ClassVar[int] = 200
     draw_tics: ClassVar[int] = 4
-
-    @property
-    def default_params(self) -> DoomLineParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     @property
     def _fresh(self) -> tuple[jax.Array, jax.Array]:

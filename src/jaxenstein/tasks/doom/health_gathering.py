@@ -43,9 +43,6 @@ class DoomHealthParams(Params):
     death_penalty: Scalar = 100.0
 
 
-DEFAULTS = DoomHealthParams()
-
-
 class DoomHealthState(DoomState):
     """State of the task; N is the capacity of all kinds of things together.
 
@@ -76,6 +73,7 @@ class DoomHealthGathering(
     # Things are as high as the eye or lower: a third one in a column hardly shows.
     sprite_layers: int = 2
 
+    params_class: ClassVar[type[Params]] = DoomHealthParams
     map_name: ClassVar[str] = "health-gathering"
     unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, FORWARD)
@@ -83,11 +81,6 @@ class DoomHealthGathering(
         Kind(MEDKIT_BOX, health=25, at_first=17, period=30, capacity=88, spared_when_full=True),
     )
     game_things: ClassVar[tuple[str, ...]] = ("Medikit",)
-
-    @property
-    def default_params(self) -> DoomHealthParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     @property
     def starts(self) -> np.ndarray:

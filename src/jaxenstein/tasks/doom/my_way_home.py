@@ -40,9 +40,6 @@ class DoomHomeParams(Params):
     living_reward: Scalar = -0.0001
 
 
-DEFAULTS = DoomHomeParams()
-
-
 class DoomHomeState(DoomState):
     """State of the task.
 
@@ -69,6 +66,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     spots: tuple[int, ...] = EVERY_SPOT
     angles: tuple[int, int] = ANY_ANGLE
 
+    params_class: ClassVar[type[Params]] = DoomHomeParams
     map_name: ClassVar[str] = "my-way-home"
     success_event: ClassVar[str] = "reached_goal"
     unit: ClassVar[int] = 16
@@ -87,11 +85,6 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
         """Its name in ViZDoom, which has no sparse variants."""
         whole = (self.spots, self.angles) == (EVERY_SPOT, ANY_ANGLE)
         return super().scenario if whole else None
-
-    @property
-    def default_params(self) -> DoomHomeParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     @property
     def starts(self) -> np.ndarray:

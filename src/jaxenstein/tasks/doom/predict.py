@@ -49,9 +49,6 @@ class DoomPredictParams(Params):
     living_reward: Scalar = -0.001
 
 
-PREDICT_DEFAULTS = DoomPredictParams()
-
-
 class DoomPredictState(DoomShooterState):
     """State of Predict Position.
 
@@ -80,6 +77,7 @@ class DoomPredictPosition(Rockets, DoomShooter[DoomPredictState, DoomPredictPara
     tic. The tic after the hit terminates, and so does the 46th after the shot.
     """
 
+    params_class: ClassVar[type[Params]] = DoomPredictParams
     map_name: ClassVar[str] = "predict-position"
     success_event: ClassVar[str] = "kills"
     success_count: ClassVar[str] = "KILLCOUNT"
@@ -100,11 +98,6 @@ class DoomPredictPosition(Rockets, DoomShooter[DoomPredictState, DoomPredictPara
     def monster_walls(self) -> np.ndarray:
         """float32[L, 4]: what stops it, and the rocket."""
         return segments(self.doom_map.walls)
-
-    @property
-    def default_params(self) -> DoomPredictParams:
-        """The params that `params=None` stands for."""
-        return PREDICT_DEFAULTS
 
     @property
     def half_widths(self) -> np.ndarray:

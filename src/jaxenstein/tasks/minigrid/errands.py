@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...calls import check_whole
+from ...params import number
 from ..steering import INTERACT
 from .aims import DONE, DROP, PICK_UP, Aim
 from .rooms import PickUpWorld
@@ -38,17 +39,12 @@ class GoToDoor(GridWorld):
         size: the most tiles of the room's sides, which are drawn, walls included; at least 5.
     """
 
-    size: int = 5
+    size: int = number(5, 5, 32)
 
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND,)
     asks: ClassVar[bool] = True
     aim_words: ClassVar[str] = "said done beside what was asked for"
     fail_words: ClassVar[str] = "said done elsewhere"
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("size", self.size, 32, 5)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the room, its doors, the start and the instruction."""
@@ -95,14 +91,9 @@ class GoToObject(GoToDoor):
     """
 
     size: int = 6
-    objects: int = 2
+    objects: int = number(2, 1, 4)
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("objects", self.objects, 4, 1)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the things, the start and the instruction."""
@@ -129,18 +120,12 @@ class Fetch(PickUpWorld):
         objects: how many things, 2 or 3.
     """
 
-    size: int = 8
-    objects: int = 3
+    size: int = number(8, 5, 32)
+    objects: int = number(3, 2, 3)
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND)
     asks: ClassVar[bool] = True
     fail_words: ClassVar[str] = "picked up something else"
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("size", self.size, 32, 5)
-        check_whole("objects", self.objects, 3, 2)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the things, the start, and which of them to fetch.
@@ -184,7 +169,7 @@ class PutNear(GridWorld):
         objects: how many things, 2 or 3.
     """
 
-    size: int = 6
+    size: int = number(6, 6, 32)
     objects: int = 2
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
@@ -195,7 +180,6 @@ class PutNear(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("size", self.size, 32, 6)
         check_whole("objects", self.objects, 2 if self.size < 8 else 3, 2)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
@@ -260,18 +244,13 @@ class Memory(GridWorld):
         random_length: whether the hall's length is drawn.
     """
 
-    size: int = 9
+    size: int = number(9, 7, 63)
     random_length: bool = False
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND)
     hands: ClassVar[bool] = False
     aim_words: ClassVar[str] = "went to the thing that is like the first"
     fail_words: ClassVar[str] = "went to the other one"
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("size", self.size, 63, 7)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the first thing, which of both is where, the hall's length and the start."""

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...calls import check_whole
+from ...params import number
 from ..steering import INTERACT
 from .aims import Aim
 from .sketch import COLOURS, Sketch
@@ -27,14 +27,9 @@ class DoorKey(GridWorld):
         size: tiles of the world's side, walls included.
     """
 
-    size: int = 8
+    size: int = number(8, 5, 64)
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, GOAL_KIND)
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("size", self.size, 64, 5)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the wall, the door, the start and the key."""
@@ -90,16 +85,11 @@ class RedBlueDoors(GridWorld):
         size: tiles of the room's side, walls included; the world is twice as wide.
     """
 
-    size: int = 8
+    size: int = number(8, 4, 32)
 
     kinds: ClassVar[tuple[int, ...]] = ()
     aim_words: ClassVar[str] = "opened the red door, then the blue one"
     fail_words: ClassVar[str] = "opened the blue door first"
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("size", self.size, 32, 4)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the start and the places of the doors."""

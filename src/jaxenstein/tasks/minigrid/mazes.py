@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from ...maps.symbols import door_label
+from ...params import number
 from ..draws import draw_index
 from ..goals import NavigationParams
 from ..key_corridor import KeyCorridor
@@ -32,16 +33,11 @@ class KeyCorridorBall(PickUpWorld):
         room_rows: rows of rooms, 1 to 3.
     """
 
-    room_size: int = 4
-    room_rows: int = 3
+    room_size: int = number(4, 3, 16)
+    room_rows: int = number(3, 1, 3)
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND)
     aim_words: ClassVar[str] = "picked up the ball"
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        assert self._layout
 
     @functools.cached_property
     def _layout(self) -> KeyCorridor:

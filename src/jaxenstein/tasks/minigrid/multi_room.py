@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...batching import varying
-from ...calls import check_whole
+from ...params import number
 from ..draws import draw_index
 from .sketch import COLOURS, Sketch
 from .state import GOAL_KIND, GridState
@@ -52,14 +52,8 @@ class MultiRoom(GridWorld):
         room_size: the most tiles of a room's side, walls included, 4 to 10.
     """
 
-    rooms: int = 6
-    room_size: int = 10
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("rooms", self.rooms, 6, 2)
-        check_whole("room_size", self.room_size, 10, LEAST)
+    rooms: int = number(6, 2, 6)
+    room_size: int = number(10, LEAST, 10)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw chains until one has all its rooms; then doors, start and goal.

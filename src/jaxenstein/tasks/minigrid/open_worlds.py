@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...calls import check_whole
+from ...params import number
 from .sketch import Sketch
 from .state import GOAL_KIND, LAVA_KIND, GridState
 from .world import GridParams, GridWorld
@@ -24,13 +25,8 @@ class Empty(GridWorld):
         random_start: whether the start is drawn; else it is the north-western corner, facing east.
     """
 
-    size: int = 8
+    size: int = number(8, 4, 64)
     random_start: bool = False
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("size", self.size, 64, 4)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """The room."""
@@ -52,12 +48,7 @@ class FourRooms(GridWorld):
         size: tiles of the world's side, walls included; odd.
     """
 
-    size: int = 19
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("size", self.size, 63, 7)
+    size: int = number(19, 7, 63)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Walls, gaps, start and goal."""
@@ -87,7 +78,7 @@ class Crossing(GridWorld):
         obstacle: `"wall"` or `"lava"`.
     """
 
-    size: int = 9
+    size: int = number(9, 5, 63)
     crossings: int = 1
     obstacle: Literal["wall", "lava"] = "lava"
 
@@ -96,7 +87,6 @@ class Crossing(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("size", self.size, 63, 5)
         check_whole("crossings", self.crossings, self.size - 3, 1)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
@@ -152,14 +142,9 @@ class LavaGap(GridWorld):
         size: tiles of the world's side, walls included.
     """
 
-    size: int = 7
+    size: int = number(7, 5, 64)
 
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND, LAVA_KIND)
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("size", self.size, 64, 5)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """Draw the gap."""
@@ -181,14 +166,9 @@ class DistShift(GridWorld):
         strip_row: row of the second strip, 2 to 5.
     """
 
-    strip_row: int = 2
+    strip_row: int = number(2, 2, 5)
 
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND, LAVA_KIND)
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("strip_row", self.strip_row, 5, 2)
 
     def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
         """The one layout."""

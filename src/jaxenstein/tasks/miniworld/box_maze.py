@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...calls import check_whole
 from ...engine.level import Level, level_from_walls
+from ...params import number
 from ..draws import draw_index, draw_unit
 from ..generated import GeneratedTask
 from ..goals import NavigationParams
@@ -44,12 +44,7 @@ class BoxMaze(GeneratedTask[MazeState, NavigationParams], ReachBox[MazeState]):
         cells: cells in a row and in a column, 1 to 15.
     """
 
-    cells: int = 8
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("cells", self.cells, 15)
+    cells: int = number(8, 1, 15)
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> MazeState:
         """Draw the maze and the place of its box, then a start."""

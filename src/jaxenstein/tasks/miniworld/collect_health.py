@@ -15,7 +15,7 @@ from ...about import About, Choose, Event, Player
 from ...batching import select
 from ...engine.motion import forward
 from ...engine.scene import Scene, Sprites
-from ...environment import Info, Scalar, State
+from ...environment import Info, Params, Scalar, State
 from ...maps.symbols import DEFAULT_WALL
 from ...maps.things import RGB
 from ...maps.tilemap import TileMap
@@ -51,9 +51,6 @@ class CollectHealthParams(SteeringParams):
     damage: Scalar = number(2, 0)
     living_reward: Scalar = 2.0
     death_penalty: Scalar = 102.0
-
-
-DEFAULTS = CollectHealthParams()
 
 
 class CollectHealthState(State):
@@ -141,13 +138,9 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
     way. Reward: 2 a step, and -100 for the step that dies, which terminates.
     """
 
+    params_class: ClassVar[type[Params]] = CollectHealthParams
     action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:4], "pick up")
     ceiling: ClassVar[RGB] = CEILING
-
-    @property
-    def default_params(self) -> CollectHealthParams:
-        """The params that `params=None` stands for."""
-        return DEFAULTS
 
     @functools.cached_property
     def tilemap(self) -> TileMap:

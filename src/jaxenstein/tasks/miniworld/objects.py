@@ -19,6 +19,7 @@ from ...calls import check_whole
 from ...engine.scene import Theme
 from ...environment import Info
 from ...maps.things import COLOUR_NAMES
+from ...params import number
 from ...players.straight import walk_straight
 from ..minigrid.aims import DROP, PICK_UP, Aim
 from ..minigrid.player import planner
@@ -53,7 +54,7 @@ class ThingsRoom(GridWorld):
         size: tiles of the room's side, without its walls.
     """
 
-    size: int = 12
+    size: int = number(12, 1, 60)
 
     deeds: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, PICK_UP, DROP)
     """What each action is in worlds of things."""
@@ -62,11 +63,6 @@ class ThingsRoom(GridWorld):
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
     outside: ClassVar[bool] = False
     action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:4], "pick up", "drop")
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        super().__post_init__()
-        check_whole("size", self.size, 60)
 
     @functools.cached_property
     def theme(self) -> Theme:
