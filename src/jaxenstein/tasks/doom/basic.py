@@ -65,7 +65,6 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
     map_name: ClassVar[str] = "basic"
     success_event: ClassVar[str] = "kills"
     success_count: ClassVar[str] = "KILLCOUNT"
-    unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT, ATTACK)
     pictures: ClassVar[tuple[Picture, ...]] = CACODEMONS
     game_things: ClassVar[tuple[str, ...]] = ("Cacodemon",)

@@ -88,7 +88,6 @@ class DoomDeadlyCorridor(DoomArena[DoomCorridorState, DoomCorridorParams]):
     params_class: ClassVar[type[Params]] = DoomCorridorParams
     map_name: ClassVar[str] = "deadly-corridor"
     success_event: ClassVar[str] = "reached_goal"
-    unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (
         MOVE_LEFT,
         MOVE_RIGHT,

@@ -55,7 +55,6 @@ class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
 
     params_class: ClassVar[type[Params]] = DoomCoverParams
     map_name: ClassVar[str] = "take-cover"
-    unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT)
     # Nothing can hurt them.
     cast: ClassVar[tuple[Kind, ...]] = (dataclasses.replace(standing(IMP), pain_chance=0),) * MOST

@@ -111,7 +111,6 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
 
     params_class: ClassVar[type[Params]] = DoomMatchParams
     map_name: ClassVar[str] = "deathmatch"
-    unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (
         ATTACK,
         "speed",

@@ -75,7 +75,6 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
 
     params_class: ClassVar[type[Params]] = DoomCenterParams
     map_name: ClassVar[str] = "defend-the-center"
-    unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
     cast: ClassVar[tuple[Kind, ...]] = (
         CHAINSAW_MARINE,

@@ -64,7 +64,6 @@ class DoomDefendTheLine(DoomFireArena[DoomLineState, DoomLineParams]):
 
     params_class: ClassVar[type[Params]] = DoomLineParams
     map_name: ClassVar[str] = "defend-the-line"
-    unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
     cast: ClassVar[tuple[Kind, ...]] = (standing(IMP),) * len(_IMPS) + (DEMON,) * len(_DEMONS)
     floor: ClassVar[RGB] = CRATES

@@ -75,7 +75,6 @@ class DoomHealthGathering(
 
     params_class: ClassVar[type[Params]] = DoomHealthParams
     map_name: ClassVar[str] = "health-gathering"
-    unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, FORWARD)
     kinds: ClassVar[tuple[Kind, ...]] = (
         Kind(MEDKIT_BOX, health=25, at_first=17, period=30, capacity=88, spared_when_full=True),

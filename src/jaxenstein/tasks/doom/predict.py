@@ -81,7 +81,6 @@ class DoomPredictPosition(Rockets, DoomShooter[DoomPredictState, DoomPredictPara
     map_name: ClassVar[str] = "predict-position"
     success_event: ClassVar[str] = "kills"
     success_count: ClassVar[str] = "KILLCOUNT"
-    unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
     game_things: ClassVar[tuple[str, ...]] = ("Cacodemon", "Rocket")
     floor: ClassVar[RGB] = STEEL

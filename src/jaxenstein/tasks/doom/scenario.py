@@ -75,7 +75,8 @@ class DoomScenario(FirstPerson[S, P]):
     field_of_view: float = 90.0
 
     map_name: ClassVar[str]
-    unit: ClassVar[int]
+    # Map units of a tile.
+    unit: ClassVar[int] = 32
     button_names: ClassVar[tuple[str, ...]]
     # What the game calls the things of each look.
     game_things: ClassVar[tuple[str, ...]]
