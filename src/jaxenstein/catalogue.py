@@ -119,16 +119,13 @@ def _health_gathering() -> Build:
     return HealthGathering
 
 
-# A move of one MiniGrid cell, or a turn of 90 degrees, is about 1 / 0.15 of our steps.
-_STEPS_A_MOVE = 1 / 0.15
-
-
 def _key_corridor(size: int, rows: int) -> Build:
     """KeyCorridorS<size>R<rows>, whose budget of 30 moves a tile of room is rescaled."""
     from .tasks.goals import NavigationParams
     from .tasks.key_corridor import KeyCorridor
+    from .tasks.minigrid.table import STEPS_A_MOVE
 
-    defaults = NavigationParams(max_steps_in_episode=round(30 * size**2 * _STEPS_A_MOVE))
+    defaults = NavigationParams(max_steps_in_episode=round(30 * size**2 * STEPS_A_MOVE))
     return functools.partial(KeyCorridor, room_size=size, room_rows=rows, defaults=defaults)
 
 

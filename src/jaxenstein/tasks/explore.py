@@ -315,30 +315,29 @@ def _floor(state: ExploreState, closed: jax.Array) -> jax.Array:
     return ((walls == 0) | (walls == _DOOR)) & ~shut
 
 
-# Kind, cells with the border, rooms, their least and most side, places in each, steps, reward.
-_LEVELS: dict[str, tuple[Kind, int, int, int, int, int, int, float]] = {
-    "goal-locations": ("goal", 11, 4, 3, 5, 4, 1350, 10.0),
-    "goal-locations-large": ("goal", 17, 9, 3, 3, 4, 1800, 10.0),
-    "obstructed-goals": ("goal", 11, 4, 3, 5, 4, 1350, 10.0),
-    "obstructed-goals-large": ("goal", 17, 9, 3, 3, 4, 1800, 10.0),
-    "object-locations": ("apples", 11, 4, 3, 5, 4, 1350, 1.0),
-    "object-locations-large": ("apples", 17, 9, 3, 3, 4, 1800, 1.0),
-    "object-rewards": ("objects", 13, 1, 11, 11, 8, 1350, 2.0),
-    "object-rewards-many": ("objects", 13, 1, 11, 11, 16, 1800, 2.0),
+# Kind, cells with the border, rooms, their least and most side, places in each, the most doors,
+# steps, reward. Of 2048 mazes of these sizes, none has more than 16 or 35 doorways.
+_LEVELS: dict[str, tuple[Kind, int, int, int, int, int, int, int, float]] = {
+    "goal-locations": ("goal", 11, 4, 3, 5, 4, 0, 1350, 10.0),
+    "goal-locations-large": ("goal", 17, 9, 3, 3, 4, 0, 1800, 10.0),
+    "obstructed-goals": ("goal", 11, 4, 3, 5, 4, 20, 1350, 10.0),
+    "obstructed-goals-large": ("goal", 17, 9, 3, 3, 4, 40, 1800, 10.0),
+    "object-locations": ("apples", 11, 4, 3, 5, 4, 0, 1350, 1.0),
+    "object-locations-large": ("apples", 17, 9, 3, 3, 4, 0, 1800, 1.0),
+    "object-rewards": ("objects", 13, 1, 11, 11, 8, 0, 1350, 2.0),
+    "object-rewards-many": ("objects", 13, 1, 11, 11, 16, 0, 1800, 2.0),
 }
-# Of 2048 mazes of these sizes, none has more than 16 or 35 doorways.
-_DOORS = {11: 20, 17: 40}
 
 
 def build(name: str) -> functools.partial[Explore]:
     """One of the original's levels, by its id; a step is four frames, a fifteenth of a second."""
-    name = name.removeprefix("dmlab-explore-")
-    kind, size, rooms, least, most, places, steps, reward = _LEVELS[name]
+    level = _LEVELS[name.removeprefix("dmlab-explore-")]
+    kind, size, rooms, least, most, places, doors, steps, reward = level
     return functools.partial(
         Explore,
         kind=kind,
         plan=MazePlan(size, rooms, least, most),
         places=places,
-        doors=_DOORS[size] if name.startswith("obstructed") else 0,
+        doors=doors,
         defaults=ExploreParams(max_steps_in_episode=steps, reward=reward),
     )

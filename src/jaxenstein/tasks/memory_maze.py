@@ -293,14 +293,18 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         return jnp.where(paved, jnp.uint8(0), colours[block])
 
 
-# Of each size without the border: things and steps; the largest has nine rooms of 3 by 3 tiles.
-_SIZES = {9: (3, 1000), 11: (4, 2000), 13: (5, 3000), 15: (6, 4000)}
+# Of each the size without the border, things and steps; the largest has nine rooms of 3 by 3 tiles.
+_SIZES = {
+    "memory-maze-9x9": (9, 3, 1000),
+    "memory-maze-11x11": (11, 4, 2000),
+    "memory-maze-13x13": (13, 5, 3000),
+    "memory-maze-15x15": (15, 6, 4000),
+}
 
 
 def build(name: str) -> functools.partial[MemoryMaze]:
     """One of the original's sizes, by its id."""
-    size = int(name.rpartition("x")[2])
-    things, steps = _SIZES[size]
+    size, things, steps = _SIZES[name]
     rooms, most = (9, 3) if size == 15 else (6, 5)
     plan = MazePlan(size + 2, rooms, most=most, fewest=things)
     defaults = MemoryMazeParams(max_steps_in_episode=steps)

@@ -18,7 +18,7 @@ from ...params import Params, Scalar, number
 from ..health import FULL_HEALTH, HealthTask, about_health
 from .buttons import FORWARD, TURN_LEFT, TURN_RIGHT
 from .look import ACID, BOTTLE, CEILING, MEDKIT_BOX, doom_theme
-from .pickup import Kind, take_one, take_some, touched
+from .pickup import Pickup, take_one, take_some, touched
 from .places import load_places
 from .players import GREEDY_MEDKITS
 from .scenario import ANY_ANGLE, DoomScenario, DoomState
@@ -76,8 +76,8 @@ class DoomHealthGathering(
     params_class: ClassVar[type[Params]] = DoomHealthParams
     map_name: ClassVar[str] = "health-gathering"
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, FORWARD)
-    kinds: ClassVar[tuple[Kind, ...]] = (
-        Kind(MEDKIT_BOX, health=25, at_first=17, period=30, capacity=88, spared_when_full=True),
+    kinds: ClassVar[tuple[Pickup, ...]] = (
+        Pickup(MEDKIT_BOX, health=25, at_first=17, period=30, capacity=88, spared_when_full=True),
     )
     game_things: ClassVar[tuple[str, ...]] = ("Medikit",)
 
@@ -203,8 +203,8 @@ class DoomHealthGatheringSupreme(DoomHealthGathering):
     """Health Gathering in a large room with walls, and with poison that looks like a bottle."""
 
     map_name: ClassVar[str] = "health-gathering-supreme"
-    kinds: ClassVar[tuple[Kind, ...]] = (
-        Kind(MEDKIT_BOX, health=20, at_first=31, period=25, capacity=116),
-        Kind(BOTTLE, health=-30, at_first=3, period=50, capacity=46, name="poison"),
+    kinds: ClassVar[tuple[Pickup, ...]] = (
+        Pickup(MEDKIT_BOX, health=20, at_first=31, period=25, capacity=116),
+        Pickup(BOTTLE, health=-30, at_first=3, period=50, capacity=46, name="poison"),
     )
     game_things: ClassVar[tuple[str, ...]] = ("CustomMedikit", "Poison")

@@ -21,7 +21,7 @@ REACH = (RADIUS + THING_RADIUS) * ONE
 
 
 @dataclass(frozen=True)
-class Kind:
+class Pickup:
     """A kind of thing to take.
 
     Attributes:
@@ -72,7 +72,7 @@ def touched(tried: Tried, places: jax.Array, present: jax.Array) -> jax.Array:
 
 
 def take_one(
-    kinds: Sequence[Kind], looks: jax.Array, health: jax.Array, reach: jax.Array
+    kinds: Sequence[Pickup], looks: jax.Array, health: jax.Array, reach: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     """What becomes of the health, int32[], and bool[N] what is taken, if at most one is in reach.
 
@@ -93,7 +93,7 @@ def take_one(
 
 def take_some(
     geometry: Geometry,
-    kinds: Sequence[Kind],
+    kinds: Sequence[Pickup],
     looks: np.ndarray,
     target: jax.Array,
     places: jax.Array,

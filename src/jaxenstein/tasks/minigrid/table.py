@@ -229,3 +229,8 @@ WORLDS: tuple[Worlds, ...] = (
     ),
 )
 """All of them, in the order in which they are listed."""
+
+
+def world_of(name: str) -> Worlds:
+    """The world of an id, given without the prefix."""
+    return next(world for world in WORLDS if name in world.sizes)

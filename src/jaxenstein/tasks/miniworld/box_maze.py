@@ -26,7 +26,7 @@ _PITCH = _CELL + 1
 _BODY, _BOX, _TRIES = 0.4, 0.566, 16
 
 
-class MazeState(BoxState):
+class BoxMazeState(BoxState):
     """State of the task.
 
     Attributes:
@@ -37,7 +37,7 @@ class MazeState(BoxState):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BoxMaze(GeneratedTask[MazeState, NavigationParams], ReachBox[MazeState]):
+class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeState]):
     """A red box to reach in a maze of wide cells; actions and reward are those of `ReachBox`.
 
     Attributes:
@@ -46,7 +46,7 @@ class BoxMaze(GeneratedTask[MazeState, NavigationParams], ReachBox[MazeState]):
 
     cells: int = number(8, 1, 15)
 
-    def init_state(self, key: jax.Array, params: NavigationParams) -> MazeState:
+    def init_state(self, key: jax.Array, params: NavigationParams) -> BoxMazeState:
         """Draw the maze and the place of its box, then a start."""
         level_key, start_key = jax.random.split(key)
         count = self.cells
@@ -55,7 +55,7 @@ class BoxMaze(GeneratedTask[MazeState, NavigationParams], ReachBox[MazeState]):
         starts = jax.random.bits(start_key, (_TRIES + 1, 3), jnp.uint32)
         places = jax.vmap(functools.partial(self._place, margin=_BODY))(starts[:-1])
         near = jnp.sum((places - goal[None]) ** 2, axis=-1) <= jnp.square(params.goal_radius)
-        return MazeState(
+        return BoxMazeState(
             position=places[jnp.argmin(near)],
             heading=draw_heading(starts[-1, 0], None),
             level=level_from_walls(jnp.where(self._floor(bits[:-3]), 0, BRICK).astype(jnp.uint8)),
@@ -64,7 +64,7 @@ class BoxMaze(GeneratedTask[MazeState, NavigationParams], ReachBox[MazeState]):
             taken=jnp.zeros(0, bool),
         )
 
-    def level_of(self, state: MazeState) -> Level:
+    def level_of(self, state: BoxMazeState) -> Level:
         """The level of the maze."""
         return state.level
 

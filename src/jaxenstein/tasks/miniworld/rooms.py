@@ -30,6 +30,7 @@ class Rooms(NamedTuple):
         boxes: where the box may be.
         settings: of `BoxRooms`.
         wall: label of the walls.
+        numbers: params that differ from those of the others.
     """
 
     steps: int
@@ -38,6 +39,7 @@ class Rooms(NamedTuple):
     boxes: tuple[Area, ...]
     settings: dict[str, Any] = {}  # noqa: RUF012, a tuple's default
     wall: int = DEFAULT_WALL
+    numbers: dict[str, float] = {}  # noqa: RUF012
 
 
 def _square(side: int) -> Rooms:
@@ -100,6 +102,7 @@ ROOMS = {
     "hallway": _hallway(),
     "one-room": _square(10),
     "one-room-s6": _square(6),
+    "one-room-s6-fast": _square(6)._replace(steps=50, numbers=FAST),
     "four-rooms": _four_rooms(),
     "t-maze": _t_maze(),
     "t-maze-left": _t_maze((12, 3, 12, 3)),
@@ -111,11 +114,9 @@ ROOMS = {
 
 
 def build(name: str) -> functools.partial[BoxRooms]:
-    """One of the rooms, by the name of its environment, which may end in "-fast"."""
-    rooms = ROOMS[name.removesuffix("-fast")]
-    params = BoxParams(max_steps_in_episode=rooms.steps)
-    if name.endswith("-fast"):
-        params = params.replace(max_steps_in_episode=rooms.steps // 2, **FAST)
+    """One of the rooms, by the name of its environment."""
+    rooms = ROOMS[name]
+    params = BoxParams(max_steps_in_episode=rooms.steps).replace(**rooms.numbers)
     return functools.partial(
         BoxRooms,
         tilemap=_map_of(name, rooms),

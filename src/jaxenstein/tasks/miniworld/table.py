@@ -9,10 +9,9 @@ from ...environment import AnyEnvironment
 
 # The modules of those that are not among the rooms.
 _MODULES = {
-    "maze": "box_maze",
+    **dict.fromkeys(("maze", "maze-s2", "maze-s3", "maze-s3-fast"), "box_maze"),
+    **dict.fromkeys(("pickup-objects", "put-next"), "objects"),
     "collect-health": "collect_health",
-    "pickup-objects": "objects",
-    "put-next": "objects",
     "sign": "sign",
 }
 
@@ -20,5 +19,5 @@ _MODULES = {
 def build(id: str) -> Callable[..., AnyEnvironment]:
     """What makes one of them from the settings that all environments share."""
     name = id.removeprefix("miniworld-")
-    module = next((m for start, m in _MODULES.items() if name.startswith(start)), "rooms")
+    module = _MODULES.get(name, "rooms")
     return importlib.import_module(f".{module}", __package__).build(name)
