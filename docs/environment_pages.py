@@ -229,11 +229,13 @@ def params_table(family: Family) -> str:
     """The params of a family: their meanings, and their values."""
     values = [built(name)[1] for name in family.ids]
     # The params of one may have more than those of another.
-    meanings = {k: v for params in values[::-1] for k, v in attributes(type(params)).items()}
-    order = {field: None for params in values for field in attributes(type(params))}
+    own = [attributes(type(params)) for params in values]
+    meanings = {k: v for said in own[::-1] for k, v in said.items()}
+    order = {field: None for said in own for field in said}
     rows = []
     for field in order:
-        numbers = [getattr(params, field) for params in values if hasattr(params, field)]
+        having = [p for p, said in zip(values, own, strict=True) if field in said]
+        numbers = [getattr(params, field) for params in having]
         shown = {f"{np.asarray(value).item():.6g}": None for value in numbers}
         rows.append((f"`{field}`", ", ".join(shown), meanings[field]))
     return table(("param", "default", "meaning"), rows)

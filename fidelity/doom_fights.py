@@ -30,6 +30,7 @@ from fidelity.players import mean_and_error
 from jaxenstein.adapters.vizdoom import GameSession
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.players import players_of
+from jaxenstein.tasks.doom.fireballs import DoomFireArena, DoomFireState
 from jaxenstein.tasks.doom.fixed import ONE
 
 UNLIKELY = 0.05
@@ -89,7 +90,7 @@ class Measure(NamedTuple):
 
 def seen(state: Any) -> Seen:
     """What is watched of one of our states."""
-    balls = getattr(state, "balls", None)
+    fire = isinstance(state, DoomFireState)
     none = jnp.zeros((0, 2), jnp.int32)
     return Seen(
         state.health,
@@ -98,8 +99,8 @@ def seen(state: Any) -> Seen:
         state.angle,
         state.creatures.position,
         state.creatures.living,
-        none if balls is None else balls.position,
-        none[:, 0] > 0 if balls is None else balls.flies,
+        state.balls.position if fire else none,
+        state.balls.flies if fire else none[:, 0] > 0,
     )
 
 
@@ -229,10 +230,10 @@ def measure(id: str, episodes: int, seed: int) -> list[Measure]:
             far = [[float(distances(t)[_AFTER, own].mean()) for t in side] for side in come]
             far = [[mean for mean in side if np.isfinite(mean)] for side in far]  # all live
             add(f"{kind.name}s after {_AFTER} tics, map units off", far)
-    if hasattr(env, "most_balls"):
+    if isinstance(env, DoomFireArena):
         rates = [_all(_rate, side) for side in both]
         add("fireballs in 100 tics of a life", rates)
-    if "turn_and_shoot" in players_of(env) and not hasattr(env, "most_balls"):
+    elif "turn_and_shoot" in players_of(env):
         name = "turn_and_shoot"
         both = [f(env, params, name, episodes, seed) for f in (traces_here, traces_there)]
         fired = [np.concatenate([shots(trace) for trace in side]) for side in both]

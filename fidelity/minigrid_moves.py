@@ -12,23 +12,24 @@ import heapq
 from typing import NamedTuple
 
 from fidelity.frequencies import Observation
+from jaxenstein.tasks.minigrid.table import world_of
 
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 Cell = tuple[int, int]
-# What ends the worlds that are counted, by the beginnings of their names: a goal to stand on, a
-# thing to pick up, or a locked door to open.
+# What ends the worlds that are counted, by their sources: a goal to stand on, a thing to pick up,
+# or a locked door to open.
 ENDS = {
-    "empty": "goal",
-    "four-rooms": "goal",
-    "multi-room": "goal",
-    "simple-crossing": "goal",
-    "lava": "goal",
-    "dist-shift": "goal",
-    "door-key": "goal",
-    "locked-room": "goal",
-    "unlock-pickup": "box",
-    "unlock": "locked",
-    "key-corridor": "ball",
+    "open_worlds:Empty": "goal",
+    "open_worlds:FourRooms": "goal",
+    "multi_room:MultiRoom": "goal",
+    "open_worlds:Crossing": "goal",
+    "open_worlds:LavaGap": "goal",
+    "open_worlds:DistShift": "goal",
+    "locked:DoorKey": "goal",
+    "locked:LockedRoom": "goal",
+    "rooms:UnlockPickup": "box",
+    "rooms:Unlock": "locked",
+    "mazes:KeyCorridorBall": "ball",
 }
 
 
@@ -42,7 +43,10 @@ class Place(NamedTuple):
 
 def end_of(name: str) -> str:
     """What ends a world, "" if it is not counted; without the prefix of the id."""
-    return next((end for start, end in ENDS.items() if name.startswith(start)), "")
+    world = world_of(name)
+    # Nothing is counted that has to be moved out of the way.
+    blocked = world.sizes[name][1].get("blocked", False)
+    return "" if blocked else ENDS.get(world.source, "")
 
 
 def fewest_moves(found: Observation, end: str) -> int:

@@ -103,7 +103,7 @@ def restart(env: Any) -> None:
 def from_miniworld(name: str, resets: int) -> list[First]:
     """Its first states."""
     env, shift, found = original(name), np.array(ROOMS[name][3]), []
-    maze = name.startswith("maze")
+    maze = ROOMS[name][0] == "maze"
     for _ in range(resets):
         restart(env)
         boxes = [env.red_box, env.yellow_box] if name == "put-next" else []
@@ -127,19 +127,24 @@ def from_miniworld(name: str, resets: int) -> list[First]:
 
 def from_ours(name: str, resets: int) -> list[First]:
     """Ours."""
+    from jaxenstein.tasks.miniworld.box_maze import BoxMazeState
+    from jaxenstein.tasks.miniworld.collect_health import CollectHealthState
+    from jaxenstein.tasks.miniworld.reach_box import BoxState
+
     _, _, states = first_states(name, resets)
     found = []
     for i in range(resets):
-        start, things = states.position[i], None
-        if hasattr(states, "goal"):
+        start: Any = states.position[i]
+        things: Any
+        if isinstance(states, BoxState):
             things = states.goal[i][None]
-        elif hasattr(states, "medkits"):
+        elif isinstance(states, CollectHealthState):
             things = states.medkits[i]
         else:
             # The yellow box and the red one are the first two.
             things = states.things.tile[i][: 2 if name == "put-next" else None] + 0.5
         ways = []
-        if name.startswith("maze"):
+        if isinstance(states, BoxMazeState):
             start, things = ((place - 1) // PITCHES[1] for place in (start, things))
             free = states.level.walls[i][0] == 0
             # The tile in the middle of a wall between two cells.

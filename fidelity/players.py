@@ -18,7 +18,7 @@ from jaxenstein import make
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.environment import Environment
 from jaxenstein.players import Choose, Player, play, player_of, players_of
-from jaxenstein.tasks.maze import far_starts
+from jaxenstein.tasks.maze import Maze, far_starts
 from jaxenstein.tasks.navigation import Navigation
 from jaxenstein.tasks.steering import centres, draw_heading
 
@@ -66,7 +66,7 @@ def all_starts(env: Any, params: Any, most: int) -> tuple[Any, bool]:
     """
     if not isinstance(env, Navigation):
         return first_states(env, params, most, seed=2), False
-    distance = getattr(env, "start_distance", 0)
+    distance = env.start_distance if isinstance(env, Maze) else 0
     starts, counts = far_starts(env.tilemap, distance)
     pairs = [(g, s) for g, n in enumerate(counts) for s in starts[g, :n]]
     rows = np.repeat(np.array(pairs, np.int32), _HEADINGS, axis=0)
