@@ -27,7 +27,7 @@ from . import (
     train,
 )
 from .arguments import Parser, UsageError
-from .opening import import_modules
+from .opening import IMPORT, import_modules, named_modules
 from .programs import keep_programs
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
@@ -76,12 +76,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         same; 2 for wrong arguments; 130 after Ctrl-C; 141 if the reader of the output went away.
     """
     try:
-        options = build_parser().parse_args(argv)
+        given = sys.argv[1:] if argv is None else argv
+        # Before the flags are known: bonuses that a module registers have some of their own.
+        import_modules(named_modules(given))
+        options = build_parser().parse_args(given)
         # A program that gives the arguments decides for itself what JAX does.
         if argv is None and not options.no_cache:
             keep_programs()
-        if options.modules:
-            import_modules(options.modules)
         code = options.run(options)
         sys.stdout.flush()
     except UsageError as error:
@@ -114,7 +115,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"jaxenstein {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
-    parser.set_defaults(run=lambda _: parser.print_help(), modules=None, no_cache=True)
+    parser.set_defaults(run=lambda _: parser.print_help(), no_cache=True)
     for name, command in COMMANDS.items():
         sub = commands.add_parser(
             name,
@@ -125,11 +126,11 @@ def build_parser() -> Parser:
         )
         sub.set_defaults(run=command.run)
         sub.add_argument(
-            "--import",
+            IMPORT,
             dest="modules",
             action="append",
             metavar="MODULE",
-            help="import a module of tasks of your own, which a file names",
+            help="import a module with tasks or bonuses of your own, which a file or a flag names",
         )
         sub.add_argument(
             "--no-cache",

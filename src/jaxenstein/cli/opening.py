@@ -9,13 +9,16 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import MapWarning, one_line
 from .arguments import PREFIX, TABLES, UsageError
 from .programs import forget
+
+IMPORT = "--import"
+"""The flag that names a module of tasks or bonuses of one's own."""
 
 if TYPE_CHECKING:
     from ..recipe import Recipe
@@ -129,13 +132,23 @@ def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
     return given
 
 
-def import_modules(names: Iterable[str]) -> None:
-    """Import modules of tasks of one's own, also from the current folder.
+def named_modules(arguments: Sequence[str]) -> list[str]:
+    """The modules that `--import` names among the arguments of any command."""
+    found = []
+    for place, word in enumerate(arguments):
+        flag, equals, name = word.partition("=")
+        if flag == IMPORT:
+            found += [name] if equals else arguments[place + 1 : place + 2]
+    return found
+
+
+def import_modules(names: Sequence[str]) -> None:
+    """Import modules of tasks or bonuses of one's own, also from the current folder.
 
     Raises:
         UsageError: there is no such module.
     """
-    if os.getcwd() not in sys.path:
+    if names and os.getcwd() not in sys.path:
         # At the end, so that nothing there takes the place of a library.
         sys.path.append(os.getcwd())
     for name in names:

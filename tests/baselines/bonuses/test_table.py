@@ -27,6 +27,7 @@ from jaxenstein.baselines import (
 )  # fmt: skip
 from jaxenstein.baselines.learning import algorithms
 from jaxenstein.baselines.learning.axes import per_environment
+from jaxenstein.cli import main
 from jaxenstein.errors import SettingError
 from jaxenstein.pytree import PyTreeNode
 from tests.baselines.bonuses.rollouts import BATCH, KEY, STEPS, experience, loop_of, numbers_of
@@ -243,3 +244,26 @@ def test_settings_of_other_bonuses_are_left_out() -> None:
     numbers = HParams.of(algorithms.algorithm("rnd"), {"rnd_loss": 2, "icm_forward": 3})
     assert numbers.bonus == RNDNumbers(rnd_loss=2)
     assert numbers.flat()["rnd_loss"] == 2
+
+
+def test_commands_know_a_bonus_of_a_module_that_they_import(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also where the flag that names the module stands behind those of the bonus."""
+    monkeypatch.setattr(algorithms, "_ALGORITHMS", dict(algorithms.algorithms()))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "my_visits.py").write_text(
+        "from jaxenstein.baselines import register_bonus\n"
+        "from tests.baselines.bonuses.test_table import Visits, VisitsNumbers, VisitsSettings\n"
+        "register_bonus('visits', Visits, VisitsSettings, VisitsNumbers)\n"
+    )
+    train = ["train", "--algo", "visits", "--visits-size", "-1", "--out", str(tmp_path / "run")]
+    assert main(train) == 2
+    assert "invalid choice: 'visits'" in capsys.readouterr().err
+    assert main([*train, "--visits-power=0.5", "--import=my_visits"]) == 2
+    assert "--visits-power: must be a whole number" in capsys.readouterr().err
+
+
+def test_a_bonus_that_nobody_has_imported_is_told_with_what_to_do() -> None:
+    with pytest.raises(SettingError, match=r"not 'visit'.*module is imported, in commands by --im"):
+        Config(algo="visit")

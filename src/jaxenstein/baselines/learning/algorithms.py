@@ -83,7 +83,11 @@ def algorithm(name: str) -> Algorithm:
     Raises:
         SettingError: there is none.
     """
-    check_choice("algo", name, tuple(_ALGORITHMS))
+    try:
+        check_choice("algo", name, tuple(_ALGORITHMS))
+    except SettingError as error:
+        own = "a bonus of your own is known once its module is imported, in commands by --import"
+        raise SettingError(f"{error}; {own}") from None
     return _ALGORITHMS[name]
 
 
