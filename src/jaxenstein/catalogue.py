@@ -223,10 +223,10 @@ def _maze_entries() -> dict[str, Entry]:
     return {
         name: dataclasses.replace(
             _entry(family, summary, _maze, module=module, name=name),
-            variant_of="" if name == next(iter(told)) else next(iter(told)),
+            variant_of="" if name == next(iter(summaries)) else next(iter(summaries)),
         )
-        for family, (module, told) in FAMILIES.items()
-        for name, summary in told.items()
+        for family, (module, summaries) in FAMILIES.items()
+        for name, summary in summaries.items()
     }
 
 
@@ -254,13 +254,13 @@ def _doom_entries() -> dict[str, Entry]:
 
     return {
         name: Entry(
-            f"ViZDoom's {told.summary}",
-            functools.partial(_doom_shooter, told.module, told.kind),
-            told.version,
-            family=told.main or name,
-            variant_of=told.main,
+            f"ViZDoom's {scenario.summary}",
+            functools.partial(_doom_shooter, scenario.module, scenario.kind),
+            scenario.version,
+            family=scenario.main or name,
+            variant_of=scenario.main,
         )
-        for name, told in SHOOTERS.items()
+        for name, scenario in SHOOTERS.items()
     }
 
 

@@ -214,10 +214,10 @@ class Batch:
                 f"not {actions.dtype}{list(actions.shape)}"
             )
         layouts = *self._layout, self._numbers
-        self._kept, observation, told = programs.step(
+        self._kept, observation, outcome = programs.step(
             self._stepped, (self._mesh, *layouts), self._kept, actions, self._packed_params
         )
-        stepped = Stepped(observation, *self._layout[1].read(told), ended=None)
+        stepped = Stepped(observation, *self._layout[1].read(outcome), ended=None)
         if self.autoreset == "same-step":
             indices = np.flatnonzero(stepped.terminated | stepped.truncated)
             if indices.size:

@@ -43,16 +43,16 @@ def _apart(mesh: Mesh | None, function: Callable[..., Any]) -> Callable[..., Any
 
 
 def layouts(env: AnyEnvironment, params: Any) -> tuple[Packing, Packing]:
-    """Of the stream and state of an environment, and of what a step tells; compiles nothing."""
+    """Of an environment's stream and state, and of a step's outcome; compiles nothing."""
 
     def kept() -> Any:
         return jax.random.key(0), env.first_state(jax.random.key(0), params)
 
-    def told(key: jax.Array, state: Any) -> Any:
+    def outcome(key: jax.Array, state: Any) -> Any:
         turn = env.turn(key, key, state, jnp.int32(0), params)
         return turn.reward, turn.terminated, turn.truncated, turn.info
 
-    return Packing(kept), Packing(lambda: told(*kept()))
+    return Packing(kept), Packing(lambda: outcome(*kept()))
 
 
 _compiled = functools.partial(jax.jit, static_argnums=(0, 1))
@@ -87,7 +87,7 @@ def reset_some(
 
 
 # How a step is carried out, which is part of the program: over which devices, and the layouts of
-# what is kept, of what is told, and of the params.
+# what is kept, of the outcome of a step, and of the params.
 Plan = tuple[Mesh | None, Packing, Packing, Packing]
 
 
@@ -96,7 +96,7 @@ def step(
     env: AnyEnvironment, plan: Plan, rows: jax.Array, actions: jax.Array, numbers: jax.Array
 ) -> tuple[Any, ...]:
     """Step all; where `env.autoreset` is `"next-step"`, reset those whose last step ended."""
-    mesh, kept, told, layout = plan
+    mesh, kept, outcome, layout = plan
 
     def of_rows(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
         params = layout.unpack(numbers)
@@ -107,7 +107,7 @@ def step(
         turn = jax.vmap(env.turn, (0, 0, 0, 0, None))(*used, states, actions, params)
         states, _, *rest = turn
         observation = jax.vmap(env.observe, (0, None))(states, params)
-        return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(told.pack)(tuple(rest))
+        return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(outcome.pack)(tuple(rest))
 
     return _apart(mesh, of_rows)(rows, actions, numbers)
 

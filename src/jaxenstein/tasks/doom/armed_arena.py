@@ -276,8 +276,8 @@ class DoomArmedArena(DoomRocketArena[S, P]):
 
     def describe(self, state: S, params: P) -> Info:
         """Add armour and the number of the weapon."""
-        told = {"armour": state.armour, "weapon": self._number(state)}
-        return super().describe(state, params) | told
+        more = {"armour": state.armour, "weapon": self._number(state)}
+        return super().describe(state, params) | more
 
     def variables(self, state: S) -> dict[str, jax.Array]:
         """What the game tells: float32[1] each."""

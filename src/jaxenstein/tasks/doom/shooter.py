@@ -185,8 +185,8 @@ class DoomShooter(DoomScenario[S, P]):
 
     def describe(self, state: S, params: P) -> Info:
         """Add health and ammunition."""
-        told = {"health": state.health, "ammo": state.trigger.ammo}
-        return super().describe(state, params) | told
+        more = {"health": state.health, "ammo": state.trigger.ammo}
+        return super().describe(state, params) | more
 
     def variables(self, state: S) -> dict[str, jax.Array]:
         """`health` and, where there is any, `ammo`: float32[1] each."""

@@ -58,7 +58,7 @@ class ThingsRoom(GridWorld):
 
     deeds: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, PICK_UP, DROP)
     """What each action is in worlds of things."""
-    told: ClassVar[tuple[str, ...]] = ("picked_up", "dropped", "solved")
+    event_names: ClassVar[tuple[str, ...]] = ("picked_up", "dropped", "solved")
     """The events that may happen."""
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
     outside: ClassVar[bool] = False
@@ -81,7 +81,7 @@ class ThingsRoom(GridWorld):
         state, reward, over, events = super().transition(
             key, state, jnp.where(known, deed, -1), params
         )
-        return state, reward, over, {name: events[name] for name in self.told}
+        return state, reward, over, {name: events[name] for name in self.event_names}
 
     def about(self) -> About:
         """What the task says of itself."""
@@ -90,7 +90,7 @@ class ThingsRoom(GridWorld):
             about,
             ends="where it is solved",
             rewards={name: about.rewards[name] for name in ("goal_reward", "living_reward")},
-            events={name: about.events[name] for name in self.told},
+            events={name: about.events[name] for name in self.event_names},
             players={"planner": PLAN},
         )
 
@@ -110,7 +110,7 @@ class PickupObjects(ThingsRoom):
     objects: int = 5
 
     deeds: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, PICK_UP)
-    told: ClassVar[tuple[str, ...]] = ("picked_up", "solved")
+    event_names: ClassVar[tuple[str, ...]] = ("picked_up", "solved")
     outside: ClassVar[bool] = True
     action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:4], "pick up")
     aim_words: ClassVar[str] = "picked everything up"

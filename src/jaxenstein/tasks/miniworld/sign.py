@@ -76,7 +76,7 @@ class Sign(ThingsRoom):
     size: int = 10
 
     deeds: ClassVar[tuple[int, ...]] = (0, 1, 2, DONE)
-    told: ClassVar[tuple[str, ...]] = ("solved", "failed")
+    event_names: ClassVar[tuple[str, ...]] = ("solved", "failed")
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BOX_KIND)
     asks: ClassVar[bool] = True
     hands: ClassVar[bool] = False
