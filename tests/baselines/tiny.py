@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -56,20 +54,3 @@ def same_checkpoints(folder: RunFolder, other: RunFolder, update: int) -> bool:
         return one.files == two.files and all(
             one[name].tobytes() == two[name].tobytes() for name in one.files
         )
-
-
-@contextlib.contextmanager
-def compiled_into(folder: Path) -> Iterator[None]:
-    """Keep compiled programs in a folder, where learners and processes after this find them."""
-    names = {
-        "jax_compilation_cache_dir": str(folder),
-        "jax_persistent_cache_min_compile_time_secs": 0.0,
-    }
-    before = {name: getattr(jax.config, name) for name in names}
-    for name, value in names.items():
-        jax.config.update(name, value)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            jax.config.update(name, value)

@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.train import note_of
 from jaxenstein.cli.training import given_training
-from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, tiny
+from tests.baselines.tiny import OPTIONS, UPDATES, tiny
 
 ROOT = Path(__file__).parents[2]
 FLAGS = [
@@ -31,14 +30,6 @@ FLAGS = [
     "--rollout=8", "--minibatches=2", "--epochs=2", "--features=8", "--hidden=8", "--head=8",
     "--convolutions=4x4x4", "--seeds=2",
 ]  # fmt: skip
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Compiled programs, which every call of the command finds again."""
-    folder = tmp_path_factory.mktemp("compiled")
-    with compiled_into(folder):
-        yield folder
 
 
 @pytest.fixture

@@ -29,6 +29,8 @@ OWN: dict[str, Any] = {
     "e3b": E3BSettings(e3b_latent=8, e3b_hidden=8),
 }
 KEY = jax.random.key(0)
+# Numbers of two runs.
+MANY = HParams(learning_rate=np.array([1e-3, 0.0]), gamma=np.array([0.9, 0.5]))
 
 
 def learner_of(env, **settings):
@@ -70,7 +72,8 @@ def test_two_chunks_of_one_update_are_one_of_two(algo):
 def test_a_state_is_plain_arrays_of_fixed_types():
     run = learner("rnd")
     start = run.init(KEY)
-    state, _ = run.train_chunk(start, HParams(gamma=0.9), 1)
+    # The program that one of many runs is compared with, too.
+    state, _ = run.train_chunk(start, one_of(MANY.check(), 0), 2)
     kinds = lambda tree: [(a.shape, a.dtype) for a in jax.tree.leaves(tree)]  # noqa: E731
     assert kinds(start) == kinds(state)
     assert not any(jnp.issubdtype(a.dtype, jax.dtypes.prng_key) for a in jax.tree.leaves(state))
@@ -88,8 +91,7 @@ def test_seeds():
 @pytest.mark.parametrize("algo", ["rnd", "icm"])
 def test_many_runs_are_the_runs_alone(algo):
     run = learner(algo)
-    keys = jax.random.split(KEY, 2)
-    numbers = HParams(learning_rate=np.array([1e-3, 0.0]), gamma=np.array([0.9, 0.5]))
+    keys, numbers = jax.random.split(KEY, 2), MANY
     states, metrics = run.many.train_chunk(run.many.init(keys, numbers), numbers, 2)
     assert metrics["entropy"].shape == (2, 2)
     for index in range(2):
@@ -213,6 +215,7 @@ def test_policy_is_the_evaluations():
     assert set(drawn) == {0, 1}
 
 
+@pytest.mark.usefixtures("plain_frames")
 def test_random_clocks_end_episodes_at_different_times():
     env, params = jaxenstein.from_ascii("####\n#SG#\n####", heading=180.0, height=8, width=8)
     params = params.replace(max_steps_in_episode=50)

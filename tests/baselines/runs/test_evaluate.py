@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,17 +26,11 @@ from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.watching import AgentGame
-from tests.baselines.tiny import compiled_into, hardly_trained
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with compiled_into(tmp_path_factory.mktemp("compiled")):
-        yield
+from tests.baselines.tiny import hardly_trained
 
 
 @pytest.fixture(scope="module")
-def folder(compiled: None, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     return hardly_trained(tmp_path_factory.mktemp("runs") / "tiny")
 
 

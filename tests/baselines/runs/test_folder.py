@@ -12,7 +12,6 @@ import subprocess
 import sys
 import time
 import types
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,7 @@ from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.folder import CHECKPOINTS, CONFIG, RunFolder, run_names, train
 from jaxenstein.baselines.runs.metrics import METRICS, MetricsFile, read_metrics, rows_of
 from jaxenstein.files import OutputError
-from tests.baselines.tiny import OPTIONS, UPDATES, compiled_into, same_checkpoints, tiny
+from tests.baselines.tiny import OPTIONS, UPDATES, same_checkpoints, tiny
 
 TRAIN = """
 import sys
@@ -39,15 +38,7 @@ train(RunFolder.open(sys.argv[1]), save_every=0.0)
 
 
 @pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder for compiled programs, which other processes take them from."""
-    folder = tmp_path_factory.mktemp("compiled")
-    with compiled_into(folder):
-        yield folder
-
-
-@pytest.fixture(scope="module")
-def experiment(cache: Path) -> Experiment:
+def experiment() -> Experiment:
     """One for all tests, so that it is compiled once."""
     return tiny()
 
@@ -117,13 +108,14 @@ def test_stopped_and_resumed_is_the_same(
 
 @pytest.mark.slow
 def test_killed_at_random_moments_and_resumed_is_the_same(
-    whole: RunFolder, experiment: Experiment, cache: Path, tmp_path: Path
+    whole: RunFolder, experiment: Experiment, tmp_path: Path
 ) -> None:
     """Processes of their own, killed while they train or write, until one comes to the end."""
     folder = RunFolder.create(tmp_path / "run", experiment)
     rng = random.Random(0)
+    # What is killed may leave half of a program, so nobody else takes them from there.
     environment = os.environ | {
-        "JAX_COMPILATION_CACHE_DIR": str(cache),
+        "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "compiled"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
     }
     killed, process = 0, None
@@ -258,7 +250,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_a_disk_without_room_for_a_checkpoint_leaves_nothing(cache: Path, tmp_path: Path) -> None:
+def test_a_disk_without_room_for_a_checkpoint_leaves_nothing(tmp_path: Path) -> None:
     lines = [f"{name} = {json.dumps(value)}" for name, value in OPTIONS.items()]
     (tmp_path / "tiny.toml").write_text("\n".join(lines))
     command = ["train", "--config", "tiny.toml", "--out", "a/run", "--no-tensorboard"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,19 +21,13 @@ from jaxenstein.baselines.runs.agents import evaluate
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.trained import load_trained, pretrained, read_config
 from jaxenstein.cli import main
-from tests.baselines.tiny import compiled_into, hardly_trained
+from tests.baselines.tiny import hardly_trained
 
 LARGEST = 300_000
 
 
-@pytest.fixture(scope="module", autouse=True)
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with compiled_into(tmp_path_factory.mktemp("compiled")):
-        yield
-
-
 @pytest.fixture(scope="module")
-def folder(compiled: None, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     return hardly_trained(tmp_path_factory.mktemp("runs") / "tiny")
 
 
