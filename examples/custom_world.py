@@ -29,9 +29,8 @@ class BringBack(GridWorld):
     asks: ClassVar[bool] = True
     aim_words: ClassVar[str] = "brought the ball back"
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the door, the box with its key, the balls, the start and the instruction."""
-        del params
         sketch = RoomSketch(key, across=2, down=1)
         colours = sketch.shuffled(COLOURS)
         sketch.door_in((0, 0), RIGHT, colours[0], locked=True)

@@ -32,9 +32,8 @@ class Drawn(GridWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND, GOAL_KIND, LAVA_KIND)
 
-    def lay_out(self, key, params):
+    def lay_out(self, key):
         """The drawing."""
-        del params
         lines = self.text.split()
         sketch = Sketch(key, len(lines[0]), len(lines))
         for row, line in enumerate(lines):

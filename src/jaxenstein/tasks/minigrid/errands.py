@@ -46,9 +46,8 @@ class GoToDoor(GridWorld):
     aim_words: ClassVar[str] = "said done beside what was asked for"
     fail_words: ClassVar[str] = "said done elsewhere"
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the room, its doors, the start and the instruction."""
-        del params
         # A margin of one tile, since doors do not stand on a map's border.
         sketch = Sketch(key, self.size + 2, self.size + 2)
         columns, rows = sketch.number(5, self.size + 1), sketch.number(5, self.size + 1)
@@ -95,9 +94,8 @@ class GoToObject(GoToDoor):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the things, the start and the instruction."""
-        del params
         sketch = Sketch(key, self.size, self.size)
         drawn = _different(sketch, self.objects)
         for kind, colour in drawn:
@@ -127,13 +125,12 @@ class Fetch(PickUpWorld):
     asks: ClassVar[bool] = True
     fail_words: ClassVar[str] = "picked up something else"
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the things, the start, and which of them to fetch.
 
         In MiniGrid two things may shut the agent, or the thing to fetch, into a corner; here
         these layouts, two in ten thousand, have another start or another target.
         """
-        del params
         sketch = Sketch(key, self.size, self.size)
         rows = []
         for _ in range(self.objects):
@@ -182,9 +179,8 @@ class PutNear(GridWorld):
         super().__post_init__()
         check_whole("objects", self.objects, 2 if self.size < 8 else 3, 2)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the things, none of which is beside another, the start and the instruction."""
-        del params
         sketch = Sketch(key, self.size, self.size)
         drawn, near = _different(sketch, self.objects), jnp.zeros((self.size, self.size), bool)
         for kind, colour in drawn:
@@ -252,9 +248,8 @@ class Memory(GridWorld):
     aim_words: ClassVar[str] = "went to the thing that is like the first"
     fail_words: ClassVar[str] = "went to the other one"
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the first thing, which of both is where, the hall's length and the start."""
-        del params
         size, middle, green = self.size, self.size // 2, 1
         sketch = Sketch(key, size, size)
         end = sketch.number(4, size - 2) if self.random_length else jnp.int32(size - 3)

@@ -31,9 +31,8 @@ class DoorKey(GridWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, GOAL_KIND)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the wall, the door, the start and the key."""
-        del params
         size = self.size
         sketch = Sketch(key, size, size)
         sketch.thing(GOAL_KIND, 0, (size - 2, size - 2))
@@ -52,9 +51,8 @@ class LockedRoom(GridWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, GOAL_KIND)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the rooms of the goal and of the key, and the six colours of the doors."""
-        del params
         size, left, right = 19, 7, 11
         sketch = Sketch(key, size, size)
         sketch.wall(sketch.area(left, 0, 1, size) | sketch.area(right, 0, 1, size))
@@ -91,9 +89,8 @@ class RedBlueDoors(GridWorld):
     aim_words: ClassVar[str] = "opened the red door, then the blue one"
     fail_words: ClassVar[str] = "opened the blue door first"
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the start and the places of the doors."""
-        del params
         size, left = self.size, self.size // 2
         sketch = Sketch(key, 2 * size, size)
         for column in (left, left + size - 1):

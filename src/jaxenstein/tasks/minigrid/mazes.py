@@ -17,7 +17,6 @@ from ..key_corridor import KeyCorridor
 from .rooms import DOWN, LEFT, RIGHT, UP, PickUpWorld, RoomSketch
 from .sketch import COLOURS
 from .state import BALL_KIND, BOX_KIND, KEY_KIND, LYING, Doors, GridState, Things
-from .world import GridParams
 
 GREEN, BLUE, GREY = 1, 2, 5
 
@@ -43,9 +42,8 @@ class KeyCorridorBall(PickUpWorld):
     def _layout(self) -> KeyCorridor:
         return KeyCorridor(room_size=self.room_size, room_rows=self.room_rows)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw a layout, and the colour of the ball."""
-        del params
         drawn = self._layout.init_state(key, NavigationParams())
         bits = jax.random.bits(jax.random.fold_in(key, 1), (), jnp.uint32)
         colour = draw_index(bits, COLOURS)
@@ -94,9 +92,8 @@ class ObstructedMaze(PickUpWorld):
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
     aim_words: ClassVar[str] = "picked up the blue ball"
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw doors and their colours, what blocks them, the keys, the ball and the start."""
-        del params
         sketch = RoomSketch(key, 3, 3) if self.quarters else RoomSketch(key, 2, 1)
         colours = sketch.shuffled(COLOURS)
         if not self.quarters:

@@ -14,7 +14,7 @@ from ...params import number
 from ..draws import draw_index
 from .sketch import COLOURS, Sketch
 from .state import GOAL_KIND, GridState
-from .world import GridParams, GridWorld
+from .world import GridWorld
 
 # Tiles of the world's side; the least of a room's.
 SIDE, LEAST = 25, 4
@@ -55,13 +55,12 @@ class MultiRoom(GridWorld):
     rooms: int = number(6, 2, 6)
     room_size: int = number(10, LEAST, 10)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw chains until one has all its rooms; then doors, start and goal.
 
         Where none has after 2**14 rooms, which is all but impossible, what there is of the last
         one is taken: a goal that can be reached by fewer doors.
         """
-        del params
         chain_key, key = jax.random.split(key)
         chain = self._chain(chain_key)
         sketch = Sketch(key, SIDE, SIDE)

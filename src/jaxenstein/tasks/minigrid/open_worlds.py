@@ -13,7 +13,7 @@ from ...calls import check_whole
 from ...params import number
 from .sketch import Sketch
 from .state import GOAL_KIND, LAVA_KIND, GridState
-from .world import GridParams, GridWorld
+from .world import GridWorld
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -28,9 +28,8 @@ class Empty(GridWorld):
     size: int = number(8, 4, 64)
     random_start: bool = False
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """The room."""
-        del params
         return self.room(key).state()
 
     def room(self, key: jax.Array) -> Sketch:
@@ -50,9 +49,8 @@ class FourRooms(GridWorld):
 
     size: int = number(19, 7, 63)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Walls, gaps, start and goal."""
-        del params
         sketch, half = Sketch(key, self.size, self.size), self.size // 2
         middle = sketch.area(half, 0, 1, self.size) | sketch.area(0, half, self.size, 1)
         sketch.wall(middle)
@@ -89,9 +87,8 @@ class Crossing(GridWorld):
         super().__post_init__()
         check_whole("crossings", self.crossings, self.size - 3, 1)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw which lines are crossed, an order in which to cross them, and the gaps."""
-        del params
         size, count = self.size, self.crossings
         sketch = Sketch(key, size, size)
         places = np.arange(2, size - 2, 2, dtype=np.int32)
@@ -146,9 +143,8 @@ class LavaGap(GridWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND, LAVA_KIND)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the gap."""
-        del params
         size = self.size
         sketch = Sketch(key, size, size)
         column, row = sketch.number(2, size - 2), sketch.number(1, size - 1)
@@ -170,9 +166,8 @@ class DistShift(GridWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND, LAVA_KIND)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """The one layout."""
-        del params
         sketch = Sketch(key, 9, 7)
         sketch.thing(GOAL_KIND, 0, (7, 1))
         strips = sketch.area(3, 1, 3, 1) | sketch.area(3, self.strip_row, 3, 1)

@@ -105,9 +105,8 @@ class Unlock(GridWorld):
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND,)
     aim_words: ClassVar[str] = "opened the door"
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the door, its key and the start."""
-        del params
         sketch = RoomSketch(key, 2, 1)
         colour = sketch.colour()
         sketch.door_in((0, 0), RIGHT, colour, locked=True)
@@ -138,9 +137,8 @@ class UnlockPickup(PickUpWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the box, the door, its key and the start."""
-        del params
         sketch = RoomSketch(key, 2, 1)
         asked, colour = sketch.colour(), sketch.colour()
         sketch.put(BOX_KIND, asked, (1, 0))

@@ -59,9 +59,8 @@ class DynamicObstacles(Empty):
         super().__post_init__()
         check_whole("obstacles", self.obstacles, self.size // 2 + 1, 1)
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """The room with its balls."""
-        del params
         sketch = self.room(key)
         for _ in range(self.obstacles):
             tile = sketch.tile_in(sketch.free & ~sketch.start_tile)

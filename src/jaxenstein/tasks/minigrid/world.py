@@ -107,11 +107,12 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
 
     def init_state(self, key: jax.Array, params: GridParams) -> GridState:
         """Lay a world out, its start included; with `levels`, one of those."""
-        return self.lay_out(self.level_key(key), params)
+        del params
+        return self.lay_out(self.level_key(key))
 
     @abc.abstractmethod
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
-        """Draw the walls, doors and things, the start and the instruction."""
+    def lay_out(self, key: jax.Array) -> GridState:
+        """Draw the walls, doors and things, the start and the instruction, from a key alone."""
 
     def judge(
         self, before: GridState, after: GridState, action: jax.Array, params: GridParams

@@ -120,9 +120,8 @@ class PickupObjects(ThingsRoom):
         super().__post_init__()
         check_whole("objects", self.objects, min(30, self.size**2 // 2))
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the things and the start."""
-        del params
         sketch = Sketch(key, self.size + 2, self.size + 2)
         for _ in range(self.objects):
             kind = sketch.number(KEY_KIND, BOX_KIND + 1)
@@ -169,9 +168,8 @@ class PutNext(ThingsRoom):
     kinds: ClassVar[tuple[int, ...]] = (BOX_KIND,)
     aim_words: ClassVar[str] = "put the red box beside the yellow one"
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw where the boxes are, the red one not beside the yellow one, and the start."""
-        del params
         sketch = Sketch(key, self.size + 2, self.size + 2)
         yellow = sketch.tile_in(sketch.free)
         sketch.thing(BOX_KIND, YELLOW, yellow)

@@ -84,9 +84,8 @@ class Sign(ThingsRoom):
     aim_words: ClassVar[str] = "touched what was asked for"
     fail_words: ClassVar[str] = "touched something else, or gave up"
 
-    def lay_out(self, key: jax.Array, params: GridParams) -> GridState:
+    def lay_out(self, key: jax.Array) -> GridState:
         """Draw the kind, the colour and the start."""
-        del params
         sketch = Sketch(key, 12, 15)
         sketch.wall(sketch.area(7, 7, 4, 1))
         for kind, tiles in _TILES.items():
