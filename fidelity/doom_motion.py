@@ -26,23 +26,14 @@ from fidelity.vizdoom_game import complaint
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import atomic, check_writable
-from jaxenstein.tasks.doom.buttons import (
-    FORWARD,
-    MOVE_LEFT,
-    MOVE_RIGHT,
-    TURN_LEFT,
-    TURN_RIGHT,
-    hold,
-)
+from jaxenstein.tasks.doom.buttons import hold
 from jaxenstein.tasks.doom.geometry import load_geometry
+from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering, DoomHealthGatheringSupreme
 from jaxenstein.tasks.doom.motion import Body, tic
+from jaxenstein.tasks.doom.my_way_home import DoomMyWayHome
 
-WALK = TURN_LEFT, TURN_RIGHT, FORWARD
-BUTTONS = {
-    "my-way-home": (*WALK, MOVE_LEFT, MOVE_RIGHT),
-    "health-gathering": WALK,
-    "health-gathering-supreme": WALK,
-}
+SCENARIOS = DoomMyWayHome, DoomHealthGathering, DoomHealthGatheringSupreme
+BUTTONS = {scenario.map_name: scenario.button_names for scenario in SCENARIOS}
 """The buttons of each scenario, by the name of its map."""
 
 
