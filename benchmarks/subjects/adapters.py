@@ -171,9 +171,9 @@ def gymnax(batch: int, options: Options) -> Chunk:
 
 def stoa(batch: int, options: Options) -> Chunk:
     """Stoa's interface, with the resets of the environment inside."""
-    from jaxenstein.adapters.stoa import from_env
+    from jaxenstein.adapters.stoa import StoaEnvironment
 
-    env = from_env(*own_environment(options))
+    env = StoaEnvironment(*own_environment(options))
 
     def reset(keys: jax.Array) -> Any:
         state, first = jax.vmap(env.reset)(keys)
@@ -188,9 +188,9 @@ def stoa(batch: int, options: Options) -> Chunk:
 
 def brax(batch: int, options: Options) -> Chunk:
     """Brax' interface in the wrappers that its training puts around it."""
-    from jaxenstein.adapters.brax import PIXELS, from_env, wrap
+    from jaxenstein.adapters.brax import PIXELS, BraxEnvironment, wrap
 
-    inner = from_env(*own_environment(options, autoreset=None))
+    inner = BraxEnvironment(*own_environment(options, autoreset=None))
     env = wrap(inner, episode_length=inner.episode_length)
 
     def reset(keys: jax.Array) -> Any:

@@ -42,7 +42,7 @@ LIMIT = 12
 def corridor(limit: int = LIMIT, **settings: Any) -> adapter.BraxEnvironment:
     settings = {"autoreset": None, "height": 12, "width": 16, "heading": 0.0, **settings}
     env, params = jaxenstein.from_ascii(CORRIDOR, **settings)
-    return adapter.from_env(env, params.replace(max_steps_in_episode=limit))
+    return adapter.BraxEnvironment(env, params.replace(max_steps_in_episode=limit))
 
 
 @pytest.fixture(scope="module")
@@ -205,7 +205,7 @@ def test_in_the_wrappers_of_brax(env: adapter.BraxEnvironment, wrap: Any) -> Non
 @pytest.mark.usefixtures("partner_promotion")
 def test_wrap_draws_new_first_states() -> None:
     native, params = jaxenstein.make("my-way-home", height=4, width=4, autoreset=None)
-    env = adapter.from_env(native, params.replace(max_steps_in_episode=1))
+    env = adapter.BraxEnvironment(native, params.replace(max_steps_in_episode=1))
     seen = {}
     for wrap in (training.wrap, adapter.wrap):
         batch = wrap(env, episode_length=1)
@@ -275,9 +275,9 @@ def test_mistakes_are_named(env: adapter.BraxEnvironment) -> None:
         with pytest.raises(SettingError, match=r"Brax needs .*autoreset=None"):
             adapter.make("simple", autoreset=mode)
     with pytest.raises(SettingError, match="must be a NavigationParams"):
-        adapter.from_env(env.env, jaxenstein.make("health-gathering")[1])
+        adapter.BraxEnvironment(env.env, jaxenstein.make("health-gathering")[1])
     with pytest.raises(SettingError, match=r"as jaxenstein\.make returns it"):
-        adapter.from_env("simple")  # type: ignore[arg-type]
+        adapter.BraxEnvironment("simple")  # type: ignore[arg-type]
     first = env.reset(jax.random.key(0))
     with pytest.raises(SettingError, match="5 scores or one integer"):
         env.step(first, jnp.zeros(4))

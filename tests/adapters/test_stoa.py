@@ -37,7 +37,7 @@ LIMIT = 12
 def corridor(**settings: Any) -> adapter.StoaEnvironment:
     settings = {"autoreset": None, "height": 12, "width": 16, "heading": 0.0, **settings}
     env, params = jaxenstein.from_ascii(CORRIDOR, **settings)
-    return adapter.from_env(env, params.replace(max_steps_in_episode=LIMIT))
+    return adapter.StoaEnvironment(env, params.replace(max_steps_in_episode=LIMIT))
 
 
 @pytest.fixture(scope="module")
@@ -195,9 +195,9 @@ def test_mistakes_are_named(env: adapter.StoaEnvironment) -> None:
     with pytest.raises(SettingError, match="autoreset=None or autoreset='same-step'"):
         adapter.make("simple", autoreset="next-step")
     with pytest.raises(SettingError, match="must be a NavigationParams"):
-        adapter.from_env(env.env, jaxenstein.make("health-gathering")[1])
+        adapter.StoaEnvironment(env.env, jaxenstein.make("health-gathering")[1])
     with pytest.raises(SettingError, match=r"as jaxenstein\.make returns it"):
-        adapter.from_env("simple")  # type: ignore[arg-type]
+        adapter.StoaEnvironment("simple")  # type: ignore[arg-type]
     assert env != corridor()
     assert env in {env}
     assert "autoreset=None" in repr(env)

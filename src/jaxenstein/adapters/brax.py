@@ -236,20 +236,7 @@ def make(id: str, **settings: Any) -> BraxEnvironment:
         SettingError: there is no such setting, its value is out of range, or `autoreset` is not
             None.
     """
-    return from_env(*registry.make(id, **{"autoreset": None, **settings}))
-
-
-def from_env(env: AnyEnvironment, params: Any = None) -> BraxEnvironment:
-    """Put an environment, such as `jaxenstein.from_ascii` returns it, behind Brax' interface.
-
-    Args:
-        env: the environment, with `autoreset=None`.
-        params: its params; None for the default ones.
-
-    Raises:
-        SettingError: the environment resets by itself, or the params are of another kind.
-    """
-    return BraxEnvironment(env, params)
+    return BraxEnvironment(*registry.make(id, **{"autoreset": None, **settings}))
 
 
 def _observation(seen: Any) -> dict[str, jax.Array]:

@@ -160,20 +160,7 @@ def make(id: str, **settings: Any) -> StoaEnvironment:
         SettingError: there is no such setting, its value is out of range, or `autoreset` is
             "next-step".
     """
-    return from_env(*registry.make(id, **{"autoreset": None, **settings}))
-
-
-def from_env(env: AnyEnvironment, params: Any = None) -> StoaEnvironment:
-    """Put an environment, such as `jaxenstein.from_ascii` returns it, behind Stoa's interface.
-
-    Args:
-        env: the environment, with `autoreset` None or "same-step".
-        params: what `env_params=None` stands for; None for the default ones.
-
-    Raises:
-        SettingError: the environment resets in the next step, or the params are of another kind.
-    """
-    return StoaEnvironment(env, params)
+    return StoaEnvironment(*registry.make(id, **{"autoreset": None, **settings}))
 
 
 def _space(space: own.Space, name: str) -> stoa.Space:
