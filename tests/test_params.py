@@ -134,10 +134,12 @@ def test_settings_have_ranges_too():
     class Larger(Sized):
         rooms: int = 9
 
-    tilemap = jaxenstein.make("simple")[0].tilemap
+    env: Any = jaxenstein.make("simple")[0]
+    tilemap = env.tilemap
     assert Larger(tilemap=tilemap).rooms == 9
     for kind in (Sized, Larger):
-        for wrong in (2, 4.0, True, "4"):
+        refused: tuple[Any, ...] = (2, 4.0, True, "4")
+        for wrong in refused:
             with pytest.raises(
                 SettingError, match=r"rooms must be a whole number from 3 on, .*not"
             ):
