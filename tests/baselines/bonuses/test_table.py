@@ -153,9 +153,22 @@ def test_every_part_of_a_bonus_has_returns_of_its_own() -> None:
 
 
 @pytest.mark.usefixtures("visits")
-@pytest.mark.parametrize("algo", ["rnd", "icm", "e3b", "visits"])
-def test_the_loop_zeroes_scales_and_weighs_a_bonus(algo: str) -> None:
-    loop = loop_of(algo, normalise_bonus=True)
+@pytest.mark.parametrize(
+    ("algo", "own", "parts"),
+    [
+        ("rnd", False, (1,)),
+        ("icm", False, ()),
+        ("icm", True, (1,)),
+        ("e3b", False, ()),
+        ("e3b", True, (1,)),
+        ("visits", False, (2,)),
+    ],
+)
+def test_the_loop_zeroes_scales_and_weighs_a_bonus(
+    algo: str, own: bool, parts: tuple[int, ...]
+) -> None:
+    loop = loop_of(algo, normalise_bonus=True, bonus_values=own)
+    assert loop.parts == parts
     numbers, data = numbers_of(algo, bonus_reward=2.0), experience()
     state: Any = before_the_first(loop)
     totals, total = [], np.zeros((BATCH, *loop.parts))

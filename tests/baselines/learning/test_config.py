@@ -41,6 +41,11 @@ def test_configs_are_hashable_and_count_updates():
         ({"total_steps": 100}, "at least num_envs \\* rollout = 8192"),
         ({"anneal": 1}, "anneal must be True or False, not 1"),
         ({"dtype": "float16"}, "dtype must be one of 'float32', 'bfloat16'"),
+        ({"contrast": float("inf")}, "contrast must be a finite number at least 0, not inf"),
+        ({"persistence": -1}, "persistence must be a finite number at least 0, not -1"),
+        ({"persistence": "much"}, "persistence must be a finite number at least 0, not 'much'"),
+        ({"persistence": float("nan")}, "persistence must be a finite number at least 0, not nan"),
+        ({"persistence": True}, "persistence must be a finite number at least 0, not True"),
         ({"convolutions": ((8, 4),)}, "\\(kernel, stride, features\\)"),
     ],
 )

@@ -1,5 +1,7 @@
 """The networks against plain loops, `jax.lax` and flax' own cell."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +15,7 @@ import jaxenstein
 from jaxenstein.baselines import Config
 from jaxenstein.baselines.learning.convolution import conv_lax, conv_matmul
 from jaxenstein.baselines.learning.networks import GRU, NATURE, SMALL, ActorCritic, layers_for
-from jaxenstein.baselines.learning.observations import observation_spec
+from jaxenstein.baselines.learning.observations import ObservationSpec, Part, observation_spec
 from jaxenstein.errors import SettingError
 
 KEY = jax.random.key(0)
@@ -153,6 +155,62 @@ def test_values_may_begin_near_zero():
         assert jnp.max(jnp.abs(logits)) < 0.05
     assert largest[False] > 0.01
     np.testing.assert_allclose(largest[True], largest[False] / 100, rtol=1e-3)
+
+
+def test_contrast_is_that_of_other_images():
+    _, _, network = small_network()
+    _, _, sharp = small_network(contrast=4.0)
+    params = network.init(KEY)
+    obs, *rest = draw_inputs(network, (12, 16, 3))
+    assert obs.dtype == jnp.uint8
+    # Images whose pixels are what the contrast makes of these.
+    spec = ObservationSpec((Part((12, 16, 3), True, "bounds", 0, 1),))
+    plain = dataclasses.replace(network, spec=spec)
+    given = 4 * (obs.astype(jnp.float32) / 255 - 0.3)
+    expected = plain.unroll(params, given, *rest)
+    jax.tree.map(
+        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6),
+        sharp.unroll(params, obs, *rest),
+        expected,
+    )
+    assert not np.allclose(network.unroll(params, obs, *rest)[1], expected[1], atol=1e-3)
+
+
+def test_labels_have_no_contrast():
+    env, params = jaxenstein.make("simple", height=8, width=16, observation="labels")
+    spec = observation_spec(env, params)
+    sizes = {"features": 8, "hidden": 4, "head": 8}
+    plain, sharp = (
+        ActorCritic(spec, 5, 1, Config(**sizes, contrast=contrast)) for contrast in (0.0, 4.0)
+    )
+    inputs = draw_inputs(plain, (8, 16))
+    weights = plain.init(KEY)
+    jax.tree.map(
+        np.testing.assert_array_equal,
+        sharp.unroll(weights, *inputs),
+        plain.unroll(weights, *inputs),
+    )
+
+
+def test_persistence_is_added_to_the_logit_of_the_action_before():
+    _, _, network = small_network()
+    _, _, persistent = small_network(persistence=2.0)
+    params = persistent.init(KEY)
+    own = jnp.asarray([0.5, 1.0, 1.5, 2.0, 2.5])
+    np.testing.assert_array_equal(params["persistence"], np.full(5, 2.0))
+    inputs = draw_inputs(network, (12, 16, 3))
+    plain, values, last = network.unroll(network.init(KEY), *inputs)
+    logits, *rest = persistent.unroll(params | {"persistence": own}, *inputs)
+    expected = np.array(plain)
+    for place in np.ndindex(plain.shape[:2]):
+        if not inputs[2][place]:
+            expected[place][inputs[1][place]] += own[inputs[1][place]]
+    np.testing.assert_allclose(logits, expected, atol=1e-6)
+    jax.tree.map(np.testing.assert_array_equal, rest, [values, last])
+    # Of five actions that are all alike the last one comes again in e^2 / (e^2 + 4).
+    again = jax.nn.softmax(persistent.unroll(params, *inputs)[0])
+    chosen = [again[p][inputs[1][p]] for p in np.ndindex(plain.shape[:2]) if not inputs[2][p]]
+    np.testing.assert_allclose(chosen, np.exp(2) / (np.exp(2) + 4), atol=0.02)
 
 
 def test_the_first_step_knows_nothing_of_before():

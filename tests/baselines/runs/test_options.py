@@ -87,6 +87,7 @@ TUNED = {
     "num_envs": 64, "rollout": 128, "learning_rate": 1e-3, "anneal": False, "value_clip": 10.0,
     "advantage_floor": 0.01, "features": 64, "hidden": 64, "head": 64,
     "convolutions": ((4, 4, 32),), "zero_values": True, "gamma": 0.99, "epochs": 2,
+    "contrast": 10.0,
 }  # fmt: skip
 
 
@@ -103,6 +104,7 @@ TUNED = {
                 "bonus_learning_rate": 1e-4,
                 "bonus_advantage": 0.3,
                 "entropy": 0.003,
+                "contrast": 0.0,
             },
         ),
         ("e3b", {"normalise_bonus": True, "e3b_lambda": 0.1, "random_clocks": True}),

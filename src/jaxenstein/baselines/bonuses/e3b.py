@@ -66,7 +66,7 @@ class E3B:
 
     phi is the embedding of what a step led to, by an `InverseModel`, of length one: with free
     lengths, which grow while it learns, only the first steps of episodes would count. The bonus
-    is added to the reward.
+    is added to the reward, or has a value of its own.
 
     Attributes:
         spec: what observations are.
@@ -77,7 +77,11 @@ class E3B:
     spec: ObservationSpec
     actions: int
     config: Config
-    value_heads: int = 1
+
+    @property
+    def value_heads(self) -> int:
+        """One value, or with `bonus_values` two."""
+        return 1 + self.config.bonus_values
 
     def init(self, key: jax.Array) -> E3BState:
         """Draw the networks; every environment begins an episode."""

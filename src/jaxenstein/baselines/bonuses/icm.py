@@ -69,7 +69,7 @@ class ICM:
     """The bonus mean_j (phi_j(o') - chi_j(phi(o), a))^2.
 
     The forward model chi learns to predict phi(o'), the embedding of an `InverseModel`. The bonus
-    is added to the reward.
+    is added to the reward, or has a value of its own.
 
     Attributes:
         spec: what observations are.
@@ -80,7 +80,11 @@ class ICM:
     spec: ObservationSpec
     actions: int
     config: Config
-    value_heads: int = 1
+
+    @property
+    def value_heads(self) -> int:
+        """One value, or with `bonus_values` two."""
+        return 1 + self.config.bonus_values
 
     def init(self, key: jax.Array) -> ICMState:
         """Draw the networks."""

@@ -45,6 +45,10 @@ class Config:
         head: size of the hidden layer of the actor and of the critic.
         zero_values: begin with values near zero (gain 0.01, as OpenAI's RND), so that before the
             first reward there is nothing to learn from.
+        contrast: the policy sees contrast * (x - 0.3) of the pixels x from 0 to 1, whose mean is
+            about 0.3 and their deviation 0.1 (labels as they are); 0: x.
+        persistence: added to the logit of the previous action, one learned number for each action
+            that begins with this one: of 5 actions 2 makes random play repeat itself in 65 %.
         recurrent: if false, memory and previous action are cleared at every step, for
             comparison.
         dtype: of the networks' computations; parameters and losses are always float32.
@@ -52,6 +56,8 @@ class Config:
             runs side by side; `"lax"`: XLA's own. The results are the same up to rounding.
         bonus_epochs: passes of the bonus' own update over a rollout.
         normalise_bonus: divide the bonus by the running deviation of its discounted sum.
+        bonus_values: give the bonus of ICM and E3B a value of its own, as RND's always has; if
+            false it is added to the reward.
         random_clocks: draw the clock of each environment's first episode, so that episodes of
             one length do not all end at once.
         shards: groups of environments that minibatches are drawn from evenly: the number of
@@ -73,11 +79,14 @@ class Config:
     hidden: int = 256
     head: int = 256  # as pobax
     zero_values: bool = False
+    contrast: float = 0.0
+    persistence: float = 0.0
     recurrent: bool = True
     dtype: Precision = "float32"
     convolution: Convolution = "matmul"
     bonus_epochs: int = 1
     normalise_bonus: bool = False
+    bonus_values: bool = False
     random_clocks: bool = False
     shards: int = 1
     bonus: BonusSettings | None = None

@@ -43,7 +43,7 @@ def values_of(record: Any) -> dict[str, Any]:
 
 
 def check_settings(settings: Any) -> None:
-    """Check the fields of a dataclass that are int, bool or Literal; no others.
+    """Check the fields of a dataclass that are int, float, bool or Literal; no others.
 
     Raises:
         SettingError: a value is of another kind.
@@ -54,6 +54,8 @@ def check_settings(settings: Any) -> None:
         least = field.metadata.get("least", 1)
         if hint is int and not (is_whole(value) and value >= least):
             raise SettingError(f"{name} must be a whole number from {least}, not {value!r}")
+        if hint is float and not (_is_number(value) and 0 <= value < math.inf):
+            raise SettingError(f"{name} must be a finite number at least 0, not {value!r}")
         if hint is bool and not isinstance(value, bool | np.bool_):
             raise SettingError(f"{name} must be True or False, not {value!r}")
         if typing.get_origin(hint) is Literal:
@@ -80,6 +82,10 @@ def check_known(given: Iterable[str], known: Collection[str]) -> None:
 def is_whole(value: Any) -> bool:
     """Whether it is a whole number, and not True or False."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _is_number(value: Any) -> bool:
+    return is_whole(value) or isinstance(value, float | np.floating)
 
 
 def check_numbers(numbers: _Numbers, skip: tuple[str, ...] = ()) -> _Numbers:

@@ -31,7 +31,7 @@ class HParams(PyTreeNode):
         bonus_learning_rate: of the bonus' Adam, at the start.
         bonus_reward: factor of the exploration bonus.
         bonus_advantage: weight of the intrinsic advantages beside the extrinsic ones, where the
-            bonus has values of its own (RND).
+            bonus has values of its own.
         bonus_gamma: discount of the intrinsic returns; None: that of the extrinsic ones.
         bonus_value_clip: as value_clip, of values of the bonus' own; None: the same.
         bonus_memory: share of its weight that normalise_bonus leaves to what it saw before a

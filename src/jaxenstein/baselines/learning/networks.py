@@ -37,6 +37,9 @@ SMALL: Layers = ((4, 2, 16), (3, 2, 32))
 PATCHES: Layers = ((4, 4, 32),)
 """Patches that do not overlap (as Dosovitskiy et al. 2021 embed them): one matrix product."""
 
+# Of all pixels of our frames, about; as `contrast` centres them.
+MEAN = 0.3
+
 _SQRT2 = 2.0**0.5
 
 
@@ -180,12 +183,14 @@ class Eye:
         features: size of the result.
         config: the kind of convolutions.
         dtype: of the computations.
+        contrast: as of `Config`; 0 leaves images as they are.
     """
 
     spec: ObservationSpec
     features: int
     config: Config
     dtype: DTypeLike
+    contrast: float = 0.0
 
     def init(self, key: jax.Array) -> Any:
         """Draw the parameters."""
@@ -194,7 +199,13 @@ class Eye:
 
     def encode(self, params: Any, obs: Any) -> jax.Array:
         """dtype[..., features] of observations."""
-        return self._module.apply(params, *self.spec.prepare(obs, self.dtype))
+        images, vector = self.spec.prepare(obs, self.dtype)
+        if self.contrast:
+            images = [
+                image if part.scaling == "bits" else self.contrast * (image - MEAN)
+                for image, part in zip(images, self.spec.image_parts, strict=True)
+            ]
+        return self._module.apply(params, images, vector)
 
     def encode_sequence(self, params: Any, obs: Any) -> jax.Array:
         """The same for leading axes [T, N].
@@ -247,7 +258,8 @@ class ActorCritic:
     @functools.cached_property
     def eye(self) -> Eye:
         """The image encoder."""
-        return Eye(self.spec, self.config.features, self.config, self.dtype)
+        config = self.config
+        return Eye(self.spec, config.features, config, self.dtype, config.contrast)
 
     def init(self, key: jax.Array) -> dict[str, Any]:
         """Draw the parameters."""
@@ -255,11 +267,14 @@ class ActorCritic:
         width = self.config.features + self.actions
         sequence = jnp.zeros((1, 1, width), self.dtype)
         memory = self.initial_memory(1)
-        return {
+        params = {
             "encoder": self.eye.init(encoder_key),
             "core": self._core.init(core_key, sequence, jnp.zeros((1, 1), bool), memory),
             "heads": self._heads.init(heads_key, memory),
         }
+        if self.config.persistence:
+            params["persistence"] = jnp.full(self.actions, self.config.persistence, jnp.float32)
+        return params
 
     def initial_memory(self, batch: int) -> jax.Array:
         """float[batch, hidden], zeros."""
@@ -301,7 +316,11 @@ class ActorCritic:
         inputs = jnp.concatenate([features, action], axis=-1)
         steps, last = self._core.apply(params["core"], inputs, first, memory)
         logits, values = self._heads.apply(params["heads"], steps)
-        return logits.astype(self.state_dtype), values.astype(self.state_dtype), last
+        logits, values = logits.astype(self.state_dtype), values.astype(self.state_dtype)
+        if "persistence" in params:
+            again = params["persistence"].astype(self.state_dtype)[None, None]
+            logits = logits + again * action.astype(self.state_dtype)
+        return logits, values, last
 
     def step(
         self, params: Any, obs: Any, previous: jax.Array, first: jax.Array, memory: jax.Array

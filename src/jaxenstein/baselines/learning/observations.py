@@ -46,6 +46,11 @@ class ObservationSpec:
     parts: tuple[Part, ...]
 
     @property
+    def image_parts(self) -> tuple[Part, ...]:
+        """Those that are images."""
+        return tuple(part for part in self.parts if part.image)
+
+    @property
     def images(self) -> tuple[tuple[int, int, int], ...]:
         """(height, width, channels) of each image that `prepare` returns."""
         return tuple(
@@ -54,8 +59,7 @@ class ObservationSpec:
                 part.shape[1],
                 8 if part.scaling == "bits" else math.prod(part.shape[2:]),
             )
-            for part in self.parts
-            if part.image
+            for part in self.image_parts
         )
 
     @property

@@ -75,6 +75,8 @@ RECIPES: Mapping[str, Recipe] = {
             # The value head's first guesses alone make advantages ten times the floor below, and
             # the policy settles on what they seem to say.
             "zero_values": True,
+            # Pixels of mean 0 and deviation 1: what is seen shapes the policy ten times as much.
+            "contrast": 10.0,
             # Before the first goal the advantages are the value head's noise, which the paper's
             # 1e-8 blows up to deviation 1, and the policy settles on it.
             "advantage_floor": 0.01,
@@ -91,6 +93,8 @@ RECIPES: Mapping[str, Recipe] = {
                 "bonus_learning_rate": 1e-4,
                 "bonus_advantage": 0.3,
                 "entropy": 0.003,
+                # A policy that sees more stays where novelty lasts, with frame skip 3 and 1.
+                "contrast": 0.0,
             },
             # As RND's; not measured.
             "icm": {"normalise_bonus": True},
