@@ -43,7 +43,8 @@ BUTTONS = (MOVE_LEFT, MOVE_RIGHT)
 MEASURED: list[tuple[look.Picture, tuple[float, float, float, float], float]] = [
     (look.MONSTERS["imp"][0], (-24, 24.5, -3.4, 57.2), 1600),
     (look.MONSTERS["imp"][2], (-27, 27, -3.4, 58), 1580),
-    (look.MONSTERS["demon"][0], (-22, 22, -3.4, 55), 1450),
+    (look.MONSTERS["demon"][0], (-22, 22, -3.4, 55), 1540),
+    (look.MONSTERS["demon"][2], (-18, 18, -3.6, 55), 1230),
     (look.MONSTERS["chainsaw marine"][0], (-17.4, 16.9, -1.7, 54.4), 1143),
     (look.FIREBALLS[0], (-8.3, 6.8, 28.2, 43.7), 182),
     (look.FIREBALLS[1], (-19, 21, 22, 57), 918),
@@ -102,7 +103,7 @@ def test_pictures_are_as_large_as_the_games(
         picture.lift + (32 - rows.min()) * cell,
     )
     assert ours == pytest.approx(ends, abs=3.5)
-    assert bits.sum() * cell**2 == pytest.approx(area, rel=0.05)
+    assert bits.sum() * cell**2 == pytest.approx(area, rel=0.1)
 
 
 def test_fireballs_of_the_game_fly_or_burst() -> None:
