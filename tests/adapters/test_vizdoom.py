@@ -222,6 +222,20 @@ def test_labels_of_a_buffer() -> None:
     assert image[6].tolist() == [7, 113]
 
 
+def test_pixels_are_sampled_at_their_lower_right_corners() -> None:
+    """The far wall of Take Cover: 63 units above the eye, 544 away, and a focal length of 96."""
+    row, column = np.mgrid[:120, :160]
+    rows = vizdoom_buffers.sample(row, (16, 64))[:, 0]
+    # Nearest to the middles at 3.75, 11.25, 18.75, 26.25 and so on is a corner at 4, 11, 19, 26.
+    assert rows[:8].tolist() == [3, 10, 18, 25, 33, 40, 48, 55]
+    assert vizdoom_buffers.sample(column, (1, 64))[0, :4].tolist() == [0, 3, 5, 8]
+    np.testing.assert_array_equal(vizdoom_buffers.sample(row, (120, 160)), row)
+    np.testing.assert_array_equal(vizdoom_buffers.sample(column, (120, 160)), column)
+    # The game draws it from row 48 on, whose corner at 49 is the first below its edge at 48.88.
+    top = 60 - 63 / 544 * 96
+    assert np.flatnonzero(np.arange(120) + 1 > top)[0] == 48
+
+
 def test_what_the_game_has_not(capsys: pytest.CaptureFixture[str]) -> None:
     sparse, params = jaxenstein.make("doom-my-way-home-sparse", **SETTINGS)
     with pytest.raises(SettingError, match="no scenario that ViZDoom comes with"):

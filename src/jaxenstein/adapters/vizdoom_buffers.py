@@ -102,9 +102,13 @@ def screen_for(height: int, width: int) -> tuple[int, int]:
 
 
 def sample(buffer: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """[height, width] of a screen's buffer [rows, columns]: the pixel at each one's middle."""
+    """[height, width] of a screen's buffer [rows, columns]: the pixel at each one's middle.
+
+    The game rounds all edges down to whole pixels, so a pixel shows what is at its lower right
+    corner: the one whose corner is nearest to the middle is taken.
+    """
     rows, columns = (
-        ((np.arange(count) + 0.5) * (length / count)).astype(int)
+        ((np.arange(count) + 0.5) * (length / count) + 0.5).astype(int) - 1
         for count, length in zip(size, buffer.shape, strict=True)
     )
     return buffer[rows[:, None], columns[None]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -73,12 +74,18 @@ class Camera:
         """float32[height]: pixels of each row's centre below the horizon."""
         return (np.arange(self.height) + 0.5 - self.height / 2).astype(np.float32)
 
-    def row_distances(self) -> np.ndarray:
+    def row_distances(self, lift: Any = None) -> Any:
         """float32[height]: depth in tiles at which floor or ceiling shows in each row.
+
+        On the host, but for a lifted eye (`Scene.lift`, float32[]).
 
         The row on the horizon (images of odd height) would be infinitely far; it gets the depth
         of a hundredth of a pixel, which a wall always hides.
         """
         below = self.row_offsets()
         far = np.where(below > 0, self.eye, self.wall - self.eye) * self.row_focal
-        return far.astype(np.float32) / np.maximum(np.abs(below), np.float32(0.01))
+        rows = np.maximum(np.abs(below), np.float32(0.01))
+        if lift is None:
+            return far.astype(np.float32) / rows
+        raised = np.where(below > 0, self.row_focal, -self.row_focal) * lift
+        return (far + raised).astype(np.float32) / rows

@@ -63,6 +63,7 @@ def prepare(
     heading: jax.Array,
     hits: Hits,
     spots: Spots | None,
+    lift: jax.Array | None = None,
     *,
     theme: Theme,
     camera: Camera,
@@ -74,6 +75,7 @@ def prepare(
         heading: float32[], radians.
         hits: what the rays hit.
         spots: the billboards to draw, or None.
+        lift: `Scene.lift`.
         theme: how everything looks.
         camera: size and field of view of the image.
         kind: the kind of image.
@@ -85,12 +87,19 @@ def prepare(
     half = jnp.float32(0.5 * camera.wall * camera.row_focal) / jnp.maximum(hits.depth, 1e-6)
     return ImageColumns(
         half=half,
-        drop=half * jnp.float32(camera.wall_drop) if camera.wall_drop else None,
+        drop=_drop(half, lift, camera),
         wall=tone(kind, pack_rgb(colour, light), hits.wall, hits.depth),
         ray=jnp.stack(rays(heading, camera)),
         panels=_panels(index, hits, half, colour, light, theme, kind),
-        layers=None if spots is None else project(spots, hits.depth, theme, camera, kind),
+        layers=None if spots is None else project(spots, hits.depth, lift, theme, camera, kind),
     )
+
+
+def _drop(half: jax.Array, lift: jax.Array | None, camera: Camera) -> jax.Array | None:
+    """float32[W]: how far the middle of the wall is below the horizon, if it is."""
+    if lift is None:
+        return half * jnp.float32(camera.wall_drop) if camera.wall_drop else None
+    return half * (lift * jnp.float32(2 / camera.wall) + jnp.float32(camera.wall_drop))
 
 
 def _panels(

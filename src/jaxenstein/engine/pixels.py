@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -30,15 +31,17 @@ _ROUNDER_BITS = int(np.float32(_ROUNDER).view(np.uint32))
 
 
 class Rows(PyTreeNode):
-    """What the pixels of a row have in common, whatever the pose.
+    """What the pixels of a row have in common.
 
     Attributes:
+        distance: float32[height, 1], of floor and ceiling.
         ceiling: paint[height, 1].
         first: paint[height, 1] of the floor's first colour.
         second: paint[height, 1] of its second one.
         words: `Theme.floor_words`.
     """
 
+    distance: Array
     ceiling: Array
     first: Array
     second: Array
@@ -47,7 +50,7 @@ class Rows(PyTreeNode):
 
 def paint(columns: ImageColumns, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
     """Paint an image; see `render.render` for its shape and type."""
-    rows = paint_rows(scene.theme, camera, kind)
+    rows = paint_rows(scene.theme, camera, kind, scene.lift)
     stage = partial(paint_words, rows=rows, theme=scene.theme, camera=camera, kind=kind)
     # Without extra columns, one pass paints and cuts pixels to bytes.
     image = (staged(stage) if camera.extra else stage)(scene.position, columns)
@@ -70,7 +73,7 @@ def paint_words(
     """paint[height, width + extra]."""
     columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
     below = jnp.asarray(camera.row_offsets())[:, None]
-    image = _background(columns, rows, below, position, theme, camera, kind)
+    image = _background(columns, rows, below, position, theme, kind)
     # Rows are counted from the horizon, or from the walls' middle where that is lower or higher.
     across = below if columns.drop is None else below - columns.drop
     image = jnp.where(jnp.abs(across) < columns.half, _walls(columns, across), image)
@@ -107,22 +110,20 @@ def _background(
     below: jax.Array,
     position: jax.Array,
     theme: Theme,
-    camera: Camera,
     kind: ImageKind,
 ) -> jax.Array:
     """paint[height, width or 1] of floor and ceiling."""
-    distance = camera.row_distances()[:, None]
     if kind == "depth":
-        return jnp.asarray(distance)
+        return jnp.asarray(rows.distance)
     one_colour = isinstance(theme.floor, np.ndarray) and np.array_equal(*theme.floor)
     if kind == "labels" or one_colour:
         return jnp.where(below > 0, rows.first, rows.ceiling)
-    second = _second_colour(columns, distance, position, rows.words)
+    second = _second_colour(columns, rows.distance, position, rows.words)
     return jnp.where(below > 0, jnp.where(second, rows.second, rows.first), rows.ceiling)
 
 
 def _second_colour(
-    columns: ImageColumns, distance: np.ndarray, position: jax.Array, words: Array | None
+    columns: ImageColumns, distance: Array, position: jax.Array, words: Array | None
 ) -> jax.Array:
     """bool[height, width]: where the floor has its second colour; see `Theme.floor_words`."""
     if words is None:
@@ -137,16 +138,18 @@ def _second_colour(
     return lax.bitcast_convert_type(across[0] ^ across[1], jnp.int32) < 0
 
 
-def paint_rows(theme: Theme, camera: Camera, kind: ImageKind) -> Rows:
-    """What the rows of an image have in common; of a theme of constants on the host."""
+def paint_rows(
+    theme: Theme, camera: Camera, kind: ImageKind, lift: jax.Array | None = None
+) -> Rows:
+    """What the rows of an image have in common; of constants on the host."""
+    distance = camera.row_distances(lift)[:, None]
     paints = partial(
         _row_paints,
         light=theme.light,
         fades=CHECKER_FADES if theme.floor_words is None else STRIPES_FADE,
-        distance=camera.row_distances()[:, None],
         kind=kind,
     )
-    looks = theme.floor, theme.ceiling, theme.floor_words
+    looks = theme.floor, theme.ceiling, theme.floor_words, distance
     known = all(part is None or isinstance(part, np.ndarray) for part in looks)
     if known or kind in ("depth", "labels"):
         return paints(*looks)
@@ -158,14 +161,15 @@ def _row_paints(
     floor: Array,
     ceiling: Array,
     words: Array | None,
+    distance: Any,
     *,
     light: Light,
     fades: tuple[float, float],
-    distance: np.ndarray,
     kind: ImageKind,
 ) -> Rows:
     near, far = fades
-    contrast = np.clip((far - distance) / (far - near), 0, 1).astype(np.float32)
+    xp = np if isinstance(distance, np.ndarray) else jnp
+    contrast = xp.clip((far - distance) / (far - near), 0, 1).astype(np.float32)
     mean = floor.mean(axis=0)
     even, odd = (
         [m + (c - m) * contrast for c, m in zip(tile, mean, strict=True)] for tile in floor
@@ -174,7 +178,7 @@ def _row_paints(
     paints = zip((list(ceiling), even, odd), labels, strict=True)
     bright = light.plain(distance)
     above, first, second = (tone(kind, pack_rgb(c, bright), label, distance) for c, label in paints)
-    return Rows(above, first, second, words)
+    return Rows(distance, above, first, second, words)
 
 
 def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:

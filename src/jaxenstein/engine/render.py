@@ -49,6 +49,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
         position=lax.stop_gradient(scene.position),
         heading=lax.stop_gradient(scene.heading),
         sprites=lax.stop_gradient(scene.sprites),
+        lift=lax.stop_gradient(scene.lift),
     )
     pose = scene.position, scene.heading
     hits = cast(*pose, scene.closed, scene.level, camera)
@@ -56,15 +57,22 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     count = scene.sprites.look.shape[0]
     if count <= layers or layers <= FEW:
         spots = choose(*pose, scene.sprites, scene.theme, camera, layers) if count else None
-        return paint(staged(stage)(scene.heading, hits, spots), scene, camera, kind)
+        columns = staged(stage)(scene.heading, hits, spots, scene.lift)
+        return paint(columns, scene, camera, kind)
     spots = see(*pose, scene.sprites, scene.theme)
     keys = nearest(spots, scene.theme, camera, layers)
-    columns = staged(partial(stage, spots=None))(scene.heading, hits)
+    columns = staged(stage)(scene.heading, hits, None, scene.lift)
     over = staged(partial(project, theme=scene.theme, camera=camera, kind=kind))
 
     def with_layers(most: int) -> Callable[..., jax.Array]:
-        def draw(columns: ImageColumns, depth: jax.Array, spots: Spots, keys: jax.Array) -> Any:
-            shown = over(pick(spots, keys[:most]), depth)
+        def draw(
+            columns: ImageColumns,
+            depth: jax.Array,
+            lift: jax.Array | None,
+            spots: Spots,
+            keys: jax.Array,
+        ) -> Any:
+            shown = over(pick(spots, keys[:most]), depth, lift)
             return paint(columns.replace(layers=shown), scene, camera, kind)
 
         return draw
@@ -72,4 +80,4 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     # Where nobody in the batch sees more than a few layers, the others are not painted.
     more = (layers_seen(keys, hits.depth, count) > FEW).astype(jnp.int32)
     steps = [with_layers(most) for most in (FEW, layers)]
-    return by_most(steps)(more, columns, hits.depth, spots, keys)
+    return by_most(steps)(more, columns, hits.depth, scene.lift, spots, keys)

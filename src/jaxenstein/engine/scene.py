@@ -84,6 +84,8 @@ class Scene(PyTreeNode):
         heading: float32[], radians, 0 along +x, growing clockwise on the map.
         sprites: the billboards.
         theme: how everything looks.
+        lift: float32[], tiles by which the eye is higher than the camera's, within the room; None
+            for none.
     """
 
     level: Level
@@ -92,3 +94,4 @@ class Scene(PyTreeNode):
     heading: jax.Array
     sprites: Sprites
     theme: Theme
+    lift: jax.Array | None = None

@@ -123,13 +123,19 @@ def layers_seen(keys: jax.Array, wall_depth: jax.Array, count: int) -> jax.Array
 
 
 def project(
-    spots: Spots, wall_depth: jax.Array, theme: Theme, camera: Camera, kind: ImageKind
+    spots: Spots,
+    wall_depth: jax.Array,
+    lift: jax.Array | None,
+    theme: Theme,
+    camera: Camera,
+    kind: ImageKind,
 ) -> Layers:
     """What the chosen billboards show in each column.
 
     Args:
         spots: the billboards from `choose`.
         wall_depth: float32[W], depth of the wall behind each column.
+        lift: `Scene.lift`.
         theme: their looks.
         camera: width and field of view.
         kind: the kind of image.
@@ -138,6 +144,7 @@ def project(
     drop, radius = (
         _of_look(table, spots.look) for table in (theme.sprite_drop, theme.sprite_radius)
     )
+    drop = drop if lift is None else drop + lift
     light = theme.light.plain(depth)
     palette = np.asarray(theme.sprite_colours)
     labels = _of_look(theme.sprite_labels, spots.look)

@@ -13,8 +13,10 @@ from ...about import About, Event
 from ...environment import Info
 from ...maps.things import RGB
 from ...params import Params, Scalar, number
+from ...players.chance import NO_OP
 from ..draws import draw_index
 from .arena import DoomArenaParams
+from .bobbing import height, walked
 from .bodies import overlap
 from .buttons import MOVE_LEFT, MOVE_RIGHT
 from .creatures import Creatures, joined, placed
@@ -28,6 +30,8 @@ from .projectiles import no_projectiles
 # Imps stand on this line, from the one y to the other; there is room for so many.
 LINE, LOWEST, HIGHEST, MOST = 64, 20, 652, 16
 _FIRST = (20, 278, 652)
+# Tics of the game before which the player cannot move.
+_FROZEN = 7
 
 
 class DoomCoverParams(DoomArenaParams):
@@ -45,8 +49,20 @@ class DoomCoverParams(DoomArenaParams):
     damage_factor: Scalar = number(7.0, 0)
 
 
+class DoomCoverState(DoomFireState):
+    """State of a player who dodges.
+
+    Attributes:
+        pace: int32[2], the velocity that its own steps gave it.
+        steps: int32[2], the same as the eye bobs by it.
+    """
+
+    pace: jax.Array
+    steps: jax.Array
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
+class DoomTakeCover(DoomFireArena[DoomCoverState, DoomCoverParams]):
     """Dodge fireballs: imps at the other side of the room throw them, and become ever more.
 
     One or two hits kill, and the imps cannot be hurt. Reward: `living_reward` in every tic. Death
@@ -62,18 +78,20 @@ class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
     ceiling: ClassVar[RGB] = CRATES
     ammo: ClassVar[int] = 0
 
-    def init_state(self, key: jax.Array, params: DoomCoverParams) -> DoomFireState:
+    def init_state(self, key: jax.Array, params: DoomCoverParams) -> DoomCoverState:
         """Three imps, who have not noticed the player yet."""
         del key, params
         places = np.zeros((MOST, 2), np.int32)
         places[: len(_FIRST)] = [(LINE * ONE, y * ONE) for y in _FIRST]
         creatures = self._imps(jnp.asarray(places), jnp.arange(MOST) < len(_FIRST))
-        return DoomFireState(
+        return DoomCoverState(
             **self.drawn(jnp.zeros(2, jnp.uint32), (0, 0)),
             **self.armed(),
             creatures=creatures,
             kills=jnp.int32(0),
             balls=no_projectiles(self.most_balls),
+            pace=jnp.zeros(2, jnp.int32),
+            steps=jnp.zeros(2, jnp.int32),
         )
 
     def _imps(self, places: jax.Array, present: jax.Array) -> Creatures:
@@ -83,12 +101,16 @@ class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
         return new.replace(tics=new.tics - 1)
 
     def transition(
-        self, key: jax.Array, state: DoomFireState, action: jax.Array, params: DoomCoverParams
-    ) -> tuple[DoomFireState, jax.Array, jax.Array, Info]:
+        self, key: jax.Array, state: DoomCoverState, action: jax.Array, params: DoomCoverParams
+    ) -> tuple[DoomCoverState, jax.Array, jax.Array, Info]:
         """Step, let the imps throw and the fireballs fly; every now and then one more imp."""
         fight_key, ball_key, imp_key = jax.random.split(key, 3)
         time = state.time + 1
+        action = jnp.where(state.time < _FROZEN, NO_OP, action)
+        pace, angle, buttons = state.pace, state.angle, self.pressed(action)
         state, fought = self.fight(fight_key, state, action, params)
+        steps, pace = walked(pace, angle, buttons, state.fixed_velocity, fought.tried.slid)
+        state = state.replace(steps=steps, pace=pace)
         state, hits = self.burn(ball_key, state, fought, params)
         comes = time % jnp.maximum(params.period, 1) == 0
         state = state.replace(creatures=self._joined(imp_key, state.creatures, comes))
@@ -107,6 +129,16 @@ class DoomTakeCover(DoomFireArena[DoomFireState, DoomCoverParams]):
         here = comes & room & free & (jnp.cumsum(free) == 1)
         new = self._imps(jnp.broadcast_to(place[None], imps.position.shape), imps.present | here)
         return joined(imps, new, here)
+
+    def lift(self, state: DoomCoverState) -> jax.Array:
+        """The eye bobs as the player walks."""
+        return height(state.steps, state.time) * np.float32(1 / self.unit)
+
+    def with_things(self, state: DoomCoverState, health: int, things: np.ndarray) -> DoomCoverState:
+        """The state with the imps and the fireballs of the game; it does not tell the pace."""
+        state = super().with_things(state, health, things)
+        velocity = state.fixed_velocity
+        return state.replace(pace=velocity, steps=velocity * 32 // 29)
 
     def about(self) -> About:
         """What the task says of itself."""

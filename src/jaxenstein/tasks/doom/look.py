@@ -84,7 +84,7 @@ class Picture:
         side: of the square, in map units.
         shape: RGB of the picture's first colour.
         detail: RGB of its second one.
-        lift: of its lower side above the floor, in map units.
+        lift: of its lower side above the floor, in map units; monsters' feet are below it.
     """
 
     label: int
@@ -114,24 +114,28 @@ LAUNCHER = Picture(WEAPON.label, "gun", 60, (72, 84, 64), (140, 120, 60))
 GOAL_STAR = Picture(GOAL.label, "goal", 40, (255, 216, 20), (140, 118, 11), lift=10)
 
 
-def _monster(label: int, art: str, side: float, shape: RGB, detail: RGB) -> tuple[Picture, ...]:
+def _monster(
+    label: int, art: str, side: float, shape: RGB, detail: RGB, lift: float = 0
+) -> tuple[Picture, ...]:
     """The pictures of a monster, pose by pose (`kinds.Pose`)."""
     poses = ("one", "two", "aim", "dead")
-    return tuple(Picture(label, f"{art}-{pose}", side, shape, detail) for pose in poses)
+    return tuple(Picture(label, f"{art}-{pose}", side, shape, detail, lift) for pose in poses)
 
 
+# Sizes of demons, imps, marines, and fireballs are those of the game's own pictures, read off
+# screens of 1280 by 960 (`python -m fidelity.doom_sizes`).
 MONSTERS = {
-    "demon": _monster(DEMON.label, "demon", 60, (161, 68, 68), (236, 206, 190)),
-    "imp": _monster(IMP.label, "imp", 60, (82, 52, 28), (200, 170, 60)),
-    "chainsaw marine": _monster(MARINE.label, "soldier", 58, (74, 98, 65), (170, 140, 60)),
+    "demon": _monster(DEMON.label, "demon", 60, (161, 68, 68), (236, 206, 190), -3.4),
+    "imp": _monster(IMP.label, "imp", 63, (82, 52, 28), (200, 170, 60), -3.4),
+    "chainsaw marine": _monster(MARINE.label, "marine", 58, (74, 98, 65), (170, 140, 60), -1.7),
     "hell knight": _monster(HELL_KNIGHT.label, "imp", 70, (140, 104, 84), (110, 70, 52)),
     "zombie": _monster(ZOMBIE.label, "soldier", 56, (92, 84, 60), (150, 130, 100)),
     "shotgun guy": _monster(SHOTGUN_GUY.label, "soldier", 56, (60, 56, 52), (150, 50, 40)),
     "chaingun guy": _monster(CHAINGUN_GUY.label, "soldier", 60, (112, 44, 36), (140, 140, 140)),
 }
 FIREBALLS = (
-    Picture(FIREBALL.label, "fireball", 16, (236, 140, 40), (255, 230, 150), lift=24),
-    Picture(FIREBALL.label, "burst", 40, (200, 80, 20), (255, 200, 90), lift=12),
+    Picture(FIREBALL.label, "fireball", 16, (236, 140, 40), (255, 230, 150), lift=28),
+    Picture(FIREBALL.label, "blaze", 40, (200, 80, 20), (255, 200, 90), lift=20),
 )
 ROCKETS = (
     Picture(ROCKET.label, "rocket", 14, (120, 116, 112), (255, 200, 90), lift=28),

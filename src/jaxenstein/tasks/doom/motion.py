@@ -77,8 +77,8 @@ def tic(
         bodies: what else is in its way, where there is anything.
     """
     angle, turn_tics = _turn(body, buttons)
-    thrust = _thrust(angle, buttons)
-    velocity = body.velocity + thrust
+    added = thrust(angle, buttons)
+    velocity = body.velocity + added
     moving = jnp.any(velocity != 0)
     target = body.position + velocity
     slides = geometry.blocked(target)
@@ -88,10 +88,10 @@ def tic(
     velocity = jnp.where(slides, slid_velocity, velocity)
     if bodies is not None:
         bumps = moving & bodies(target)
-        beside, slowed = _bump(geometry, bodies, body.position, body.velocity + thrust)
+        beside, slowed = _bump(geometry, bodies, body.position, body.velocity + added)
         position, velocity = jnp.where(bumps, beside, position), jnp.where(bumps, slowed, velocity)
     others = jnp.where(slides, others, jnp.broadcast_to(target[None], (ATTEMPTS, 2)))
-    after = Body(position, _friction(velocity, buttons), angle, turn_tics)
+    after = Body(position, friction(velocity, buttons), angle, turn_tics)
     return after, Tried(moving, target, slides, others)
 
 
@@ -119,7 +119,7 @@ def _turn(body: Body, buttons: Buttons) -> tuple[jax.Array, jax.Array]:
     return angle - jnp.where(buttons.turn_right, yaw, 0), tics
 
 
-def _thrust(angle: jax.Array, buttons: Buttons) -> jax.Array:
+def thrust(angle: jax.Array, buttons: Buttons) -> jax.Array:
     """int32[2]: what the buttons add to the velocity.
 
     A forward thrust is 51200 = 25 * 2048, one to the side 49152 = 24 * 2048, along the angle less
@@ -130,7 +130,7 @@ def _thrust(angle: jax.Array, buttons: Buttons) -> jax.Array:
     return forward + (jnp.stack([sine, -cosine]) * (24 * buttons.aside) >> 5)
 
 
-def _friction(velocity: jax.Array, buttons: Buttons) -> jax.Array:
+def friction(velocity: jax.Array, buttons: Buttons) -> jax.Array:
     """int32[2]: 29/32 of a velocity, or none."""
     slow = jnp.all(jnp.abs(velocity) < STANDS)
     stands = slow & (buttons.ahead == 0) & (buttons.aside == 0)

@@ -40,12 +40,14 @@ def no_projectiles(count: int) -> Projectiles:
 
 
 def in_the_air(projectiles: Projectiles, things: np.ndarray) -> Projectiles:
-    """Those that fly of int64[M, 6] of the game's, as `DoomScenario.with_things` takes them."""
-    # Those that burst stand still.
-    rows, count = things[things[:, 5] > 0], len(projectiles.flies)
-    place = np.zeros((count, 2), np.int32)
-    place[: len(rows)] = rows[:count, 1:3]
-    return projectiles.replace(position=place, flies=np.arange(count) < len(rows))
+    """Those of int64[M, 6] of the game's, as `DoomScenario.with_things` takes them."""
+    count = len(projectiles.flies)
+    # Those that burst stand still; if there are too many, they are left out.
+    order = np.argsort(things[:, 5] == 0, kind="stable")[:count]
+    place, speed = np.zeros((count, 2), np.int32), np.zeros(count)
+    place[: len(order)], speed[: len(order)] = things[order, 1:3], things[order, 5]
+    bursts = (np.arange(count) < len(order)) & (speed == 0)
+    return projectiles.replace(position=place, flies=speed > 0, bursts=bursts.astype(np.int32))
 
 
 def throw(

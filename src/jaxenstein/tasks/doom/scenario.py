@@ -207,7 +207,13 @@ class DoomScenario(FirstPerson[S, P]):
             heading=to_heading(state.angle),
             sprites=Sprites(position=self.to_tiles(places), look=looks, visible=present),
             theme=self.theme,
+            lift=self.lift(state),
         )
+
+    def lift(self, state: S) -> jax.Array | None:
+        """float32[]: tiles by which the eye is above its usual height, if that changes."""
+        del state
+        return None
 
     def stride(self, params: P) -> float:
         """The most tiles that a tic moves the player."""

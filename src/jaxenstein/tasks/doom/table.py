@@ -26,17 +26,20 @@ SHOOTERS: dict[str, Scenario] = {
         "defend",
         "DoomDefendTheCenter",
         "Defend the Center itself: turn and shoot what comes from all around",
-        version=1,
+        version=2,
     ),
     "doom-defend-the-line": Scenario(
         "defend_line",
         "DoomDefendTheLine",
         "Defend the Line itself: turn and shoot what is at the other side of a room",
         "doom-defend-the-center",
-        version=1,
+        version=2,
     ),
     "doom-take-cover": Scenario(
-        "cover", "DoomTakeCover", "Take Cover itself: dodge the fireballs of ever more imps"
+        "cover",
+        "DoomTakeCover",
+        "Take Cover itself: dodge the fireballs of ever more imps",
+        version=1,
     ),
     "doom-rocket-basic": Scenario(
         "rockets",
@@ -60,6 +63,6 @@ SHOOTERS: dict[str, Scenario] = {
         "deathmatch",
         "DoomDeathmatch",
         "Deathmatch itself, alone: monsters without end, seven weapons, things to take",
-        version=1,
+        version=2,
     ),
 }

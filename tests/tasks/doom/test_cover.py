@@ -1,0 +1,116 @@
+"""Take Cover's eye and pictures against numbers that were read off the running game."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein.engine.art import load_art
+from jaxenstein.tasks.doom import look
+from jaxenstein.tasks.doom.bobbing import height, walked
+from jaxenstein.tasks.doom.buttons import MOVE_LEFT, MOVE_RIGHT, hold
+from jaxenstein.tasks.doom.fixed import ONE
+from jaxenstein.tasks.doom.projectiles import in_the_air, no_projectiles
+
+# Actions from the start of an episode on, and the height of the game's camera after some of them
+# (ViZDoom 1.3.2, `CAMERA_POSITION_Z`).
+ACTIONS = [1] * 30 + [2] * 33 + [0] * 10 + [2] * 40
+CAMERA = {
+    6: 41.0,
+    7: 41.041,
+    15: 38.372,
+    24: 46.511,
+    30: 39.726,
+    33: 40.408,
+    54: 35.38,
+    62: 46.552,
+    63: 46.362,
+    72: 40.225,
+    84: 46.111,
+    98: 38.775,
+    104: 48.558,
+    112: 34.695,
+}
+BUTTONS = (MOVE_LEFT, MOVE_RIGHT)
+
+# What covers a picture in the game: left, right, lower and upper end and area, in map units from
+# the thing's place on the floor (`python -m fidelity.doom_sizes`).
+MEASURED: list[tuple[look.Picture, tuple[float, float, float, float], float]] = [
+    (look.MONSTERS["imp"][0], (-24, 24.5, -3.4, 57.2), 1600),
+    (look.MONSTERS["imp"][2], (-27, 27, -3.4, 58), 1580),
+    (look.MONSTERS["demon"][0], (-22, 22, -3.4, 55), 1540),
+    (look.MONSTERS["demon"][2], (-18, 18, -3.6, 55), 1230),
+    (look.MONSTERS["chainsaw marine"][0], (-17.4, 16.9, -1.7, 54.4), 1143),
+    (look.FIREBALLS[0], (-8.3, 6.8, 28.2, 43.7), 182),
+    (look.FIREBALLS[1], (-19, 21, 22, 57), 918),
+]
+
+
+def test_the_eye_bobs_as_the_games() -> None:
+    env: Any
+    env, params = jaxenstein.make("doom-take-cover", height=1, width=1, observation="depth")
+    params = env.check_params(params)
+
+    @jax.jit
+    def play(state: Any) -> Any:
+        def step(state: Any, action: jax.Array) -> Any:
+            after = env.advance(jax.random.key(0), state, action, params)[0]
+            return after, env.lift(after) * env.unit
+
+        return jax.lax.scan(step, state, jnp.array(ACTIONS, jnp.int32))[1]
+
+    lifts = play(env.init_state(jax.random.key(0), params))
+    ours = {tic: look.EYE + float(lifts[tic]) for tic in CAMERA}
+    assert ours == pytest.approx(CAMERA, abs=0.005)
+
+
+def test_blows_do_not_make_the_eye_bob_and_walls_do_stop_it() -> None:
+    """A body that is pushed at 10 units a tic, and one that walks along a wall it is slowed by."""
+    still, right = (hold(BUTTONS, jnp.int32(held)) for held in (0, 2))
+    none, east = jnp.zeros(2, jnp.int32), jnp.uint32(0)
+    pushed = jnp.array([-10 * ONE, 0], jnp.int32)
+    steps, pace = walked(none, east, still, pushed, jnp.bool_(False))
+    assert not steps.any()
+    assert not pace.any()
+    fast, slow = jnp.array([0, -6 * ONE], jnp.int32), jnp.array([0, -ONE], jnp.int32)
+    steps, pace = walked(fast, east, right, slow, jnp.bool_(True))
+    # The game thrusts by three quarters of a unit, and looks before the wall slows the body.
+    assert steps.tolist() == [0, -6.75 * ONE]
+    assert pace.tolist() == slow.tolist()
+    # A quarter of the squared speed, halved, at the crest; 8 at most.
+    assert float(height(steps, jnp.int32(25))) == pytest.approx(6.75**2 / 8)
+    assert float(height(3 * steps, jnp.int32(25))) == pytest.approx(8)
+    assert float(height(3 * steps, jnp.int32(35))) == pytest.approx(-8)
+    assert float(height(steps, jnp.int32(40))) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("picture", "ends", "area"), MEASURED, ids=lambda p: getattr(p, "art", ""))
+def test_pictures_are_as_large_as_the_games(
+    picture: look.Picture, ends: tuple[float, float, float, float], area: float
+) -> None:
+    bits = (load_art(picture.art)[0][None] >> np.arange(31, -1, -1)[:, None].astype(np.uint32)) & 1
+    cell = picture.side / 32
+    rows, columns = np.nonzero(bits)
+    ours = (
+        (columns.min() - 16) * cell,
+        (columns.max() - 15) * cell,
+        picture.lift + (31 - rows.max()) * cell,
+        picture.lift + (32 - rows.min()) * cell,
+    )
+    assert ours == pytest.approx(ends, abs=3.5)
+    assert bits.sum() * cell**2 == pytest.approx(area, rel=0.1)
+
+
+def test_fireballs_of_the_game_fly_or_burst() -> None:
+    rows = [(1, 10, 20, 7, 0, 0), (1, 30, 40, 8, 0, 10 * ONE), (1, 50, 60, 9, 0, 10 * ONE)]
+    balls = in_the_air(no_projectiles(4), np.array(rows, np.int64))
+    assert balls.position.tolist() == [[30, 40], [50, 60], [10, 20], [0, 0]]
+    assert balls.flies.tolist() == [True, True, False, False]
+    assert (np.asarray(balls.bursts) > 0).tolist() == [False, False, True, False]
+    few = in_the_air(no_projectiles(2), np.array(rows, np.int64))
+    assert few.position.tolist() == [[30, 40], [50, 60]]
