@@ -182,7 +182,7 @@ def test_help_of_the_whole_imports_nothing_of_the_extra() -> None:
 
 def test_the_demos_configuration_is_one() -> None:
     experiment = resolve(parse("--config", str(ROOT / "examples" / "demo.toml")))
-    assert (experiment.config.updates, len(experiment.runs)) == (49, 2)
+    assert (experiment.config.updates, len(experiment.runs)) == (30, 2)
     assert experiment.recipe.settings["frame_skip"] == 6
 
 
