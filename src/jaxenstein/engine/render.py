@@ -61,7 +61,6 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     keys = nearest(spots, scene.theme, camera, layers)
     columns = staged(partial(stage, spots=None))(scene.heading, hits)
     over = staged(partial(project, theme=scene.theme, camera=camera, kind=kind))
-
     seen = layers_seen(keys, hits.depth, count)
 
     def with_layers(most: int) -> Callable[..., jax.Array]:
