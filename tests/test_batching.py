@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxenstein.batching import by_most, where_any, where_few
+from jaxenstein.batching import by_most, by_own, where_any, where_few
 from jaxenstein.engine.fusion import repeat, staged
 
 NEEDS = [np.zeros((2, 3), bool), np.array([[0, 0, 0], [0, 1, 0]], bool), np.ones((2, 3), bool)]
@@ -94,6 +94,22 @@ def test_by_most_runs_what_the_neediest_member_needs(shape: tuple[int, ...]) -> 
     assert run(jnp.full(shape, 1, jnp.int32), x[0, 1]) == 11.5
 
 
+def test_by_own_runs_what_each_member_needs() -> None:
+    """Also of a batch of batches, of which the inner one shares an argument; and of none."""
+    offset = jnp.float32(0.5)
+    run = by_own([lambda x, y, i=i: x * y + offset + 10 * i for i in range(3)])
+    needed = jnp.asarray(np.random.default_rng(3).integers(0, 3, (4, 5)), jnp.int32)
+    x = jnp.arange(8, dtype=jnp.float32).reshape(4, 2)
+    y = jnp.arange(5, dtype=jnp.float32)
+    twice = jax.jit(jax.vmap(jax.vmap(run, (0, None, 0)), (0, 0, None)))
+    wanted = (
+        np.asarray(x)[:, None] * np.asarray(y)[:, None] + 0.5 + 10 * np.asarray(needed)[..., None]
+    )
+    np.testing.assert_array_equal(twice(needed, x, y), wanted)
+    np.testing.assert_array_equal(run(needed[0, 0], x[0], y[0]), wanted[0, 0])
+    assert jax.jit(jax.vmap(run))(needed[0, :0], x[:0], y[:0]).shape == (0, 2)
+
+
 TABLE = jnp.asarray(np.random.default_rng(7).integers(0, 99, 11), jnp.int32)
 
 
@@ -109,9 +125,10 @@ def _repeated(needed, x):
     lambda needed, x: jnp.where(needed, where_any(lambda x: TABLE[x % 11] + x)(needed, x), 0),
     lambda needed, x: jnp.where(needed, where_few(lambda x: TABLE[x % 11] + x)(needed, x), 0),
     lambda needed, x: jnp.where(needed, by_most([lambda x: TABLE[x % 11] + x])(x * 0, x), 0),
+    lambda needed, x: jnp.where(needed, by_own([lambda x: TABLE[x % 11] + x])(x * 0, x), 0),
     lambda needed, x: staged(lambda x: TABLE[x % 11] * needed.astype(jnp.int32))(x),
     _repeated,
-], ids=["where_any", "where_few", "by_most", "staged", "repeat"])  # fmt: skip
+], ids=["where_any", "where_few", "by_most", "by_own", "staged", "repeat"])  # fmt: skip
 def test_inside_a_choice_that_differs_within_the_batch(run, nested: bool) -> None:
     """`lax.cond` makes a batch of all arrays in its branches, also of those closed over."""
 

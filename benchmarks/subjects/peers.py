@@ -31,7 +31,7 @@ STEPS = 64
 SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
 SHOOTING = (
     "basic", "defend-the-center", "defend-the-line", "deadly-corridor", "predict-position",
-    "take-cover",
+    "take-cover", "deathmatch",
 )  # fmt: skip
 # ViZDoom's Gymnasium ids and files that are called otherwise.
 _IDS = {"DefendTheCenter": "DefendCenter", "DefendTheLine": "DefendLine"}
@@ -58,6 +58,12 @@ def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:
     if "size" in options:
         chosen["screen_resolution"] = _resolution(vizdoom, options, "")
     env = gymnasium.make(f"Vizdoom{scenario(options)}-v1", **chosen)
+    if isinstance(space := env.action_space, gymnasium.spaces.Dict):
+        # Of a mouse as well, which nobody moves.
+        still = np.zeros_like(space["continuous"].sample())
+        env = gymnasium.wrappers.TransformAction(
+            env, lambda action: {"binary": action, "continuous": still}, space["binary"]
+        )
     return gymnasium_loop(
         env, lambda obs: obs["screen"], resizer(options.get("resize", "area")), frame_skip(options)
     )
@@ -76,11 +82,11 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
     game.set_sound_enabled(False)
     game.set_seed(0)
     game.init()
-    count = game.get_available_buttons_size() + 1
-    # As in the Gymnasium environment: one button at a time, or none.
-    buttons = [
-        [float(button == action - 1) for button in range(count - 1)] for action in range(count)
-    ]
+    # As in the Gymnasium environment: one button at a time, or none, and no mouse.
+    every = game.get_available_buttons()
+    keys = [i for i, button in enumerate(every) if not vizdoom.is_delta_button(button)]
+    buttons = [[float(i == key) for i in range(len(every))] for key in (-1, *keys)]
+    count = len(buttons)
     drawn, resize, pixel = random_actions(count), resizer(options.get("resize", "none")), 0
     skip = frame_skip(options)
 

@@ -133,6 +133,11 @@ def by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
         A function of (needed int32[...], *args) whose result is that of `branches[i](*args)`,
         where i is the greatest number that any member of the batch has anywhere in `needed`.
     """
+    return _own_arrays(_by_most, branches)
+
+
+def _own_arrays(wrap: Callable[..., Any], branches: Sequence[Callable[..., Any]]) -> Any:
+    """`wrap` of functions that may close over arrays: each gets those of all as its first one."""
 
     def run(needed: jax.Array, *args: Any) -> Any:
         args = varying(args, needed, args)
@@ -142,9 +147,21 @@ def by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
         def own(i: int) -> Callable[..., Any]:
             return lambda arrays, *args: pure[i](arrays[i], *args)
 
-        return _by_most([own(i) for i in range(len(pure))])(needed, list(arrays), *args)
+        return wrap([own(i) for i in range(len(pure))])(needed, list(arrays), *args)
 
     return run
+
+
+def _switch(branches: Sequence[Callable[..., Any]], needed: jax.Array, *args: Any) -> Any:
+    """The branch that is needed; the last one where the host would have to wait for the choice."""
+
+    def alike(branch: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda *values: varying(branch(*values), needed, args)
+
+    def chosen(*args: Any) -> Any:
+        return lax.switch(jnp.max(needed), [alike(branch) for branch in branches], *args)
+
+    return lax.platform_dependent(*args, cpu=chosen, default=alike(branches[-1]))
 
 
 def _by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
@@ -152,13 +169,7 @@ def _by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
 
     @custom_vmap
     def call(needed: jax.Array, *args: Any) -> Any:
-        def alike(branch: Callable[..., Any]) -> Callable[..., Any]:
-            return lambda *values: varying(branch(*values), needed, args)
-
-        def chosen(*args: Any) -> Any:
-            return lax.switch(jnp.max(needed), [alike(branch) for branch in branches], *args)
-
-        return lax.platform_dependent(*args, cpu=chosen, default=alike(branches[-1]))
+        return _switch(branches, needed, *args)
 
     @call.def_vmap
     def _(axis_size: int, in_batched: list[Any], needed: jax.Array, *args: Any) -> tuple[Any, Any]:
@@ -170,6 +181,22 @@ def _by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
         return out, jax.tree.map(lambda _: True, out)
 
     return call
+
+
+def by_own(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
+    """Wrap functions, each of which does what those before it do and more, to run each member's.
+
+    Members come one after the other, which pays where each takes long. On other backends than
+    the CPU that is the last function for all of them.
+
+    Returns:
+        A function of (needed int32[], *args) whose result is that of `branches[needed](*args)`.
+    """
+
+    def wrap(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
+        return _of_batch(functions, lambda own: partial(_switch, own), _one_by_one)
+
+    return _own_arrays(wrap, branches)
 
 
 def where_few(function: Callable[..., Any], share: int = CHUNK_SHARE) -> Callable[..., Any]:
@@ -192,32 +219,45 @@ def where_few(function: Callable[..., Any], share: int = CHUNK_SHARE) -> Callabl
 
 def _where_few(function: Callable[..., Any], *, share: int) -> Callable[..., Any]:
     """`where_few` of `function(shared, *args)`; what is shared is the same for all of a batch."""
-    function = jax.jit(function, inline=True)
+    return _of_batch([function], lambda own: _where_any(own[0]), partial(_in_chunks, share))
+
+
+def _of_batch(
+    functions: Sequence[Callable[..., Any]], alone: Callable[..., Any], some: Callable[..., Any]
+) -> Callable[..., Any]:
+    """Of functions of (shared, *args): `alone(functions)`, and for a batch what `_of_rows` does."""
+    functions = [jax.jit(function, inline=True) for function in functions]
 
     @custom_vmap
     def call(needed: jax.Array, shared: list[jax.Array], *args: Any) -> Any:
-        return _where_any(function)(needed, shared, *args)
+        return alone(functions)(needed, shared, *args)
 
     @call.def_vmap
     def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
-        own, in_batched, args = _unshared(function, in_batched, args)
+        own, in_batched, args = _unshared(functions, in_batched, args)
         needed, *rest = _spread(axis_size, [in_batched[0], *in_batched[2:]], (args[0], *args[2:]))
-        out = _of_rows(own, share)(needed, args[1], *rest)
+        out = _of_rows(own, some)(needed, args[1], *rest)
         return out, jax.tree.map(lambda _: True, out)
 
     return call
 
 
-def _of_rows(function: Callable[..., Any], share: int) -> Callable[..., Any]:
-    """`function(shared, *row)` of those rows of a batch that need it."""
+def _of_rows(functions: Sequence[Callable[..., Any]], some: Callable[..., Any]) -> Any:
+    """Functions of (shared, *row) for the rows of a batch, each by what it needs.
+
+    On CPUs that is `some` of them, each made one of several rows, of the needs and of the rows;
+    elsewhere the last function of all rows.
+    """
 
     @custom_vmap
     def call(needed: jax.Array, shared: list[jax.Array], *args: Any) -> Any:
-        def every(*values: Any) -> Any:
-            return varying(jax.vmap(partial(function, shared))(*values), needed, shared, args)
+        def mapped(function: Callable[..., Any], *rows: Any) -> Any:
+            return varying(jax.vmap(partial(function, shared))(*rows), needed, shared, args)
 
-        some = partial(_in_chunks, every, share)
-        return lax.platform_dependent(needed, *args, cpu=some, default=lambda _, *a: every(*a))
+        every = [partial(mapped, function) for function in functions]
+        return lax.platform_dependent(
+            needed, *args, cpu=partial(some, every), default=lambda _, *rows: every[-1](*rows)
+        )
 
     @call.def_vmap
     def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
@@ -229,10 +269,10 @@ def _of_rows(function: Callable[..., Any], share: int) -> Callable[..., Any]:
 
         if any(jax.tree.leaves(in_batched[1])):
             args = (args[0], jax.tree.map(repeated, args[1], in_batched[1]), *args[2:])
-        own, in_batched, args = _unshared(function, in_batched, args)
+        own, in_batched, args = _unshared(functions, in_batched, args)
         rows = _spread(axis_size, [in_batched[0], *in_batched[2:]], (args[0], *args[2:]))
         needed, *rest = jax.tree.map(lambda v: v.reshape(-1, *v.shape[2:]), rows)
-        out = _of_rows(own, share)(needed, args[1], *rest)
+        out = _of_rows(own, some)(needed, args[1], *rest)
         out = jax.tree.map(lambda v: v.reshape(axis_size, inner, *v.shape[1:]), out)
         return out, jax.tree.map(lambda _: True, out)
 
@@ -240,16 +280,17 @@ def _of_rows(function: Callable[..., Any], share: int) -> Callable[..., Any]:
 
 
 def _unshared(
-    function: Callable[..., Any], in_batched: list[Any], args: tuple[Any, ...]
-) -> tuple[Callable[..., Any], list[Any], tuple[Any, ...]]:
+    functions: Sequence[Callable[..., Any]], in_batched: list[Any], args: tuple[Any, ...]
+) -> tuple[Sequence[Callable[..., Any]], list[Any], tuple[Any, ...]]:
     """Where the batch does not share what it should, that as one more of each member's own."""
     if not any(jax.tree.leaves(in_batched[1])):
-        return function, in_batched, args
+        return functions, in_batched, args
 
-    def own(_: Any, shared: Any, *rest: Any) -> Any:
+    def own(function: Callable[..., Any], _: Any, shared: Any, *rest: Any) -> Any:
         return function(shared, *rest)
 
-    return own, [in_batched[0], [], *in_batched[1:]], (args[0], [], *args[1:])
+    functions = [partial(own, function) for function in functions]
+    return functions, [in_batched[0], [], *in_batched[1:]], (args[0], [], *args[1:])
 
 
 def _spread(axis_size: int, in_batched: list[Any], args: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -261,9 +302,11 @@ def _spread(axis_size: int, in_batched: list[Any], args: tuple[Any, ...]) -> tup
     return jax.tree.map(spread, args, tuple(in_batched))
 
 
-def _in_chunks(every: Callable[..., Any], share: int, needed: jax.Array, *args: Any) -> Any:
-    """`every(*args)` for the needed rows, zero in the others."""
-    count = needed.shape[0]
+def _in_chunks(
+    share: int, functions: Sequence[Callable[..., Any]], needed: jax.Array, *args: Any
+) -> Any:
+    """The only function for the needed rows, zero in the others."""
+    every, count = functions[0], needed.shape[0]
     if not count:
         return every(*args)
     size = min(max(CHUNK, -(-count // share)), count)
@@ -282,3 +325,26 @@ def _in_chunks(every: Callable[..., Any], share: int, needed: jax.Array, *args: 
         return jax.tree.map(lambda o, f: o.at[chosen].set(f, mode="drop"), out, found)
 
     return lax.fori_loop(0, -(-(rank[-1] + 1) // size), visit, out)
+
+
+def _one_by_one(functions: Sequence[Callable[..., Any]], needed: jax.Array, *args: Any) -> Any:
+    """Each row's own function of it, one row after the other."""
+    shapes = jax.eval_shape(functions[-1], *args)
+    if not needed.size:
+        return functions[-1](*args)
+
+    def none(shape: jax.ShapeDtypeStruct) -> jax.Array:
+        # In one row, apart from its shape: filled along a short last axis, it takes long.
+        return lax.optimization_barrier(jnp.zeros(shape.size, shape.dtype)).reshape(shape.shape)
+
+    def visit(i: jax.Array, out: Any) -> Any:
+        # Each writes to its place by itself: what a branch returns would be copied there.
+        def put(function: Callable[..., Any], out: Any, *args: Any) -> Any:
+            found = function(*jax.tree.map(lambda v: lax.dynamic_slice_in_dim(v, i, 1), args))
+            return jax.tree.map(
+                partial(lax.dynamic_update_slice_in_dim, start_index=i, axis=0), out, found
+            )
+
+        return lax.switch(needed[i], [partial(put, function) for function in functions], out, *args)
+
+    return lax.fori_loop(0, needed.size, visit, varying(jax.tree.map(none, shapes), needed, args))

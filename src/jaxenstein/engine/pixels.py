@@ -198,6 +198,6 @@ def _billboards(layers: Layers, below: jax.Array, image: jax.Array) -> jax.Array
     """The image with the billboards over it, the farthest first."""
     for k in reversed(range(layers.scale.shape[0])):
         bit = _whole(layers.scale[k] * below + layers.offset[k])
-        own = jnp.where(_test(layers.planes[1, k], bit), layers.paint[1, k], layers.paint[0, k])
-        image = jnp.where(_test(layers.planes[0, k], bit), own, image)
+        own = jnp.where(_test(layers.detail[k], bit), layers.detail_paint[k], layers.shape_paint[k])
+        image = jnp.where(_test(layers.shape[k], bit), own, image)
     return image

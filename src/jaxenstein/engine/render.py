@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from ..batching import by_most
+from ..batching import by_most, by_own
 from .camera import Camera
 from .fusion import staged
 from .image_columns import ImageColumns, prepare
@@ -26,7 +26,7 @@ from .pixels import paint
 from .raycast import cast
 from .scene import Scene
 from .shade import ImageKind
-from .sprites import Spots, choose, layers_seen, nearest, pick, project, see
+from .sprites import Layers, Spots, choose, layers_seen, nearest, pick, project, see
 
 # Layers of billboards that are painted in any case.
 FEW = 2
@@ -63,6 +63,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     keys = nearest(spots, scene.theme, camera, layers)
     columns = staged(stage)(scene.heading, hits, None, scene.lift)
     over = staged(partial(project, theme=scene.theme, camera=camera, kind=kind))
+    seen = layers_seen(keys, hits.depth, count)
 
     def with_layers(most: int) -> Callable[..., jax.Array]:
         def draw(
@@ -73,11 +74,29 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
             keys: jax.Array,
         ) -> Any:
             shown = over(pick(spots, keys[:most]), depth, lift)
-            return paint(columns.replace(layers=shown), scene, camera, kind)
+            steps = [
+                partial(_paint_layers, k, scene=scene, camera=camera, kind=kind)
+                for k in range(most + 1)
+            ]
+            return by_own(steps)(jnp.max(seen), columns, shown)
 
         return draw
 
-    # Where nobody in the batch sees more than a few layers, the others are not painted.
-    more = (layers_seen(keys, hits.depth, count) > FEW).astype(jnp.int32)
+    # Where nobody in the batch sees more than a few layers, the others are not looked up.
+    more = (seen > FEW).astype(jnp.int32)
     steps = [with_layers(most) for most in (FEW, layers)]
     return by_most(steps)(more, columns, hits.depth, scene.lift, spots, keys)
+
+
+def _paint_layers(
+    count: int,
+    columns: ImageColumns,
+    layers: Layers,
+    *,
+    scene: Scene,
+    camera: Camera,
+    kind: ImageKind,
+) -> jax.Array:
+    """The image with so many of the billboards' layers."""
+    nearest = jax.tree.map(lambda leaf: leaf[..., :count, :], layers)
+    return paint(columns.replace(layers=nearest), scene, camera, kind)

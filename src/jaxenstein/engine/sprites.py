@@ -36,16 +36,20 @@ class Layers(PyTreeNode):
     is the same in all columns has one column.
 
     Attributes:
-        planes: uint32[2, K, W], words of shape and detail; 0 where there is no billboard.
+        shape: uint32[K, W], words of the shape; 0 where there is no billboard.
+        detail: uint32[K, W], words of the detail.
         scale: float32[K, W or 1], bits a pixel.
         offset: float32[K, W or 1], less one half.
-        paint: paint[2, K, W or 1] of shape and detail (see `image_columns.ImageColumns`).
+        shape_paint: paint[K, W or 1] of the shape (see `image_columns.ImageColumns`).
+        detail_paint: paint[K, W or 1] of the detail.
     """
 
-    planes: jax.Array
+    shape: jax.Array
+    detail: jax.Array
     scale: jax.Array
     offset: jax.Array
-    paint: jax.Array
+    shape_paint: jax.Array
+    detail_paint: jax.Array
 
 
 class Spots(PyTreeNode):
@@ -156,11 +160,14 @@ def project(
     words = staged(partial(_words, theme=theme, camera=camera))(spots, wall_depth)
     art = np.asarray(theme.sprite_art)
     tables = [np.append(art[:, i].reshape(-1), np.uint32(0)) for i in (0, 1)]
+    shape, detail = (jnp.asarray(t).at[words].get(mode="promise_in_bounds") for t in tables)
     return Layers(
-        planes=jnp.stack([jnp.asarray(t).at[words].get(mode="promise_in_bounds") for t in tables]),
+        shape=shape,
+        detail=detail,
         scale=spots.stretch / camera.row_focal,
         offset=(WORD // 2) * (1 - drop / radius) - 0.5,
-        paint=jnp.stack(paint),
+        shape_paint=paint[0],
+        detail_paint=paint[1],
     )
 
 

@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import jax
 import jax.numpy as jnp
+
+
+def random_bits(key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
+    """uint32 of a shape: those of `jax.random.bits`, drawn in one row.
+
+    Compilers for CPUs work along the last axis alone, and of a short one number by number.
+    """
+    return jax.random.bits(key, (math.prod(shape),), jnp.uint32).reshape(shape)
 
 
 def draw_unit(bits: jax.Array) -> jax.Array:

@@ -14,6 +14,7 @@ from ...batching import where_few
 from ...environment import Info
 from ...params import Params, Scalar, number
 from ...pytree import PyTreeNode
+from ..draws import random_bits
 from ..health import HealthTask
 from .bodies import overlap
 from .creatures import FEW, Creatures, act, hurt
@@ -110,7 +111,7 @@ class DoomArena(DoomShooter[S, P], HealthTask[S, P]):  # pyright: ignore[reportI
         """A tic: the player turns, shoots, and moves; then the monsters do."""
         roster, before = self.roster, state.creatures
         rays = max(int(roster.rays.max()), 1)
-        bits = jax.random.bits(key, (len(roster) + 1, 4 + rays), jnp.uint32)
+        bits = random_bits(key, (len(roster) + 1, 4 + rays))
 
         def bodies(place: jax.Array) -> jax.Array:
             width = np.full(len(roster), RADIUS, np.int32)

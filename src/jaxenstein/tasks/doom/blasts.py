@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .creatures import Creatures
+from ...batching import where_few
+from .creatures import FEW, Creatures
 from .geometry import RADIUS
 from .kinds import Roster
 from .projectiles import Projectiles, fly, throw
@@ -54,23 +57,23 @@ def exploded(
     there = jnp.append(jnp.zeros(1, bool), creatures.living)
     rockets, hits = fly(before, HALF_WIDTH, (places, widths, there), walls, BURST, LOOKS)
     ends = before.flies & ~rockets.flies
-    # A look earlier, a rocket was before the wall at which it ends.
-    seen = _seen(rockets.position - before.velocity // LOOKS, places, walls)
-    blast = jnp.where(seen, _blast(rockets.position, places, widths), 0)
-    damage = jnp.where(hits, direct[:, None], 0) + blast
+    # A look earlier, a rocket was before the wall at which it ends. Few of a batch end in a tic.
+    sources = rockets.position, rockets.position - before.velocity // LOOKS
+    blasts = where_few(partial(_blasts, widths, walls), FEW)
+    damage = jnp.where(hits, direct[:, None], 0) + blasts(jnp.any(ends), *sources, places)
     damage = jnp.where(ends[:, None], damage, 0)
     return rockets, damage[:, 0], jnp.sum(damage[:, 1:], axis=0, dtype=jnp.int32)
 
 
-def _blast(centres: jax.Array, places: jax.Array, widths: np.ndarray) -> jax.Array:
-    """int32[M, N]: what explosions at int32[M, 2] do to bodies at int32[N, 2] in the open."""
+def _blasts(
+    widths: np.ndarray, walls: np.ndarray, centres: jax.Array, eyes: jax.Array, places: jax.Array
+) -> jax.Array:
+    """int32[M, N]: what explosions at int32[M, 2] do to bodies at int32[N, 2] of int32[N] widths.
+
+    They do nothing behind walls float32[L, 4], seen from int32[M, 2].
+    """
     gap = jnp.max(jnp.abs(offsets(centres[:, None], places[None])), axis=-1)
     side = jnp.maximum(gap - widths[None].astype(np.float32), 0)
-    return jnp.maximum(BLAST - side.astype(jnp.int32), 0)
-
-
-def _seen(centres: jax.Array, places: jax.Array, walls: np.ndarray) -> jax.Array:
-    """bool[M, N]: whether no wall stands between places int32[M, 2] and int32[N, 2]."""
-    shape = (centres.shape[0], places.shape[0], 2)
-    centres = jnp.broadcast_to(centres[:, None], shape)
-    return is_seen(centres, jnp.broadcast_to(places[None], shape), walls)
+    shape = (eyes.shape[0], places.shape[0], 2)
+    ways = jnp.broadcast_to(eyes[:, None], shape), jnp.broadcast_to(places[None], shape)
+    return jnp.where(is_seen(*ways, walls), jnp.maximum(BLAST - side.astype(jnp.int32), 0), 0)

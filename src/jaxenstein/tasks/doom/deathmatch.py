@@ -14,7 +14,7 @@ from ...about import About, Event
 from ...environment import Info
 from ...maps.things import RGB
 from ...params import Params, Scalar, number
-from ..draws import draw_index
+from ..draws import draw_index, random_bits
 from .arena import DoomArenaParams
 from .armed_arena import (
     NEXT_WEAPON,
@@ -218,7 +218,7 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
         chances = jnp.where(due, _CHANCES * params.crowd, 0)
         healthy = self.roster.health.astype(np.float32) * params.monster_health
         health = jnp.maximum(jnp.round(healthy), 1).astype(jnp.int32)
-        bits = jax.random.bits(key, words(self.roster), jnp.uint32)
+        bits = random_bits(key, words(self.roster))
         creatures, _ = come(
             self.roster, state.creatures, state.fixed_position, chances, _SQUARE, health, bits
         )

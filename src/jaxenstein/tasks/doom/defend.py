@@ -15,6 +15,7 @@ from ...about import About, Event
 from ...environment import Info
 from ...maps.things import RGB
 from ...params import Params, Scalar, number
+from ..draws import random_bits
 from .aiming import TURN_AND_SHOOT
 from .arena import DoomArena, DoomArenaParams, DoomArenaState
 from .buttons import ATTACK, TURN_LEFT, TURN_RIGHT
@@ -138,7 +139,7 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
         """The state without the dead, and with those whose time has come and who find room."""
         count = len(self.roster)
         absence = absent(state.absence, killed, params.absence)
-        bits = jax.random.bits(key, (count, 2), jnp.uint32)
+        bits = random_bits(key, (count, 2))
         place = _at_wall(bits[:, 0] & np.uint32(0xFFFF0000))
         health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
         fresh = place, (bits[:, 1] >> 24) << 24, health

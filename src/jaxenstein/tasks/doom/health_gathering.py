@@ -15,6 +15,7 @@ from ...batching import where_few
 from ...engine.scene import Theme
 from ...environment import Info
 from ...params import Params, Scalar, number
+from ..draws import random_bits
 from ..health import FULL_HEALTH, HealthTask, about_health
 from .buttons import FORWARD, TURN_LEFT, TURN_RIGHT
 from .look import ACID, BOTTLE, CEILING, MEDKIT_BOX, doom_theme
@@ -111,7 +112,7 @@ class DoomHealthGathering(
         pose_key, thing_key = jax.random.split(key)
         pose = self.drawn(jax.random.bits(pose_key, (2,), jnp.uint32), self.angles)
         at_first = [kind.at_first for kind in self.kinds]
-        drawn = jax.random.bits(thing_key, (sum(at_first), 3), jnp.uint32)
+        drawn = random_bits(thing_key, (sum(at_first), 3))
         new = load_places(self.map_name).draw(drawn)
         parts, number, seen = [], [], 0
         for kind in self.kinds:
@@ -158,7 +159,7 @@ class DoomHealthGathering(
 
     def _appear(self, state: DoomHealthState, key: jax.Array, time: jax.Array) -> DoomHealthState:
         """Things more, of each kind whose time it is."""
-        bits = jax.random.bits(key, (len(self.kinds), 3), jnp.uint32)
+        bits = random_bits(key, (len(self.kinds), 3))
         new = load_places(self.map_name).draw(bits)
         here, first = jnp.zeros(len(self.looks), bool), 0
         slots = np.arange(len(self.looks), dtype=np.int32)

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..draws import random_bits
 from .creatures import Creatures, act
 from .kinds import Roster
 
@@ -26,7 +27,7 @@ def begun(
         walls: float32[L, 4], walls that block monsters.
     """
     looking = creatures.replace(tics=jnp.ones(len(roster), jnp.int32))
-    bits = jax.random.bits(key, (len(roster), 2), jnp.uint32)
+    bits = random_bits(key, (len(roster), 2))
     nothing, quiet = np.zeros((0, 4), np.float32), jnp.bool_(False)
     after, _ = act(roster, looking, player, quiet, bits, opaque=nothing, walls=walls)
     since = FIRST - roster.tics[roster.stand]
