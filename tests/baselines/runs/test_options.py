@@ -91,11 +91,19 @@ TUNED = {
 }  # fmt: skip
 
 
+OWN_VALUES = {
+    "normalise_bonus": True,
+    "bonus_values": True,
+    "bonus_advantage": 0.3,
+    "entropy": 0.003,
+}
+
+
 @pytest.mark.parametrize(
     ("algo", "own"),
     [
         ("ppo", {}),
-        ("icm", {"normalise_bonus": True}),
+        ("icm", OWN_VALUES),
         (
             "rnd",
             {
@@ -107,7 +115,7 @@ TUNED = {
                 "contrast": 0.0,
             },
         ),
-        ("e3b", {"normalise_bonus": True, "e3b_lambda": 0.1, "random_clocks": True}),
+        ("e3b", {**OWN_VALUES, "e3b_lambda": 0.1, "random_clocks": True}),
     ],
 )
 def test_recipes_are_defaults_below_what_is_given(algo: str, own: dict[str, Any]) -> None:

@@ -53,6 +53,13 @@ NETWORKS: Mapping[str, Values] = {
     "tiny": {"features": 64, "hidden": 64, "head": 64, "convolutions": PATCHES},
 }
 
+_OWN_VALUES: Values = {
+    "normalise_bonus": True,
+    "bonus_values": True,
+    "bonus_advantage": 0.3,
+    "entropy": 0.003,
+}
+
 RECIPES: Mapping[str, Recipe] = {
     "paper": Recipe(),
     "tuned": Recipe(
@@ -96,11 +103,12 @@ RECIPES: Mapping[str, Recipe] = {
                 # A policy that sees more stays where novelty lasts, with frame skip 3 and 1.
                 "contrast": 0.0,
             },
-            # As RND's; not measured.
-            "icm": {"normalise_bonus": True},
+            # With a value of its own the bonus can weigh less than the goal; added to the reward it
+            # drove the entropy down and nothing was learned.
+            "icm": _OWN_VALUES,
             # It counts within an episode: in lock-step every other rollout of `simple` would see
             # no start and no end.
-            "e3b": {"normalise_bonus": True, "e3b_lambda": 0.1, "random_clocks": True},
+            "e3b": {**_OWN_VALUES, "e3b_lambda": 0.1, "random_clocks": True},
         },
     ),
 }
