@@ -76,10 +76,11 @@ class GameSession(Session):
         params = env.default_params if params is None else params
         limit = int(params.max_steps_in_episode)
         size = screen_for(env.height, env.width)
+        weapon = isinstance(env, DoomShooter) and env.show_weapon
 
         def prepare(game: Any) -> None:
             game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
-            game.set_render_weapon(getattr(env, "show_weapon", False))
+            game.set_render_weapon(weapon)
             game.set_render_crosshair(False)
             game.set_render_hud(False)
             game.set_depth_buffer_enabled(env.observation == "depth")

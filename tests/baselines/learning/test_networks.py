@@ -177,18 +177,12 @@ def test_contrast_is_that_of_other_images():
 
 
 def test_labels_have_no_contrast():
-    env, params = jaxenstein.make("simple", height=8, width=16, observation="labels")
-    spec = observation_spec(env, params)
-    sizes = {"features": 8, "hidden": 4, "head": 8}
-    plain, sharp = (
-        ActorCritic(spec, 5, 1, Config(**sizes, contrast=contrast)) for contrast in (0.0, 4.0)
-    )
-    inputs = draw_inputs(plain, (8, 16))
-    weights = plain.init(KEY)
+    (_, _, plain), (_, _, sharp) = small_network("labels"), small_network("labels", contrast=4.0)
+    params, inputs = plain.init(KEY), draw_inputs(plain, (12, 16))
     jax.tree.map(
         np.testing.assert_array_equal,
-        sharp.unroll(weights, *inputs),
-        plain.unroll(weights, *inputs),
+        sharp.unroll(params, *inputs),
+        plain.unroll(params, *inputs),
     )
 
 
