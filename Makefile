@@ -49,7 +49,7 @@ check: $(VENV)/.dev ## lint, formatting and types
 docs: $(VENV)/.docs ## build the documentation site: docs/_build/html/index.html
 	$(BIN)/python -m sphinx -W --keep-going -q -d docs/_build/cache docs docs/_build/html $(ARGS)
 
-demo: $(VENV)/.baselines ## train an agent in about 4 minutes: its curve and a GIF in demo/
+demo: $(VENV)/.baselines ## train an agent in about 3 minutes: its curve and a GIF in demo/
 	@rm -rf $(DEMO)/run && mkdir -p $(DEMO)
 	$(BIN)/jaxenstein train --config examples/demo.toml --out $(DEMO)/run
 	$(BIN)/jaxenstein plot $(DEMO)/run --metric success --out $(DEMO)/learning_curve.png
