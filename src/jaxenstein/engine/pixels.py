@@ -48,9 +48,10 @@ class Rows(PyTreeNode):
     words: Array | None
 
 
-def paint(columns: ImageColumns, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
+def paint(
+    columns: ImageColumns, rows: Rows, scene: Scene, camera: Camera, kind: ImageKind
+) -> jax.Array:
     """Paint an image; see `render.render` for its shape and type."""
-    rows = paint_rows(scene.theme, camera, kind, scene.lift)
     stage = partial(paint_words, rows=rows, theme=scene.theme, camera=camera, kind=kind)
     # Without extra columns, one pass paints and cuts pixels to bytes.
     image = (staged(stage) if camera.extra else stage)(scene.position, columns)

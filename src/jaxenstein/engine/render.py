@@ -22,7 +22,7 @@ from ..batching import by_most, by_own
 from .camera import Camera
 from .fusion import staged
 from .image_columns import ImageColumns, prepare
-from .pixels import paint
+from .pixels import Rows, paint, paint_rows
 from .raycast import cast
 from .scene import Scene
 from .shade import ImageKind
@@ -30,6 +30,9 @@ from .sprites import Layers, Spots, choose, layers_seen, nearest, pick, project,
 
 # Layers of billboards that are painted in any case.
 FEW = 2
+# Where images are painted one by one, the compiler of JAX 0.10 copies all of a batch for each, so
+# that it takes fifty times as long; that of 0.12 does not.
+_COPIES_IMAGES = jax.__version_info__ < (0, 12)
 
 
 def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 4) -> jax.Array:
@@ -54,11 +57,12 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     pose = scene.position, scene.heading
     hits = cast(*pose, scene.closed, scene.level, camera)
     stage = partial(prepare, theme=scene.theme, camera=camera, kind=kind)
+    rows = paint_rows(scene.theme, camera, kind, scene.lift)
     count = scene.sprites.look.shape[0]
     if count <= layers or layers <= FEW:
         spots = choose(*pose, scene.sprites, scene.theme, camera, layers) if count else None
         columns = staged(stage)(scene.heading, hits, spots, scene.lift)
-        return paint(columns, scene, camera, kind)
+        return paint(columns, rows, scene, camera, kind)
     spots = see(*pose, scene.sprites, scene.theme)
     keys = nearest(spots, scene.theme, camera, layers)
     columns = staged(stage)(scene.heading, hits, None, scene.lift)
@@ -75,9 +79,11 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
         ) -> Any:
             shown = over(pick(spots, keys[:most]), depth, lift)
             steps = [
-                partial(_paint_layers, k, scene=scene, camera=camera, kind=kind)
+                partial(_paint_layers, k, rows=rows, scene=scene, camera=camera, kind=kind)
                 for k in range(most + 1)
             ]
+            if _COPIES_IMAGES:
+                return steps[-1](columns, shown)
             return by_own(steps)(jnp.max(seen), columns, shown)
 
         return draw
@@ -93,10 +99,11 @@ def _paint_layers(
     columns: ImageColumns,
     layers: Layers,
     *,
+    rows: Rows,
     scene: Scene,
     camera: Camera,
     kind: ImageKind,
 ) -> jax.Array:
     """The image with so many of the billboards' layers."""
     nearest = jax.tree.map(lambda leaf: leaf[..., :count, :], layers)
-    return paint(columns.replace(layers=nearest), scene, camera, kind)
+    return paint(columns.replace(layers=nearest), rows, scene, camera, kind)
