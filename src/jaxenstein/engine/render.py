@@ -31,7 +31,7 @@ from .sprites import Layers, Spots, choose, layers_seen, nearest, pick, project,
 # Layers of billboards that are painted in any case.
 FEW = 2
 # Where images are painted one by one, the compiler of JAX 0.10 copies all of a batch for each, so
-# that it takes fifty times as long; that of 0.12 does not.
+# that it takes sixty times as long; that of 0.12 does not.
 _COPIES_IMAGES = jax.__version_info__ < (0, 12)
 
 
