@@ -7,6 +7,12 @@ import pytest
 
 pytest.importorskip("flax")
 
+from jaxenstein.baselines.bonuses.temporal import (
+    STRIDE,
+    TEMPERATURE,
+    drawn_offsets,
+    temporal_loss,
+)
 from tests.baselines.bonuses.rollouts import (
     BATCH,
     KEY,
@@ -18,9 +24,11 @@ from tests.baselines.bonuses.rollouts import (
     train,
 )  # fmt: skip
 
+BOTH = pytest.mark.parametrize("embedding", ["inverse", "temporal"])
+
 
 def embeddings(bonus, state, data):
-    return np.asarray(bonus._model.embed(state.params, data.led_to), np.float64)
+    return np.asarray(bonus._embedding.embed(state.params, data.led_to), np.float64)
 
 
 @pytest.mark.parametrize("ridge", [0.1, 2.0])
@@ -38,7 +46,8 @@ def test_e3b_is_the_quadratic_form_of_the_episodes_inverse(ridge):
         for t in range(STEPS):
             for n in range(BATCH):
                 if ended[t, n]:
-                    matrices[n] = start
+                    # What it led to begins the next episode.
+                    matrices[n] = start + np.outer(phi[t, n], phi[t, n])
                     continue
                 expected = phi[t, n] @ np.linalg.inv(matrices[n]) @ phi[t, n]
                 np.testing.assert_allclose(result[t, n], expected, rtol=1e-4)
@@ -66,11 +75,68 @@ def test_what_was_seen_n_times_is_worth_one_over_lambda_and_n():
     np.testing.assert_allclose(result, np.tile(expected[:, None], BATCH), rtol=1e-4)
 
 
-def test_training_moves_the_networks_and_not_the_matrices():
-    bonus = bonus_of("e3b")
+@BOTH
+def test_training_moves_the_networks_and_not_the_matrices(embedding):
+    bonus = bonus_of("e3b", e3b_embedding=embedding)
     before = bonus.init(KEY)
     after, metrics = train(bonus, before, experience(), numbers_of("e3b"), 1)
     np.testing.assert_array_equal(before.inverse, after.inverse)
     pairs = zip(leaves(before.params), leaves(after.params), strict=True)
     assert all(not np.array_equal(a, b) for a, b in pairs)
     assert 0 < float(metrics["e3b_gradient_norm"]) < np.inf
+    assert ("inverse" in before.params) == (embedding == "inverse")
+
+
+def test_the_temporal_loss_tells_neighbours_from_those_of_other_steps():
+    rng, (steps, batch) = np.random.default_rng(0), (11, 3)
+    phi = rng.normal(size=(steps + 1, batch, 5)).astype(np.float32)
+    phi /= np.linalg.norm(phi, axis=-1, keepdims=True)
+    ended = rng.random((steps, batch)) < 0.15
+    offset = rng.integers(1, 5, (steps, batch)).astype(np.int32)
+    pairs = []
+    for t in range(0, steps, STRIDE):
+        for n in range(batch):
+            then = min(t + offset[t, n], steps)
+            if not ended[t:then, n].any():
+                pairs.append((phi[t, n].astype(np.float64), phi[then, n].astype(np.float64)))
+    assert 3 < len(pairs) < 9
+    losses, right = [], []
+    for index, (now, _) in enumerate(pairs):
+        scores = np.array([now @ near / TEMPERATURE for _, near in pairs])
+        losses.append(np.log(np.exp(scores).sum()) - scores[index])
+        right.append(scores[index] >= scores.max())
+    loss, metrics = temporal_loss("e3b", jnp.asarray(phi), jnp.asarray(ended), jnp.asarray(offset))
+    np.testing.assert_allclose(loss, np.mean(losses), rtol=1e-5)
+    np.testing.assert_allclose(metrics["e3b_temporal_accuracy"], np.mean(right), rtol=1e-6)
+
+
+def test_the_temporal_loss_of_a_rollout_full_of_ends_is_nothing():
+    phi, ended = jnp.ones((5, 2, 3)), jnp.ones((4, 2), bool)
+    total = lambda phi: temporal_loss("e3b", phi, ended, jnp.ones((4, 2), jnp.int32))[0]  # noqa: E731
+    loss, gradient = jax.value_and_grad(total)(phi)
+    assert loss == 0
+    np.testing.assert_array_equal(gradient, jnp.zeros_like(phi))
+
+
+def test_offsets_are_all_from_one_to_the_reach():
+    assert set(np.unique(drawn_offsets(KEY, (64, 8), 3))) == {1, 2, 3}
+
+
+def test_what_is_near_in_time_grows_alike_and_the_rest_does_not():
+    # Each environment sees one frame of its own, with a little noise.
+    rng, bonus = np.random.default_rng(1), bonus_of("e3b", e3b_embedding="temporal")
+    own = rng.integers(40, 216, (1, BATCH, 8, 8))
+    frames = (own + rng.integers(-9, 9, (STEPS + 1, BATCH, 8, 8))).astype(np.uint8)
+    data = experience()
+    data = data.replace(
+        obs=(jnp.asarray(frames), jnp.zeros_like(data.obs[1])), ended=jnp.zeros_like(data.ended)
+    )
+    before = bonus.init(KEY)
+    after, _ = train(bonus, before, data, numbers_of("e3b"), 150)
+    others = ~np.eye(BATCH, dtype=bool)
+    for state, least in ((before, True), (after, False)):
+        phi = embeddings(bonus, state, data)
+        alike = np.einsum("tnl,tml->nm", phi, phi) / STEPS
+        assert (alike[others].max() > 0.5) == least
+    same = np.einsum("tnl,snl->ts", phi, phi) / BATCH
+    assert same[~np.eye(STEPS, dtype=bool)].mean() > 0.9

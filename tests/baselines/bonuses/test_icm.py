@@ -32,7 +32,7 @@ def test_icm_rewards_the_forward_error():
     bonus = bonus_of("icm")
     data, state = experience(), bonus.init(KEY)
     reward, _, metrics = jax.jit(bonus.reward)(state, numbers_of("icm"), data)
-    latent = np.asarray(bonus._model.embed(state.params, data.obs))
+    latent = np.asarray(bonus._embedding.embed(state.params, data.obs))
     taken = np.eye(ACTIONS)[np.asarray(data.action)]
     predicted = perceptron(state.params["forward"], np.concatenate([latent[:-1], taken], -1))
     error = np.mean((predicted - latent[1:]) ** 2, axis=-1)
@@ -45,7 +45,7 @@ def test_icm_trains_on_steps_that_ended_no_episode():
     bonus = bonus_of("icm", minibatches=1)
     data, state = experience(), bonus.init(KEY)
     _, metrics = train(bonus, state, data, numbers_of("icm"), 1)
-    latent = np.asarray(bonus._model.embed(state.params, data.obs))
+    latent = np.asarray(bonus._embedding.embed(state.params, data.obs))
     logits = perceptron(state.params["inverse"], np.concatenate([latent[:-1], latent[1:]], -1))
     entropies = np.log(np.sum(np.exp(logits), -1))
     action, wanted = np.asarray(data.action), ~np.asarray(data.ended)
@@ -62,7 +62,7 @@ def test_the_forward_error_trains_the_embedding_only_if_told(trains):
     data, state = experience(), bonus.init(KEY)
 
     def total(params):
-        latent = bonus._model.embed(params, data.obs)
+        latent = bonus._embedding.embed(params, data.obs)
         return jnp.mean(bonus.forward_error(params, latent, data.action))
 
     gradients = jax.jit(jax.grad(total))(state.params)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,8 @@ from ..learning.config import Config
 from ..learning.fields import positive
 from ..learning.hparams import HParams
 from ..learning.observations import ObservationSpec
-from .parts import InverseModel, inverse_loss, train
+from .parts import Embedding, InverseModel, inverse_loss, train
+from .temporal import drawn_offsets, temporal_loss
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -26,11 +27,17 @@ class E3BSettings(BonusSettings):
     """Static settings of E3B.
 
     Attributes:
-        e3b_latent: size of E3B's embedding.
-        e3b_hidden: width of the hidden layers of its inverse model.
-        e3b_layers: their number.
+        e3b_embedding: what E3B's embedding learns: `"inverse"`: to tell the action between two
+            steps, as in Henaff et al.; `"temporal"`: to tell steps that are near in time from
+            others.
+        e3b_reach: how many steps apart is near, at most, for `"temporal"`.
+        e3b_latent: size of the embedding.
+        e3b_hidden: width of its image features, and of the hidden layers of the inverse model.
+        e3b_layers: the number of these.
     """
 
+    e3b_embedding: Literal["inverse", "temporal"] = "inverse"
+    e3b_reach: int = 8
     e3b_latent: int = 32
     e3b_hidden: int = 256
     e3b_layers: int = 2
@@ -50,7 +57,7 @@ class E3BState(PyTreeNode):
     """The state of E3B.
 
     Attributes:
-        params: of the embedding and the inverse model.
+        params: of the embedding and, where there is one, the inverse model.
         optimiser: state of their Adam.
         inverse: float32[N, L, L], lambda C^-1 of the episodes that go on.
     """
@@ -64,9 +71,9 @@ class E3BState(PyTreeNode):
 class E3B:
     """The bonus phi^T C^-1 phi, where C = lambda I + the episode's phi phi^T before this step.
 
-    phi is the embedding of what a step led to, by an `InverseModel`, of length one: with free
-    lengths, which grow while it learns, only the first steps of episodes would count. The bonus
-    is added to the reward, or has a value of its own.
+    phi is an embedding of what a step led to, of length one: with free lengths, which grow while
+    it learns, only the first steps of episodes would count. The first observation of an episode
+    counts as seen. The bonus is added to the reward, or has a value of its own.
 
     Attributes:
         spec: what observations are.
@@ -85,8 +92,11 @@ class E3B:
 
     def init(self, key: jax.Array) -> E3BState:
         """Draw the networks; every environment begins an episode."""
-        params = self._model.init(*jax.random.split(key, 3))
-        start = jnp.eye(self._model.latent, dtype=jnp.float32)
+        eye, latent, inverse_key = jax.random.split(key, 3)
+        params = self._embedding.init(eye, latent)
+        if not self._temporal:
+            params |= {"inverse": self._inverse.init(inverse_key)}
+        start = jnp.eye(self._embedding.latent, dtype=jnp.float32)
         inverse = jnp.repeat(start[None], self.config.num_envs, axis=0)
         return E3BState(params, optimiser.init(params), inverse)
 
@@ -95,17 +105,19 @@ class E3B:
     ) -> tuple[jax.Array, E3BState, Metrics]:
         """Go through the rollout, with the inverse updated as of Sherman and Morrison."""
         ridge = hparams.bonus_as(E3BNumbers).e3b_lambda
-        start = jnp.eye(self._model.latent, dtype=jnp.float32)
+        start = jnp.eye(self._embedding.latent, dtype=jnp.float32)
 
         def step(inverse: jax.Array, inputs: Any) -> tuple[jax.Array, jax.Array]:
             phi, ended = inputs
+            # What a step that ended an episode led to begins the next one.
+            inverse = jnp.where(ended[:, None, None], start, inverse)
             # A sum of products: a matrix product may be of less precision on an accelerator.
             u = jnp.sum(inverse * phi[:, None], axis=-1)
             bonus = jnp.sum(phi * u, axis=-1)
             change = u[:, :, None] * (u / (ridge + bonus)[:, None])[:, None]
-            return jnp.where(ended[:, None, None], start, inverse - change), bonus / ridge
+            return inverse - change, bonus / ridge
 
-        phi = self._model.embed(state.params, experience.led_to)
+        phi = self._embedding.embed(state.params, experience.led_to)
         inverse, bonus = jax.lax.scan(step, state.inverse, (phi, experience.ended))
         return bonus, state.replace(inverse=inverse), {"e3b_bonus": jnp.mean(bonus)}
 
@@ -117,22 +129,41 @@ class E3B:
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[E3BState, Metrics]:
-        """Train the embedding by the inverse model alone, ends of episodes left out."""
+        """Train the embedding, ends of episodes left out."""
+        # A seed means what it did before there was another embedding.
+        pass_key, offset_key = jax.random.split(key) if self._temporal else (key, key)
+        offsets = drawn_offsets(offset_key, experience.action.shape, self._settings.e3b_reach)
 
-        def loss(params: Any, part: Experience) -> tuple[jax.Array, Metrics]:
-            phi = self._model.embed(params, part.obs)
-            logits = self._model.logits(params, phi[:-1], phi[1:])
-            return inverse_loss("e3b", logits, part.action, ~part.ended)
+        def loss(params: Any, part: tuple[Experience, jax.Array]) -> tuple[jax.Array, Metrics]:
+            seen, offset = part
+            phi = self._embedding.embed(params, seen.obs)
+            if self._temporal:
+                return temporal_loss("e3b", phi, seen.ended, offset)
+            logits = self._inverse.logits(params["inverse"], phi[:-1], phi[1:])
+            return inverse_loss("e3b", logits, seen.action, ~seen.ended)
 
         params, adam, metrics = train(
-            "e3b", key, self.config, hparams, rate, loss, experience, state.params, state.optimiser
-        )
+            "e3b", pass_key, self.config, hparams, rate, loss, (experience, offsets),
+            state.params, state.optimiser,
+        )  # fmt: skip
         return state.replace(params=params, optimiser=adam), metrics
 
+    @property
+    def _settings(self) -> E3BSettings:
+        return self.config.bonus_as(E3BSettings)
+
+    @property
+    def _temporal(self) -> bool:
+        return self._settings.e3b_embedding == "temporal"
+
     @functools.cached_property
-    def _model(self) -> InverseModel:
-        own = self.config.bonus_as(E3BSettings)
-        return InverseModel(
-            self.spec, self.actions, self.config, own.e3b_hidden, own.e3b_layers, own.e3b_latent,
+    def _embedding(self) -> Embedding:
+        own = self._settings
+        return Embedding(
+            spec=self.spec, config=self.config, hidden=own.e3b_hidden, latent=own.e3b_latent,
             unit=True,
         )  # fmt: skip
+
+    @functools.cached_property
+    def _inverse(self) -> InverseModel:
+        return InverseModel(self._embedding, self.actions, self._settings.e3b_layers)

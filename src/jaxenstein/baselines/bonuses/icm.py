@@ -19,7 +19,7 @@ from ..learning.bonus import Experience, Metrics
 from ..learning.config import Config
 from ..learning.hparams import HParams
 from ..learning.observations import ObservationSpec
-from .parts import InverseModel, Layers, inverse_loss, mean, train
+from .parts import Embedding, InverseModel, Layers, inverse_loss, mean, train
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -68,8 +68,8 @@ class ICMState(PyTreeNode):
 class ICM:
     """The bonus mean_j (phi_j(o') - chi_j(phi(o), a))^2.
 
-    The forward model chi learns to predict phi(o'), the embedding of an `InverseModel`. The bonus
-    is added to the reward, or has a value of its own.
+    The forward model chi learns to predict phi(o'), an embedding that an `InverseModel` trains. The
+    bonus is added to the reward, or has a value of its own.
 
     Attributes:
         spec: what observations are.
@@ -88,17 +88,20 @@ class ICM:
 
     def init(self, key: jax.Array) -> ICMState:
         """Draw the networks."""
-        *keys, forward = jax.random.split(key, 4)
+        eye, latent, inverse, forward = jax.random.split(key, 4)
         width = self._settings.icm_latent + self.actions
         inputs = jnp.zeros((1, width), self.config.compute_dtype)
-        params = self._model.init(*keys) | {"forward": self._forward.init(forward, inputs)}
+        params = self._embedding.init(eye, latent) | {
+            "inverse": self._inverse.init(inverse),
+            "forward": self._forward.init(forward, inputs),
+        }
         return ICMState(params, optimiser.init(params))
 
     def reward(
         self, state: ICMState, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, ICMState, Metrics]:
         """The forward model's error."""
-        latent = self._model.embed(state.params, experience.obs)
+        latent = self._embedding.embed(state.params, experience.obs)
         error = self.forward_error(state.params, latent, experience.action)
         return error, state, {"icm_error": jnp.mean(error)}
 
@@ -114,8 +117,8 @@ class ICM:
         numbers = hparams.bonus_as(ICMNumbers)
 
         def loss(params: Any, part: Experience) -> tuple[jax.Array, Metrics]:
-            latent, wanted = self._model.embed(params, part.obs), ~part.ended
-            logits = self._model.logits(params, latent[:-1], latent[1:])
+            latent, wanted = self._embedding.embed(params, part.obs), ~part.ended
+            logits = self._inverse.logits(params["inverse"], latent[:-1], latent[1:])
             inverse, metrics = inverse_loss("icm", logits, part.action, wanted)
             forward = mean(self.forward_error(params, latent, part.action), wanted)
             total = numbers.icm_inverse * inverse + numbers.icm_forward * forward
@@ -144,11 +147,15 @@ class ICM:
         return self.config.bonus_as(ICMSettings)
 
     @functools.cached_property
-    def _model(self) -> InverseModel:
+    def _embedding(self) -> Embedding:
         own = self._settings
-        return InverseModel(
-            self.spec, self.actions, self.config, own.icm_hidden, own.icm_layers, own.icm_latent
+        return Embedding(
+            spec=self.spec, config=self.config, hidden=own.icm_hidden, latent=own.icm_latent
         )
+
+    @functools.cached_property
+    def _inverse(self) -> InverseModel:
+        return InverseModel(self._embedding, self.actions, self._settings.icm_layers)
 
     @functools.cached_property
     def _forward(self) -> Layers:

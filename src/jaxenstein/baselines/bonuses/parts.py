@@ -41,39 +41,28 @@ class Layers(nn.Module):
         return dense(self.output, 1.0, self.dtype)(features)
 
 
-@dataclasses.dataclass(frozen=True)
-class InverseModel:
-    """An embedding phi of observations, learned by telling the action from phi(o) and phi(o').
-
-    Pathak et al. 2017. It keeps what actions change, and has no use for the rest.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Embedding:
+    """An embedding phi of observations.
 
     Attributes:
         spec: what observations are.
-        actions: their number, `A`.
         config: kind of convolutions and dtype.
-        hidden: width of the image features and of the hidden layers.
-        layers: number of hidden layers of the inverse model.
+        hidden: width of the image features.
         latent: size of the embedding, `L`.
         unit: centre each embedding and scale it to length one.
     """
 
     spec: ObservationSpec
-    actions: int
     config: Config
     hidden: int
-    layers: int
     latent: int
     unit: bool = False
 
-    def init(self, eye: jax.Array, latent: jax.Array, inverse: jax.Array) -> dict[str, Any]:
-        """Draw the parameters, with a key for each of the three parts."""
+    def init(self, eye: jax.Array, latent: jax.Array) -> dict[str, Any]:
+        """Draw the parameters, with a key for each of both parts."""
         features = jnp.zeros((1, self.hidden), self.config.compute_dtype)
-        pair = jnp.zeros((1, 2 * self.latent), self.config.compute_dtype)
-        return {
-            "encoder": self._eye.init(eye),
-            "latent": self._latent.init(latent, features),
-            "inverse": self._inverse.init(inverse, pair),
-        }
+        return {"encoder": self._eye.init(eye), "latent": self._latent.init(latent, features)}
 
     def embed(self, params: Any, obs: Any) -> jax.Array:
         """Embed observations: dtype[T, N, L]; with `unit` float32."""
@@ -85,11 +74,6 @@ class InverseModel:
         latent = latent - jnp.mean(latent, axis=-1, keepdims=True)
         return latent * jax.lax.rsqrt(jnp.sum(latent**2, axis=-1, keepdims=True) + 1e-12)
 
-    def logits(self, params: Any, before: jax.Array, after: jax.Array) -> jax.Array:
-        """float32[T, N, A], of the action between two embeddings."""
-        pair = jnp.concatenate([before, after], axis=-1).astype(self.config.compute_dtype)
-        return self._inverse.apply(params["inverse"], pair).astype(jnp.float32)
-
     @functools.cached_property
     def _eye(self) -> Eye:
         return Eye(self.spec, self.hidden, self.config, self.config.compute_dtype)
@@ -98,9 +82,38 @@ class InverseModel:
     def _latent(self) -> Layers:
         return Layers(self.hidden, 0, self.latent, self.config.compute_dtype)
 
+
+@dataclasses.dataclass(frozen=True)
+class InverseModel:
+    """Tells the action from phi(o) and phi(o'), by which an embedding is learned.
+
+    Pathak et al. 2017. It keeps what actions change, and has no use for the rest.
+
+    Attributes:
+        embedding: phi.
+        actions: their number, `A`.
+        layers: number of hidden layers, as wide as the image features.
+    """
+
+    embedding: Embedding
+    actions: int
+    layers: int
+
+    def init(self, key: jax.Array) -> Any:
+        """Draw the parameters."""
+        pair = jnp.zeros((1, 2 * self.embedding.latent), self.embedding.config.compute_dtype)
+        return self._inverse.init(key, pair)
+
+    def logits(self, params: Any, before: jax.Array, after: jax.Array) -> jax.Array:
+        """float32[T, N, A], of the action between two embeddings."""
+        dtype = self.embedding.config.compute_dtype
+        pair = jnp.concatenate([before, after], axis=-1).astype(dtype)
+        return self._inverse.apply(params, pair).astype(jnp.float32)
+
     @functools.cached_property
     def _inverse(self) -> Layers:
-        return Layers(self.hidden, self.layers, self.actions, self.config.compute_dtype)
+        phi = self.embedding
+        return Layers(phi.hidden, self.layers, self.actions, phi.config.compute_dtype)
 
 
 def inverse_loss(
