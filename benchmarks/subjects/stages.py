@@ -96,7 +96,9 @@ def _stages(env: Any, params: Any) -> Mapping[str, tuple[Callable[..., Any], tup
         )
 
     def paint(state: Any, prepared: Any) -> Any:
-        return pixels.paint(prepared, scene(state), camera, "rgb")
+        seen = scene(state)
+        rows = pixels.paint_rows(seen.theme, camera, "rgb", seen.lift)
+        return pixels.paint(prepared, rows, seen, camera, "rgb")
 
     return {
         "rules": (lambda key, state: env.advance(key, state, last, params), ("key", "state")),
