@@ -88,17 +88,18 @@ def _stages(env: Any, params: Any) -> Mapping[str, tuple[Callable[..., Any], tup
             seen.heading, hits, spots, theme=seen.theme, camera=camera, kind="rgb"
         )
 
+    def rows(seen: Any) -> pixels.Rows:
+        return pixels.paint_rows(seen.theme, camera, "rgb", seen.lift)
+
     def paint_words(state: Any, prepared: Any) -> Any:
         seen = scene(state)
-        rows = pixels.paint_rows(seen.theme, camera, "rgb")
         return pixels.paint_words(
-            seen.position, prepared, rows=rows, theme=seen.theme, camera=camera, kind="rgb"
+            seen.position, prepared, rows=rows(seen), theme=seen.theme, camera=camera, kind="rgb"
         )
 
     def paint(state: Any, prepared: Any) -> Any:
         seen = scene(state)
-        rows = pixels.paint_rows(seen.theme, camera, "rgb", seen.lift)
-        return pixels.paint(prepared, rows, seen, camera, "rgb")
+        return pixels.paint(prepared, rows(seen), seen, camera, "rgb")
 
     return {
         "rules": (lambda key, state: env.advance(key, state, last, params), ("key", "state")),
