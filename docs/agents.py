@@ -35,7 +35,10 @@ def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
     seeds = len(about.seeds)
     with Progress(2 * seeds * episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate_both(trained, episodes=episodes, seed=0, notify=progress.update)
-    success = {name: r.interval(r.successes) for name, r in results.items()}
+    means = {
+        what: {name: dataclasses.asdict(r.interval(getattr(r, of))) for name, r in results.items()}
+        for what, of in (("success", "successes"), ("return", "returns"))
+    }
     return {
         "id": about.recipe.id,
         "version": about.recipe.version,
@@ -47,7 +50,7 @@ def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
         "decisions": trained.update * about.config.steps_per_update,
         "seconds": round(read_seconds(run, trained.update)[-1]),
         "episodes": episodes,
-        "success": {name: dataclasses.asdict(interval) for name, interval in success.items()},
+        **means,
     }
 
 

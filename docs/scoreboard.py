@@ -16,16 +16,17 @@ TEXT = """# Scoreboard
 Mean return and, in brackets, the share of episodes with success, of a player that draws every
 action uniformly and of one that knows the way and sees the whole state, over {played} episodes
 each; the pages of the environments have the standard errors. Beside them the success of the agents
-below, of several the best; empty where none were trained.
+below, of several the best, or their return where a task has no success; empty where none were
+trained.
 
 {beside}
 
 ## Agents
 
-Success over all seeds and {episodes} episodes of each, with 95 % bootstrap intervals; greedy takes
-the most likely actions, sampled draws them. The players above act at frame skip 1 and agents as the
-table says, which changes what a random player gets too. Minutes are of one core for all seeds side
-by side, compiling included.
+Success, or return where a task has no success, over all seeds and {episodes} episodes of each, with
+95 % bootstrap intervals; greedy takes the most likely actions, sampled draws them. The players
+above act at frame skip 1 and agents as the table says, which changes what a random player gets too.
+Minutes are of one core for all seeds side by side, compiling included.
 
 {trained}
 
@@ -61,14 +62,21 @@ def _link(name: str) -> str:
     return f"[`{name}`]({ENTRIES[name].family}.md#{name})"
 
 
-def _best(agents: Mapping[str, Any]) -> tuple[float, str]:
-    return max((success["mean"], _reached(success)) for success in agents["success"].values())
+def _best(row: Mapping[str, Any]) -> tuple[float, str]:
+    return max((row[_measure(row)][way]["mean"], _reached(row, way)) for way in row["success"])
 
 
-def _reached(success: Mapping[str, float]) -> str:
-    """Share of episodes with success, with its interval, in percent."""
-    low, mean, high = (100 * success[end] for end in ("low", "mean", "high"))
-    return f"{mean:.1f} % ({low:.0f} to {high:.0f})"
+def _measure(row: Mapping[str, Any]) -> str:
+    """What tells how agents do: nobody succeeds in a task that has no success."""
+    return "success" if any(of["mean"] for of in row["success"].values()) else "return"
+
+
+def _reached(row: Mapping[str, Any], way: str) -> str:
+    """What agents get, with its interval: success in percent."""
+    ends = [row[_measure(row)][way][end] for end in ("mean", "low", "high")]
+    if _measure(row) == "return":
+        return "{:.4g} ({:.4g} to {:.4g})".format(*ends)
+    return "{:.1f} % ({:.0f} to {:.0f})".format(*(100 * end for end in ends))
 
 
 def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
@@ -80,7 +88,7 @@ def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
         str(row["seeds"]),
         f"{row['decisions']:,}",
         f"{row['seconds'] / 60:.0f}",
-        _reached(row["success"]["sampled"]),
-        _reached(row["success"]["greedy"]),
+        _reached(row, "sampled"),
+        _reached(row, "greedy"),
         f"`{row['config']}`",
     )
