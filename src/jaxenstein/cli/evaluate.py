@@ -27,7 +27,8 @@ DESCRIPTION = """\
 Play whole episodes with the agents of a run directory, or with one of a file of 'jaxenstein
 export' or of 'jaxenstein list --pretrained', with the most likely actions ("greedy") and with drawn
 ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs and episodes, or
-with one run over episodes. --gif also writes an episode beside the map.
+with one run over episodes. --gif also writes an episode beside the map. --env, --set and --param play
+elsewhere, with nothing learned anew; another environment is seen as the one before was.
 
 --in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
 anew, and --gif then shows one episode from the same start in both. It takes agents of the
@@ -41,6 +42,7 @@ examples:
   jaxenstein evaluate runs/doom-home --in vizdoom --gif both.gif
   jaxenstein evaluate simple.npz
   jaxenstein evaluate runs/few-levels --set levels=200,10000
+  jaxenstein evaluate runs/dmlab --env dmlab-static-01-respawn
 """
 
 
@@ -57,7 +59,7 @@ def fill(parser: Parser) -> None:
     )
     from ..settings import environment_options
 
-    add_options(parser, {name: environment_options()[name] for name in ("settings", "params")})
+    add_options(parser, {n: environment_options()[n] for n in ("env", "settings", "params")})
     shown = parser.add_argument_group("an episode beside the map")
     flag(shown, "--gif FILE", "write it: .gif, or .mp4 with extra 'video'", Path)
     add_agent(shown)
@@ -110,16 +112,20 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
-    """The same networks, in an environment some of whose settings and params are others."""
+    """The same networks in another environment, or in theirs with other settings and params."""
     from ..settings import changed
 
     if not given:
         return trained
     before = trained.experiment
     after = dataclasses.replace(before, recipe=changed(before.recipe, given))
-    old, new = (one.learner.env.observation_space() for one in (before, after))
-    if repr(old) != repr(new):
-        raise UsageError(f"jaxenstein: {trained.name} was trained on {old}, not on {new}")
+    old, new = (one.learner.env for one in (before, after))
+    for here, there in (
+        (old.observation_space(), new.observation_space()),
+        (old.action_names, new.action_names),
+    ):
+        if repr(here) != repr(there):
+            raise UsageError(f"jaxenstein: {trained.name} was trained on {here}, not on {there}")
     return dataclasses.replace(trained, experiment=after)
 
 

@@ -127,6 +127,11 @@ def test_command_evaluates_elsewhere(folder: RunFolder, capsys: pytest.CaptureFi
     assert lines[-1].split()[-1] == lines[-2].split()[-1] == "3"
     assert main([*arguments, "--set", "width=20"]) == 2
     assert "was trained on Box" in capsys.readouterr().err
+    # Another environment, seen as the one before was; but not with other actions.
+    assert main([*arguments, "--env", "simple", "--param", "max_steps_in_episode=4"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].split()[-1] == "4"
+    assert main([*arguments, "--env", "doom-basic"]) == 2
+    assert "was trained on ('turn left'" in capsys.readouterr().err
 
 
 def test_record_plays_a_trained_agent_where_it_was_trained(
