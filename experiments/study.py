@@ -7,7 +7,7 @@ which all differ from it, every line of `[variants]` is a name with those in whi
 besides, and `reach` is the success rate to be reached. Each is trained into a run directory below
 DIR, all its seeds side by side; the same command goes on with what is not finished. The table has
 the decisions and the seconds after which the median seed and the last one reached it, over three
-updates, compiling included.
+updates. Seconds are of all seeds together and without compiling, which a cache may have done.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ def row_of(name: str, folder: RunFolder, reach: float) -> str:
     solved = int(np.isfinite(first).sum())
     shares = [np.median(first), first.max()]
     decisions = told([at * steps for at in shares])
-    seconds = told([clock[int(at) - 1] if np.isfinite(at) else at for at in shares])
     rate = (len(clock) - 1) * steps * runs / (clock[-1] - clock[0])
+    seconds = told([at * steps * runs / rate for at in shares])
     return f"| {name} | {solved} of {runs} | {decisions} | {seconds} | {rate:,.0f} |"
 
 
