@@ -12,7 +12,7 @@ from ..files import atomic, check_writable
 from ..progress import Progress
 from ..view.episode import compose
 from ..view.recording import check_animation, save_animation
-from .arguments import Parser, UsageError, add_agent, add_options, add_seed, flag, real, whole
+from .arguments import Parser, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
 from .opening import given_options
 from .record import play_shown
@@ -119,13 +119,8 @@ def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
         return trained
     before = trained.experiment
     after = dataclasses.replace(before, recipe=changed(before.recipe, given))
-    old, new = (one.learner.env for one in (before, after))
-    for here, there in (
-        (old.observation_space(), new.observation_space()),
-        (old.action_names, new.action_names),
-    ):
-        if repr(here) != repr(there):
-            raise UsageError(f"jaxenstein: {trained.name} was trained on {here}, not on {there}")
+    learner = after.learner
+    baselines("agents").TrainedPolicy(trained, 0, False).check(learner.env, learner.env_params)
     return dataclasses.replace(trained, experiment=after)
 
 

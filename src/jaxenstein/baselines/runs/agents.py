@@ -61,10 +61,10 @@ class TrainedPolicy:
         Raises:
             SettingError: there are other actions, or observations of another shape.
         """
-        if env.num_actions != self.env.num_actions:
+        acts, acted = (", ".join(one.action_names) for one in (env, self.env))
+        if acts != acted:
             raise SettingError(
-                f"{self.name} was trained with {self.env.num_actions} actions, and "
-                f"{env.name!r} has {env.num_actions}"
+                f"{self.name} was trained with the actions {acted}, and {env.name!r} has {acts}"
             )
         here, there = observation_spec(env, params), self._learner.spec
         if here != there:
