@@ -46,6 +46,7 @@ def test_configs_are_hashable_and_count_updates():
         ({"persistence": "much"}, "persistence must be a finite number at least 0, not 'much'"),
         ({"persistence": float("nan")}, "persistence must be a finite number at least 0, not nan"),
         ({"persistence": True}, "persistence must be a finite number at least 0, not True"),
+        ({"stop_success": 1.5}, "stop_success must be a finite number from 0 to 1, not 1.5"),
         ({"convolutions": ((8, 4),)}, "\\(kernel, stride, features\\)"),
     ],
 )

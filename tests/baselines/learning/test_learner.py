@@ -233,6 +233,30 @@ def test_random_clocks_end_episodes_at_different_times():
     assert np.all((lengths >= 0) & (times < 50))
 
 
+@pytest.mark.usefixtures("plain_frames")
+def test_a_run_that_succeeds_often_enough_learns_no_more():
+    room = "####\n#SG#\n####"
+    env, params = jaxenstein.from_ascii(room, heading=0.0, height=8, width=8, frame_skip=6)
+    params = params.replace(max_steps_in_episode=60)
+    run = Learner(env, params, Config(**SMALL, anneal=False, stop_success=0.05))
+    state, recent, states, rates = run.init(KEY), 0.0, [], []
+    for _ in range(12):
+        states.append(state)
+        state, metrics = run.train_chunk(state, HParams(gamma=0.9), 1)
+        number, successes = float(metrics["episodes"][0]), float(metrics["successes"][0])
+        if recent < 0.05 and number:
+            old = np.exp(-number / 100)
+            recent = old * recent + (1 - old) * successes / number
+        np.testing.assert_allclose(state.recent, recent, rtol=1e-5)
+        rates.append(float(metrics["learning_rate"][0]))
+        assert (rates[-1] == 0) == (recent >= 0.05)
+    stopped = rates.index(0)
+    assert 0 < stopped < 11
+    equal(states[stopped].params, state.params)
+    moved = jax.tree.map(np.array_equal, states[stopped - 1].params, state.params)
+    assert not all(jax.tree.leaves(moved))
+
+
 class Foreign:
     """gymnax' contract, told by nothing but its functions."""
 

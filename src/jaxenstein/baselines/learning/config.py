@@ -11,7 +11,7 @@ from jax.typing import DTypeLike
 
 from ...errors import SettingError
 from .algorithms import Algorithm, BonusSettings, algorithm, without_others
-from .fields import check_known, check_settings, is_whole, names, values_of
+from .fields import check_known, check_settings, is_whole, names, share, values_of
 
 Precision = Literal["float32", "bfloat16"]
 Convolution = Literal["matmul", "lax"]
@@ -58,6 +58,8 @@ class Config:
         normalise_bonus: divide the bonus by the running deviation of its discounted sum.
         bonus_values: give the bonus of ICM and E3B a value of its own, as RND's always has; if
             false it is added to the reward.
+        stop_success: learn no more once the mean success of about the last hundred episodes has
+            reached this share: what was learned can be lost again; 0: never.
         random_clocks: draw the clock of each environment's first episode, so that episodes of
             one length do not all end at once.
         shards: groups of environments that minibatches are drawn from evenly: the number of
@@ -87,6 +89,7 @@ class Config:
     bonus_epochs: int = 1
     normalise_bonus: bool = False
     bonus_values: bool = False
+    stop_success: float = share(0.0)
     random_clocks: bool = False
     shards: int = 1
     bonus: BonusSettings | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import typing
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from typing import Any, Literal, TypeVar
 
 import jax.numpy as jnp
@@ -54,8 +54,8 @@ def check_settings(settings: Any) -> None:
         least = field.metadata.get("least", 1)
         if hint is int and not (is_whole(value) and value >= least):
             raise SettingError(f"{name} must be a whole number from {least}, not {value!r}")
-        if hint is float and not (_is_number(value) and 0 <= value < math.inf):
-            raise SettingError(f"{name} must be a finite number at least 0, not {value!r}")
+        if hint is float and not (_is_number(value) and _within(field, value)):
+            raise SettingError(f"{name} must be a finite number {_range(field)}, not {value!r}")
         if hint is bool and not isinstance(value, bool | np.bool_):
             raise SettingError(f"{name} must be True or False, not {value!r}")
         if typing.get_origin(hint) is Literal:
@@ -105,19 +105,27 @@ def check_numbers(numbers: _Numbers, skip: tuple[str, ...] = ()) -> _Numbers:
 
 
 def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
-    name, limits = field.name, typing.cast(Mapping[str, Any], field.metadata)
+    name = field.name
     if (value is None and field.default is None) or isinstance(value, Tracer):
         return value
     try:
         numbers = np.asarray(value, np.float64)
     except (TypeError, ValueError, OverflowError):
         raise SettingError(f"{name} must be a number, not {value!r}") from None
-    highest = limits.get("highest", math.inf)
-    above = limits.get("positive", False)
-    good = np.isfinite(numbers) & (numbers <= highest)
-    good &= numbers > 0 if above else numbers >= 0
-    if not np.all(good):
-        least = "above 0" if above else "at least 0"
-        right = least if highest == math.inf else f"from 0 to {highest:g}"
-        raise SettingError(f"{name} must be a finite number {right}, not {value!r}")
+    if not np.all(_within(field, numbers)):
+        raise SettingError(f"{name} must be a finite number {_range(field)}, not {value!r}")
     return jnp.asarray(numbers, jnp.float32)
+
+
+def _within(field: dataclasses.Field[Any], numbers: Any) -> Any:
+    """Where numbers are finite and in the field's range."""
+    highest = field.metadata.get("highest", math.inf)
+    least = numbers > 0 if field.metadata.get("positive") else numbers >= 0
+    return np.isfinite(numbers) & (numbers <= highest) & least
+
+
+def _range(field: dataclasses.Field[Any]) -> str:
+    """The field's range in words."""
+    if "highest" in field.metadata:
+        return f"from 0 to {field.metadata['highest']:g}"
+    return "above 0" if field.metadata.get("positive") else "at least 0"

@@ -14,9 +14,12 @@ from .config import Config
 from .fields import values_of
 from .hparams import HParams
 from .networks import ActorCritic
-from .rollout import Actors, Finals, Steps, final_values, rollout, start
+from .rollout import Actors, EpisodeSums, Finals, Steps, final_values, rollout, start
 from .simulator import Simulator
 from .state import TrainState, wrap_key
+
+# Episodes that the mean success reaches back over, for `stop_success`.
+RECENT = 100
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,6 +70,7 @@ class Loop:
             optimiser=optimiser.init(params),
             bonus=self.bonus.init(bonus_key),
             scale=scale,
+            recent=jnp.float32(0) if self.config.stop_success else None,
             actors=start(self.simulator, self.network, env_key, number, self.clocks),
         )
 
@@ -115,7 +119,8 @@ class Loop:
         bonus, state, seen = self.reward(state, hparams, experience)
         advantages = self.advantages(state.params, hparams, actors, steps, finals, bonus)
         batch = self._batch(state.actors.memory, steps, advantages, hparams)
-        left = self._left(state.update)
+        recent = self._recent(state.recent, episodes)
+        left = self._left(state.update, recent)
         params, adam, learnt = ppo.train(
             self.network, self.config, train_key, state.params, state.optimiser, batch,
             hparams, hparams.learning_rate * left,
@@ -129,6 +134,7 @@ class Loop:
             params=params,
             optimiser=adam,
             bonus=bonus_state,
+            recent=recent,
             actors=actors,
         )
         sums = values_of(episodes)
@@ -207,11 +213,23 @@ class Loop:
             total = total + hparams.bonus_advantage * jnp.sum(advantages[..., 1:], axis=-1)
         return ppo.Batch(steps, memory, total, advantages + steps.value)
 
-    def _left(self, update: jax.Array) -> jax.Array:
+    def _recent(self, recent: jax.Array | None, episodes: EpisodeSums) -> jax.Array | None:
+        """The mean success with the episodes of a rollout; one that is reached stays."""
+        if recent is None:
+            return None
+        number = episodes.episodes.astype(jnp.float32)
+        success = episodes.successes.astype(jnp.float32) / jnp.maximum(number, 1)
+        mean = success + (recent - success) * jnp.exp(-number / RECENT)
+        return jnp.where(recent < self.config.stop_success, mean, recent)
+
+    def _left(self, update: jax.Array, recent: jax.Array | None) -> jax.Array:
         """float32[], the share of the learning rates that is left."""
-        if not self.config.anneal:
-            return jnp.float32(1)
-        return jnp.maximum(1 - update.astype(jnp.float32) / self.config.updates, 0)
+        left = jnp.float32(1)
+        if self.config.anneal:
+            left = jnp.maximum(1 - update.astype(jnp.float32) / self.config.updates, 0)
+        if recent is None:
+            return left
+        return jnp.where(recent < self.config.stop_success, left, 0)
 
 
 def _diagnose(batch: ppo.Batch, bonus: jax.Array) -> Metrics:

@@ -24,6 +24,8 @@ class TrainState(PyTreeNode):
         optimiser: its Adam's state.
         bonus: the exploration bonus' state.
         scale: of the bonus; None without `normalise_bonus`.
+        recent: float32[], mean success of the last episodes, kept once it has reached
+            `stop_success`; None without it.
         actors: the environments, and the policy's memory of them.
     """
 
@@ -33,6 +35,7 @@ class TrainState(PyTreeNode):
     optimiser: Any
     bonus: Any
     scale: BonusScale | None
+    recent: jax.Array | None
     actors: Actors = dataclasses.field(metadata=PER_ENVIRONMENT)
 
 
