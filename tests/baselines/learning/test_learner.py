@@ -247,6 +247,7 @@ def test_a_run_that_succeeds_often_enough_learns_no_more():
         if recent < 0.05 and number:
             old = np.exp(-number / 100)
             recent = old * recent + (1 - old) * successes / number
+        assert state.recent is not None
         np.testing.assert_allclose(state.recent, recent, rtol=1e-5)
         rates.append(float(metrics["learning_rate"][0]))
         assert (rates[-1] == 0) == (recent >= 0.05)

@@ -121,7 +121,7 @@ def _within(field: dataclasses.Field[Any], numbers: Any) -> Any:
     """Where numbers are finite and in the field's range."""
     highest = field.metadata.get("highest", math.inf)
     least = numbers > 0 if field.metadata.get("positive") else numbers >= 0
-    return np.isfinite(numbers) & (numbers <= highest) & least
+    return (numbers <= highest) & (numbers < math.inf) & least
 
 
 def _range(field: dataclasses.Field[Any]) -> str:
