@@ -194,7 +194,9 @@ def before_the_first(loop: Any) -> Any:
 
     nothing: Any = None
     scale = initial_scale(BATCH, *loop.parts)
-    return TrainState(nothing, nothing, nothing, nothing, loop.bonus.init(KEY), scale, nothing)
+    return TrainState(
+        nothing, nothing, nothing, nothing, loop.bonus.init(KEY), scale, None, nothing
+    )
 
 
 def _picked(tree: Any, inside: Any, wanted: bool) -> list[Any]:
