@@ -100,7 +100,7 @@ def without_removed(values: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in values.items():
         if name in _REMOVED and value != _REMOVED[name]:
             raise SettingError(
-                f"{name} is gone, since it did not help (docs/results.md, 'What "
+                f"{name} is gone, since it did not help (docs/ablations.md, 'What "
                 f"RND needs'): only {_REMOVED[name]!r} can be read, not {value!r}"
             )
     return {name: value for name, value in values.items() if name not in _REMOVED}
