@@ -103,8 +103,7 @@ def play_here(env: Any, params: Any, name: str, episodes: int, seed: int) -> Pla
     keys = jax.random.split(jax.random.key(seed), episodes)
     states = jax.vmap(lambda key: env.init_state(key, params))(keys)
     player = players_of(env)[name]
-    played = jax.device_get(play(env, player, params, jax.random.key(seed + 1), states))
-    return played.replace(length=-(-played.length // env.frame_skip))
+    return jax.device_get(play(env, player, params, jax.random.key(seed + 1), states))
 
 
 def in_words(row: Row) -> str:

@@ -35,6 +35,11 @@ def test_what_discrete_does_not_contain(value):
     assert not Discrete(5).contains(value)
 
 
+def test_equal_spaces_are_one_key():
+    spaces = {Dict({"a": BYTES, "b": DEPTHS}): 1, Dict({"b": DEPTHS, "a": BYTES}): 2, BYTES: 3}
+    assert list(spaces.values()) == [2, 3]
+
+
 def test_what_a_box_does_not_contain():
     assert not BYTES.contains(np.zeros((2, 3), np.int32))
     assert not BYTES.contains(np.zeros((3, 2), np.uint8))

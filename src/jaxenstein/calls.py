@@ -34,7 +34,7 @@ def compiled(function: Callable[Q, R]) -> Callable[Q, R]:
     signature = inspect.signature(function)
     places = {name: place for place, name in enumerate(signature.parameters)}
     keys = [place for name, place in places.items() if name.endswith("key")]
-    action = places.get("action", 0)
+    action, state = places.get("action", 0), places.get("state", 0)
     least = len(places) - 1  # params may be left out
 
     @functools.wraps(program)
@@ -43,6 +43,8 @@ def compiled(function: Callable[Q, R]) -> Callable[Q, R]:
         given = list(signature.bind(*args, **kwargs).args if told_apart else args)
         for place in keys:
             _check_key(given[place])
+        if state:
+            _check_state(given[state], function.__name__)
         if action and isinstance(given[action], str):
             given[action] = given[0].index_of(given[action])
         # In a step they would be read over and over.
@@ -64,8 +66,25 @@ def _check_key(key: Any) -> None:
     raise SettingError(f"a key must be a random key such as jax.random.key(0), not {what}{batch}")
 
 
+def _check_state(state: Any, function: str) -> None:
+    """Complain of what is no state of one environment."""
+    time = getattr(state, "time", None)
+    if time is not None and hasattr(state, "done") and jnp.shape(time) == ():
+        return
+    if time is not None and jnp.ndim(time):
+        raise SettingError(
+            f"a state must be that of one environment, not a batch of {len(time)}; for a batch use "
+            f"jax.vmap(env.{function})"
+        )
+    shape = getattr(state, "shape", None)
+    what = repr(state) if shape is None else f"{state.dtype}{list(shape)}"
+    raise SettingError(f"a state must be what reset or step returned second, not {what[:80]}")
+
+
 def checked_action(action: Any, number: int) -> jax.Array:
     """int32[]: the action, with anything out of range as -1."""
+    if action is None:
+        raise SettingError("an action must be one integer of shape (), not None")
     action = jnp.asarray(action)
     if action.shape != () or not jnp.issubdtype(action.dtype, jnp.integer):
         raise SettingError(
@@ -101,8 +120,14 @@ def check_whole(field: str, value: Any, highest: float, lowest: float = 1) -> No
 
 
 def check_ranges(settings: Any) -> None:
-    """Complain of a whole number outside of the range that its class declares with `number`."""
+    """Complain of a whole number outside of the range that its class declares with `number`.
+
+    And of a switch that is neither true nor false: a word such as "False" would count as true.
+    """
     for field in dataclasses.fields(settings):
+        if isinstance(field.default, bool) and not isinstance(getattr(settings, field.name), bool):
+            given = getattr(settings, field.name)
+            raise SettingError(f"{field.name} must be True or False, not {given!r}")
         limits = range_of(type(settings), field.name)
         if limits != Range() and isinstance(field.default, int):
             check_whole(field.name, getattr(settings, field.name), limits.most, limits.least)

@@ -9,7 +9,7 @@ import dataclasses
 import functools
 import importlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from .environment import AnyEnvironment
@@ -235,14 +235,20 @@ def _minigrid_entries() -> dict[str, Entry]:
 
     return {
         PREFIX + name: Entry(
-            f"MiniGrid: {world.summary.format(**settings)}",
+            f"MiniGrid: {world.summary.format(**_in_words(settings))}",
             functools.partial(build, world.source, moves, settings),
+            world.version,
             family="minigrid",
             variant_of="" if name == world.shown else PREFIX + world.shown,
         )
         for world in WORLDS
         for name, (moves, settings) in world.sizes.items()
     }
+
+
+def _in_words(settings: Mapping[str, Any]) -> dict[str, Any]:
+    words = {True: "yes", False: "no"}
+    return {n: words[v] if isinstance(v, bool) else v for n, v in settings.items()}
 
 
 def _doom_shooter(module: str, kind: str) -> Build:

@@ -97,15 +97,12 @@ class Environment(abc.ABC, Generic[S, P]):
         if self.autoreset is not None and self.autoreset not in get_args(Autoreset):
             modes = ", ".join(map(repr, (*get_args(Autoreset), None)))
             raise SettingError(f"autoreset must be one of {modes}, not {self.autoreset!r}")
-        if not isinstance(self.final_observation, bool):
-            given = self.final_observation
-            raise SettingError(f"final_observation must be True or False, not {given!r}")
+        check_ranges(self)
         if self.final_observation and self.autoreset != "same-step":
             raise SettingError(
                 f"final_observation=True needs autoreset='same-step': with {self.autoreset!r} "
                 "the observation that `step` returns is already the final one"
             )
-        check_ranges(self)
 
     # What a task supplies.
 

@@ -83,6 +83,10 @@ class Dict:
 
     spaces: Mapping[str, Discrete | Box]
 
+    def __hash__(self) -> int:
+        """Of the entries, whatever their order."""
+        return hash(frozenset(self.spaces.items()))
+
     def sample(self, key: jax.Array) -> dict[str, jax.Array]:
         """Draw each entry by itself."""
         keys = jax.random.split(key, len(self.spaces))

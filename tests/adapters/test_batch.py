@@ -104,6 +104,30 @@ def some_actions(rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", MODES)
+def test_equals_a_loop_where_chance_moves_what_is_there(mode: Any) -> None:
+    env, params = jaxenstein.make("minigrid-dynamic-obstacles-6x6", height=8, width=8)
+    params = params.replace(max_steps_in_episode=9)
+    batch, loop = Batch(env, params, 3, autoreset=mode), Loop(env, params, mode, [5, 6, 7])
+    observation, info = batch.reset(5)
+    for i in range(3):
+        assert_same(at((observation, info), i), loop.reset(i))
+    for _ in range(8 if mode is None else 14):
+        compare(batch.step(np.zeros(3, np.int32)), [loop.step(i, 0) for i in range(3)])
+
+
+@pytest.mark.parametrize("dtype", [np.int64, np.int32, np.int8])
+def test_actions_that_there_are_not_do_nothing(made: Any, dtype: Any) -> None:
+    most = min(np.iinfo(dtype).max, 2**32 + 2)
+    places = []
+    for actions in ([most, -1], [-1, -1]):
+        batch = Batch(made[0], made[1], 2)
+        batch.reset(0)
+        batch.step(np.array(actions, dtype))
+        places.append(np.asarray(batch.states.position))
+    np.testing.assert_array_equal(*places)
+
+
+@pytest.mark.parametrize("mode", MODES)
 def test_equals_a_loop_over_single_environments(made: Any, mode: Any) -> None:
     rng = np.random.default_rng(0)
     batch, loop = batch_of(made, mode), Loop(made[0], made[1], mode, [*range(40, 40 + COUNT)])

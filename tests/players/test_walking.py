@@ -6,7 +6,7 @@ import pytest
 
 from jaxenstein import from_ascii, make
 from jaxenstein.players import play
-from jaxenstein.players.walking import SHORTEST_PATH, distance_tables
+from jaxenstein.players.walking import FAR, SHORTEST_PATH, distance_tables
 from jaxenstein.tasks.navigation import Navigation
 
 SIZE = {"height": 8, "width": 8}
@@ -72,6 +72,20 @@ def test_shortest_path_is_hardly_longer_than_its_tiles():
     assert 0.7 * walked < int(episodes.length[0]) < 1.2 * walked + 24
 
 
+def test_ways_longer_than_any_map_is_wide_are_told_from_walls():
+    rows = ["#" * 201]
+    for row in range(99):
+        gap = "#" * 198 + ".#" if row % 2 else ""
+        rows += ["#" + "." * 199 + "#", "#" + (gap or "." + "#" * 198) + "#"]
+    rows[1] = "#S" + rows[1][2:]
+    rows = [*rows[:-1], "#" * 201]
+    rows[-2] = rows[-2][:100] + "G" + rows[-2][101:]
+    env, _ = from_ascii("\n".join(rows), **SIZE)
+    assert isinstance(env, Navigation)
+    tables = distance_tables(env.tilemap)[0, 0]
+    assert 2**14 < tables[1, 1] < tables[0, 0] == FAR
+
+
 def test_distances_lead_to_the_key_first():
     env, _ = make("key-door", **SIZE)
     assert isinstance(env, Navigation)
@@ -80,7 +94,7 @@ def test_distances_lead_to_the_key_first():
     (key,), (door,), (goal,) = tilemap.keys, tilemap.doors, tilemap.goals
     column, row = tilemap.spawns[0]
     assert tables[0, 0, key.row, key.column] == 0
-    assert 0 < tables[0, 0, row, column] < 16384
-    assert tables[0, 0, door.row, door.column] == 16384
+    assert 0 < tables[0, 0, row, column] < FAR
+    assert tables[0, 0, door.row, door.column] == FAR
     assert tables[1, 0, goal[1], goal[0]] == 0
     assert 0 < tables[1, 0, door.row, door.column] < tables[1, 0, row, column]

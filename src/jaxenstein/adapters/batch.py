@@ -213,6 +213,10 @@ class Batch:
                 f"actions must be {self.num_envs} integers, one for each environment, "
                 f"not {actions.dtype}{list(actions.shape)}"
             )
+        if isinstance(actions, np.ndarray):
+            # Before a cast on the device could wrap them around.
+            valid = (actions >= 0) & (actions < self.env.num_actions)
+            actions = np.where(valid, actions, -1).astype(np.int32)
         layouts = *self._layout, self._numbers
         self._kept, observation, outcome = programs.step(
             self._stepped, (self._mesh, *layouts), self._kept, actions, self._packed_params

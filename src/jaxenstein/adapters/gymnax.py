@@ -92,6 +92,11 @@ class GymnaxEnvironment(base.Environment):
         return self.env.num_actions
 
     @property
+    def frame_skip(self) -> int:
+        """Steps of the world in a step; `max_steps_in_episode` counts those of the world."""
+        return self.env.frame_skip
+
+    @property
     def default_params(self) -> Any:
         """The params that `params=None` stands for."""
         return self.env.default_params

@@ -102,8 +102,9 @@ def step(
         params = layout.unpack(numbers)
         keys, states = jax.vmap(kept.unpack)(rows)
         keys, used = _split(keys)
-        # Where either is needed but never both, one key serves for a step and a reset.
-        used = (used, used) if env.autoreset else _split(used)
+        # A reset takes the key that `restart` would take, the world's step that of other modes.
+        steps, resets = _split(used)
+        used = (steps, used if env.autoreset else resets)
         turn = jax.vmap(env.turn, (0, 0, 0, 0, None))(*used, states, actions, params)
         states, _, *rest = turn
         observation = jax.vmap(env.observe, (0, None))(states, params)

@@ -43,8 +43,8 @@ class SB3VecEnv(VecEnv):
     The info of a step that ends an episode has, besides what the environment tells of the last
     state, `terminal_observation` and `episode` with the return `r`, the length `l` and the
     seconds `t` since the making of the batch, as from a `Monitor`, in whose place
-    `env_is_wrapped(Monitor)` is true. Every info has `TimeLimit.truncated`: whether the time
-    limit alone ended the episode.
+    `env_is_wrapped(Monitor)` is true; and `is_success`, which SB3's evaluation logs. Every info has
+    `TimeLimit.truncated`: whether the time limit alone ended the episode.
 
     All environments share their params, so attributes are those of all of them.
     """
@@ -197,7 +197,10 @@ class SB3VecEnv(VecEnv):
         ):
             total, length = float(info["episode_return"]), int(info["episode_length"])
             episode = {"r": round(total, 6), "l": length, "t": seconds}
-            yield i, info | {"terminal_observation": observation, "episode": episode}
+            # What SB3's own evaluation logs as the success rate.
+            success = {"is_success": bool(info["success"])} if "success" in info else {}
+            last_of = {"terminal_observation": observation, "episode": episode}
+            yield i, info | success | last_of
 
     def _chosen(self, indices: Indices) -> list[int]:
         chosen = list(self._get_indices(indices))
@@ -236,10 +239,16 @@ def _with_channel(observation: Any) -> Any:
 def _writable(observation: Any) -> Any:
     """Observations on the host that torch may wrap: on a CPU the memory that JAX drew them in.
 
-    NumPy's own view of a JAX array cannot be written to, at which torch warns.
+    NumPy's own view of a JAX array cannot be written to, at which torch warns. What lies on several
+    cores is copied.
     """
-    arrays = jax.tree.map(lambda leaf: torch.from_dlpack(leaf).cpu().numpy(), observation)
-    return _with_channel(arrays)
+
+    def on_host(leaf: jax.Array) -> np.ndarray:
+        if len(leaf.devices()) > 1:
+            return np.array(leaf)
+        return torch.from_dlpack(leaf).cpu().numpy()
+
+    return _with_channel(jax.tree.map(on_host, observation))
 
 
 def _rows(tree: Any, count: int) -> list[Any]:

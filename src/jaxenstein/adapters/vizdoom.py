@@ -39,6 +39,20 @@ from .vizdoom_buffers import (
 )
 
 
+def check_scenario(env: AnyEnvironment) -> str:
+    """The name of the game's scenario that an environment is.
+
+    Raises:
+        SettingError: it has no such scenario.
+    """
+    if not isinstance(env, DoomScenario) or env.scenario is None:
+        raise SettingError(
+            f"{env.name!r} is no scenario that ViZDoom comes with; the doom- environments "
+            "are, but for the sparse variants of doom-my-way-home"
+        )
+    return env.scenario
+
+
 class GameSession(Session):
     """An episode of the game, in the place of one of our environment's.
 
@@ -68,11 +82,8 @@ class GameSession(Session):
                 the seed is none.
         """
         check_seed(seed)
-        if not isinstance(env, DoomScenario) or env.scenario is None:
-            raise SettingError(
-                f"{env.name!r} is no scenario that ViZDoom comes with; the doom- environments "
-                "are, but for the sparse variants of doom-my-way-home"
-            )
+        scenario = check_scenario(env)
+        assert isinstance(env, DoomScenario)
         params = env.default_params if params is None else params
         limit = int(params.max_steps_in_episode)
         size = screen_for(env.height, env.width)
@@ -91,7 +102,7 @@ class GameSession(Session):
         self._stack = contextlib.ExitStack()
         self._game = self._stack.enter_context(
             running(
-                env.scenario,
+                scenario,
                 seed=seed,
                 variables=(*VARIABLES, *env.game_variables),
                 size=size,

@@ -21,7 +21,7 @@ class Played(PyTreeNode):
 
     Attributes:
         returned: float32[B], undiscounted sums of rewards.
-        length: int32[B], steps.
+        length: int32[B], decisions: of `frame_skip` steps of the world each.
         terminated: bool[B], whether the task ended it; else the time limit did.
         successes: int32[B], how often the task's aim was reached.
     """
@@ -65,7 +65,7 @@ def play(env: AnyEnvironment, player: Player, params: Any, key: jax.Array, state
     _, states, terminated, successes = end
     return Played(
         returned=states.episode_return,
-        length=states.time,
+        length=-(-states.time // env.frame_skip),
         terminated=terminated,
         successes=successes,
     )

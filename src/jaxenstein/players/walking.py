@@ -25,7 +25,7 @@ from ..maps.tilemap import TileMap
 if TYPE_CHECKING:
     from ..engine.scene import Scene
 
-FAR = 2**14
+FAR = 2**20
 """The distance of what cannot be reached."""
 _MOST_KEYS = 8
 _BESIDE = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
@@ -294,7 +294,7 @@ def faces_door(scene: Scene, tile: jax.Array, reach: Any) -> jax.Array:
 
 @functools.lru_cache(maxsize=16)
 def distance_tables(tilemap: TileMap) -> np.ndarray:
-    """int16[2**K, goals, rows, columns]: tiles still to walk, for each set of K keys taken.
+    """int32[2**K, goals, rows, columns]: tiles still to walk, for each set of K keys taken.
 
     Bit k of the first index says whether key k is taken. From tiles that reach the goal through
     the doors that these keys open, the distance is that to the goal; from others, that to the
@@ -321,7 +321,7 @@ def distance_tables(tilemap: TileMap) -> np.ndarray:
             steps = walking_distances(walkable, left)
             to_key = np.where(steps < 0, FAR, steps).min(axis=0, keepdims=True)
         to_goal = walking_distances(walkable, tilemap.goals)
-        tables.append(np.where(to_goal < 0, to_key, to_goal).astype(np.int16))
+        tables.append(np.where(to_goal < 0, to_key, to_goal).astype(np.int32))
     return np.stack(tables)
 
 

@@ -51,6 +51,14 @@ def world(name) -> tuple[Any, Any]:
     return env, env.check_params()
 
 
+def test_the_balls_colour_tells_nothing_of_the_start():
+    states = levels("key-corridor-s3r1", FEW)
+    quarters = np.round(np.asarray(states.heading) / (np.pi / 2)).astype(int) % 4
+    colours = np.asarray(states.asked)[:, 0, 1]
+    for quarter in np.unique(quarters):
+        assert set(colours[quarters == quarter].tolist()) == set(range(6))
+
+
 @functools.cache
 def levels(name, count):
     env, params = world(name)

@@ -36,14 +36,12 @@ class Stock:
         button: the number by which it is selected; of two with the same one the other is taken.
         order: the lower, the sooner it is taken up when another one is empty.
         ammunition: what it shoots.
-        given: how much of that it brings along.
     """
 
     weapon: Weapon
     button: int
     order: int
     ammunition: int = BULLETS
-    given: int = 0
 
 
 FIST = Weapon("fist", 8, 17, 22, 2, 10, spread=18, uses=0, loose=True, reach=64)
@@ -54,11 +52,11 @@ CHAINGUN = Weapon("chaingun", 0, 8, 8, 5, 3, spread=18, second=4)
 WEAPONS = (
     Stock(FIST, 1, 3700),
     Stock(CHAINSAW, 1, 2200),
-    Stock(PISTOL, 2, 1900, BULLETS, 20),
-    Stock(SHOTGUN, 3, 1300, SHELLS, 8),
-    Stock(SUPER_SHOTGUN, 3, 400, SHELLS, 8),
-    Stock(CHAINGUN, 4, 700, BULLETS, 20),
-    Stock(ROCKET_LAUNCHER, 5, 2500, ROCKETS, 2),
+    Stock(PISTOL, 2, 1900, BULLETS),
+    Stock(SHOTGUN, 3, 1300, SHELLS),
+    Stock(SUPER_SHOTGUN, 3, 400, SHELLS),
+    Stock(CHAINGUN, 4, 700, BULLETS),
+    Stock(ROCKET_LAUNCHER, 5, 2500, ROCKETS),
 )
 """All of them, in the order in which they are stepped through."""
 
@@ -88,7 +86,6 @@ class Arsenal:
         stocks: the weapons.
         ammunition: int32[W], what each shoots.
         uses: int32[W], how much of it a shot takes.
-        given: int32[W], how much of it each brings along.
         buttons: int32[W], the number by which each is selected.
         rays: the most bullets of a shot.
     """
@@ -97,7 +94,6 @@ class Arsenal:
         """Lay out the tables."""
         self.stocks = tuple(stocks)
         self.ammunition = np.array([stock.ammunition for stock in stocks], np.int32)
-        self.given = np.array([stock.given for stock in stocks], np.int32)
         self.buttons = np.array([stock.button for stock in stocks], np.int32)
         self.uses = np.array([stock.weapon.uses for stock in stocks], np.int32)
         self.rays = max(stock.weapon.rays for stock in stocks)

@@ -116,11 +116,11 @@ def take_some(
     block = _first_block(geometry, target, places)
     gains = np.array([kind.health for kind in kinds], np.int32)[looks]
     spares = np.array([kind.spared_when_full for kind in kinds])[looks]
-    order = block * (1 << 16) - number
 
     def visit(_: jax.Array, carry: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
         health, left, taken = carry
-        next_one = jnp.argmin(jnp.where(left, order, np.int32(2**31 - 1)))
+        first = left & (block == jnp.min(jnp.where(left, block, np.int32(2**31 - 1))))
+        next_one = jnp.argmax(jnp.where(first, number, np.int32(-(2**31))))
         here = left & (np.arange(len(looks)) == next_one)
         gain = jnp.sum(jnp.where(here, gains, 0), dtype=jnp.int32)
         wanted = here & ~((health >= FULL_HEALTH) & jnp.asarray(spares)) & (health > 0)

@@ -45,7 +45,8 @@ class KeyCorridorBall(PickUpWorld):
     def lay_out(self, key: jax.Array) -> GridState:
         """Draw a layout, and the colour of the ball."""
         drawn = self._layout.init_state(key, NavigationParams())
-        bits = jax.random.bits(jax.random.fold_in(key, 1), (), jnp.uint32)
+        # Not 0 or 1, which are the two keys that the layout splits this one into.
+        bits = jax.random.bits(jax.random.fold_in(key, 2), (), jnp.uint32)
         colour = draw_index(bits, COLOURS)
         tiles = jnp.floor(jnp.stack([drawn.key, drawn.goal])).astype(jnp.int32)
         columns, rows = drawn.level.doors[:, 0], drawn.level.doors[:, 1]

@@ -28,12 +28,14 @@ class Worlds(NamedTuple):
         summary: one line for people, with {} for settings by name.
         shown: the id that stands for all of them in pictures and tests, without the prefix.
         sizes: moves up to the horizon, and settings of the class, by id without the prefix.
+        version: of all of them.
     """
 
     source: str
     summary: str
     shown: str
     sizes: Mapping[str, tuple[int, dict[str, Any]]]
+    version: int = 0
 
 
 def build(source: str, moves: int, settings: Mapping[str, Any]) -> Callable[..., AnyEnvironment]:
@@ -175,6 +177,7 @@ WORLDS: tuple[Worlds, ...] = (
             f"key-corridor-s{size}r{rows}": (30 * size**2, {"room_size": size, "room_rows": rows})
             for size, rows in ((3, 1), (3, 2), (3, 3), (4, 3), (5, 3), (6, 3))
         },
+        version=1,
     ),
     Worlds(
         "mazes:ObstructedMaze",
