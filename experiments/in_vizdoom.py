@@ -18,7 +18,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +30,10 @@ from jax.experimental import io_callback
 from jaxenstein.adapters.vizdoom import GameSession
 from jaxenstein.baselines import resolve
 from jaxenstein.baselines.learning.learner import Learner
+from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.options import read_file
 from jaxenstein.environment import Environment
-from jaxenstein.files import atomic, check_writable
+from jaxenstein.files import append, check_writable, writing
 from jaxenstein.pytree import PyTreeNode
 
 
@@ -55,7 +56,7 @@ class Games:
         self, env: Environment[Any, Any], params: Any, number: int, scale: float = 1.0
     ) -> None:
         """Start so many games, whose rewards are multiplied by `scale`."""
-        self._scale = scale
+        self._scale, self.frame_skip = scale, env.frame_skip
         self.action_space, self.observation_space = env.action_space, env.observation_space
         self._sessions = [GameSession(env, params, seed) for seed in range(number)]
         self._next = 0
@@ -124,34 +125,40 @@ def train(
     seed: int,
     clock: Callable[[], float] = time.perf_counter,
     scale: float = 1.0,
-) -> list[dict[str, float]]:
+) -> Iterator[dict[str, float]]:
     """Train one run in the game, for so many minutes of a clock; a row for each update."""
     experiment = resolve({**read_file(Path(config)), "seed": seed, "seeds": 1})
     env, params = experiment.recipe.build()
-    games = Games(env, params, experiment.config.num_envs, scale)
+    with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
+        yield from _train(games, params, experiment, minutes, clock)
+
+
+def _train(
+    games: Games, params: Any, experiment: Experiment, minutes: float, clock: Callable[[], float]
+) -> Iterator[dict[str, float]]:
     learner = Learner(games, params, experiment.config)
     state = learner.init(experiment.keys()[0], experiment.numbers())
-    rows: list[dict[str, float]] = []
-    begin = seconds = 0.0
+    updates, begin, seconds = 0, 0.0, 0.0
     while seconds < 60 * minutes:
         state, metrics = learner.train_chunk(state, experiment.numbers(), 1)
         row = {name: float(values[0]) for name, values in jax.device_get(metrics).items()}
-        steps = (len(rows) + 1) * experiment.config.steps_per_update
+        updates += 1
+        steps = updates * experiment.config.steps_per_update
         # The first update is compiled; time counts from there on.
         begin = begin or clock()
         seconds = clock() - begin
-        rows.append({"seed": seed, "steps": steps, "seconds": round(seconds, 1), **row})
         print(
             f"{seconds:6.0f} s  {steps} decisions  {row['successes']:.0f} of {row['episodes']:.0f} "
             f"episodes with success, return {row['return_sum'] / max(row['episodes'], 1):.3g}",
             file=sys.stderr,
         )
-    games.close()
-    return rows
+        yield {
+            "seed": experiment.seeds[0], "steps": steps, "seconds": round(seconds, 1), **row
+        }  # fmt: skip
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Train, and write the rows."""
+    """Train, and write each row as it comes."""
     parser = argparse.ArgumentParser(description="Train in ViZDoom itself.")
     parser.add_argument("config")
     parser.add_argument("--out", required=True, help="a file of JSON lines")
@@ -163,8 +170,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     check_writable(arguments.out)
     clock = cpu_seconds if arguments.clock == "cpu" else time.perf_counter
     rows = train(arguments.config, arguments.minutes, arguments.seed, clock, arguments.scale)
-    with atomic(arguments.out) as path:
-        path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    with writing(arguments.out):
+        Path(arguments.out).write_text("")
+    for row in rows:
+        append(Path(arguments.out), json.dumps(row) + "\n")
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from jaxenstein.baselines.runs.folder import RunFolder, train
-from jaxenstein.baselines.runs.metrics import read_metrics
+from jaxenstein.baselines.runs.metrics import read_metrics, rows_by_run
 from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.baselines.runs.timing import read_seconds
 from jaxenstein.progress import Progress
@@ -75,7 +75,8 @@ def trained(path: Path, given: dict[str, Any], name: str) -> RunFolder:
 def row_of(name: str, folder: RunFolder, reach: float) -> str:
     """A line of the table."""
     runs, steps = len(folder.experiment.runs), folder.experiment.config.steps_per_update
-    first = np.array([solved_at(rows, reach) for rows in by_run(folder, runs)])
+    by_run = rows_by_run(read_metrics(folder.path), runs)
+    first = np.array([solved_at(rows, reach) for rows in by_run])
     clock = read_seconds(folder.path, folder.experiment.config.updates)
     solved = int(np.isfinite(first).sum())
     shares = [np.median(first), first.max()]
@@ -88,12 +89,6 @@ def row_of(name: str, folder: RunFolder, reach: float) -> str:
 def told(numbers: Sequence[float]) -> str:
     """Whole numbers, or `never`."""
     return ", ".join(f"{number:,.0f}" if np.isfinite(number) else "never" for number in numbers)
-
-
-def by_run(folder: RunFolder, runs: int) -> list[list[dict[str, Any]]]:
-    """The rows of metrics of each run."""
-    rows = read_metrics(folder.path)
-    return [rows[number::runs] for number in range(runs)]
 
 
 def solved_at(rows: Sequence[dict[str, Any]], reach: float) -> float:

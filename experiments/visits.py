@@ -12,6 +12,7 @@ where it was interrupted.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -97,8 +98,11 @@ def visits(folder: RunFolder) -> np.ndarray:
 
 
 def play(learner: Learner, params: Any) -> jax.Array:
-    """int32[runs, episodes * steps, 2], tiles, for as many steps as an episode can have."""
-    env, env_params = learner.env, learner.env_params
+    """int32[runs, episodes * steps, 2], tiles, for as many steps as an episode can have.
+
+    An episode that ends is followed by the next one.
+    """
+    env, env_params = dataclasses.replace(learner.env, autoreset="same-step"), learner.env_params
     steps = -(-int(env_params.max_steps_in_episode) // env.frame_skip)
     fresh = jax.tree.map(lambda leaf: jnp.stack([leaf] * EPISODES), learner.initial_carry())
 
@@ -111,12 +115,7 @@ def play(learner: Learner, params: Any) -> jax.Array:
             obs, state, _, terminated, truncated, info = jax.vmap(
                 lambda key, state, action: env.step(key, state, action, env_params)
             )(keys, state, action)
-            over = terminated | truncated
-            memory = jax.tree.map(
-                lambda new, old: jnp.where(over.reshape(-1, *[1] * (old.ndim - 1)), new, old),
-                fresh,
-                memory,
-            )
+            memory = memory.replace(first=terminated | truncated)
             return (obs, state, memory), info["cell"]
 
         reset_key, step_key = jax.random.split(jax.random.key(0))

@@ -101,9 +101,10 @@ def test_numbers_of_the_tasks(name, horizon, discount, living):
     [
         ("my-way-hom", "did you mean 'my-way-home'"),
         ("KeyDoor", "did you mean 'key-door'"),
-        ("zzz", "known: simple, key-door"),
+        ("zzz", "there are simple, key-door.* and others; 'jaxenstein list' shows all"),
         (3, "unknown environment 3"),
         (None, "unknown environment None"),
+        ("maze.txt", "from_file, on the command line by --map-file"),
     ],
 )
 def test_unknown_ids_name_the_nearest(name, hint):

@@ -35,7 +35,7 @@ def writing(path: str | Path) -> Iterator[None]:
     except OutputError:
         raise
     except OSError as error:
-        raise OutputError(path, _reason(error)) from error
+        raise OutputError(path, reason_of(error)) from error
 
 
 @contextlib.contextmanager
@@ -116,7 +116,7 @@ def check_writable(path: str | Path) -> None:
     except (FileNotFoundError, NotADirectoryError):
         pass
     except OSError as error:  # Names may be too long even to look for.
-        raise OutputError(path, _reason(error)) from error
+        raise OutputError(path, reason_of(error)) from error
     if path.is_dir():
         raise OutputError(path, "it is a folder")
     if path.exists() and not path.is_file():
@@ -149,8 +149,9 @@ def _bring_to_disk(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _reason(error: OSError) -> str:
-    return (error.strerror or str(error)).lower()
+def reason_of(error: Exception) -> str:
+    """What the system says, without number and path; of other errors the message."""
+    return (getattr(error, "strerror", None) or str(error)).lower()
 
 
 def _default_mode() -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from typing import Self, TextIO
@@ -65,8 +66,7 @@ class Progress:
         if self.live or not self._complete:
             self.show()
         if self.live:
-            self.stream.write("\n")
-        self.stream.flush()
+            self._write("\n")
 
     def restart(self, done: float) -> None:
         """Measure the rate from here on: `done` was done before, or took longer than the rest."""
@@ -85,7 +85,7 @@ class Progress:
 
     def say(self, text: str) -> None:
         """Print a line of its own, above the progress."""
-        self.stream.write(f"\r\x1b[K{text}\n" if self.live else f"{text}\n")
+        self._write(f"\r\x1b[K{text}\n" if self.live else f"{text}\n")
         self.show()
 
     def line(self) -> str:
@@ -112,8 +112,13 @@ class Progress:
         self._shown = time.monotonic()
         self._complete = self.done >= self.total
         text = self.line()
-        self.stream.write(f"\r{text}\x1b[K" if self.live else f"{text}\n")
-        self.stream.flush()
+        self._write(f"\r{text}\x1b[K" if self.live else f"{text}\n")
+
+    def _write(self, text: str) -> None:
+        # A terminal that was closed is no reason to lose the work.
+        with contextlib.suppress(OSError):
+            self.stream.write(text)
+            self.stream.flush()
 
 
 def si(number: float) -> str:

@@ -176,8 +176,16 @@ def find(id: Any) -> tuple[str, Entry]:
         return name, entry
     if colon:
         return id, _entry_of_class(id, sys.modules[module], rest)
+    if isinstance(id, str | Path) and (Path(id).suffix == ".txt" or len(Path(id).parts) > 1):
+        raise UnknownEnvironmentError(
+            f"unknown environment {str(id)!r}: the file of a map is read by jaxenstein.from_file, "
+            "on the command line by --map-file"
+        )
     close = nearest(str(id), [*ENTRIES, *ALIASES])
-    raise UnknownEnvironmentError(f"unknown environment {id!r}{close}; known: {', '.join(ENTRIES)}")
+    some = "" if close else f"there are {', '.join(catalogue.MAIN_IDS[:6])} and others; "
+    raise UnknownEnvironmentError(
+        f"unknown environment {id!r}{close}; {some}'jaxenstein list' shows all {len(ENTRIES)}"
+    )
 
 
 def portable_id(id: str) -> str:
@@ -272,6 +280,8 @@ def from_file(path: str | Path, **settings: Any) -> tuple[Navigation, Navigation
     """
     from .maps.map_files import read_map
 
+    if not isinstance(path, str | Path):
+        raise MapError(f"a file's name is a str or a Path, not {type(path).__name__}")
     path = Path(path)
     texts = read_map(path)
     return _from_texts(texts.pop("text"), {"name": path.stem, **texts, **settings})

@@ -184,7 +184,14 @@ def changed(recipe: Recipe, given: Mapping[str, Any]) -> Recipe:
     before = given_by(recipe)
     if any(name in given for name in PLACES):
         before = {name: value for name, value in before.items() if name in SETTINGS}
-    return recipe_from(merge(before, given))
+    merged = merge(before, given)
+    # Seeds and range of a look go with it.
+    asked = {**given, **(given.get("settings") or {})}
+    if asked.get("look", "random") != "random":
+        for table in (merged, merged.get("settings") or {}):
+            for name in {"look_seeds", "look_range"} - set(asked):
+                table.pop(name, None)
+    return recipe_from(merged)
 
 
 def recipe_from(given: Mapping[str, Any]) -> Recipe:

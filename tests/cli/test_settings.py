@@ -9,6 +9,7 @@ import pytest
 
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.opening import given_options
+from jaxenstein.errors import SettingError
 from jaxenstein.settings import changed, given_by, recipe_from
 from jaxenstein.tasks.first_person import SEEN, FirstPerson
 
@@ -99,6 +100,8 @@ def test_another_look_takes_the_place_of_that_of_a_run() -> None:
     plain = changed(trained, {"settings": {"look": "plain"}}).build()[0]
     assert isinstance(plain, FirstPerson)
     assert plain.look == "plain"
+    with pytest.raises(SettingError, match="look_seeds is of look='random' alone"):
+        recipe_from({"env": "simple", "look_seeds": [0, 100]})
 
 
 def test_a_recipe_comes_back_from_its_options() -> None:

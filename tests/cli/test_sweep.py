@@ -17,6 +17,7 @@ from jaxenstein.baselines.runs.metrics import means
 from jaxenstein.baselines.runs.sweeps import plan, summary, swept
 from jaxenstein.cli import main
 from jaxenstein.cli.sweep import table
+from jaxenstein.errors import SettingError
 from tests.baselines.tiny import OPTIONS, tiny
 
 WITHOUT_SEEDS = {name: value for name, value in OPTIONS.items() if name != "seeds"}
@@ -70,6 +71,14 @@ def test_parts_of_a_grid_are_the_whole_grid() -> None:
     assert set.union(*map(runs, parts.values())) == runs(whole)
     first = next(iter(plan(WITHOUT_SEEDS, ["rnd"], at_once=1)))
     assert first == "rnd-bonus_reward-0.1-rnd_loss-0.01"
+
+
+def test_a_number_that_is_given_is_not_varied() -> None:
+    planned = plan(WITHOUT_SEEDS | {"bonus_reward": 0.5}, ["rnd"])["rnd"]
+    assert [name for name, _ in planned.grid] == ["rnd_loss"]
+    assert planned.hparams["bonus_reward"] == 0.5
+    with pytest.raises(SettingError, match="clip is given, and varied by the grid"):
+        plan(WITHOUT_SEEDS | {"clip": 0.1, "grid": {"clip": [0.1, 0.2]}}, ["ppo"])
 
 
 def test_summary_lists_the_best_point_first(tmp_path: Path) -> None:

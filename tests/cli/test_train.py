@@ -110,10 +110,12 @@ def test_flags_of_tables_and_numbers() -> None:
         (["--clip=x"], "argument --clip: must be a number, not 'x'"),
         (["--convolutions=4x4"], "must be KERNELxSTRIDExFEATURES of each layer"),
         (["--set=fov"], "--set must be NAME=VALUE, not 'fov'"),
-        (["--num-envs=6"], "num_envs must be a multiple of minibatches"),
+        (["--env=simple", "--num-envs=6"], "num_envs must be a multiple of minibatches"),
         (["--config=none.toml"], "cannot read none.toml: no such file"),
         (["--map-file=none.txt"], "cannot read the map none.txt: no such file"),
         (["--resume"], "there is no run in"),
+        (["--seeds=2"], "jaxenstein train: give an environment, --env ID"),
+        (["simple"], "unrecognized argument: simple; an environment is given as --env ID"),
         (["--save-every=-1"], "must be a number from 0"),
     ],
 )
@@ -144,7 +146,7 @@ def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
         patch.setattr(runs.Timing, "write", interrupt)
         assert main(["train", *flags, "--out", str(out)]) == 130
     captured = capsys.readouterr()
-    assert f"stopped; 'jaxenstein train --out {out} --resume' goes on" in captured.err
+    assert f"stopped; to go on: jaxenstein train --out {out} --resume" in captured.err
     assert RunFolder.open(out).checkpoints.updates()[-1] == 2
     # The signals are again what they were.
     assert signal.getsignal(signal.SIGINT) is before

@@ -95,7 +95,9 @@ def test_enlarge_keeps_pixels_square() -> None:
     large = enlarge(image, 3)
     assert large.shape == (6, 6, 3)
     assert (large[3:, :3] == image[1, 0]).all()
-    assert [scale_to(height, 256) for height in (64, 100, 240, 1000)] == [4, 3, 2, 1]
+    assert [scale_to((height, 64), 256) for height in (64, 100, 240, 1000)] == [4, 3, 2, 1]
+    # 1024 pixels wide at most, or as they are.
+    assert [scale_to((8, width), 256) for width in (16, 32, 300, 2000)] == [32, 32, 3, 1]
 
 
 def test_side_by_side_holds_view_map_and_text() -> None:

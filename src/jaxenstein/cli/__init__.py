@@ -102,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain("interrupted", INTERRUPTED)
     except (MemoryError, RuntimeError) as error:
         # JAX's own errors (out of memory, no such device) are RuntimeErrors of several lines.
-        return _complain(f"jaxenstein: {error or 'out of memory'}", FAILED)
+        return _complain(f"jaxenstein: {str(error) or 'out of memory'}", FAILED)
     return code or 0
 
 

@@ -38,10 +38,12 @@ class Parser(argparse.ArgumentParser):
         """Parse; the nearest flag is named for one that there is not."""
         self._filled()
         known, unknown = super().parse_known_args(args, namespace)
-        for flag in unknown:
-            close = nearest(flag.partition("=")[0], self._option_string_actions)
-            if flag.startswith("--") and close:
-                self.error(f"unrecognized argument: {flag}{close}")
+        for word in unknown:
+            close = nearest(word.partition("=")[0], self._option_string_actions)
+            if word.startswith("--") and close:
+                self.error(f"unrecognized argument: {word}{close}")
+            if not word.startswith("-") and "--env" in self._option_string_actions:
+                self.error(f"unrecognized argument: {word}; an environment is given as --env ID")
         return known, unknown
 
     def format_help(self) -> str:

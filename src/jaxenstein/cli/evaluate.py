@@ -14,7 +14,7 @@ from ..view.episode import compose
 from ..view.recording import check_animation, save_animation
 from .arguments import Parser, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
-from .opening import given_options
+from .opening import given_options, with_map
 from .record import play_shown
 from .training import baselines
 
@@ -27,8 +27,9 @@ DESCRIPTION = """\
 Play whole episodes with the agents of a run directory, or with one of a file of 'jaxenstein
 export' or of 'jaxenstein list --pretrained', with the most likely actions ("greedy") and with drawn
 ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs and episodes, or
-with one run over episodes. --gif also writes an episode beside the map. --env, --set and --param
-play elsewhere, with nothing learned anew; another environment is seen as the one before was.
+with one run over episodes. --gif also writes an episode beside the map. --env, --map-file, --set
+and --param play elsewhere, with nothing learned anew; another environment is seen as the one before
+was.
 
 --in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
 anew, and --gif then shows one episode from the same start in both. It takes agents of the
@@ -59,7 +60,8 @@ def fill(parser: Parser) -> None:
     )
     from ..settings import environment_options
 
-    add_options(parser, {n: environment_options()[n] for n in ("env", "settings", "params")})
+    elsewhere = ("env", "map_file", "heading", "settings", "params")
+    add_options(parser, {name: environment_options()[name] for name in elsewhere})
     shown = parser.add_argument_group("an episode beside the map")
     flag(shown, "--gif FILE", "write it: .gif, or .mp4 with extra 'video'", Path)
     add_agent(shown)
@@ -78,7 +80,11 @@ def run(options: argparse.Namespace) -> None:
         check_writable(options.json)
     if options.gif is not None:
         check_animation(options.gif)
-    trained = _changed(agents.load_trained(options.folder), given_options(options))
+    trained = _changed(agents.load_trained(options.folder), with_map(given_options(options)))
+    if options.game is not None:
+        from ..adapters.vizdoom import check_scenario
+
+        check_scenario(trained.experiment.learner.env)
     if options.number is not None:
         agents.chosen_run(trained, options.number)
     names = agents.run_names(trained.experiment)

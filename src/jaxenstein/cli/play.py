@@ -42,9 +42,10 @@ Play an environment with the keyboard, in a window (extra 'play': pygame-ce) or,
 in a terminal with 24-bit colour, also over SSH.
 
   W A S D, arrows   walk and turn          M       map from above
-  space             interact               P       pause
-  R                 next episode           H       help
-                                           Q, Esc  quit
+  Z, C              step aside             P       pause
+  space             interact, shoot        R       next episode
+  E, F, G           pick up, drop, done    H       help
+  X                 wait                   Q, Esc  quit
 
 Keys that are held act again and again. Time passes only with actions, as it does for an agent.
 With --policy RUN an agent that 'jaxenstein train' made plays, and you watch.
@@ -138,7 +139,7 @@ def _open_window(env: FirstPerson[Any, Any], name: str) -> Window:
     """A window in which the view is about 480 pixels high."""
     from ..interactive.window import GAP, LINE, Window
 
-    scale = scale_to(env.height, VIEW_HEIGHT)
+    scale = scale_to((env.height, env.width), VIEW_HEIGHT)
     width = max(env.width * scale, VIEW_HEIGHT) + 2 * GAP
     height = env.height * scale + 3 * GAP + STATUS_LINES * LINE
     try:
@@ -217,7 +218,7 @@ class Film(Sequence[np.ndarray]):
     def __init__(self, episodes: Sequence[Episode], progress: Progress) -> None:
         """Take episodes of one environment, so that all pictures are of one size."""
         self._progress = progress
-        scale = scale_to(episodes[0].frames.shape[1], RECORDED_VIEW)
+        scale = scale_to(episodes[0].frames.shape[1:3], RECORDED_VIEW)
         self._parts = [compose(part, scale=scale, map_size=RECORDED_MAP) for part in episodes]
 
     def __len__(self) -> int:

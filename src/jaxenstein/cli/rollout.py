@@ -211,10 +211,10 @@ def _report(options: argparse.Namespace, tally: Tally) -> None:
 
 def write_pictures(frames: np.ndarray, gif: Path, sheet: Path) -> None:
     """Write the animation and the contact sheet of uint8[T, N, H, W, 3]."""
-    height = frames.shape[2]
+    height, width = frames.shape[2:4]
     columns = min(GIF_COLUMNS, frames.shape[1])
-    scale = scale_to(height * -(-frames.shape[1] // columns), GIF_HEIGHT)
+    scale = scale_to((height * -(-frames.shape[1] // columns), width * columns), GIF_HEIGHT)
     save_gif([mosaic(shot, columns, scale=scale) for shot in frames], gif, GIF_FPS)
     times = evenly(len(frames), SHEET_COLUMNS)
     chosen = frames[times, :SHEET_ENVS].swapaxes(0, 1).reshape(-1, *frames.shape[2:])
-    contact_sheet(chosen, len(times), sheet, scale=scale_to(height, SHEET_HEIGHT))
+    contact_sheet(chosen, len(times), sheet, scale=scale_to((height, width), SHEET_HEIGHT))

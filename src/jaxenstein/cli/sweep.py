@@ -7,12 +7,13 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..errors import SettingError
 from ..files import check_links
 from .arguments import Parser, UsageError, flag, whole
 from .listing import format_table
 from .opening import telling_warnings
 from .train import add_training, carry_out, spread
-from .training import add_training_options, baselines, given_training
+from .training import add_training_options, baselines, given_training, named
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     """Train what is to be trained, one grid after the other, and list what it gave."""
     spread(options)
     sweeps = baselines("sweeps")
-    given = given_training(options)
+    given = named(given_training(options), "sweep")
     algos = options.algo or ([given["algo"]] if "algo" in given else sweeps.swept())
     if options.no_grid and given.get("grid"):
         raise UsageError("jaxenstein sweep: --no-grid or --grid, not both")
@@ -83,7 +84,11 @@ def _folder(options: argparse.Namespace, name: str, experiment: object) -> RunFo
             f"jaxenstein sweep: there is a run in {path} already: --resume goes on with it, or "
             "choose another folder"
         )
-    return runs.RunFolder.open_or_create(path, experiment)
+    try:
+        return runs.RunFolder.open_or_create(path, experiment)
+    except SettingError as error:
+        again = "; a sweep goes on with the options that it was begun with, given again"
+        raise SettingError(f"{error}{again if options.resume else ''}") from error
 
 
 def table(points: list[Point]) -> str:

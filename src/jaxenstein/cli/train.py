@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
+import os
+import shlex
 import sys
 import time
 from collections import deque
@@ -16,8 +18,8 @@ from ..errors import SettingError
 from ..machine import use_cores
 from ..progress import Progress
 from .arguments import Parser, flag, real, whole
-from .opening import handling, telling_warnings
-from .training import add_training_options, baselines, given_training
+from .opening import IMPORT, handling, telling_warnings
+from .training import add_training_options, baselines, given_training, named
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
@@ -40,7 +42,8 @@ examples:
 
 Ctrl-C stops after the update that runs, with a checkpoint; --resume goes on from the newest
 checkpoint, also after a crash, and gives the same result as without the interruption. It takes
-every option from the run directory; those given again must be the same.
+every option from the run directory; those given again must be the same, but for a larger
+--total-steps, which trains longer where the learning rate does not --anneal with the total.
 
 A --config file has the options as names with values, such as
 
@@ -117,11 +120,11 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
 
     given = given_training(options)
     if not options.resume:
-        return runs.RunFolder.create(options.out, parsing.resolve(given))
+        return runs.RunFolder.create(options.out, parsing.resolve(named(given, "train")))
     folder = runs.RunFolder.open(options.out)
     if given:
         before = parsing.given_by(folder.experiment)
-        folder.check_same(parsing.resolve(merge(before, given)))
+        folder.go_on_as(parsing.resolve(merge(before, given)))
     return folder
 
 
@@ -164,9 +167,10 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     print("  ".join(filter(None, [where, note_of(recent)])))
     if done < total:
         module, colon, _ = (experiment.recipe.id or "").rpartition(":")
-        own = f" --import {module}" if colon else ""
-        again = f"jaxenstein train --out {folder.path} --resume{own}"
-        print(f"stopped; '{again}' goes on", file=sys.stderr)
+        modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])
+        again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]
+        again += [word for module in modules for word in (IMPORT, module)]
+        print(f"stopped; to go on: {shlex.join(again)}", file=sys.stderr)
     return 0 if done == total else INTERRUPTED
 
 
@@ -212,7 +216,9 @@ def stopping() -> Iterator[Callable[[], bool]]:
         if asked:
             raise KeyboardInterrupt
         asked.append(signum)
-        print("\nstopping after this update; once more: at once", file=sys.stderr, flush=True)
+        # Not by `print`, which may be at work already; the terminal may be what has gone.
+        with contextlib.suppress(OSError):
+            os.write(2, b"\nstopping after this update; once more: at once\n")
 
     with handling(STOPPING, ask):
         yield lambda: bool(asked)

@@ -32,6 +32,20 @@ def add_training_options(parser: Parser, without: Sequence[str] = ()) -> None:
     add_options(parser, baselines("options").all_options(), without)
 
 
+def named(given: dict[str, Any], command: str) -> dict[str, Any]:
+    """The options of a new training, which must say where.
+
+    Raises:
+        UsageError: they name neither an environment nor a map.
+    """
+    if not {"env", "map"} & set(given):
+        raise UsageError(
+            f"jaxenstein {command}: give an environment, --env ID ('jaxenstein list' shows them), "
+            "or a map, --map-file FILE"
+        )
+    return given
+
+
 def given_training(options: argparse.Namespace) -> dict[str, Any]:
     """The options of the file and of the flags together."""
     from ..settings import check, merge

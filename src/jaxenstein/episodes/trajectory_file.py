@@ -13,6 +13,7 @@ from typing import Any
 
 from ..environment import AnyEnvironment
 from ..errors import JAXensteinError, TrajectoryError
+from ..files import reason_of
 from ..recipe import TEXTS, Recipe
 from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory, digest_spacing
 from .session import NO_OP
@@ -40,8 +41,7 @@ def _parse(path: Path) -> Any:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise TrajectoryError(f"cannot be read: {reason}") from error
+        raise TrajectoryError(f"cannot be read: {reason_of(error)}") from error
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise TrajectoryError(

@@ -56,8 +56,8 @@ def parse_ascii(
             faces that do not fit. Line and column are those of the text as given, counted from 1.
 
     Warns:
-        MapWarning: for each goal that no spawn reaches and each spawn that reaches no goal,
-            either with all doors open or for want of a key.
+        MapWarning: for a text that is indented; for each goal that no spawn reaches and each
+            spawn that reaches no goal, either with all doors open or for want of a key.
 
     Examples:
         >>> tilemap = parse_ascii("#####\n#S G#\n#####")
@@ -76,6 +76,14 @@ def parse_ascii(
         tilemap = dataclasses.replace(tilemap, faces=read_regions(tilemap, regions))
     if faces is not None:
         tilemap = dataclasses.replace(tilemap, faces=read_faces(tilemap, faces))
+    blanks = min(len(line) - len(line.lstrip(" ")) for line in page.lines if line)
+    if blanks > 1:
+        warnings.warn(
+            f"every line of the map begins with {blanks} blanks, which are "
+            "floor: textwrap.dedent takes an indentation off",
+            MapWarning,
+            stacklevel=stacklevel,
+        )
     for problem, (column, row) in problems(tilemap):
         place = f"line {page.first_line + row}, column {column + 1}"
         warnings.warn(f"{place}: {problem}", MapWarning, stacklevel=stacklevel)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import MapError
+from ..files import reason_of
 from .sample_maps import sample_map
 
 # A file that names another as its map, a device without end among them, must not fill the memory.
@@ -48,8 +49,7 @@ def read_text(path: Path, what: str) -> str:
     except UnicodeDecodeError as error:
         raise MapError(f"cannot read the {what} {path}: it is not text") from error
     except (OSError, ValueError) as error:  # the latter for a name that none can have
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
-        raise MapError(f"cannot read the {what} {path}: {reason}") from error
+        raise MapError(f"cannot read the {what} {path}: {reason_of(error)}") from error
     if len(text) > LONGEST:
         raise MapError(f"cannot read the {what} {path}: it has more than {LONGEST} characters")
     return text

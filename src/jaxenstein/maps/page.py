@@ -88,7 +88,9 @@ def _unknown(character: str, known: Collection[str]) -> str:
     if character == "\t":
         return "a tab has no fixed width; use '.' or spaces for floor"
     other, symbol = SYMBOLS.get(character.swapcase()), SYMBOLS.get(character)
-    hint = f", did you mean {other.character!r} ({other.meaning})?" if other else ""
+    hint = ""
+    if other is not None and other is not symbol:
+        hint = f", did you mean {other.character!r} ({other.meaning})?"
     if symbol is None:
         return f"unknown symbol {character!r}{hint}; the symbols are {characters(known)}"
     if symbol.role:

@@ -32,6 +32,7 @@ def sample_map(name: str) -> str:
         #S....G#
         ########
     """
+    name = name.removeprefix("samples/") if isinstance(name, str) else name
     if name not in SAMPLES:
         known = ", ".join(SAMPLES)
         raise MapError(f"unknown sample map {name!r}{nearest(str(name), SAMPLES)}; known: {known}")

@@ -131,7 +131,7 @@ class Episode:
     def _repr_html_(self) -> str:
         """The animation with its summary, what notebooks ask for; of long episodes a part."""
         every = -(-self.steps // (NOTEBOOK_FRAMES - 1)) or 1
-        scale = scale_to(self.frames.shape[1], NOTEBOOK_VIEW)
+        scale = scale_to(self.frames.shape[1:3], NOTEBOOK_VIEW)
         pictures = compose(self, scale=scale, map_size=NOTEBOOK_MAP, every=every)
         data = base64.b64encode(encode_gif(pictures)).decode()
         text = html.escape(self.summary() + (f" (every {every} steps shown)" if every > 1 else ""))
@@ -149,7 +149,7 @@ def save_sheet(episode: Episode, path: str | Path) -> None:
         OutputError: `path` cannot be written.
     """
     times = evenly(len(episode.frames), SHEET_VIEWS)
-    scale = scale_to(episode.frames.shape[1], SHEET_HEIGHT)
+    scale = scale_to(episode.frames.shape[1:3], SHEET_HEIGHT)
     contact_sheet(episode.frames[times], min(SHEET_COLUMNS, len(times)), path, scale=scale)
 
 
@@ -232,7 +232,7 @@ def compose(
     return Pictures(
         episode,
         with_map=with_map,
-        scale=scale or scale_to(episode.frames.shape[1], VIEW_HEIGHT),
+        scale=scale or scale_to(episode.frames.shape[1:3], VIEW_HEIGHT),
         every=every,
         map_size=map_size,
         notify=notify,

@@ -106,12 +106,12 @@ def show(observation: Any, kind: str | None = None, *, scale: int | None = None)
         raise SettingError(f"scale must be a whole number from 1 to 64, not {scale!r}")
     frames = picture(image, kind)
     if frames.ndim == 3:
-        return Frame(frames, scale or scale_to(frames.shape[0], SHOWN_HEIGHT))
+        return Frame(frames, scale or scale_to(frames.shape[:2], SHOWN_HEIGHT))
     frames = frames.reshape(-1, *frames.shape[-3:])
     frames = frames[evenly(len(frames), MOST_SHOWN)]
     columns = int(np.ceil(np.sqrt(len(frames))))
     rows = -(-len(frames) // columns)
-    size = scale or scale_to(rows * frames.shape[1], BATCH_HEIGHT)
+    size = scale or scale_to((rows * frames.shape[1], columns * frames.shape[2]), BATCH_HEIGHT)
     return Frame(mosaic(frames, columns, scale=size))
 
 

@@ -21,6 +21,8 @@ PALETTE_SAMPLES = 16
 PALETTE_SIZE = 400
 # GIF delays are whole hundredths of a second, and browsers slow down delays below two.
 MAX_FPS = 50
+# How many times as wide as it is meant to be high an enlarged image may be.
+WIDEST = 4
 
 
 def enlarge(frame: np.ndarray, scale: int) -> np.ndarray:
@@ -28,9 +30,17 @@ def enlarge(frame: np.ndarray, scale: int) -> np.ndarray:
     return np.repeat(np.repeat(frame, scale, axis=0), scale, axis=1)
 
 
-def scale_to(height: int, target: int) -> int:
-    """The smallest whole factor that makes `height` pixels at least about `target` high."""
-    return max(1, -(-target // height))
+def scale_to(size: Sequence[int], target: int) -> int:
+    """The smallest whole factor that makes an image at least about `target` pixels high.
+
+    Of wide images a smaller one, by which they are at most `WIDEST` times as wide as that.
+
+    Args:
+        size: height and width of the image.
+        target: pixels.
+    """
+    height, width = size
+    return max(1, min(-(-target // height), WIDEST * target // width))
 
 
 def mosaic(frames: np.ndarray, columns: int, *, scale: int = 1, gap: int = 2) -> np.ndarray:

@@ -261,8 +261,8 @@ def test_a_run_that_succeeds_often_enough_learns_no_more():
 class Foreign:
     """gymnax' contract, told by nothing but its functions."""
 
-    def __init__(self, final=True, values=6):
-        self.env = Countdown(final_observation=True)
+    def __init__(self, final=True, values=6, frame_skip=1):
+        self.env = Countdown(final_observation=True, frame_skip=frame_skip)
         self.final, self.values = final, values
 
     def __getattr__(self, name):
@@ -275,14 +275,24 @@ class Foreign:
         return (*front, info)[: self.values]
 
 
-def test_an_environment_of_gymnax_contract_gives_the_same_run():
-    own = learner()
-    run = Learner(Foreign(), Countdown().default_params, own.config)
+@pytest.mark.parametrize("skip", [1, 2])
+def test_an_environment_of_gymnax_contract_gives_the_same_run(skip):
+    own = learner() if skip == 1 else learner_of(Countdown(frame_skip=skip))
+    run = Learner(Foreign(frame_skip=skip), Countdown().default_params, own.config)
+    assert run.loop.slots == own.loop.slots
     one, other, numbers = own.init(KEY), run.init(KEY), HParams(gamma=0.9)
     for a, b in zip(
         own.train_chunk(one, numbers, 2), run.train_chunk(other, numbers, 2), strict=True
     ):
         equal(a, b, atol=1e-6, rtol=1e-5)
+
+
+def test_a_setting_of_jax_changes_no_seed():
+    before = learner().init(KEY)
+    with jax.default_prng_impl("rbg"):
+        equal(learner_of(Countdown(), algo="ppo").init(KEY).params, before.params)
+        with pytest.raises(SettingError, match="a key must be one of threefry2x32"):
+            learner().init(jax.random.key(0))
 
 
 def test_environments_that_do_not_fit_are_refused():

@@ -176,6 +176,9 @@ def test_the_best_run_acts(folder: RunFolder, tmp_path: Path) -> None:
     assert best_run(copied) == 0
     write([(0, 0.0, 0), (4, -2.0, 60)])
     assert best_run(copied) == 1
+    # A training that was killed has left a row of the first run alone.
+    write([(4, 1.0, 30), (2, 1.0, 20), (9, 0.0, 30)])
+    assert best_run(copied) == 1
 
 
 def test_a_batch_drives_gymnasiums_environments(folder: RunFolder) -> None:

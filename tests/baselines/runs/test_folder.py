@@ -171,6 +171,56 @@ def test_another_configuration_is_refused_with_the_fields_that_differ(whole: Run
     whole.check_same(tiny())
 
 
+def test_a_run_trains_longer(whole: RunFolder, tmp_path: Path) -> None:
+    steady = {"anneal": False}
+    folder = RunFolder.create(tmp_path / "short", tiny(**steady))
+    train(folder)
+    longer = tiny(**steady, total_steps=2 * OPTIONS["total_steps"])
+    folder.go_on_as(longer)
+    assert train(folder) == 2 * UPDATES
+    alone = RunFolder.create(tmp_path / "long", longer)
+    train(alone)
+    assert_same_result(RunFolder.open(folder.path), alone)
+    folder.go_on_as(longer)
+    for steps, reason in ((OPTIONS["total_steps"], "has 384 already"), (10_000, "another config")):
+        other = tiny(**steady, total_steps=steps, epochs=2 + (steps == 10_000))
+        with pytest.raises(SettingError, match=reason):
+            folder.go_on_as(other)
+    with pytest.raises(SettingError, match="cannot go on to 384 steps: its learning rate falls"):
+        whole.go_on_as(tiny(total_steps=384))
+
+
+def test_other_rules_end_a_run_and_other_versions_are_told(
+    whole: RunFolder, tmp_path: Path
+) -> None:
+    shutil.copytree(whole.path, tmp_path / "run")
+    plain = json.loads((whole.path / CONFIG).read_text())
+    plain["made_with"]["jax"] = "0.0.1"
+    (tmp_path / "run" / CONFIG).write_text(json.dumps(plain))
+    with pytest.warns(UserWarning, match="began with jax 0.0.1, not"):
+        train(RunFolder.open(tmp_path / "run"))
+    plain["environment"]["version"] = 9
+    (tmp_path / "run" / CONFIG).write_text(json.dumps(plain))
+    with pytest.warns(UserWarning, match="trained on version 9 of its map, which is version 0 now"):
+        folder = RunFolder.open(tmp_path / "run")
+    with pytest.raises(SettingError, match="cannot go on: it was trained on version 9"):
+        train(folder)
+
+
+def test_seeds_that_do_not_follow_each_other_are_told(whole: RunFolder, tmp_path: Path) -> None:
+    plain = json.loads((whole.path / CONFIG).read_text()) | {"seeds": [0, 3]}
+    (tmp_path / CONFIG).write_text(json.dumps(plain))
+    with pytest.raises(SettingError, match=r"'seeds' must follow each other, not \[0, 3\]"):
+        RunFolder.open(tmp_path)
+
+
+def test_where_runs_lie_is_told(whole: RunFolder) -> None:
+    with pytest.raises(SettingError, match=r"but in .*run"):
+        RunFolder.open(whole.path.parent)
+    with pytest.raises(SettingError, match="is a file, not a run directory"):
+        RunFolder.open(whole.path / CONFIG)
+
+
 def test_a_folder_holds_one_run_that_one_process_trains(whole: RunFolder) -> None:
     with pytest.raises(SettingError, match=r"there is a run in .* already"):
         RunFolder.create(whole.path, whole.experiment)
@@ -417,6 +467,7 @@ def test_weights_and_biases_gets_every_number(
     stub: Any = types.ModuleType("wandb")
     stub.init = init
     monkeypatch.setitem(sys.modules, "wandb", stub)
+    (tmp_path / "run").mkdir()
     sink = metrics.WeightsAndBiases(tmp_path / "run", ["a", "b"], "mine", {"x": 1})
     sink.write(
         [
@@ -425,7 +476,15 @@ def test_weights_and_biases_gets_every_number(
         ]
     )
     sink.close()
-    assert (started["project"], started["id"], started["resume"]) == ("mine", "run", "allow")
+    assert (started["project"], started["name"], started["resume"]) == ("mine", "run", "allow")
+    # A folder of the same name is another run, and the same folder goes on with its own.
+    ids = []
+    (tmp_path / "other" / "run").mkdir(parents=True)
+    for folder in (tmp_path / "run", tmp_path / "run", tmp_path / "other" / "run"):
+        metrics.WeightsAndBiases(folder, ["a"], "mine", {})
+        ids.append(started["id"])
+    assert ids[0] == ids[1] != ids[2]
+    assert all(one.startswith("run-") for one in ids)
     assert logged == [({"a/loss": 1.0, "b/loss": 2.0, "b/return": 3.0, "loss": 1.5}, 8)]
     monkeypatch.setitem(sys.modules, "wandb", None)
     with pytest.raises(SettingError, match="pip install wandb"):

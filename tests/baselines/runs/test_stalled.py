@@ -34,6 +34,17 @@ def test_one_that_still_looks_or_succeeded_once_is_not(entropy: float, successes
     assert watch.look(rows(20, entropy, EPISODES)) is None
 
 
+def test_one_whose_returns_rise_is_not() -> None:
+    """A task that has no success, such as monsters to shoot."""
+    first: Row = {"episodes": 100, "successes": 0, "entropy": 1.6}
+    first |= {"return_sum": 200.0, "return_square_sum": 500.0}
+    rising: Row = {**first, "entropy": 0.01, "return_sum": 600.0, "return_square_sum": 3700.0}
+    for later, told in ((rising, False), ({**first, "entropy": 0.01}, True)):
+        watch = StallWatch(2)
+        looked = [watch.look([first] * 2), *(watch.look([later] * 2) for _ in range(20))]
+        assert any(looked) == told
+
+
 def test_rows_of_before_and_without_episodes_count() -> None:
     watch = StallWatch(2)
     before = rows(1, 1.6, 0) + rows(2, 0.2, EPISODES)

@@ -8,7 +8,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ...environment import Environment
 from ...errors import SettingError
 from ...pytree import PyTreeNode
 from .bonus import Metrics
@@ -74,7 +73,7 @@ class Learner:
             self.spec, actions, self.bonus.value_heads, config, config.compute_dtype
         )
         self._check()
-        skip = env.frame_skip if isinstance(env, Environment) else 1
+        skip = self.simulator.frame_skip
         slots, clocks = 0, None
         if config.bootstrap_truncation:
             slots = most_truncations(env_params, config.rollout, skip)

@@ -123,11 +123,10 @@ def start(
     """
     reset_key, clock_key = jax.random.split(key)
     obs, state = simulator.reset(jax.random.split(reset_key, batch))
-    length = jnp.zeros(batch, jnp.int32)
     if clocks is not None:
         most, each = clocks
-        length = jax.random.randint(clock_key, (batch,), 0, jnp.maximum(most, 1), jnp.int32)
-        state = state.replace(time=length * each)
+        steps = jax.random.randint(clock_key, (batch,), 0, jnp.maximum(most, 1), jnp.int32)
+        state = state.replace(time=steps * each)
     return Actors(
         env_state=state,
         obs=obs,
@@ -135,7 +134,8 @@ def start(
         first=jnp.ones(batch, bool),
         memory=network.initial_memory(batch),
         episode_return=jnp.zeros(batch, jnp.float32),
-        episode_length=length,
+        # Of first episodes too it is what was played.
+        episode_length=jnp.zeros(batch, jnp.int32),
         reached=jnp.zeros(batch, bool),
     )
 

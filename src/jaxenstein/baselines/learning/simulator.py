@@ -42,9 +42,15 @@ class Outcome(PyTreeNode):
 
 
 class Simulator(Protocol):
-    """A batch of environments."""
+    """A batch of environments.
+
+    Attributes:
+        num_actions: of each.
+        frame_skip: how many steps of the world one step is; time limits count those of the world.
+    """
 
     num_actions: int
+    frame_skip: int
 
     def reset(self, keys: jax.Array) -> tuple[Any, Any]:
         """First observations and states, for keys[N]."""
@@ -100,7 +106,7 @@ class OwnSimulator:
 
     def __init__(self, env: Environment[Any, Any], params: Any) -> None:
         """Take an environment and its params."""
-        self.num_actions = env.num_actions
+        self.num_actions, self.frame_skip = env.num_actions, env.frame_skip
         # Equal to those of recipes and sessions: what draws one is traced once for all of them.
         self._env = dataclasses.replace(env, autoreset=None, final_observation=False)
         self._resetting = dataclasses.replace(self._env, autoreset="same-step")
@@ -142,7 +148,8 @@ class OwnSimulator:
 class GymnaxSimulator:
     """Environments of gymnax' contract: six values, resets in the same step.
 
-    `info["final_observation"]` is the observation before a reset.
+    `info["final_observation"]` is the observation before a reset. One that takes several steps of
+    the world in a step says how many by `frame_skip`, if `max_steps_in_episode` counts those.
     """
 
     def __init__(self, env: Any, params: Any) -> None:
@@ -155,6 +162,7 @@ class GymnaxSimulator:
         if actions is None:
             raise SettingError(f"actions must be discrete, not {env.action_space(params)}")
         self.num_actions = int(actions)
+        self.frame_skip = int(getattr(env, "frame_skip", 1))
         self._env = env
         self._params = params
         key = jax.random.key(0)

@@ -8,10 +8,14 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ...errors import SettingError
 from ...pytree import PyTreeNode
 from .axes import PER_ENVIRONMENT
 from .bonus import BonusScale
 from .rollout import Actors
+
+# Named, lest a setting of JAX change what a seed means.
+IMPLEMENTATION = "threefry2x32"
 
 
 class TrainState(PyTreeNode):
@@ -40,11 +44,21 @@ class TrainState(PyTreeNode):
 
 
 def key_data(key: jax.Array) -> jax.Array:
-    """Raw data of a typed or old key."""
+    """Raw data of a typed or old key.
+
+    Raises:
+        SettingError: it is of another implementation than JAX's default, threefry2x32.
+    """
     key = jnp.asarray(key)
-    return jax.random.key_data(key) if jnp.issubdtype(key.dtype, jax.dtypes.prng_key) else key
+    data = jax.random.key_data(key) if jnp.issubdtype(key.dtype, jax.dtypes.prng_key) else key
+    if data.shape[-1:] != (2,):
+        raise SettingError(
+            f"a key must be one of {IMPLEMENTATION}, as jax.random.key(seed, "
+            f"impl={IMPLEMENTATION!r}) makes it, not {key.dtype}{list(key.shape)}"
+        )
+    return data
 
 
 def wrap_key(data: jax.Array) -> jax.Array:
     """The typed key of raw data."""
-    return jax.random.wrap_key_data(data)
+    return jax.random.wrap_key_data(data, impl=IMPLEMENTATION)

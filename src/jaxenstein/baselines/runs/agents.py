@@ -16,7 +16,7 @@ from ...errors import SettingError
 from ...files import check_writable
 from ..learning.observations import observation_spec
 from .folder import RunFolder, run_names
-from .metrics import METRICS, read_metrics
+from .metrics import METRICS, read_metrics, rows_by_run
 from .result import Result
 from .trained import SUFFIX, Trained, Weights, load_trained, write_trained
 
@@ -107,8 +107,7 @@ class BatchPolicy:
     def __init__(self, act: Act, carry: PolicyCarry, size: int, key: jax.Array | None) -> None:
         """Take what acts, the memory at the beginning of an episode, and how many there are."""
         self._act, self._key, self._steps = act, key, 0
-        self._fresh = jax.tree.map(lambda leaf: jnp.stack([leaf] * size), carry)
-        self._carry = self._fresh
+        self._carry = jax.tree.map(lambda leaf: jnp.stack([leaf] * size), carry)
 
     def act(self, observations: Any, first: ArrayLike) -> np.ndarray:
         """The next actions.
@@ -120,12 +119,7 @@ class BatchPolicy:
         Returns:
             int32[N].
         """
-        fresh = jnp.asarray(first, bool)
-        carry = jax.tree.map(
-            lambda new, old: jnp.where(fresh.reshape(-1, *[1] * (old.ndim - 1)), new, old),
-            self._fresh,
-            self._carry,
-        )
+        carry = self._carry.replace(first=self._carry.first | jnp.asarray(first, bool))
         key = None if self._key is None else jax.random.fold_in(self._key, self._steps)
         actions, self._carry = self._act(observations, carry, key)
         self._steps += 1
@@ -212,10 +206,10 @@ def best_run(folder: RunFolder) -> int:
     """
     if not (folder.path / METRICS).exists():
         return 0
-    rows, many = read_metrics(folder.path), len(folder.experiment.runs)
-    last = rows[-many * max(1, len(rows) // many // 10) :]
+    by_run = rows_by_run(read_metrics(folder.path), len(folder.experiment.runs))
+    last = max(1, len(by_run[0]) // 10)
     sums = {
-        name: np.array([sum(row.get(name) or 0 for row in last[run::many]) for run in range(many)])
+        name: np.array([sum(row.get(name) or 0 for row in rows[-last:]) for rows in by_run])
         for name in ("episodes", "return_sum", "length_sum")
     }
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -28,15 +28,16 @@ class Interval:
 def mean_interval(values: np.ndarray, *, seed: int = 0) -> Interval:
     """The mean of values[runs, samples], with the percentile interval of its bootstrap.
 
-    Each draw takes as many runs as there are, with replacement, and as many samples within each
-    of them; with one run that is the ordinary bootstrap over samples (Efron & Tibshirani 1993).
+    Each draw takes as many runs as there are, with replacement, and as many samples, the same of
+    every run: sample n is of the same episode in all of them. With one run that is the ordinary
+    bootstrap over samples (Efron & Tibshirani 1993).
     """
     rng = np.random.default_rng(seed)
     runs, samples = values.shape
     means = np.empty(DRAWS)
     for draw in range(DRAWS):
         chosen = rng.integers(runs, size=(runs, 1))
-        means[draw] = values[chosen, rng.integers(samples, size=(runs, samples))].mean()
+        means[draw] = values[chosen, rng.integers(samples, size=(1, samples))].mean()
     low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return Interval(float(values.mean()), float(low), float(high))
 

@@ -110,18 +110,21 @@ def size_of(state: Any) -> int:
     return sum(leaf.size * leaf.dtype.itemsize for leaf in map(_data, jax.tree.leaves(state)))
 
 
-def check_space(folder: Path, state: Any, keep: int = KEEP) -> None:
-    """Find out early whether the checkpoints of a state fit on the disk.
+def check_space(folder: Path, state: Any, there: int = 0, keep: int = KEEP) -> None:
+    """Find out early whether the checkpoints of a state fit on the disk, beside those there are.
 
     Raises:
         OutputError: they do not.
     """
-    needed = (keep + 1) * size_of(state)
+    # One more than are kept while the newest is written.
+    number = keep + 1 - min(keep, there)
+    needed = number * size_of(state)
     free = shutil.disk_usage(folder).free
     if free < needed:
         raise OutputError(
             folder,
-            f"{keep + 1} checkpoints need about {needed / 1e6:.3g} MB, "
+            f"{number} checkpoint{'s' * (number > 1)} need{'s' * (number == 1)} about "
+            f"{needed / 1e6:.3g} MB, "
             f"{free / 1e6:.3g} MB are free",
         )
 

@@ -15,7 +15,7 @@ from ...files import atomic, check_writable
 from .bootstrap import band
 from .experiment import exact
 from .folder import RunFolder
-from .metrics import Row, read_metrics
+from .metrics import Row, read_metrics, rows_by_run
 from .timing import read_seconds
 
 if TYPE_CHECKING:
@@ -76,14 +76,12 @@ def curves_of(
     experiment = folder.experiment
     grid = [name for name, _ in experiment.grid]
     by_run: dict[str, list[list[Row]]] = {}
-    for number, run in enumerate(experiment.runs):
-        of_run = rows[number :: len(experiment.runs)]
+    each = rows_by_run(rows, len(experiment.runs))
+    for run, of_run in zip(experiment.runs, each, strict=True):
         by_run.setdefault(_label(folder.path, grid, run), []).append(of_run)
-    # A run that was killed may have rows of some runs of its last update alone.
-    updates = min(len(run) for runs in by_run.values() for run in runs)
-    at = np.array([row["steps"] for row in rows[:: len(experiment.runs)]][:updates], np.float64)
+    at = np.array([row["steps"] for row in each[0]], np.float64)
     if over == "minutes":
-        at = read_seconds(folder.path, updates) / 60
+        at = read_seconds(folder.path, len(at)) / 60
     return [
         Curve(label, *_pooled_runs(runs, metric, points, at), over)
         for label, runs in by_run.items()

@@ -18,6 +18,7 @@ from ..learning.config import Config
 from ..learning.fields import values_of
 from ..learning.hparams import HParams
 from ..learning.learner import Learner
+from ..learning.state import IMPLEMENTATION
 from .presets import PAPER, Presets
 
 FORMAT = 1
@@ -67,8 +68,7 @@ class Experiment:
 
     def keys(self) -> jax.Array:
         """A typed random key for each run: that of its seed."""
-        # Named, lest a setting of JAX change what a seed means.
-        keys = {seed: jax.random.key(seed, impl="threefry2x32") for seed in self.seeds}
+        keys = {seed: jax.random.key(seed, impl=IMPLEMENTATION) for seed in self.seeds}
         return jnp.stack([keys[int(run["seed"])] for run in self.runs])
 
     def numbers(self) -> HParams:

@@ -9,6 +9,7 @@ RUN/checkpoints/    the last two whole states
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import json
 import os
@@ -22,7 +23,7 @@ from typing import IO, Any
 import jax
 
 from ...errors import JAXensteinError, SettingError
-from ...files import atomic, check_links, make_folder, writing
+from ...files import atomic, check_links, make_folder, reason_of, writing
 from ...pytree import PyTreeNode
 from ...version import __version__
 from ..learning.placement import place
@@ -53,6 +54,7 @@ class RunFolder:
         path: of the folder.
         experiment: what is trained in it.
         checkpoints: its checkpoints.
+        made_with: as of `versions`, of a folder that was opened.
     """
 
     def __init__(self, path: Path, experiment: Experiment) -> None:
@@ -60,6 +62,7 @@ class RunFolder:
         self.path = path
         self.experiment = experiment
         self.checkpoints = Checkpoints(path / CHECKPOINTS)
+        self.made_with: dict[str, Any] = {}
         self._held = False
         # What this object has made, which goes where no training comes of it.
         self._made: list[Path] = []
@@ -105,17 +108,19 @@ class RunFolder:
         file = path / CONFIG
         try:
             plain = json.loads(file.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise SettingError(f"there is no run in {path}: it has no {CONFIG}") from None
+        except (FileNotFoundError, NotADirectoryError):
+            raise SettingError(_no_run(path)) from None
         except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise SettingError(f"cannot read {file}: {reason}") from error
+            raise SettingError(f"cannot read {file}: {reason_of(error)}") from error
         except (ValueError, RecursionError) as error:
             raise SettingError(f"{file} is not JSON: {error}") from error
         try:
-            return cls(path, checked(Experiment.from_json(plain)))
+            folder = cls(path, checked(Experiment.from_json(plain)))
         except JAXensteinError as error:
             raise SettingError(f"{file}: {error}") from error
+        made_with = plain.get("made_with")
+        folder.made_with = made_with if isinstance(made_with, dict) else {}
+        return folder
 
     @classmethod
     def open_or_create(cls, path: str | Path, experiment: Experiment) -> RunFolder:
@@ -142,6 +147,39 @@ class RunFolder:
             raise SettingError(
                 f"the run in {self.path} has another configuration: {'; '.join(differing)}"
             )
+
+    def go_on_as(self, experiment: Experiment) -> None:
+        """Make sure that `experiment` is the one of this folder, or that with more steps.
+
+        More steps are written down; what has been trained stays what it would have been, which is
+        so where nothing depends on their total.
+
+        Raises:
+            SettingError: it is another one; the fields that differ are named.
+            OutputError: the configuration cannot be written.
+        """
+        steps = experiment.config.total_steps
+        before = self.experiment.config
+        longer = dataclasses.replace(self.experiment, config=before.replace(total_steps=steps))
+        if steps == before.total_steps or longer.differences(experiment):
+            self.check_same(experiment)
+            return
+        if before.anneal or steps < before.total_steps:
+            why = (
+                "its learning rate falls to zero over them"
+                if before.anneal
+                else f"it has {before.total_steps:,} already"
+            )
+            raise SettingError(
+                f"the run in {self.path} cannot go on to {steps:,} steps: {why}; train anew in "
+                "another folder"
+            )
+        with self.locked():
+            plain = {**experiment.to_json(), "made_with": self.made_with or versions()}
+            with atomic(self.path / CONFIG) as temporary:
+                temporary.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
+        self.experiment = experiment
+        vars(self).pop("template", None)
 
     def restore(self) -> Restored | None:
         """The newest whole checkpoint, a state with a leading axis of runs; None without one.
@@ -210,6 +248,18 @@ class RunFolder:
                 path.rmdir() if path.is_dir() else path.unlink()
 
 
+def _no_run(path: Path) -> str:
+    """Why there is none, and what may have been meant."""
+    if path.is_file():
+        return f"{path} is a file, not a run directory"
+    below = sorted(place.parent.name for place in path.glob(f"*/{CONFIG}"))
+    if below:
+        shown = ", ".join(str(path / name) for name in below[:5])
+        more = f" and {len(below) - 5} more" if len(below) > 5 else ""
+        return f"there is no run in {path} itself, but in {shown}{more}"
+    return f"there is no run in {path}: it has no {CONFIG}"
+
+
 def _take(file: IO[str]) -> bool:
     """Lock a file for this process, until it ends or the file is closed."""
     try:
@@ -236,10 +286,20 @@ def checked(experiment: Experiment) -> Experiment:
     whole = all(isinstance(s, int) and not isinstance(s, bool) for s in experiment.seeds)
     if not whole or not experiment.seeds:
         raise SettingError(f"'seeds' must be whole numbers, not {list(experiment.seeds)!r}")
-    check_seeds(min(experiment.seeds), 1)
-    check_seeds(max(experiment.seeds), 1)
-    experiment.recipe.try_out()
+    if check_seeds(experiment.seeds[0], len(experiment.seeds)) != experiment.seeds:
+        raise SettingError(f"'seeds' must follow each other, not {list(experiment.seeds)!r}")
+    env, _ = experiment.recipe.try_out()
+    if env.version != experiment.recipe.version:
+        warnings.warn(_of_another_version(experiment, env.version), stacklevel=3)
     return experiment
+
+
+def _of_another_version(experiment: Experiment, now: int) -> str:
+    recipe = experiment.recipe
+    return (
+        f"it was trained on version {recipe.version} of {recipe.id or 'its map'}, which is version "
+        f"{now} now: its rules have changed (CHANGELOG.md)"
+    )
 
 
 def _exists(path: Path) -> bool:
@@ -328,11 +388,35 @@ def _train(
     return update
 
 
+def _check_versions(folder: RunFolder) -> None:
+    """Refuse to go on by other rules, and warn where the bits may be others."""
+    experiment = folder.experiment
+    now = experiment.learner.env.version
+    if now != experiment.recipe.version:
+        raise SettingError(
+            f"the run in {folder.path} cannot go on: {_of_another_version(experiment, now)}; "
+            "train anew in another folder"
+        )
+    before = folder.made_with
+    others = [
+        f"{name} {before[name]}, not {value}"
+        for name, value in versions().items()
+        if name in ("jaxenstein", "jax", "device") and before.get(name, value) != value
+    ]
+    if others:
+        warnings.warn(
+            f"the run in {folder.path} began with {'; '.join(others)}: from here on it is not bit "
+            "for bit what it would have been",
+            stacklevel=4,
+        )
+
+
 def _begin(folder: RunFolder) -> tuple[int, TrainState]:
     """Updates so far and the state; a first checkpoint shows early whether one can be written."""
-    check_space(folder.path, folder.template)
+    check_space(folder.path, folder.template, len(folder.checkpoints.updates()))
     restored = folder.restore()
     if restored is not None:
+        _check_versions(folder)
         for reason in restored.damaged:
             warnings.warn(f"passed over a damaged checkpoint: {reason}", stacklevel=4)
         return restored.update, place(restored.state, folder.experiment.config)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -12,9 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...errors import SettingError
-from ...files import append, writing
+from ...files import append, atomic, reason_of, writing
 
-METRICS = "metrics.jsonl"
+METRICS, WANDB_ID = "metrics.jsonl", "wandb-id.txt"
 # Whole numbers in it are counts and seeds.
 LARGEST = 2**63 - 1
 Number = int | float | None
@@ -138,10 +139,18 @@ def read_metrics(folder: Path) -> list[Row]:
             raise ValueError("the steps of a row are no whole number")
         return rows
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise SettingError(f"cannot read {path}: {reason}") from error
+        raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     except (ValueError, RecursionError) as error:
         raise SettingError(f"{path} is damaged: {error}") from error
+
+
+def rows_by_run(rows: Sequence[Row], runs: int) -> list[list[Row]]:
+    """The rows of each run, as many of all.
+
+    A training that was killed may have left rows of some runs alone of its last update.
+    """
+    whole = len(rows) // runs * runs
+    return [list(rows[run:whole:runs]) for run in range(runs)]
 
 
 def _is_number(value: Any) -> bool:
@@ -199,9 +208,14 @@ class WeightsAndBiases:
                 f"Weights & Biases is not installed ({error}): pip install wandb"
             ) from error
         self._names = list(names)
+        # Folders of several sweeps have the same name.
+        kept = folder / WANDB_ID
+        if not kept.exists():
+            with atomic(kept) as temporary:
+                temporary.write_text(f"{folder.absolute().name}-{uuid.uuid4().hex[:8]}\n", "utf-8")
         self._run: Any = wandb.init(
             project=project,
-            id=folder.absolute().name,
+            id=kept.read_text("utf-8").strip(),
             name=folder.absolute().name,
             dir=str(folder),
             config=config,

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import SettingError, nearest, one_line
+from ...files import reason_of
 from ...settings import Option, check, environment_options, options_of, recipe_from
 from ...settings import given_by as environment_given_by
 from ..learning.algorithms import Algorithm, algorithms, without_removed
@@ -63,8 +64,7 @@ def read_file(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise SettingError(f"cannot read {path}: {reason.lower()}") from error
+        raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     try:
         given = _yaml(path, text) if path.suffix in (".yaml", ".yml") else tomllib.loads(text)
     except SettingError:
@@ -99,11 +99,16 @@ def _yaml(path: Path, text: str) -> Any:
 def resolve(given: Mapping[str, Any]) -> Experiment:
     """The experiment of some options; those not given are the recipe's, or have their defaults.
 
+    A number may be given or varied by the grid, not both.
+
     Raises:
         JAXensteinError: an option is unknown or has a value it cannot have, or the environment
             and the training do not fit.
     """
     given = check(without_removed(given), all_options())
+    for name in given.get("grid") or {}:
+        if name.replace("-", "_") in given:
+            raise SettingError(f"{name} is given, and varied by the grid: leave one of them out")
     presets, below = defaults_of(given)
     given = {**below, **given}
     default = SIZE if "map" in given else {"env": "simple", **SIZE}
@@ -126,14 +131,15 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
 
 def given_by(experiment: Experiment) -> dict[str, Any]:
     """The options that `resolve` makes an experiment of."""
+    varied = dict(experiment.grid)
     given = {
         **environment_given_by(experiment.recipe),
         **values_of(experiment.presets),
         **experiment.config.flat(),
-        **experiment.hparams,
+        **{name: value for name, value in experiment.hparams.items() if name not in varied},
         "seed": experiment.seeds[0],
         "seeds": len(experiment.seeds),
-        "grid": {name: list(values) for name, values in experiment.grid},
+        "grid": {name: list(values) for name, values in varied.items()},
     }
     return {name: value for name, value in given.items() if value is not None}
 

@@ -40,14 +40,17 @@ def plan(
         algos: the algorithms.
         at_once: the most runs that one program trains side by side, which memory limits; seeds
             are not taken apart.
-        paper: whether the paper's grids are trained where none is given, or only a point of them.
+        paper: whether the paper's grids are trained where none is given, or only a point of them;
+            a number that is given is not varied by them.
 
     Raises:
         JAXensteinError: the options do not fit.
     """
     planned: dict[str, Experiment] = {}
     for algo in algos:
-        grid = given.get("grid") or (paper and algorithm(algo).grid) or {}
+        paper_grid = (paper and algorithm(algo).grid) or {}
+        varied = {name: values for name, values in paper_grid.items() if name not in given}
+        grid = given.get("grid") or varied
         options = {"seeds": SEEDS, **given, "algo": algo, "grid": grid}
         for name, experiment in _split(algo, resolve(options), at_once):
             planned[name] = experiment

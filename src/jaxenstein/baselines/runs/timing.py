@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import SettingError
-from ...files import append
+from ...files import append, reason_of
 from .experiment import Experiment
 
 TIMING = "timing.jsonl"
@@ -52,8 +52,7 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
             total += now - before if now >= before else now
             done[int(row["update"])], before = total, now
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise SettingError(f"cannot read {path}: {reason}") from error
+        raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     except (ValueError, TypeError, KeyError) as error:
         raise SettingError(f"{path} is damaged: {error!r}") from error
     if not done:

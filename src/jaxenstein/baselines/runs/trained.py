@@ -84,6 +84,15 @@ def load_trained(path: str | Path) -> Trained:
                 f"are: {', '.join(known) or 'none'}"
             )
         return read_trained(known[path.name])
+    if not path.exists() and path.name in pretrained():
+        raise SettingError(
+            f"there is no run in {path}; of the agents that come with this package one is "
+            f"{PRETRAINED}/{path.name}"
+        )
+    if path.is_file():
+        raise SettingError(
+            f"{path} is neither a run directory nor a {SUFFIX} file of 'jaxenstein export'"
+        )
     folder = RunFolder.open(path)
     update, params = folder.networks()
     return Trained(folder.path.name, folder.experiment, params, update, folder)
