@@ -228,9 +228,11 @@ def test_random_clocks_end_episodes_at_different_times():
     )
     actors = skipping.init(KEY).actors
     lengths, times = np.asarray(actors.episode_length), np.asarray(actors.env_state.time)
-    np.testing.assert_array_equal(times, 4 * lengths)
-    assert len(set(lengths.tolist())) > 1
-    assert np.all((lengths >= 0) & (times < 50))
+    assert np.all(times % 4 == 0)
+    assert len(set(times.tolist())) > 1
+    # What was played: nothing yet.
+    assert not lengths.any()
+    assert np.all((times >= 0) & (times < 50))
 
 
 @pytest.mark.usefixtures("plain_frames")
