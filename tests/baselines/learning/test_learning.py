@@ -55,9 +55,9 @@ def test_all_seeds_learn_to_walk_to_the_goal_ahead():
 @pytest.mark.slow
 def test_all_seeds_learn_to_turn_to_a_goal_beside_them():
     """A random walk finds it in 4 % of episodes."""
-    result = train(*small_map(ROOM), updates=60, total=100)
-    assert np.median(result["success"]) >= 0.98, result
-    assert result["success"].min() >= 0.5, result
+    numbers = HParams(learning_rate=1e-3, advantage_floor=0.01)
+    result = train(*small_map(ROOM), updates=60, total=100, numbers=numbers, zero_values=True)
+    assert result["success"].min() >= 0.95, result
 
 
 def test_the_agent_looks():
