@@ -152,10 +152,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     if options.json is not None:
         check_writable(options.json)
     device = f"{jax.devices()[0].platform}: {jax.devices()[0].device_kind}"
-    before = earlier(options.json, {"device": device}) if options.json else None
+    of = ("seconds", "repeats", "steps", "copy_bytes", "profile")
+    same = {"device": device, "settings": {name: getattr(options, name) for name in of}}
+    before = earlier(options.json, same) if options.json else None
     rows = before["rows"] if before else []
     done = {(row["id"], row["batch"], (row["height"], row["width"])) for row in rows}
-    bandwidth = copy_bandwidth(options.copy_bytes)
+    # That which the rows so far were held against.
+    known = before["copy_bytes_per_second"] if before else None
+    bandwidth = known or copy_bandwidth(options.copy_bytes)
     print(f"{device}, JAX {jax.__version__}: copies at {bandwidth / 1e9:,.0f} GB/s\n", flush=True)
     columns = TABLES["device"].columns
     print(markdown(columns, []), flush=True)
@@ -172,8 +176,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         if "failed" in rows[-1]:
             print(f"  {rows[-1]['failed']}", flush=True)
         if options.json is not None:
-            settings = {name: getattr(options, name) for name in ("seconds", "repeats", "profile")}
-            report = {**describe_machine(), "device": device, "settings": settings}
+            report = {**describe_machine(), **same}
             write(options.json, report | {"copy_bytes_per_second": bandwidth, "rows": rows})
 
 

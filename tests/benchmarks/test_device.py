@@ -68,12 +68,17 @@ def test_results_and_going_on(tmp_path, capsys, monkeypatch):
         return row | {"height": size[0], "width": size[1]}
 
     monkeypatch.setattr(device, "measure_case", measure)
-    device.main([*TINY, "--sizes", "8x6,6x5", "--json", str(file)])
+    profiled = [*TINY, "--json", str(file), "--profile"]
+    device.main([*profiled, "--sizes", "8x6,6x5"])
     assert measured == [("simple", 2, (5, 6))]
     assert json.loads(file.read_text())["rows"][0] == row
-    device.main([*TINY, "--sizes", "4x4", "--json", str(file), "--minutes", "1e-9"])
+    device.main([*profiled, "--sizes", "4x4", "--minutes", "1e-9"])
     assert "the same command goes on" in capsys.readouterr().out
-    assert len(json.loads(file.read_text())["rows"]) == 2
+    again = json.loads(file.read_text())
+    assert len(again["rows"]) == 2
+    assert again["copy_bytes_per_second"] == report["copy_bytes_per_second"]
+    with pytest.raises(OutputError, match="measured with profile True, not False"):
+        device.main([*TINY, "--sizes", "4x4", "--json", str(file)])
 
 
 def test_reports_of_other_devices_are_kept(tmp_path):
