@@ -33,7 +33,7 @@ from jaxenstein.baselines.learning.learner import Learner
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.options import read_file
 from jaxenstein.environment import Environment
-from jaxenstein.files import append, check_writable, writing
+from jaxenstein.files import append, check_writable
 from jaxenstein.pytree import PyTreeNode
 
 
@@ -170,9 +170,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     check_writable(arguments.out)
     clock = cpu_seconds if arguments.clock == "cpu" else time.perf_counter
     rows = train(arguments.config, arguments.minutes, arguments.seed, clock, arguments.scale)
-    with writing(arguments.out):
-        Path(arguments.out).write_text("")
-    for row in rows:
+    for number, row in enumerate(rows):
+        if number == 0:
+            # What was there stays until there is something in its place.
+            Path(arguments.out).unlink(missing_ok=True)
         append(Path(arguments.out), json.dumps(row) + "\n")
 
 

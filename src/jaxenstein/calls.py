@@ -69,9 +69,9 @@ def _check_key(key: Any) -> None:
 def _check_state(state: Any, function: str) -> None:
     """Complain of what is no state of one environment."""
     time = getattr(state, "time", None)
-    if time is not None and hasattr(state, "done") and jnp.shape(time) == ():
+    if time is not None and hasattr(state, "done") and np.shape(time) == ():
         return
-    if time is not None and jnp.ndim(time):
+    if time is not None and np.ndim(time):
         raise SettingError(
             f"a state must be that of one environment, not a batch of {len(time)}; for a batch use "
             f"jax.vmap(env.{function})"

@@ -198,7 +198,7 @@ class SB3VecEnv(VecEnv):
             total, length = float(info["episode_return"]), int(info["episode_length"])
             episode = {"r": round(total, 6), "l": length, "t": seconds}
             # What SB3's own evaluation logs as the success rate.
-            success = {"is_success": bool(info["success"])} if "success" in info else {}
+            success = {"is_success": bool(info["success"])}
             last_of = {"terminal_observation": observation, "episode": episode}
             yield i, info | success | last_of
 

@@ -86,15 +86,13 @@ class FirstPerson(Environment[S, P]):
         number = isinstance(share, int | float | np.number) and not isinstance(share, bool)
         if not number or not 0 <= float(share) <= 1:
             raise SettingError(f"look_range must be a number from 0 to 1, not {share!r}")
-        if self.look != "random":
-            for field in dataclasses.fields(self):
-                if field.name in ("look_seeds", "look_range"):
-                    given = getattr(self, field.name)
-                    if given != field.default:
-                        raise SettingError(
-                            f"{field.name} is of look='random' alone: give that too, not "
-                            f"{field.name}={given!r} with look={self.look!r}"
-                        )
+        for name in ("look_seeds", "look_range"):
+            given = getattr(self, name)
+            if self.look != "random" and given != getattr(FirstPerson, name):
+                raise SettingError(
+                    f"{name} is of look='random' alone: give that too, not {name}={given!r} with "
+                    f"look={self.look!r}"
+                )
 
     @abc.abstractmethod
     def scene(self, state: S, params: P) -> Scene:

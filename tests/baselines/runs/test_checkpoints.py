@@ -226,7 +226,7 @@ def test_too_little_space_is_told_early(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(shutil, "disk_usage", lambda _: free)
     with pytest.raises(OutputError, match="3 checkpoints need about 12 MB, 12 MB are free"):
         check_space(tmp_path, state)
-    # Beside those that are there already it needs room for one.
+    # Those that are there already have their room.
     check_space(tmp_path, state, there=1)
     free = free._replace(free=3_999_999)
     with pytest.raises(OutputError, match="1 checkpoint needs about 4 MB, 4 MB are free"):

@@ -85,10 +85,13 @@ class RunFolder:
         with folder.locked():
             folder._refuse_a_run()
             folder._made = [folder.path / CONFIG, *missing]
-            with atomic(folder.path / CONFIG) as temporary:
-                text = json.dumps({**experiment.to_json(), "made_with": versions()}, indent=2)
-                temporary.write_text(text + "\n", encoding="utf-8")
+            folder._write_down(experiment)
         return folder
+
+    def _write_down(self, experiment: Experiment) -> None:
+        plain = {**experiment.to_json(), "made_with": self.made_with or versions()}
+        with atomic(self.path / CONFIG) as temporary:
+            temporary.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
 
     def _refuse_a_run(self) -> None:
         if _exists(self.path / CONFIG):
@@ -175,9 +178,7 @@ class RunFolder:
                 "another folder"
             )
         with self.locked():
-            plain = {**experiment.to_json(), "made_with": self.made_with or versions()}
-            with atomic(self.path / CONFIG) as temporary:
-                temporary.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
+            self._write_down(experiment)
         self.experiment = experiment
         vars(self).pop("template", None)
 
