@@ -7,7 +7,8 @@ which all differ from it, every line of `[variants]` is a name with those in whi
 besides, and `reach` is the success rate to be reached. Each is trained into a run directory below
 DIR, all its seeds side by side; the same command goes on with what is not finished. The table has
 the decisions and the seconds after which the median seed and the last one reached it, over three
-updates. Seconds are of all seeds together and without compiling, which a cache may have done.
+updates, and the success over the last tenth of the training, seed by seed. Seconds are of all seeds
+together and without compiling, which a cache may have done.
 """
 
 from __future__ import annotations
@@ -21,16 +22,20 @@ from typing import Any
 
 import numpy as np
 
-from jaxenstein.baselines.runs.folder import RunFolder, train
+from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import read_metrics, rows_by_run
 from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.baselines.runs.timing import read_seconds
+from jaxenstein.baselines.runs.training import train
 from jaxenstein.progress import Progress
 
 # Updates whose episodes are pooled, and the fewest episodes in them: where all begin together,
 # those that end early are the successful ones.
 POOLED, FEWEST = 3, 20
-HEAD = "| variant | solved | decisions: median, last | seconds: median, last | decisions a second |"
+HEAD = (
+    "| variant | solved | at the end, % | decisions: median, last | seconds: median, last | "
+    "decisions a second |"
+)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -42,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     study = read(options.study)
     base = read_file(options.study.parent / study["base"]) | study.get("shared", {})
-    lines = [HEAD, "|---|---:|---:|---:|---:|"]
+    lines = [HEAD, "|---|---:|---:|---:|---:|---:|"]
     for name, differs in study["variants"].items():
         folder = trained(options.out / folder_name(name), {**base, **differs}, name)
         lines.append(row_of(name, folder, study["reach"]))
@@ -83,12 +88,20 @@ def row_of(name: str, folder: RunFolder, reach: float) -> str:
     decisions = told([at * steps for at in shares])
     rate = (len(clock) - 1) * steps * runs / (clock[-1] - clock[0])
     seconds = told([at * steps * runs / rate for at in shares])
-    return f"| {name} | {solved} of {runs} | {decisions} | {seconds} | {rate:,.0f} |"
+    ends = ", ".join(f"{100 * at_the_end(rows):.0f}" for rows in by_run)
+    return f"| {name} | {solved} of {runs} | {ends} | {decisions} | {seconds} | {rate:,.0f} |"
 
 
 def told(numbers: Sequence[float]) -> str:
     """Whole numbers, or `never`."""
     return ", ".join(f"{number:,.0f}" if np.isfinite(number) else "never" for number in numbers)
+
+
+def at_the_end(rows: Sequence[dict[str, Any]]) -> float:
+    """The success rate over the last tenth of the updates; not a number without an episode."""
+    last = rows[-max(1, len(rows) // 10) :]
+    episodes = sum(row["episodes"] for row in last)
+    return sum(row["successes"] for row in last) / episodes if episodes else np.nan
 
 
 def solved_at(rows: Sequence[dict[str, Any]], reach: float) -> float:

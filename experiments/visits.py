@@ -25,9 +25,10 @@ from PIL import Image
 
 from jaxenstein.baselines import resolve
 from jaxenstein.baselines.learning.learner import Learner
-from jaxenstein.baselines.runs.folder import RunFolder, train
+from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.options import read_file
 from jaxenstein.baselines.runs.trained import load_trained
+from jaxenstein.baselines.runs.training import train
 from jaxenstein.files import atomic
 from jaxenstein.progress import Progress
 from jaxenstein.view.topdown import draw_map

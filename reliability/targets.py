@@ -224,8 +224,9 @@ def bounded(given: dict[str, Any]) -> dict[str, Any]:
 @functools.cache
 def trained_run() -> Case:
     """A run directory that was trained in seconds."""
-    from jaxenstein.baselines.runs.folder import RunFolder, train
+    from jaxenstein.baselines.runs.folder import RunFolder
     from jaxenstein.baselines.runs.options import resolve
+    from jaxenstein.baselines.runs.training import train
 
     with tempfile.TemporaryDirectory() as name:
         train(RunFolder.create(Path(name) / "run", resolve(OPTIONS)))

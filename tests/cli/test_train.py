@@ -15,7 +15,7 @@ import pytest
 
 pytest.importorskip("flax")
 
-from jaxenstein.baselines.runs import folder as runs
+from jaxenstein.baselines.runs import training
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import read_metrics
 from jaxenstein.baselines.runs.options import resolve
@@ -133,17 +133,17 @@ def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
     flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    out, timing = tmp_path / "run", runs.Timing.write
+    out, timing = tmp_path / "run", training.Timing.write
     # A shell's job in the background ignores the signal.
     before = signal.getsignal(signal.SIGINT)
 
-    def interrupt(self: runs.Timing, update: int) -> None:
+    def interrupt(self: training.Timing, update: int) -> None:
         timing(self, update)
         if update == 2:
             os.kill(os.getpid(), signal.SIGINT)
 
     with monkeypatch.context() as patch:
-        patch.setattr(runs.Timing, "write", interrupt)
+        patch.setattr(training.Timing, "write", interrupt)
         assert main(["train", *flags, "--out", str(out)]) == 130
     captured = capsys.readouterr()
     assert f"stopped; to go on: jaxenstein train --out {out} --resume" in captured.err

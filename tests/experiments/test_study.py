@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("flax")
@@ -31,6 +32,12 @@ def test_learned_is_three_updates_together() -> None:
     assert study.solved_at(lucky[:2], 0.9) == float("inf")
 
 
+def test_the_end_is_the_last_tenth_and_every_episode_counts_alike() -> None:
+    assert study.at_the_end([row(10, 10)] * 18 + [row(0, 30), row(10, 10)]) == 0.25
+    assert study.at_the_end([row(10, 10), row(1, 2)]) == 0.5
+    assert np.isnan(study.at_the_end([row(0, 0)]))
+
+
 @pytest.mark.parametrize("file", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_variants_are_experiments(file: Path) -> None:
     told = study.read(file)
@@ -53,8 +60,10 @@ def test_a_study_trains_goes_on_and_tells(tmp_path: Path, capsys: pytest.Capture
     lines = capsys.readouterr().out.splitlines()
     assert lines[:4] == lines[4:]
     # Any rate is reached after the three updates that are pooled: 3 times 64 decisions.
-    assert lines[2].startswith("| as it is | 2 of 2 | 192, 192 |")
-    assert lines[3].startswith("| 1 epoch | 2 of 2 | 192, 192 |")
+    for line, name in ((lines[2], "as it is"), (lines[3], "1 epoch")):
+        cells = [cell.strip() for cell in line.split("|")]
+        assert cells[1:3] == [name, "2 of 2"]
+        assert cells[4] == "192, 192"
     config = json.loads((tmp_path / "runs" / "1-epoch" / "config.json").read_text())
     assert config["config"]["epochs"] == 1
     text = (tmp_path / "study.toml").read_text().replace("epochs = 1", "epochs = 3")

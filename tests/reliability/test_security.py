@@ -194,7 +194,8 @@ def test_links_out_of_a_run_are_not_followed(
     run: Path, treasure: Path, watch: Watch, name: str
 ) -> None:
     """Neither where a run goes on nor where one begins: the check comes before the first write."""
-    from jaxenstein.baselines.runs.folder import RunFolder, train
+    from jaxenstein.baselines.runs.folder import RunFolder
+    from jaxenstein.baselines.runs.training import train
     from tests.baselines.tiny import tiny
 
     link(run / name, treasure)
@@ -238,7 +239,8 @@ def test_commands_write_nothing_outside_of_their_folder(
 
 
 def test_other_names_of_a_file_and_pipes_are_refused(run: Path, treasure: Path) -> None:
-    from jaxenstein.baselines.runs.folder import RunFolder, train
+    from jaxenstein.baselines.runs.folder import RunFolder
+    from jaxenstein.baselines.runs.training import train
 
     (run / "metrics.jsonl").hardlink_to(treasure / "file")
     with pytest.raises(SettingError, match="is a link out of"):

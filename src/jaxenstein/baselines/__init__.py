@@ -38,8 +38,9 @@ from .learning.many import ManyRuns
 from .learning.state import TrainState
 from .runs.agents import export_policy, load_policy
 from .runs.experiment import Experiment
-from .runs.folder import RunFolder, train
+from .runs.folder import RunFolder
 from .runs.options import resolve
+from .runs.training import train
 
 __all__ = [
     "E3B",

@@ -130,7 +130,6 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
 
 def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     """Train in a run directory with a progress line, until it is done or somebody stops it."""
-    runs = baselines("folder")
     experiment = folder.experiment
     total = experiment.config.updates
     many = experiment.config.steps_per_update * len(experiment.runs)
@@ -155,7 +154,7 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
             else:
                 progress.done = update * many
 
-        done = runs.train(
+        done = baselines("training").train(
             folder,
             chunk=options.chunk,
             save_every=options.save_every,

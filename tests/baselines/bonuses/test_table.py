@@ -94,9 +94,10 @@ def visits(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("visits")
 def test_a_bonus_of_ones_own_is_trained_stopped_and_resumed(tmp_path: Path) -> None:
     pytest.importorskip("orbax.checkpoint")
-    from jaxenstein.baselines.runs.folder import RunFolder, train
+    from jaxenstein.baselines.runs.folder import RunFolder
     from jaxenstein.baselines.runs.options import all_options, given_by, read_file, resolve
     from jaxenstein.baselines.runs.sweeps import plan, swept
+    from jaxenstein.baselines.runs.training import train
     from tests.baselines.tiny import OPTIONS, tiny
 
     assert "visits" in all_options()["algo"].choices

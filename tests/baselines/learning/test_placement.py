@@ -17,7 +17,8 @@ CODE = """
 import sys
 import jax, numpy as np
 from pathlib import Path
-from jaxenstein.baselines.runs.folder import RunFolder, train
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.training import train
 from jaxenstein.baselines.learning.placement import place
 from tests.baselines.tiny import tiny
 assert jax.device_count() == 2

@@ -25,14 +25,16 @@ from jaxenstein import SettingError
 from jaxenstein.baselines.runs import checkpoints, metrics
 from jaxenstein.baselines.runs.checkpoints import Checkpoints
 from jaxenstein.baselines.runs.experiment import Experiment
-from jaxenstein.baselines.runs.folder import CHECKPOINTS, CONFIG, RunFolder, run_names, train
+from jaxenstein.baselines.runs.folder import CHECKPOINTS, CONFIG, RunFolder, run_names
 from jaxenstein.baselines.runs.metrics import METRICS, MetricsFile, read_metrics, rows_of
+from jaxenstein.baselines.runs.training import train
 from jaxenstein.files import OutputError
 from tests.baselines.tiny import OPTIONS, UPDATES, same_checkpoints, tiny
 
 TRAIN = """
 import sys
-from jaxenstein.baselines.runs.folder import RunFolder, train
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.training import train
 train(RunFolder.open(sys.argv[1]), save_every=0.0)
 """
 
