@@ -1,11 +1,13 @@
 """Which numbers learn fastest on the clock: variants of one training, and a table of them.
 
     python -m experiments.study STUDY --out DIR
+    python -m experiments.study STUDY --out DIR --only "1 epoch" "4 epochs"
 
 STUDY is a TOML file: `base` names a file of `jaxenstein train --config`, `[shared]` has options in
 which all differ from it, every line of `[variants]` is a name with those in which that one does
 besides, and `reach` is the success rate to be reached. Each is trained into a run directory below
-DIR, all its seeds side by side; the same command goes on with what is not finished. The table has
+DIR, all its seeds side by side; the same command goes on with what is not finished. With `--only`
+several cores can share the variants, and the first command then has the table. The table has
 the decisions and the seconds after which the median seed and the last one reached it, over three
 updates, and the success over the last tenth of the training, seed by seed. Seconds are of all seeds
 together and without compiling, which a cache may have done.
@@ -44,12 +46,18 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("study", type=Path, metavar="STUDY")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="train and show these variants")
     options = parser.parse_args(argv)
     study = read(options.study)
+    names = options.only or study["variants"]
+    if unknown := [name for name in names if name not in study["variants"]]:
+        known = ", ".join(map(repr, study["variants"]))
+        parser.error(f"--only: {options.study} has no variant {unknown[0]!r}; it has {known}")
     base = read_file(options.study.parent / study["base"]) | study.get("shared", {})
     lines = [HEAD, "|---|---:|---:|---:|---:|---:|"]
-    for name, differs in study["variants"].items():
-        folder = trained(options.out / folder_name(name), {**base, **differs}, name)
+    for name in names:
+        given = base | study["variants"][name]
+        folder = trained(options.out / folder_name(name), given, name)
         lines.append(row_of(name, folder, study["reach"]))
     print("\n".join(lines))
 

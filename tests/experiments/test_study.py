@@ -55,10 +55,18 @@ def test_a_study_trains_goes_on_and_tells(tmp_path: Path, capsys: pytest.Capture
     (tmp_path / "study.toml").write_text(
         'base = "base.toml"\nreach = 0.0\n[variants]\n"as it is" = {}\n"1 epoch" = { epochs = 1 }\n'
     )
+    options = [str(tmp_path / "study.toml"), "--out", str(tmp_path / "runs")]
+    study.main([*options, "--only", "1 epoch"])
+    some = capsys.readouterr().out.splitlines()
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["1-epoch"]
     for _ in range(2):
-        study.main([str(tmp_path / "study.toml"), "--out", str(tmp_path / "runs")])
+        study.main(options)
     lines = capsys.readouterr().out.splitlines()
     assert lines[:4] == lines[4:]
+    assert some == [*lines[:2], lines[3]]
+    with pytest.raises(SystemExit):
+        study.main([*options, "--only", "2 epochs"])
+    assert "no variant '2 epochs'; it has 'as it is', '1 epoch'" in capsys.readouterr().err
     # Any rate is reached after the three updates that are pooled: 3 times 64 decisions.
     for line, name in ((lines[2], "as it is"), (lines[3], "1 epoch")):
         cells = [cell.strip() for cell in line.split("|")]
@@ -69,4 +77,4 @@ def test_a_study_trains_goes_on_and_tells(tmp_path: Path, capsys: pytest.Capture
     text = (tmp_path / "study.toml").read_text().replace("epochs = 1", "epochs = 3")
     (tmp_path / "study.toml").write_text(text)
     with pytest.raises(SettingError, match="epochs"):
-        study.main([str(tmp_path / "study.toml"), "--out", str(tmp_path / "runs")])
+        study.main(options)
