@@ -110,6 +110,13 @@ def test_the_temporal_loss_tells_neighbours_from_those_of_other_steps():
     np.testing.assert_allclose(metrics["e3b_temporal_accuracy"], np.mean(right), rtol=1e-6)
 
 
+def test_an_embedding_that_is_the_same_for_all_tells_nothing():
+    phi, offset = jnp.ones((STRIDE + 1, 3, 1)), jnp.ones((STRIDE, 3), jnp.int32)
+    loss, metrics = temporal_loss("e3b", phi, jnp.zeros((STRIDE, 3), bool), offset)
+    np.testing.assert_allclose(loss, np.log(3), rtol=1e-6)
+    np.testing.assert_allclose(metrics["e3b_temporal_accuracy"], 1 / 3, rtol=1e-6)
+
+
 def test_the_temporal_loss_of_a_rollout_full_of_ends_is_nothing():
     phi, ended = jnp.ones((5, 2, 3)), jnp.ones((4, 2), bool)
     total = lambda phi: temporal_loss("e3b", phi, ended, jnp.ones((4, 2), jnp.int32))[0]  # noqa: E731

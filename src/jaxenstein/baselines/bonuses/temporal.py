@@ -41,10 +41,11 @@ def temporal_loss(
     flat = (wanted.size, phi.shape[-1])
     now, near = phi[time, row].reshape(flat), phi[then, row].reshape(flat)
     logits = jnp.where(wanted, now @ near.T / TEMPERATURE, -1e9)
-    # A tie is told right: alike frames cannot be told apart, and that is no fault.
-    right = jnp.diagonal(logits) >= jnp.max(logits, axis=-1)
+    # Those that tie share it: an embedding that is the same for all frames tells nothing.
+    best = (logits >= jnp.max(logits, axis=-1, keepdims=True)).astype(jnp.float32)
+    right = jnp.diagonal(best) / jnp.sum(best, axis=-1)
     loss = mean(-jnp.diagonal(jax.nn.log_softmax(logits)), wanted)
     return loss, {
         f"{name}_temporal_loss": loss,
-        f"{name}_temporal_accuracy": mean(right.astype(jnp.float32), wanted),
+        f"{name}_temporal_accuracy": mean(right, wanted),
     }
