@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxenstein.environment import outcome_of
 from jaxenstein.speed.random_rollout import make_random_rollout
 
 # How many frames the suite keeps: 100 MB of 64x64 ones, more than fit into caches.
@@ -99,8 +100,8 @@ def make_rules(env: Any, params: Any, batch: int, steps: int) -> tuple[jax.stage
         key, action_key, step_key, reset_key = jax.random.split(key, 4)
         actions = jax.random.randint(action_key, (batch,), 0, env.num_actions, jnp.int32)
         keys = jax.random.split(step_key, batch), jax.random.split(reset_key, batch)
-        turn = jax.vmap(lambda *args: env.turn(*args, params))(*keys, states, actions)
-        return (key, turn.state, total + turn.reward), None
+        out = jax.vmap(lambda *args: outcome_of(env, *args, params))(*keys, states, actions)
+        return (key, out.state, total + out.reward), None
 
     def rollout(carry: Any) -> Any:
         return jax.lax.scan(step, carry, length=steps)[0]

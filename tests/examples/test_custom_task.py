@@ -46,10 +46,10 @@ def test_an_end_of_an_arm_ends_the_episode_with_its_reward(arm: int, reward: flo
     seed = next(s for s in range(20) if int(ENV.reset(jax.random.key(s))[1].arm) == arm)
     key = jax.random.key(seed)
     _, state = ENV.reset(key, PARAMS)
-    step = jax.jit(lambda state, action: ENV.step_env(key, state, action, PARAMS))
+    step = jax.jit(lambda state, action: ENV.advance(key, state, action, PARAMS))
     rewards = []
     for action in NORTH_AND_WEST:
-        _, state, value, terminated, _ = step(state, jnp.int32(action))
+        state, value, terminated, _ = step(state, jnp.int32(action))
         rewards.append(float(value))
         if terminated:
             break

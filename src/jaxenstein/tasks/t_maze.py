@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from ..about import About, Event
 from ..engine.scene import Scene, Sprites
 from ..environment import Info, Scalar
+from ..maps.ascii import load_layout
 from ..maps.things import KEY
 from ..params import number
 from ..spaces import Box
@@ -112,3 +113,8 @@ class TMaze(Navigation):
     def variable_spaces(self) -> dict[str, Box]:
         """None."""
         return FirstPerson.variable_spaces(self)
+
+
+def t_maze() -> functools.partial[TMaze]:
+    """The T-maze on its map."""
+    return functools.partial(TMaze, tilemap=load_layout("t-maze"))
