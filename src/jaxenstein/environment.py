@@ -53,7 +53,7 @@ class Environment(abc.ABC, Generic[S, P]):
             after the end goes on with the old episode.
         final_observation: with `"same-step"`, add `info["final_observation"]`, the observation
             before the reset, at every step. It costs a second render a step.
-        frame_skip: steps of the world in one step, 1 to 64: the action is repeated, rewards add
+        frame_skip: steps of the world in one step: the action is repeated, rewards add
             up, `info` has the events of all of them, and only the last one is drawn. The end of
             the episode, by the task or the time limit, ends the step as well. `time`,
             `max_steps_in_episode` and `episode_length` count steps of the world. From 2 on, the

@@ -27,9 +27,7 @@ from .errors import SettingError, nearest
 Form = Literal[
     "whole", "number", "switch", "choice", "text", "table", "layers", "angle", "seeds", "any"
 ]
-MOST_SEEDS = 2**24
-# Degrees either way; far beyond, float32 holds no degrees any more.
-WIDEST = 3600
+_SEEDS = "two whole numbers, the first seed and the one past the last (as a flag 0,200), from 0 to"
 # What values of each form are, and what a flag calls them.
 _FORMS: dict[Form, tuple[str, str]] = {
     "whole": ("a whole number", "N"),
@@ -38,20 +36,9 @@ _FORMS: dict[Form, tuple[str, str]] = {
     "choice": ("a word", "NAME"),
     "text": ("a text", "TEXT"),
     "table": ("a table of names with values", "NAME=VALUE"),
-    "layers": (
-        "[kernel, stride, features] of each layer, whole numbers from 1 (as a flag 8x4x32,4x2x64)",
-        "KxSxF,...",
-    ),
-    "angle": (
-        f"degrees, or the lowest and the highest ones (as a flag -45,45), from {-WIDEST} to "
-        f"{WIDEST}",
-        "DEGREES",
-    ),
-    "seeds": (
-        "two whole numbers, the first seed and the one past the last (as a flag 0,200), from 0 to "
-        "2**32 and at most 2**24 apart",
-        "FIRST,STOP",
-    ),
+    "layers": ("[kernel, stride, features] of each layer (as a flag 8x4x32,4x2x64)", "KxSxF,..."),
+    "angle": ("degrees, or the lowest and the highest of them (as a flag -45,45)", "DEGREES"),
+    "seeds": (f"{_SEEDS} 2**32 and at most 2**24 apart", "FIRST,STOP"),
     "any": ("", "VALUE"),
 }
 _DOMAIN = "domain"
@@ -92,29 +79,18 @@ class Domain:
     @property
     def range(self) -> str:
         """The range of numbers in words, such as " from 1 to 64"; "" if there is none."""
-        low = high = ""
-        if self.above > -math.inf or self.least > -math.inf:
-            strict = self.above >= self.least
-            low = f" above {_shown(self.above)}" if strict else f" from {_shown(self.least)}"
-        if self.below < math.inf or self.most < math.inf:
-            strict = self.below <= self.most
-            high = f" below {_shown(self.below)}" if strict else f" to {_shown(self.most)}"
-            if low.startswith(" from") and strict:
-                high = f" to{high}"
-        return f"{low}{high}" if high or not low.startswith(" from") else f"{low} on"
+        low = f" from {_shown(self.least)}" * (self.least > -math.inf)
+        low = f" above {_shown(self.above)}" if self.above > -math.inf else low
+        if self.most < math.inf:
+            return f"{low} to {_shown(self.most)}"
+        if self.below < math.inf:
+            return f"{low}{' to' if low else ''} below {_shown(self.below)}"
+        return f"{low} on" if low.startswith(" from") else low
 
     @property
     def metavar(self) -> str:
         """What the help of a flag calls a value."""
         return _FORMS[self.form][1]
-
-    def read(self, text: str) -> Any:
-        """The value that the text of a flag stands for, as a file would have it."""
-        if self.form in ("text", "choice"):
-            return text
-        if self.form == "layers" and re.fullmatch(r"\d+x\d+x\d+(,\d+x\d+x\d+)*", text.lower()):
-            return [[int(n) for n in part.split("x")] for part in text.lower().split(",")]
-        return plain_value(text)
 
     def converted(self, value: Any) -> Any:
         """A value of a file in the field's own type, as it is where that cannot be.
@@ -143,8 +119,7 @@ class Domain:
             wrong = value is None or isinstance(value, str | list | tuple | dict)
             return f"must be a number or an array of them, not {value!r}" if wrong else ""
         array, domain = np.asarray(value), self
-        whole = jnp.issubdtype(array.dtype, jnp.integer)
-        good = whole or jnp.issubdtype(array.dtype, jnp.floating)
+        good = any(jnp.issubdtype(array.dtype, kind) for kind in (jnp.integer, jnp.floating))
         if self.form == "whole":
             least, most = max(self.least, _INT32.min), min(self.most, _INT32.max)
             domain = dataclasses.replace(self, least=least, most=most)
@@ -166,11 +141,10 @@ class Domain:
         if self.form == "angle":
             pair = value if isinstance(value, tuple) else (value, value)
             numbers = len(pair) == 2 and all(is_whole(end) or _is_real(end) for end in pair)
-            return numbers and -WIDEST <= pair[0] <= pair[1] <= WIDEST
+            return numbers and self.least <= pair[0] <= pair[1] <= self.most
         if self.form == "seeds":
-            ends = value if isinstance(value, tuple) and len(value) == 2 else (0, 0)
-            whole = all(map(is_whole, ends)) and 0 <= ends[0] < ends[1] <= 2**32
-            return whole and ends[1] - ends[0] <= MOST_SEEDS
+            whole = isinstance(value, tuple) and len(value) == 2 and all(map(is_whole, value))
+            return whole and 0 <= value[0] < value[1] <= min(2**32, value[0] + 2**24)
         if self.form == "layers":
             return isinstance(value, tuple) and all(map(_is_layer, value))
         if self.form == "table":
@@ -180,26 +154,18 @@ class Domain:
 
     def _within(self, numbers: Any) -> bool:
         """Whether all numbers are in the range, in the precision that they are used in."""
+        bounds = self.least, self.most, self.above, self.below
         if self.form == "whole":
-            return self._between(numbers, *self._bounds)
+            return _between(numbers, *bounds)
         try:
-            return self._between(_float32(numbers), *map(np.float32, self._bounds))
+            return _between(_float32(numbers), *map(np.float32, bounds))
         except OverflowError:
             return False
-
-    @property
-    def _bounds(self) -> tuple[float, float, float, float]:
-        return self.least, self.most, self.above, self.below
-
-    @staticmethod
-    def _between(numbers: Any, least: Any, most: Any, above: Any, below: Any) -> bool:
-        inside = (numbers >= least) & (numbers <= most) & (numbers > above) & (numbers < below)
-        return bool(np.all(inside))
 
     def _rounded(self, value: Any) -> str:
         """What a number becomes in float32, where that alone is why it is refused."""
         real = self.form == "number" and (is_whole(value) or _is_real(value))
-        if real and self._between(value, *self._bounds):
+        if real and _between(value, self.least, self.most, self.above, self.below):
             with contextlib.suppress(OverflowError):
                 return f", which is {float(_float32(value)):g} in float32"
         return ""
@@ -241,29 +207,17 @@ def of_form(default: Any, form: Form) -> Any:
     return dataclasses.field(default=default, metadata={_DOMAIN: domain})
 
 
-def domain_of(cls: type, name: str) -> Domain:
-    """The values of a field of a dataclass."""
-    return _domains(cls)[name]
-
-
 @functools.cache
 def _domains(cls: Any) -> dict[str, Domain]:
     """The values of every field, as the class nearest in the order of inheritance declares them."""
+    forms: dict[type, Form] = {bool: "switch", int: "whole", float: "number", str: "text"}
     found = {}
     for field in dataclasses.fields(cls):
-        declared = [
-            owner.__dict__["__dataclass_fields__"][field.name].metadata.get(_DOMAIN)
-            for owner in cls.__mro__
-            if field.name in owner.__dict__.get("__dataclass_fields__", {})
-        ]
-        found[field.name] = next(filter(None, declared), _domain_of_default(field.default))
+        owners = [vars(owner).get("__dataclass_fields__", {}) for owner in cls.__mro__]
+        declared = [own[field.name].metadata.get(_DOMAIN) for own in owners if field.name in own]
+        undeclared = Domain(forms.get(type(field.default), "any"))
+        found[field.name] = next(filter(None, declared), undeclared)
     return found
-
-
-def _domain_of_default(default: Any) -> Domain:
-    """The values of a field that is not declared."""
-    forms: dict[type, Form] = {bool: "switch", int: "whole", float: "number", str: "text"}
-    return Domain(forms.get(type(default), "any"))
 
 
 def check(record: Any) -> None:
@@ -300,15 +254,12 @@ def as_arrays(record: R, skip: Iterable[str] = ()) -> R:
         SettingError: as `check_numbers`.
     """
     check_numbers(record, skip)
-    values = {name: getattr(record, name) for name in _domains(type(record)) if name not in skip}
     dtypes = {"whole": jnp.int32, "switch": jnp.bool_}
-    arrays = {
-        name: jnp.asarray(
-            np.asarray(value), dtypes.get(domain_of(type(record), name).form, jnp.float32)
-        )
-        for name, value in values.items()
-        if is_array_like(value) and not isinstance(value, Tracer)
-    }
+    arrays = {}
+    for name, domain in _domains(type(record)).items():
+        value = getattr(record, name)
+        if name not in skip and is_array_like(value) and not isinstance(value, Tracer):
+            arrays[name] = jnp.asarray(np.asarray(value), dtypes.get(domain.form, jnp.float32))
     return dataclasses.replace(record, **arrays)  # pyright: ignore[reportArgumentType, reportCallIssue]
 
 
@@ -362,11 +313,12 @@ class Option:
 
     @property
     def described(self) -> str:
-        """What it does, with its range and its default."""
+        """What it does, with its range and its default, for the help of a flag."""
         default = f"{self.default:g}" if isinstance(self.default, float) else self.default
         facts = (self.domain.range.strip(), "" if default is None else f"default {default}")
         shown = "; ".join(filter(None, facts))
-        return f"{self.help} ({shown})" if shown else self.help
+        help = self.help.replace("`", "").rstrip(".")
+        return f"{help} ({shown})" if shown else help
 
 
 def options_of(cls: Any, group: str, names: Iterable[str] | None = None) -> list[Option]:
@@ -376,7 +328,6 @@ def options_of(cls: Any, group: str, names: Iterable[str] | None = None) -> list
     found = []
     for name in domains if names is None else names:
         text = helps.get(name, "(python -OO strips the explanation)")
-        text = text.replace("`", "").rstrip(".")
         found.append(Option(name, group, domains[name], defaults[name], text))
     return found
 
@@ -406,19 +357,6 @@ def attributes(cls: type) -> dict[str, str]:
     return found
 
 
-def plain_value(text: str) -> Any:
-    """What a text stands for: a number, true, false, none, a list with commas, or the text."""
-    if "," in text:
-        return [plain_value(part) for part in text.split(",")]
-    words: dict[str, Any] = {"true": True, "false": False, "none": None}
-    if text.strip() in words:
-        return words[text.strip()]
-    for kind in (int, float):
-        with contextlib.suppress(ValueError):
-            return kind(text)
-    return text.strip()
-
-
 def as_tuples(value: Any) -> Any:
     """The value with tuples for lists, at every depth, and for ranges of seeds."""
     if isinstance(value, range) and value.step == 1:
@@ -441,9 +379,13 @@ def _is_real(value: Any) -> bool:
 
 
 def _is_layer(value: Any) -> bool:
-    return (
-        isinstance(value, tuple) and len(value) == 3 and all(is_whole(n) and n >= 1 for n in value)
-    )
+    whole = isinstance(value, tuple) and len(value) == 3 and all(map(is_whole, value))
+    return whole and min(value) >= 1
+
+
+def _between(numbers: Any, least: Any, most: Any, above: Any, below: Any) -> bool:
+    inside = (numbers >= least) & (numbers <= most) & (numbers > above) & (numbers < below)
+    return bool(np.all(inside))
 
 
 def _float32(numbers: Any) -> np.ndarray:

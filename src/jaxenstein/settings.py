@@ -12,6 +12,7 @@ from .errors import SettingError, nearest
 from .fields import Domain, Option, as_tuples, check_names, check_value, names_of, options_of
 from .recipe import Recipe
 from .tasks.first_person import SEEN, SETTINGS, FirstPerson
+from .tasks.steering import HEADING
 
 # Texts that come with a map, in files of their own beside it.
 MAP_TEXTS = ("regions", "faces")
@@ -32,7 +33,7 @@ def environment_options() -> dict[str, Option]:
             "a file with a map, instead of an id, or samples/NAME; 'jaxenstein list' explains with "
             "--symbols the symbols, and prints with --samples those maps",
         ),
-        ("heading", Domain("angle"), "first heading on that map, 0 east, 90 south (default: any)"),
+        ("heading", HEADING, "first heading on that map, 0 east, 90 south; else any"),
         ("horizon", Domain("whole", 1), "most steps of an episode"),
         ("settings", table, "any other setting of jaxenstein.make"),
         ("params", table, "any number of the environment's params"),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
@@ -59,11 +61,27 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{self.prog}: {message} (see '{self.prog} --help')")
 
 
+def plain_value(text: str) -> Any:
+    """What a text stands for: a number, true, false, none, a list with commas, or the text."""
+    if "," in text:
+        return [plain_value(part) for part in text.split(",")]
+    words: dict[str, Any] = {"true": True, "false": False, "none": None}
+    if text.strip() in words:
+        return words[text.strip()]
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return kind(text)
+    return text.strip()
+
+
 def reader(domain: Domain) -> Callable[[str], Any]:
-    """An argument type: the values of a field, as a file has them."""
+    """An argument type: the values of a field, which are checked as those of a file are."""
 
     def read(text: str) -> Any:
-        value = domain.converted(domain.read(text))
+        value: Any = text if domain.form in ("text", "choice") else plain_value(text)
+        if domain.form == "layers" and re.fullmatch(r"\d+x\d+x\d+(,\d+x\d+x\d+)*", text.lower()):
+            value = [[int(n) for n in part.split("x")] for part in text.lower().split(",")]
+        value = domain.converted(value)
         if fault := domain.fault(value):
             raise argparse.ArgumentTypeError(fault)
         return value

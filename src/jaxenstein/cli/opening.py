@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import MapWarning, one_line
-from ..fields import plain_value
-from .arguments import PREFIX, TABLES, UsageError
+from .arguments import PREFIX, TABLES, UsageError, plain_value
 from .programs import forget
 
 IMPORT = "--import"

@@ -30,8 +30,8 @@ class GeneratedTask(FirstPerson[S, P]):
 
     Attributes:
         levels: None for levels without end, or seeds of levels: `range(first, stop)` or (first,
-            stop), whole numbers from 0 to 2**32 and at most 2**24 of them. Every episode has one
-            of these levels, each equally likely. A seed is the same level on every machine.
+            stop). Every episode has one of these levels, each equally likely. A seed is the same
+            level on every machine.
     """
 
     levels: tuple[int, int] | range | None = of_form(None, "seeds")

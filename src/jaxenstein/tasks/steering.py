@@ -17,7 +17,8 @@ from ..params import number
 from .draws import draw_unit
 
 TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
-HEADING = Domain("angle", optional=True)
+# Far beyond, float32 holds no degrees any more.
+HEADING = Domain("angle", -3600, 3600, optional=True)
 ACTION_NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 
 

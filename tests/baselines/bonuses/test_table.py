@@ -105,7 +105,7 @@ def test_a_bonus_of_ones_own_is_trained_stopped_and_resumed(tmp_path: Path) -> N
 
     assert "visits" in all_options()["algo"].domain.choices
     assert all_options()["visits_kind"].domain.choices == ("steps", "turns")
-    assert all_options()["visits_power"].help == "what the second part of the bonus is raised to"
+    assert all_options()["visits_power"].help == "what the second part of the bonus is raised to."
     (tmp_path / "own.toml").write_text('algo = "visits"\nvisits_power = 3\nvisits_size = 0.5\n')
     own = read_file(tmp_path / "own.toml")
     experiment = tiny(**own, seeds=1, total_steps=2 * 4 * 8)
