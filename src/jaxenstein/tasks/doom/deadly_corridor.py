@@ -118,7 +118,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
 
     @functools.cached_property
     def horde(self) -> Horde:
-        """The monsters of the map by their ids: they never leave their places, and react at once."""
+        """The monsters of the map by their ids: they stay in their places, and react at once."""
         walls = segments(self.doom_map.walls)
         kinds = [standing(_KINDS[thing.kind]) for thing in self._marksmen]
         return Horde(kinds, walls=walls, opaque=walls, fast=True)

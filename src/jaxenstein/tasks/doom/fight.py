@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -18,9 +18,10 @@ from .fixed import ONE, byte, roll
 from .monster_ai import act
 from .monster_attacks import attack, throws
 from .monsters import FEW, Horde, Monsters
-from .physics import Blocked, Buttons, Reached
+from .physics import Reached
 from .projectiles import Missiles, Projectiles, launch, throw, with_player
-from .weapons import Arsenal, Weapon
+from .scenario import DoomScenario
+from .weapons import Weapon
 
 # The damage of a rocket's blast, and how far it reaches in map units.
 _BLAST = 128
@@ -52,40 +53,8 @@ class Fought(PyTreeNode):
     reached: Reached
 
 
-class Fighter(Protocol):
-    """What fights ask of a scenario."""
-
-    @property
-    def horde(self) -> Horde:
-        """The monsters."""
-        ...
-
-    @property
-    def arsenal(self) -> Arsenal:
-        """The player's weapons."""
-        ...
-
-    def pressed(self, action: jax.Array) -> Buttons:
-        """The buttons that an action holds."""
-        ...
-
-    def held(self, action: jax.Array) -> jax.Array:
-        """int32[]: the same as bits."""
-        ...
-
-    def moved(
-        self, state: S, action: jax.Array, bodies: Blocked | None = None
-    ) -> tuple[S, Reached]:
-        """The state after the player has moved, and the places that it reached."""
-        ...
-
-    def absorbed(self, state: S, lost: jax.Array) -> tuple[S, jax.Array]:
-        """The state after blows int32[N], and int32[] how much of them the player feels."""
-        ...
-
-
 def fight(
-    scenario: Fighter, key: jax.Array, state: S, action: jax.Array, params: FightParams
+    scenario: DoomScenario[S, Any], key: jax.Array, state: S, action: jax.Array, params: FightParams
 ) -> tuple[S, Fought]:
     """A tic: the player turns, shoots, and moves; then the monsters do."""
     horde, arsenal, before = scenario.horde, scenario.arsenal, state.monsters
@@ -121,12 +90,16 @@ def _with_monsters(state: S, monsters: Monsters) -> S:
 
 
 def suffer(
-    scenario: Fighter, state: S, origins: jax.Array, damage: jax.Array, params: FightParams
+    scenario: DoomScenario[S, Any],
+    state: S,
+    origins: jax.Array,
+    damage: jax.Array,
+    params: FightParams,
 ) -> S:
     """The state after blows to the player, which also push it by an eighth of a unit a point.
 
     Args:
-        scenario: with the player's armour, if it has any.
+        scenario: the scenario, with the player's armour if it has any.
         state: before them.
         origins: int32[N, 2], where each comes from.
         damage: int32[N], before the damage factor.
@@ -151,7 +124,7 @@ def _lost(
 
 
 def fly_fireballs(
-    scenario: Fighter,
+    scenario: DoomScenario[S, Any],
     missiles: Missiles,
     key: jax.Array,
     state: S,
@@ -201,7 +174,7 @@ def _thrown(
 
 
 def fly_rockets(
-    scenario: Fighter,
+    scenario: DoomScenario[S, Any],
     missiles: Missiles,
     weapon: Weapon,
     key: jax.Array,

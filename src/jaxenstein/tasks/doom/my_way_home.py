@@ -19,6 +19,7 @@ from .collision import LATTICE, Geometry, load_geometry
 from .fixed import ONE
 from .items import Goal
 from .maps import ARMOUR, MAP_SPOT
+from .parts import Part
 from .physics import FORWARD, MOVE_LEFT, MOVE_RIGHT, TURN_LEFT, TURN_RIGHT, touches
 from .players import NEIGHBOURS, free_nodes, nearest_node, walker
 from .scenario import ANY_ANGLE, DoomScenario, DoomState, Room
@@ -109,8 +110,8 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
         """The armour."""
         return Goal((self.goals[0] * ONE).astype(np.int32))
 
-    @property
-    def parts(self) -> tuple[Goal]:
+    @functools.cached_property
+    def parts(self) -> tuple[Part, ...]:
         """The armour."""
         return (self.goal,)
 

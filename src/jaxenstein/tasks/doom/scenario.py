@@ -29,9 +29,11 @@ from ..hud import AMMUNITION, bar, check_overlay, check_strip, strip_rows
 from .collision import Geometry, load_geometry
 from .fixed import FRACTION_BITS, ONE, to_fixed
 from .maps import START, DoomMap, TileGrid, load_map, rasterise
+from .monsters import Horde
 from .parts import Game, Part
 from .physics import Blocked, Body, Buttons, Reached, action_name, hold, numbered, tic
 from .view import EYE, ROW_FOCAL_SHARE, doom_theme, face_labels
+from .weapons import Arsenal
 
 ButtonsAtOnce = Literal["single", "all"]
 # Map units a tic that no player exceeds: ahead 8.33, aside 8.
@@ -136,6 +138,16 @@ class DoomScenario(FirstPerson[S, P]):
     @abc.abstractmethod
     def parts(self) -> tuple[Part, ...]:
         """What the scenario holds, in the order in which things are shown."""
+
+    @functools.cached_property
+    def horde(self) -> Horde:
+        """The monsters, one of the parts of scenarios that have any."""
+        raise NotImplementedError(f"there are no monsters in {self.name!r}")
+
+    @functools.cached_property
+    def arsenal(self) -> Arsenal:
+        """The player's weapons, one of the parts of scenarios that have any."""
+        raise NotImplementedError(f"there is no weapon in {self.name!r}")
 
     @functools.cached_property
     def limits(self) -> dict[str, int]:
@@ -426,6 +438,6 @@ def to_heading(angle: jax.Array) -> jax.Array:
 
 
 def sample_angle(bits: jax.Array, angles: tuple[int, int]) -> jax.Array:
-    """uint32[]: an angle as scripts of the game choose it, in 65536ths of a circle, both ends too."""
+    """uint32[]: an angle as scripts of the game choose it, in 65536ths of a circle, ends too."""
     low, high = angles
     return (draw_index(bits, high - low + 1) + low).astype(jnp.uint32) << 16

@@ -161,7 +161,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
         return arrived(self.horde, imps, here, (places, west, health))
 
     def _imps(self, places: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-        """The arguments of `Horde.placed`: imps at int32[N, 2] that look west; none is there yet."""
+        """Arguments of `Horde.placed`: imps at int32[N, 2] that look west; none is there yet."""
         west = jnp.full(MOST, np.uint32(1 << 31))
         return places, west, jnp.zeros(MOST, bool), jnp.asarray(self.horde.health)
 

@@ -175,7 +175,7 @@ def doom_theme(
         sprite_colours=np.array([(p.shape, p.detail) for p in shown], np.float32),
         sprite_radius=(radii / unit).astype(np.float32),
         sprite_drop=((EYE - lifts - radii) / unit).astype(np.float32),
-        sprite_labels=np.array([picture.label for picture in pictures], np.uint8),
+        sprite_labels=np.array([label for _, label in pictures], np.uint8),
         light=DoomLight(level, unit),
     )
 

@@ -103,9 +103,7 @@ class Weapon:
         return overlay_weapon(image, self.picture, trigger.wait == 0, flashes, kind)
 
 
-FIST = Weapon(
-    "fist", 8, 17, 22, 2, 10, spread=18, uses=0, loose=True, reach=64, picture=(FIST_PICTURE,)
-)
+FIST = Weapon("fist", 8, 17, 22, 2, 10, spread=18, uses=0, loose=True, reach=64)
 PISTOL = Weapon("pistol", shot=4, again=14, ready=19, dice=5, sides=3, spread=18)
 CHAINSAW = Weapon("chainsaw", 0, 8, 8, 2, 10, spread=18, second=4, uses=0, loose=True, reach=65)
 SHOTGUN = Weapon("shotgun", 3, 37, 44, 5, 3, spread=18, rays=7, loose=True)
