@@ -25,7 +25,7 @@ from fidelity.players import mean_and_error
 from fidelity.vizdoom_game import complaint
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
 from jaxenstein.errors import JAXensteinError
-from jaxenstein.tasks.doom.walls import MAP_SPOT, load_map
+from jaxenstein.tasks.doom.maps import MAP_SPOT, load_map
 
 VARIABLES = ("HEALTH", "POSITION_X", "POSITION_Y", "ANGLE")
 MEDKIT = "Medikit"

@@ -69,6 +69,7 @@ __all__ = [
     "reached_aim",
     "reward_of",
     "standing",
+    "tiles_of",
     "toward_aim",
 ]
 

@@ -169,6 +169,10 @@ class Horde(Part):
             self._rows.append((frame.tics, following, back, frame.act, frame.pose))
         return first if frames else -1
 
+    def place_of(self, kind: MonsterKind) -> int:
+        """The place of the first monster of a kind."""
+        return int(np.argmax(self.kind_of == self.kinds.index(kind)))
+
     def at(self, table: np.ndarray, frame: jax.Array) -> jax.Array:
         """int32[N]: the rows of one of the tables of frames."""
         return jnp.asarray(table).at[frame].get(mode="promise_in_bounds")
