@@ -22,7 +22,7 @@ PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || ec
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
 .PHONY: help setup test slow coverage check docs demo bench compare partners lanes fuzz \
-	endurance mutants clean
+	endurance clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
@@ -77,9 +77,6 @@ fuzz: $(VENV)/.dev ## try spoilt maps and files; ARGS="--minutes 60 --target asc
 endurance: $(VENV)/.dev ## play millions of steps and look at every state; ARGS="--steps 10_000_000"
 	$(BIN)/python -m reliability.endurance $(ARGS)
 
-mutants: $(VENV)/.mutation ## change the engine and the rules a little, and see whether tests fail
-	$(BIN)/python -m reliability.mutants $(ARGS)
-
 clean: ## remove .venv and everything generated
 	rm -rf $(VENV) .nox $(BENCH) $(DEMO) fuzz docs/_build docs/environments docs/commands.md build dist .coverage .pytest_cache .ruff_cache .hypothesis
 	find src tests benchmarks docs fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -113,11 +110,6 @@ $(VENV)/.docs: $(VENV)/.core
 $(VENV)/.baselines: $(VENV)/.core
 	@echo "Installing flax, optax and matplotlib for the baselines ..."
 	@$(PIP) --editable '.[baselines]'
-	@touch $@
-
-$(VENV)/.mutation: $(VENV)/.dev
-	@echo "Installing Cosmic Ray for mutation testing ..."
-	@$(PIP) --editable '.[mutation]'
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.core

@@ -31,7 +31,7 @@ MODULES |= dict.fromkeys(("reset", "start", "training", "products"), "waits")
 # Packages whose versions are told where they are loaded: by module.
 PACKAGES = {
     **{name: name for name in ("jax", "jaxlib", "numpy", "gymnasium", "vizdoom", "envpool")},
-    **{name: name for name in ("miniworld", "pyglet", "gymnax", "brax", "torch")},
+    **{name: name for name in ("miniworld", "pyglet", "gymnax", "torch")},
     "cv2": "opencv-python-headless",
     "stoa": "stoa-env",
     "stable_baselines3": "stable-baselines3",

@@ -186,25 +186,6 @@ def stoa(batch: int, options: Options) -> Chunk:
     return scan_over(batch, reset, step, env.env.num_actions)
 
 
-def brax(batch: int, options: Options) -> Chunk:
-    """Brax' interface in the wrappers that its training puts around it."""
-    from jaxenstein.adapters.brax import PIXELS, BraxEnvironment, wrap
-
-    inner = BraxEnvironment(*own_environment(options, autoreset=None))
-    env = wrap(inner, episode_length=inner.episode_length)
-
-    def reset(keys: jax.Array) -> Any:
-        # Brax' wrappers know old keys alone.
-        state = env.reset(jax.vmap(jax.random.key_data)(keys))
-        return state, state.obs[PIXELS]
-
-    def step(_: jax.Array, state: Any, action: jax.Array) -> Any:
-        state = env.step(state, action)
-        return state, state.obs[PIXELS], state.reward
-
-    return scan_over(batch, reset, step, inner.action_size)
-
-
 SUBJECTS: Subjects = {
     "adapter-loop": on_host(loop),
     "adapter-gymnasium-single": on_host(gymnasium_single),
@@ -214,5 +195,4 @@ SUBJECTS: Subjects = {
     "adapter-sb3": on_host(sb3),
     "adapter-gymnax": gymnax,
     "adapter-stoa": stoa,
-    "adapter-brax": brax,
 }

@@ -34,7 +34,6 @@ class Adapter(NamedTuple):
 ADAPTERS = (
     Adapter("adapter-gymnax", "gymnax, in a scan", "gymnax", scan=True),
     Adapter("adapter-stoa", "Stoa, in a scan", "stoa", scan=True),
-    Adapter("adapter-brax", "Brax with its wrappers, in a scan", "brax", scan=True),
     Adapter("adapter-torch", "Torch", "torch"),
     Adapter("adapter-gymnasium-same-step", "Gymnasium vector, same-step", "gymnasium"),
     Adapter("adapter-gymnasium-next-step", "Gymnasium vector, next-step", "gymnasium"),

@@ -53,7 +53,7 @@ PEERS: dict[str, Peer] = {
     # With the versions that the adapters' tests run beside.
     **{
         name: Peer((*_CORE, *PARTNERS[name].requirements), ("jax", *PARTNERS[name].modules))
-        for name in ("gymnax", "stoa", "brax", "sb3")
+        for name in ("gymnax", "stoa", "sb3")
     },
     "training": Peer(
         (*_TRAINING, _VIZDOOM, _GYMNASIUM, _OPENCV),

@@ -36,7 +36,7 @@ class Plan:
     # Of trainings: the environments side by side.
     learners: int = 64
     # Of the adapters' partners, whose environments to measure in.
-    partners: tuple[str, ...] = ("gymnasium", "gymnax", "stoa", "brax", "sb3")
+    partners: tuple[str, ...] = ("gymnasium", "gymnax", "stoa", "sb3")
 
 
 # Sizes to see the suite work with, not to learn anything from.
