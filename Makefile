@@ -57,10 +57,10 @@ demo: $(VENV)/.baselines ## train an agent in about 3 minutes: its curve and a G
 
 bench: ## measure all beside its peers, write docs/benchmarks.md (an hour; QUICK=1: some minutes)
 	@$(MAKE) --no-print-directory VENV=$(BENCH)/main $(BENCH)/main/.bench
-	$(BENCH)/main/bin/python -m benchmarks.suites.peers $(if $(QUICK),--quick)
+	$(BENCH)/main/bin/python -m benchmarks.install $(if $(QUICK),--quick)
 	$(BENCH)/main/bin/python -m benchmarks --json $(RESULTS) $(if $(QUICK),--quick) $(ARGS)
 	$(BENCH)/main/bin/python -m benchmarks.report $(RESULTS) \
-		$(if $(QUICK),--out $(RESULTS)/benchmarks.md)
+		$(if $(QUICK),--out $(RESULTS)/pages)
 
 compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
 	$(BIN)/python -m benchmarks compare $(ARGS)

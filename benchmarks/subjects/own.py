@@ -2,16 +2,14 @@
 
 - `scan-B`: a random policy in one compiled scan; options `id`, or `map` or `sprites` (`maps.py`),
   `size`, and any of `SETTINGS`, which the other kinds take too;
-- `loop`, `loop-async`: one environment, one call a step;
+- `loop`: one environment, one call a step;
 - `frames-B`, `keep-B`, `fill-B`: frames alone, frames kept, and only writing as many bytes;
-- `rules-B`: as `scan-B`, without frames;
-- `stage-B stage=NAME`: one stage of a step (`stages.py`);
+- `reset-B`: resets of a batch in a scan;
 - `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`).
 """
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -23,6 +21,7 @@ import jaxenstein
 from benchmarks.subjects import maps
 from benchmarks.subjects.common import (
     ENVIRONMENT_ID,
+    FRAMES_KEPT,
     SIZE,
     STEPS_A_CALL,
     Chunk,
@@ -33,8 +32,7 @@ from benchmarks.subjects.common import (
     middle,
     random_actions,
 )
-from benchmarks.subjects.frames import FRAMES_KEPT, make_frames, make_keeping_rollout, make_rules
-from benchmarks.subjects.stages import make_stage
+from benchmarks.subjects.frames import make_frames, make_keeping_rollout
 from jaxenstein.speed.random_rollout import make_random_rollout
 
 # Options that are settings of the environments, with their types.
@@ -94,13 +92,6 @@ def keep(batch: int, options: Options) -> Chunk:
     return repeat(rollout, start(jax.random.key(0)), batch * steps * frame_skip(options))
 
 
-def rules(batch: int, options: Options) -> Chunk:
-    """As `scan`, and nothing is drawn."""
-    steps = max(1, STEPS_A_CALL // batch)
-    rollout, start = make_rules(*own_environment(options), batch, steps)
-    return repeat(rollout, start(jax.random.key(0)), batch * steps * frame_skip(options))
-
-
 def fill(batch: int, options: Options) -> Chunk:
     """Nothing but writing the bytes of a batch of frames, by NumPy."""
     width, height = image_size(options)
@@ -117,17 +108,21 @@ def fill(batch: int, options: Options) -> Chunk:
     return chunk
 
 
-def stage(batch: int, options: Options) -> Chunk:
-    """One stage of a step, of the same states over and over."""
-    program, given = make_stage(*own_environment(options), batch, options["stage"])
-    calls = max(1, STEPS_A_CALL // batch)
+def reset(batch: int, options: Options) -> Chunk:
+    """Resets of a batch in a compiled scan; a pixel of each frame goes into the next one's key."""
+    env, params = own_environment(options)
+    steps = max(1, STEPS_A_CALL // 8 // batch)
+    resets = jax.vmap(lambda key: env.reset(key, params))
 
-    def chunk() -> int:
-        for _ in range(calls):
-            jax.block_until_ready(program(*given))
-        return calls * batch
+    def again(carry: Any, _: None) -> tuple[Any, None]:
+        key, (obs, _) = carry
+        seen = sum(jnp.sum(leaf[:, -1, -1].astype(jnp.uint32)) for leaf in jax.tree.leaves(obs))
+        key, reset_key = jax.random.split(jax.random.fold_in(key, seen))
+        return (key, resets(jax.random.split(reset_key, batch))), None
 
-    return chunk
+    first = jax.jit(resets)(jax.random.split(jax.random.key(0), batch))
+    program = jax.jit(lambda carry: jax.lax.scan(again, carry, length=steps)[0], donate_argnums=0)
+    return repeat(program, (jax.random.key(1), first), batch * steps)
 
 
 def spread(batch: int, options: Options) -> Chunk:
@@ -142,14 +137,11 @@ def spread(batch: int, options: Options) -> Chunk:
     return repeat(rollout, start(np.uint32(0)), batch * steps)
 
 
-def loop(batch: int, options: Options, asynchronous: bool = False) -> Chunk:
-    """The project as a Python loop: one environment, one jitted call a step, a pixel read.
-
-    With JAX's asynchronous dispatch every call is handed to another thread, which a loop that
-    waits for each frame only pays for.
-    """
+def loop(batch: int, options: Options) -> Chunk:
+    """The project as a Python loop: one environment, one jitted call a step, a pixel read."""
     assert batch == 1
-    jax.config.update("jax_cpu_enable_async_dispatch", asynchronous)
+    # Else every call is handed to another thread, which a loop that waits for each frame pays for.
+    jax.config.update("jax_cpu_enable_async_dispatch", False)
     env, params = own_environment(options)
 
     @jax.jit
@@ -174,11 +166,9 @@ def loop(batch: int, options: Options, asynchronous: bool = False) -> Chunk:
 SUBJECTS: Subjects = {
     "scan": scan,
     "loop": loop,
-    "loop-async": functools.partial(loop, asynchronous=True),
     "frames": frames,
     "keep": keep,
-    "rules": rules,
     "fill": fill,
-    "stage": stage,
+    "reset": reset,
     "spread": spread,
 }

@@ -2,8 +2,8 @@
 
 Every one of them reads a pixel of each frame, which shifts the next action, as the project's own
 subjects do. Nothing of JAX or of this project is imported here. Options of all of ViZDoom's:
-`scenario`, one of `SCENARIOS` or `SHOOTING`; `frame_skip`; `frames=no`, of the raw game without its
-screen; `size`, one of ViZDoom's resolutions; `resize`, to 64x64 by `area` or `linear`, or `none`.
+`scenario`, one of `SCENARIOS` or `SHOOTING`; `frame_skip`; `size`, one of ViZDoom's resolutions;
+`resize`, to 64x64 by `area` or `linear`, or `none`.
 """
 
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.subjects.common import (
+    SCENARIOS,
     SIZE,
     Chunk,
     Options,
@@ -24,20 +25,13 @@ from benchmarks.subjects.common import (
     frame_skip,
     image_size,
     middle,
+    notes,
     random_actions,
 )
 
 STEPS = 64
-SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
-SHOOTING = (
-    "basic", "defend-the-center", "defend-the-line", "deadly-corridor", "predict-position",
-    "take-cover", "deathmatch",
-)  # fmt: skip
 # ViZDoom's Gymnasium ids and files that are called otherwise.
 _IDS = {"DefendTheCenter": "DefendCenter", "DefendTheLine": "DefendLine"}
-
-# What a reader should know and only the running peer can tell, such as who draws.
-notes: dict[str, str] = {}
 
 
 def scenario(options: Options, separator: str = "") -> str:
@@ -90,14 +84,6 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
     drawn, resize, pixel = random_actions(count), resizer(options.get("resize", "none")), 0
     skip = frame_skip(options)
 
-    def undrawn() -> int:
-        for _ in range(STEPS):
-            game.set_action(buttons[next(drawn)])
-            game.advance_action(skip, False)
-            if game.is_episode_finished():
-                game.new_episode()
-        return STEPS * skip
-
     def chunk() -> int:
         nonlocal pixel
         for _ in range(STEPS):
@@ -107,7 +93,7 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
             pixel = middle(resize(game.get_state().screen_buffer))
         return STEPS * skip
 
-    return undrawn if options.get("frames") == "no" else chunk
+    return chunk
 
 
 def envpool(batch: int, options: Options) -> Chunk:

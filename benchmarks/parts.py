@@ -4,44 +4,72 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchmarks.subjects.frames import FRAMES_KEPT
-from benchmarks.subjects.peers import SCENARIOS, SHOOTING
-from benchmarks.subjects.stages import STAGES
-from benchmarks.suites.measure import Groups, Subject
-from benchmarks.suites.peers import PEERS
-from benchmarks.suites.plan import Plan
-from jaxenstein.catalogue import ENTRIES
-from jaxenstein.speed.measuring import ONE_THREAD
+from benchmarks.install import PEERS
+from benchmarks.measure import Groups, Subject
+from benchmarks.subjects.common import FRAMES_KEPT, SCENARIOS, SHOOTING
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from jaxenstein.machine import cores_allowed
 
 # Processes alive at once, each of which takes some 400 MB.
 GROUP = 8
 OWN, TRAINED = "JAXenstein", "RecurrentPPO, ViZDoom"
 RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
+# The adapters: their subjects, what to call them, and their partners' modules.
+SCANNED = {
+    "adapter-gymnax": ("gymnax, in a scan", "gymnax"),
+    "adapter-stoa": ("Stoa, in a scan", "stoa"),
+}
+CALLED = {
+    "adapter-torch": ("Torch", "torch"),
+    "adapter-gymnasium-same-step": ("Gymnasium vector, same-step", "gymnasium"),
+    "adapter-gymnasium-next-step": ("Gymnasium vector, next-step", "gymnasium"),
+    "adapter-sb3": ("Stable-Baselines3", "stable_baselines3"),
+}
+SINGLE = {"adapter-gymnasium-single": ("Gymnasium, one environment", "gymnasium")}
 
 
-class Adapter(NamedTuple):
-    """An adapter to measure: `scan` if it stays inside JAX, `single` if it has one environment."""
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """Sizes of everything: of the parts that have them in the plural, and `batch` of the others."""
 
-    kind: str
-    title: str
-    module: str
-    scan: bool = False
-    single: bool = False
+    batches: tuple[int, ...] = (1, 8, 64, 256, 1024, 4096)
+    batch: int = 256
+    ids: tuple[str, ...] = MAIN_IDS
+    # Those that the other parts take.
+    tasks: tuple[str, ...] = ("my-way-home", "health-gathering")
+    sizes: tuple[str, ...] = ("64x64", "84x84", "160x120", "320x240")
+    observations: tuple[str, ...] = ("rgb", "gray", "depth", "labels", "dict")
+    maps: tuple[int, ...] = (9, 16, 32, 64, 128, 256)
+    sprites: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128)
+    skips: tuple[int, ...] = (1, 4)
+    trained: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+    adapted: tuple[int, ...] = (64, 1024)
+    # Those whose resets and first frames are waited for.
+    waits: tuple[str, ...] = (
+        "my-way-home", "health-gathering", "key-corridor", "memory-maze-9x9",
+        "minigrid-door-key-8x8", "doom-my-way-home",
+    )  # fmt: skip
+    # Of the adapters' partners, whose environments to measure in.
+    partners: tuple[str, ...] = ("gymnasium", "gymnax", "stoa", "sb3")
 
 
-ADAPTERS = (
-    Adapter("adapter-gymnax", "gymnax, in a scan", "gymnax", scan=True),
-    Adapter("adapter-stoa", "Stoa, in a scan", "stoa", scan=True),
-    Adapter("adapter-torch", "Torch", "torch"),
-    Adapter("adapter-gymnasium-same-step", "Gymnasium vector, same-step", "gymnasium"),
-    Adapter("adapter-gymnasium-next-step", "Gymnasium vector, next-step", "gymnasium"),
-    Adapter("adapter-sb3", "Stable-Baselines3", "stable_baselines3"),
-    Adapter(
-        "adapter-gymnasium-single", "Gymnasium, one environment", "gymnasium", single=True
-    ),
-)  # fmt: skip
+# Sizes to see the suite work with, not to learn anything from.
+QUICK = Plan(
+    batches=(1, 16),
+    batch=16,
+    ids=("simple", "my-way-home", "health-gathering"),
+    tasks=("my-way-home",),
+    sizes=("64x64", "160x120"),
+    observations=("rgb", "depth"),
+    maps=(9, 32),
+    sprites=(1, 16),
+    trained=(2,),
+    adapted=(16,),
+    waits=("my-way-home",),
+    partners=("gymnasium",),
+)
 
 
 def peers(plan: Plan) -> Groups:
@@ -73,7 +101,6 @@ def compare(plan: Plan) -> Groups:
         _peer("vizdoom", RESIZED, "ViZDoom, Gymnasium, 320x240 to 64x64 by area"),
         _peer("vizdoom", RAW, "ViZDoom, raw game, 160x120, no resize"),
         Subject("loop", f"{OWN}, Python loop"),
-        Subject("loop-async", f"{OWN}, Python loop, asynchronous dispatch"),
         *(_own(batch, OWN) for batch in (64, 128, 256, 512, 1024)),
     ]
     return [_compared(rows, {"x resized": RESIZED, "x raw": RAW})]
@@ -83,7 +110,7 @@ def frame_skips(plan: Plan) -> Groups:
     """Steps of the world a second where an action lasts for several: here and in ViZDoom.
 
     The environments that are ViZDoom's own scenarios, `doom-...`, each beside theirs, and the
-    project's tasks of the same name; and the rules alone of both.
+    project's tasks of the same name.
     """
     groups = []
     for name in SCENARIOS:
@@ -94,21 +121,13 @@ def frame_skips(plan: Plan) -> Groups:
             rows += [
                 _peer("vizdoom", f"{RESIZED} {words}", f"ViZDoom, resized, {told}", **axes),
                 _peer("vizdoom", f"{RAW} {words}", f"ViZDoom, raw, {told}", **axes),
-            ]
-            for own in (f"doom-{name}", name):
-                if own in ENTRIES:
-                    rows.append(_own(plan.batch, own, id=own, frame_skip=skip))
+                *(
+                    _own(plan.batch, own, id=own, frame_skip=skip)
+                    for own in (f"doom-{name}", name) if own in ENTRIES
+                ),
+            ]  # fmt: skip
         base = f"scenario={name} frame_skip={plan.skips[0]}"
-        rows = _compared(rows, {"x resized": f"{RESIZED} {base}", "x raw": f"{RAW} {base}"})
-        if f"doom-{name}" in ENTRIES:
-            undrawn, own = f"{RAW} scenario={name} frames=no", f"doom-{name}"
-            title = f"{own}, no frames, scan, {plan.batch} environments"
-            axes = {"batch": plan.batch, "id": own}
-            rows += [
-                _peer("vizdoom", undrawn, "ViZDoom, raw, no frames"),
-                Subject(f"rules-{plan.batch} id={own}", title, axes, {"x no frames": undrawn}),
-            ]
-        groups.append(rows)
+        groups.append(_compared(rows, {"x resized": f"{RESIZED} {base}", "x raw": f"{RAW} {base}"}))
     return groups
 
 
@@ -129,7 +148,7 @@ def scenarios(plan: Plan) -> Groups:
 
 def cores(plan: Plan) -> Groups:
     """All cores together, this project and EnvPool."""
-    many, batch = plan.cores, plan.batch
+    many, batch = cores_allowed(), plan.batch
     rows = [
         Subject(f"scan-{batch}", f"{OWN}, {batch} environments, scan, one core"),
         Subject(
@@ -194,30 +213,8 @@ def starts(plan: Plan) -> Groups:
     return [_compared(rows, {"of import jax": rows[0].name})]
 
 
-def updates(plan: Plan) -> Groups:
-    """Updates of recurrent PPO, beside as many operations in large matrix products."""
-    groups, many = [], plan.learners
-    for words, told, pinned in (
-        ("size=64", "the paper's network, 64x64, all cores", False),
-        ("size=16 network=small", "network small, 16x16, one core", True),
-        ("size=16 recipe=tuned", "recipe tuned, 16x16, one core", True),
-    ):
-        flags = ONE_THREAD if pinned else ""
-        large = f"products-{many} {words} of=large"
-        subjects = {
-            f"training-{many} {words}": told,
-            f"products-{many} {words} of=update": f"{told}: its matrix products alone",
-            large: f"{told}: large products of as many operations",
-        }
-        rows = [
-            Subject(name, title, pinned=pinned, flags=flags) for name, title in subjects.items()
-        ]
-        groups.append(_compared(rows, {"of large products": large}))
-    return groups
-
-
 def limits(plan: Plan) -> Groups:
-    """What a step is made of, and what it is bounded by."""
+    """What bounds a step."""
     batch, health = plan.batch, "id=health-gathering"
     rows = [
         Subject(f"scan-{batch}", "my-way-home, whole steps"),
@@ -229,19 +226,6 @@ def limits(plan: Plan) -> Groups:
         Subject(f"fill-{FRAMES_KEPT}", f"the same into room for {FRAMES_KEPT} frames"),
     ]
     return [_compared(rows, {"of my-way-home": f"scan-{batch}"})]
-
-
-def stages(plan: Plan) -> Groups:
-    """The stages of a step, one by one."""
-    groups = []
-    for name in plan.tasks:
-        base = f"scan-{plan.batch} id={name}"
-        rows = [Subject(base, f"{name}, whole step", {"id": name, "stage": "the whole step"})]
-        for stage, told in STAGES.items():
-            words = f"stage-{plan.batch} stage={stage} id={name}"
-            rows.append(Subject(words, f"{name}, {told}", {"id": name, "stage": told}))
-        groups.append(_compared(rows, {"of the step": base}))
-    return groups
 
 
 def environments(plan: Plan) -> Groups:
@@ -263,9 +247,9 @@ def resolutions(plan: Plan) -> Groups:
 
 
 def observations(plan: Plan) -> Groups:
-    """Kinds of observations."""
-    kinds = [(name, kind) for name in plan.tasks for kind in plan.kinds]
-    return _beside(plan, [_own(plan.batch, n, id=n, observation=kind) for n, kind in kinds])
+    """Observations of every sort."""
+    pairs = [(name, observation) for name in plan.tasks for observation in plan.observations]
+    return _beside(plan, [_own(plan.batch, n, id=n, observation=seen) for n, seen in pairs])
 
 
 def maps_and_sprites(plan: Plan) -> Groups:
@@ -279,22 +263,24 @@ def adapters(plan: Plan) -> Groups:
     """The adapters, each beside the native environments under the same interpreter."""
     groups = []
     for partner in plan.partners:
-        there = [each for each in ADAPTERS if each.module in PEERS[partner].modules]
-        rows: list[tuple[str, str, int]] = []
-        for batch in (*plan.adapter_envs, 1):
-            kinds = [each for each in there if each.single == (batch == 1)]
-            if batch > 1:
-                rows.append(("scan", "native, in a scan", batch))
-            if batch > 1 or kinds:
-                rows.append(("adapter-loop", "native, one jitted call a step", batch))
-            rows += [(each.kind, each.title, batch) for each in kinds]
-        names = {f"{kind}-{batch}" for kind, _, batch in rows}
         group = []
-        for kind, title, batch in rows:
-            native = {"of the scan": f"scan-{batch}", "of the loop": f"adapter-loop-{batch}"}
-            beside = {ratio: other for ratio, other in native.items() if other in names}
-            axes = {"batch": batch, "partner": partner}
-            group.append(Subject(f"{kind}-{batch}", title, axes, beside, peer=partner))
+        for batch in (*plan.adapted, 1):
+            scan, loop = f"scan-{batch}", f"adapter-loop-{batch}"
+            rows = [(scan, "native, in a scan", {}), (loop, "native, one jitted call a step", {})]
+            for table, ratio, native in (
+                (SCANNED if batch > 1 else {}, "of the scan", scan),
+                (CALLED if batch > 1 else SINGLE, "of the loop", loop),
+            ):
+                rows += [
+                    (f"{kind}-{batch}", title, {ratio: native})
+                    for kind, (title, module) in table.items() if module in PEERS[partner].modules
+                ]  # fmt: skip
+            # What nothing is held up against need not be measured.
+            needed = {name for *_, beside in rows for name in beside.values()}
+            group += [
+                Subject(name, title, {"batch": batch, "partner": partner}, beside, peer=partner)
+                for name, title, beside in rows if beside or name in needed
+            ]  # fmt: skip
         groups.append(group)
     return groups
 
@@ -341,7 +327,6 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "scenarios": scenarios,
     "batches": batches,
     "limits": limits,
-    "stages": stages,
     "environments": environments,
     "resolutions": resolutions,
     "observations": observations,
@@ -349,7 +334,6 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "adapters": adapters,
     "resets": resets,
     "starts": starts,
-    "updates": updates,
     "training-compare": training,
     "compare": compare,
 }

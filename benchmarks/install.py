@@ -1,9 +1,8 @@
-"""Environments with the peers in them: `python -m benchmarks.suites.peers [NAME ...]`.
+"""Environments with the peers in them: `python -m benchmarks.install [NAME ...]`.
 
 Each gets a virtual environment of its own in `.venv-bench/`, since some exclude each other. One
 that cannot be installed is noted with its reason, which the tables then show; it stops no other.
-Nothing is installed twice: an environment with the same requirements is kept, and what this
-interpreter has already needs none.
+An environment with the same requirements is kept, and what this interpreter has needs none.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from typing import NamedTuple
 
 from reliability.partners import PARTNERS
 
-FOLDER = Path(__file__).resolve().parents[2] / ".venv-bench"
+FOLDER = Path(__file__).resolve().parents[1] / ".venv-bench"
 OUTCOME = "outcome.json"
 
 
@@ -65,39 +64,42 @@ QUICK = ("vizdoom", "envpool", "miniworld", "gymnasium")
 USUAL = tuple(name for name in PEERS if name != "training")
 
 
-def find(name: str, folder: Path = FOLDER) -> Found:
+def find(name: str) -> Found:
     """The interpreter that has a peer: its own environment's, or else this one if it has it."""
-    found = Found(problem=f"not installed (python -m benchmarks.suites.peers {name})")
-    with contextlib.suppress(OSError, ValueError, KeyError):
-        outcome = json.loads((folder / name / OUTCOME).read_text())
-        found = Found(outcome["python"], outcome["problem"])
-    return Found(sys.executable) if found.problem and _is_here(PEERS[name]) else found
-
-
-def _is_here(peer: Peer) -> bool:
-    return all(importlib.util.find_spec(module) for module in peer.modules)
-
-
-def install(name: str, folder: Path = FOLDER) -> Found:
-    """Make the environment of a peer if need be, with the first interpreter that can have it."""
-    peer, home = PEERS[name], folder / name
-    if _is_here(peer):
+    if not name:
         return Found(sys.executable)
-    wanted = sorted(peer.requirements)
-    with contextlib.suppress(OSError, ValueError, KeyError):
-        outcome = json.loads((home / OUTCOME).read_text())
-        # What failed is tried again: it may have been the network.
-        if outcome["requirements"] == wanted and not outcome["problem"]:
-            return Found(outcome["python"])
-    found = Found(problem="no interpreter can make a virtual environment")
+    found = _outcome(name) or Found(problem=f"not installed (python -m benchmarks.install {name})")
+    return Found(sys.executable) if found.problem and _is_here(name) else found
+
+
+def install(name: str) -> Found:
+    """Make the environment of a peer if need be, with the first interpreter that can have it."""
+    # What failed is tried again: it may have been the network.
+    if (found := find(name)).python and not found.problem:
+        return found
+    home = FOLDER / name
     for base in interpreters():
         shutil.rmtree(home, ignore_errors=True)
-        found = _try(base, home, peer)
+        found = _try(base, home, PEERS[name])
         if not found.problem:
             break
     home.mkdir(parents=True, exist_ok=True)
-    (home / OUTCOME).write_text(json.dumps({"requirements": wanted, **found._asdict()}))
+    outcome = {"requirements": sorted(PEERS[name].requirements), **found._asdict()}
+    (home / OUTCOME).write_text(json.dumps(outcome))
     return found
+
+
+def _outcome(name: str) -> Found | None:
+    """What became of the last attempt to install just this; None if there was none."""
+    with contextlib.suppress(OSError, ValueError, KeyError):
+        outcome = json.loads((FOLDER / name / OUTCOME).read_text())
+        if outcome["requirements"] == sorted(PEERS[name].requirements):
+            return Found(outcome["python"], outcome["problem"])
+    return None
+
+
+def _is_here(name: str) -> bool:
+    return all(importlib.util.find_spec(module) for module in PEERS[name].modules)
 
 
 def interpreters() -> Iterator[str]:
@@ -125,26 +127,20 @@ def _try(base: str, home: Path, peer: Peer) -> Found:
         "missing = [m for m in sys.argv[1:] if importlib.util.find_spec(m) is None]\n"
         "sys.exit(f'{missing} not there after installing' if missing else 0)"
     )
-    steps = (
+    for command in (
         [base, "-m", "venv", "--clear", str(home)],
         [*pip, "--only-binary", ":all:", *peer.requirements],
         [python, "-c", look, *peer.modules],
-    )
-    for command in steps:
+    ):
         try:
             done = subprocess.run(command, env=environment, capture_output=True, text=True)
         except OSError as error:
             return Found(problem=f"{Path(command[0]).name} does not run: {error.strerror}")
         if done.returncode:
-            return Found(problem=_reason(done.stderr or done.stdout, str(home)))
+            lines = (done.stderr or done.stdout).strip().splitlines() or ["it gave no reason"]
+            errors = [line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR")]
+            return Found(problem=(errors or lines)[-1].replace(str(home), ""))
     return Found(python)
-
-
-def _reason(text: str, home: str) -> str:
-    """The line of an error output that says most, without the paths of this machine."""
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    errors = [line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR")]
-    return (errors or lines or ["it gave no reason"])[-1].replace(home, "")
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -153,13 +149,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     known = f"{', '.join(PEERS)} (default: all but training)"
     parser.add_argument("names", nargs="*", metavar="NAME", help=known)
     parser.add_argument("--quick", action="store_true", help="leave out the adapters' partners")
-    parser.add_argument("--folder", type=Path, default=FOLDER, help="(default .venv-bench)")
     options = parser.parse_args(argv)
     if unknown := [name for name in options.names if name not in PEERS]:
         parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(PEERS)}")
     for name in options.names or (QUICK if options.quick else USUAL):
         print(f"{name:10}", end=" ", flush=True)
-        print(install(name, options.folder.resolve()).problem or "ok", flush=True)
+        print(install(name).problem or "ok", flush=True)
 
 
 if __name__ == "__main__":
