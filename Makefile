@@ -63,7 +63,7 @@ bench: ## measure all beside its peers, write docs/benchmarks.md (an hour; QUICK
 		$(if $(QUICK),--out $(RESULTS)/pages)
 
 compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
-	$(BIN)/python -m benchmarks compare $(ARGS)
+	$(BIN)/python -m benchmarks peers --only vizdoom-gymnasium vizdoom-raw loop scan $(ARGS)
 
 partners: $(VENV)/.dev ## run the adapters' tests beside their partners, each in an environment of its own
 	$(BIN)/python -m nox -t partners $(ARGS)

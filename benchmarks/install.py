@@ -1,28 +1,25 @@
 """Environments with the peers in them: `python -m benchmarks.install [NAME ...]`.
 
 Each gets a virtual environment of its own in `.venv-bench/`, since some exclude each other. One
-that cannot be installed is noted with its reason, which the tables then show; it stops no other.
-An environment with the same requirements is kept, and what this interpreter has needs none.
+that cannot be installed stops no other; the tables then say so. An environment that is there is
+kept (remove it to install anew), and what this interpreter has needs none.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import importlib.util
-import json
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from reliability.partners import PARTNERS
 
 FOLDER = Path(__file__).resolve().parents[1] / ".venv-bench"
-OUTCOME = "outcome.json"
 
 
 class Peer(NamedTuple):
@@ -66,81 +63,34 @@ USUAL = tuple(name for name in PEERS if name != "training")
 
 def find(name: str) -> Found:
     """The interpreter that has a peer: its own environment's, or else this one if it has it."""
-    if not name:
+    python = FOLDER / name / "bin" / "python"
+    if name and python.exists():
+        return Found(str(python))
+    if not name or all(importlib.util.find_spec(module) for module in PEERS[name].modules):
         return Found(sys.executable)
-    found = _outcome(name) or Found(problem=f"not installed (python -m benchmarks.install {name})")
-    return Found(sys.executable) if found.problem and _is_here(name) else found
+    return Found(problem=f"not installed (python -m benchmarks.install {name})")
 
 
-def install(name: str) -> Found:
-    """Make the environment of a peer if need be, with the first interpreter that can have it."""
-    # What failed is tried again: it may have been the network.
-    if (found := find(name)).python and not found.problem:
-        return found
-    home = FOLDER / name
-    for base in interpreters():
-        shutil.rmtree(home, ignore_errors=True)
-        found = _try(base, home, PEERS[name])
-        if not found.problem:
-            break
-    home.mkdir(parents=True, exist_ok=True)
-    outcome = {"requirements": sorted(PEERS[name].requirements), **found._asdict()}
-    (home / OUTCOME).write_text(json.dumps(outcome))
-    return found
-
-
-def _outcome(name: str) -> Found | None:
-    """What became of the last attempt to install just this; None if there was none."""
-    with contextlib.suppress(OSError, ValueError, KeyError):
-        outcome = json.loads((FOLDER / name / OUTCOME).read_text())
-        if outcome["requirements"] == sorted(PEERS[name].requirements):
-            return Found(outcome["python"], outcome["problem"])
-    return None
-
-
-def _is_here(name: str) -> bool:
-    return all(importlib.util.find_spec(module) for module in PEERS[name].modules)
-
-
-def interpreters() -> Iterator[str]:
-    """This interpreter, then those of other versions on the path, the oldest first.
-
-    A peer without a wheel for this version may well have one for an older version.
-    """
-    yield sys.executable
-    for minor in (11, 12, 13, 14):
-        other = shutil.which(f"python3.{minor}") if minor != sys.version_info.minor else None
-        # A shim on the path need not run anything.
-        if other and not subprocess.run([other, "-c", "import venv"], capture_output=True).stderr:
-            yield other
-
-
-def _try(base: str, home: Path, peer: Peer) -> Found:
-    """Make one environment and look whether what it is for can be imported."""
+def install(name: str) -> bool:
+    """Make the environment of a peer if need be; whether it can import what it is for."""
+    if not find(name).problem:
+        return True
+    home, peer = FOLDER / name, PEERS[name]
     python = str(home / "bin" / "python")
     hidden = ("PYTHONPATH", "VIRTUAL_ENV", "PYTHONHOME")
     environment = {name: value for name, value in os.environ.items() if name not in hidden}
     pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     # Modules are looked for, not imported: some open a display when they are.
-    look = (
-        "import importlib.util, sys\n"
-        "missing = [m for m in sys.argv[1:] if importlib.util.find_spec(m) is None]\n"
-        "sys.exit(f'{missing} not there after installing' if missing else 0)"
-    )
+    look = "import importlib.util as u, sys; assert all(map(u.find_spec, sys.argv[1:]))"
     for command in (
-        [base, "-m", "venv", "--clear", str(home)],
+        [sys.executable, "-m", "venv", "--clear", str(home)],
         [*pip, "--only-binary", ":all:", *peer.requirements],
         [python, "-c", look, *peer.modules],
     ):
-        try:
-            done = subprocess.run(command, env=environment, capture_output=True, text=True)
-        except OSError as error:
-            return Found(problem=f"{Path(command[0]).name} does not run: {error.strerror}")
-        if done.returncode:
-            lines = (done.stderr or done.stdout).strip().splitlines() or ["it gave no reason"]
-            errors = [line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR")]
-            return Found(problem=(errors or lines)[-1].replace(str(home), ""))
-    return Found(python)
+        if subprocess.run(command, env=environment).returncode:
+            shutil.rmtree(home, ignore_errors=True)
+            return False
+    return True
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -153,8 +103,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if unknown := [name for name in options.names if name not in PEERS]:
         parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(PEERS)}")
     for name in options.names or (QUICK if options.quick else USUAL):
-        print(f"{name:10}", end=" ", flush=True)
-        print(install(name).problem or "ok", flush=True)
+        print(f"{name}: {'ok' if install(name) else 'cannot be installed'}", flush=True)
 
 
 if __name__ == "__main__":

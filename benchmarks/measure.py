@@ -7,7 +7,6 @@ import dataclasses
 import datetime
 import json
 import os
-import re
 import select
 import signal
 import statistics
@@ -136,10 +135,6 @@ class Worker:
         reply = self._reply()
         return reply["steps"] / reply["seconds"]
 
-    def memory(self) -> int | None:
-        """Bytes that the process and those that it started hold at their peaks, if known."""
-        return memory(self._process.pid)
-
     def close(self) -> None:
         """End the process and those that it started."""
         assert self._process.stdin is not None
@@ -200,7 +195,7 @@ def measure_group(subjects: Sequence[Subject], settings: Settings) -> list[dict[
 
     Returns:
         For each subject its name, title, axes and references, and either `failed`, the reason,
-        or `versions`, `notes`, `ready_seconds`, `steps_per_second` and `memory_bytes` at its peak.
+        or `versions`, `notes`, `ready_seconds` and `steps_per_second`.
     """
     failed: dict[str, str] = {}
     workers: dict[str, Worker] = {}
@@ -216,7 +211,6 @@ def measure_group(subjects: Sequence[Subject], settings: Settings) -> list[dict[
             name: {
                 **workers[name].description,
                 "steps_per_second": summarise(np.array(measured)),
-                "memory_bytes": workers[name].memory(),
             }
             for name, measured in rates.items()
         }
@@ -259,21 +253,3 @@ def median_ratio(values: Sequence[float], others: Sequence[float]) -> float:
     if len(values) != len(others):
         return statistics.median(values) / statistics.median(others)
     return statistics.median(value / other for value, other in zip(values, others, strict=True))
-
-
-def memory(pid: int) -> int | None:
-    """Bytes that a process and its descendants hold at their peaks; None if unknown.
-
-    A page that several share counts once: of each process this is its proportional share, and how
-    much more than now it held at its peak.
-    """
-    held, pids = 0, [pid]
-    for each in pids:
-        folder = Path("/proc") / str(each)
-        with contextlib.suppress(OSError):
-            told = (folder / "status").read_text() + (folder / "smaps_rollup").read_text()
-            sizes = {name: int(size) for name, size in re.findall(r"(\w+):\s+(\d+) kB", told)}
-            held += sizes["Pss"] + sizes["VmHWM"] - sizes["VmRSS"]
-            for task in (folder / "task").glob("*/children"):
-                pids += map(int, task.read_text().split())
-    return held * 1024 or None

@@ -91,26 +91,14 @@ def peers(plan: Plan) -> Groups:
         *(_own(batch, f"{OWN} my-way-home") for batch in plan.batches if batch <= 1024),
         _own(plan.batch, f"{OWN} health-gathering", id="health-gathering"),
     ]
-    return [_compared(rows, {"x resized": RESIZED, "x raw": RAW})]
-
-
-def compare(plan: Plan) -> Groups:
-    """My Way Home here and in ViZDoom, a table for the terminal: `make compare`."""
-    del plan
-    rows = [
-        _peer("vizdoom", RESIZED, "ViZDoom, Gymnasium, 320x240 to 64x64 by area"),
-        _peer("vizdoom", RAW, "ViZDoom, raw game, 160x120, no resize"),
-        Subject("loop", f"{OWN}, Python loop"),
-        *(_own(batch, OWN) for batch in (64, 128, 256, 512, 1024)),
-    ]
-    return [_compared(rows, {"x resized": RESIZED, "x raw": RAW})]
+    return [_beside_vizdoom(rows)]
 
 
 def frame_skips(plan: Plan) -> Groups:
-    """Steps of the world a second where an action lasts for several: here and in ViZDoom.
+    """Steps of the world a second where an action lasts for several of them, as in `scenarios`.
 
-    The environments that are ViZDoom's own scenarios, `doom-...`, each beside theirs, and the
-    project's tasks of the same name.
+    Beside the environments that are ViZDoom's own scenarios, `doom-...`, the project's tasks of the
+    same name.
     """
     groups = []
     for name in SCENARIOS:
@@ -126,8 +114,7 @@ def frame_skips(plan: Plan) -> Groups:
                     for own in (f"doom-{name}", name) if own in ENTRIES
                 ),
             ]  # fmt: skip
-        base = f"scenario={name} frame_skip={plan.skips[0]}"
-        groups.append(_compared(rows, {"x resized": f"{RESIZED} {base}", "x raw": f"{RAW} {base}"}))
+        groups.append(_beside_vizdoom(rows, f" scenario={name} frame_skip={plan.skips[0]}"))
     return groups
 
 
@@ -135,14 +122,13 @@ def scenarios(plan: Plan) -> Groups:
     """ViZDoom's scenarios with weapons or enemies, each beside the environment of its name."""
     groups = []
     for name in SHOOTING:
-        words, own = f"scenario={name}", f"doom-{name}"
+        words, own = f" scenario={name}", f"doom-{name}"
         rows = [
-            _peer("vizdoom", f"{RESIZED} {words}", "ViZDoom, resized", id=own),
-            _peer("vizdoom", f"{RAW} {words}", "ViZDoom, raw", id=own),
+            _peer("vizdoom", RESIZED + words, "ViZDoom, resized", id=own),
+            _peer("vizdoom", RAW + words, "ViZDoom, raw", id=own),
             _own(plan.batch, OWN, id=own),
         ]
-        beside = {"x resized": f"{RESIZED} {words}", "x raw": f"{RAW} {words}"}
-        groups.append(_compared(rows, beside))
+        groups.append(_beside_vizdoom(rows, words))
     return groups
 
 
@@ -302,6 +288,11 @@ def _compared(rows: Iterable[Subject], references: Mapping[str, str]) -> list[Su
     return [dataclasses.replace(row, references=references) for row in rows]
 
 
+def _beside_vizdoom(rows: Iterable[Subject], words: str = "") -> list[Subject]:
+    """Compared to ViZDoom resized and raw, whose names go on with these words."""
+    return _compared(rows, {"x resized": RESIZED + words, "x raw": RAW + words})
+
+
 def _beside(plan: Plan, rows: Sequence[Subject]) -> Groups:
     """Groups of a few subjects, in each of which my-way-home is measured as well."""
     base = f"scan-{plan.batch}"
@@ -335,7 +326,6 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "resets": resets,
     "starts": starts,
     "training-compare": training,
-    "compare": compare,
 }
-# Measured only where they are named: PyTorch is large; the rows of `compare` are those of `peers`.
-NAMED = ("training-compare", "compare")
+# Measured only where it is named: PyTorch is large.
+NAMED = ("training-compare",)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchmarks.tables import Row
@@ -20,112 +20,61 @@ def bars(rows: Sequence[Row], label: str, note: str = "") -> Any:
         rows: with `rates`; others are left out.
         label: the key of what stands beside a bar.
         note: the key of what stands behind its figure, if anything.
-
-    Returns:
-        The figure; None if there is nothing to draw.
     """
-    rows = [row for row in rows if label in row and "rates" in row]
-    if not rows:
-        return None
+    rows = [row for row in rows if "rates" in row]
     figure, axes = _figure(0.9 + 0.27 * len(rows))
     middle = [row["rates"]["median"] for row in rows]
     colours = [OURS if "jaxenstein" in row["versions"] else PEERS for row in rows]
-    axes.barh(range(len(rows)), middle, color=colours, height=0.7)
-    for place, row in enumerate(rows):
-        low, high = row["rates"]["lower_quartile"], row["rates"]["upper_quartile"]
-        axes.plot((low, high), (place, place), color="black", lw=1, alpha=0.5)
-        told = f"  ({row[note]})" if row.get(note) else ""
-        axes.annotate(
-            f"{row['rates']['median']:,.0f}{told}", (max(high, middle[place]), place),
-            xytext=(4, 0), textcoords="offset points", va="center", fontsize=8,
-        )  # fmt: skip
-    axes.set_yticks(range(len(rows)), [row[label] for row in rows], fontsize=8)
+    drawn = axes.barh([row[label] for row in rows], middle, color=colours, height=0.7)
+    notes = [f"  ({row[note]})" if row.get(note) else "" for row in rows]
+    figures = [f"{rate:,.0f}{told}" for rate, told in zip(middle, notes, strict=True)]
+    axes.bar_label(drawn, figures, padding=4, fontsize=8)
+    axes.tick_params(axis="y", labelsize=8)
     axes.invert_yaxis()
     axes.margins(x=0.2, y=0.02)
     axes.set_xlabel(STEPS)
+    axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.locator_params(axis="x", nbins=4)
-    _plain(axes.xaxis)
-    axes.grid(axis="x", alpha=0.3)
-    axes.set_axisbelow(True)
     return figure
 
 
-def lines(
-    rows: Sequence[Row],
-    axis: str,
-    label: str,
-    place: Callable[[Any], float] = float,
-    logarithmic: bool = False,
-) -> Any:
-    """Steps a second over an axis, a line for each id, with quartiles as bands.
+def lines(rows: Sequence[Row], axis: str, label: str) -> Any:
+    """Steps a second over an axis, a line for each id.
 
     Args:
         rows: those without `rates` or the axis are left out.
-        axis: the key that the axis shows.
+        axis: the key that the axis shows: numbers, or image sizes such as 84x84.
         label: of that axis.
-        place: where a value of it lies.
-        logarithmic: whether the speeds are; the axis always is.
-
-    Returns:
-        The figure; None if there is nothing to draw.
     """
-    found: dict[str, list[tuple[Any, Mapping[str, Any]]]] = {}
+    found: dict[str, dict[Any, Mapping[str, Any]]] = {}
     for row in rows:
         if axis in row and "rates" in row:
-            found.setdefault(str(row.get("id", "")), []).append((row[axis], row["rates"]))
-    if not found:
-        return None
+            found.setdefault(str(row.get("id", "")), {})[row[axis]] = row["rates"]
     figure, axes = _figure(3.4)
-    ticks: dict[float, str] = {}
+    ticks = {_place(value): str(value) for points in found.values() for value in points}
     for (name, points), colour in zip(found.items(), (OURS, OTHER, PEERS) * 9, strict=False):
-        points.sort(key=lambda point: place(point[0]))
-        ticks |= {place(value): str(value) for value, _ in points}
-        placed = [(place(value), rates) for value, rates in points]
-        _line(axes, name if len(found) > 1 else "", placed, PEERS if "ViZDoom" in name else colour)
+        colour = PEERS if "ViZDoom" in name else colour
+        values = sorted(points, key=_place)
+        rates = [points[value]["median"] for value in values]
+        axes.plot([_place(value) for value in values], rates, "o-", color=colour, label=name)
+    if len(found) > 1:
+        axes.legend(frameon=False)
     axes.set_xscale("log", base=2)
     axes.set_xticks(list(ticks), list(ticks.values()), minor=False)
-    axes.set_xticks([], minor=True)
-    if logarithmic:
-        axes.set_yscale("log")
-    else:
-        # Small differences should look small.
+    # Small differences should look small; sizes differ by more.
+    axes.set_yscale("log" if axis == "size" else "linear")
+    if axis != "size":
         axes.set_ylim(bottom=0)
-    _plain(axes.yaxis, logarithmic)
+    axes.yaxis.set_major_formatter("{x:,.0f}")
     axes.set_xlabel(label)
-    axes.set_ylabel(STEPS + (" (logarithmic)" if logarithmic else ""))
-    axes.grid(alpha=0.3)
+    axes.set_ylabel(STEPS)
     return figure
 
 
-def _line(
-    axes: Any, name: str, points: Sequence[tuple[float, Mapping[str, Any]]], colour: str
-) -> None:
-    places = [place for place, _ in points]
-    low, middle, high = (
-        [rates[q] for _, rates in points] for q in ("lower_quartile", "median", "upper_quartile")
-    )
-    axes.plot(places, middle, marker="o", color=colour)
-    axes.fill_between(places, low, high, color=colour, alpha=0.2, lw=0)
-    axes.annotate(
-        name, (places[-1], middle[-1]), xytext=(8, 0), textcoords="offset points",
-        va="center", color=colour, fontsize=9,
-    )  # fmt: skip
-
-
-def pixels(size: str) -> float:
-    """Pixels of an image of size WxH."""
-    width, _, height = size.partition("x")
-    return float(width) * float(height)
-
-
-def _plain(axis: Any, logarithmic: bool = False) -> None:
-    """Write the figures of an axis in full; of a logarithmic one 1, 2, 5, 10, ..."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    if logarithmic:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_minor_formatter(NullFormatter())
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+def _place(value: Any) -> float:
+    """Where a value lies on the axis: an image by its pixels."""
+    width, _, height = str(value).partition("x")
+    return float(width) * float(height or 1)
 
 
 def _figure(height: float) -> tuple[Any, Any]:
@@ -139,4 +88,6 @@ def _figure(height: float) -> tuple[Any, Any]:
         figure = Figure(figsize=(7.2, height), layout="constrained")
     axes = figure.subplots()
     axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.3)
+    axes.set_axisbelow(True)
     return figure, axes

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.measure import FORMAT, ROOT
 from benchmarks.parts import PARTS
-from benchmarks.plots import bars, lines, pixels
+from benchmarks.plots import bars, lines
 from benchmarks.tables import COLUMNS, WHOLE, Row, column, markdown, number, ratio, rows_of, shown
 from jaxenstein.errors import JAXensteinError, SettingError
 from jaxenstein.files import atomic, check_writable, make_folder
@@ -49,9 +49,7 @@ PLOTS: Mapping[str, tuple[str, Callable[[Sequence[Row]], Any]]] = {
     "cores": ("cores", lambda rows: bars(rows, "title")),
     "environments": ("environments", lambda rows: bars(rows, "id")),
     "batches": ("batches", lambda rows: lines(rows, "batch", "environments side by side")),
-    "resolutions": (
-        "resolutions", lambda rows: lines(rows, "size", "image", pixels, logarithmic=True)
-    ),
+    "resolutions": ("resolutions", lambda rows: lines(rows, "size", "image")),
     "maps": ("maps-and-sprites", lambda rows: lines(rows, "map", "tiles a side")),
     "sprites": ("maps-and-sprites", lambda rows: lines(rows, "sprites", "sprites")),
     "training": ("training-compare", lambda rows: lines(rows, "envs", "environments")),
@@ -232,8 +230,8 @@ def main(argv: Sequence[str] | None = None) -> None:
             temporary.write_text(text, encoding="utf-8")
     images = make_folder(out / IMAGES)
     for name, (part, draw) in PLOTS.items():
-        figure = draw(shown(part, results[part].rows)) if part in results else None
-        if figure is not None:
+        if part in results:
+            figure = draw(shown(part, results[part].rows))
             with atomic(images / f"{name}.png") as path:
                 # Without the date and versions, equal plots are equal files.
                 figure.savefig(path, format="png", dpi=150, metadata={"Software": None})

@@ -131,7 +131,6 @@ BESIDE = (TITLE, *RATES, ratio("x resized"), ratio("x raw"))
 
 COLUMNS: Mapping[str, Sequence[Column]] = {
     "peers": BESIDE,
-    "compare": BESIDE,
     "frame-skip": BESIDE,
     "scenarios": (ID, *BESIDE),
     "cores": (TITLE, *RATES, ratio("x one core")),
@@ -153,7 +152,6 @@ COLUMNS: Mapping[str, Sequence[Column]] = {
     "training-compare": (
         ID, column("environments", "envs"), *RATES[:2], ratio("x RecurrentPPO"),
         column("ready after s", "ready_seconds", form=number),
-        column("MiB", "memory_bytes", form=WHOLE, unit=2**20),
     ),
 }  # fmt: skip
 

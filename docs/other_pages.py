@@ -1,17 +1,33 @@
-"""The page that shows what players and trained agents reach, written when the site is built."""
+"""The generated pages that are not of one environment: the scoreboard and the command line."""
 
 from __future__ import annotations
 
+import argparse
+import os
+import re
 from collections.abc import Mapping
 from typing import Any
+from unittest import mock
 
 from docs.page_parts import stored_agents, stored_rows, table
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from jaxenstein.cli import build_parser
+
+INTRODUCTION = """\
+# Command line
+
+`jaxenstein COMMAND --help` prints what stands here. Wrong arguments are answered with what would
+be right, and exit status 2; 1 means that something could not be written or run, or that a replay
+was not the same.
+
+Commands keep the programs that JAX compiles in `~/.cache/jaxenstein` (or below `XDG_CACHE_HOME`),
+at most about 1 GiB, so that a second call begins at once. `--no-cache` leaves the folder alone, and
+`JAX_COMPILATION_CACHE_DIR` names another one."""
 
 BESIDE = ("id", "random player", "player that knows the way", "best agents")
 TRAINED = ("id", "frame skip", "sees", "algorithm", "seeds", "decisions a seed", "minutes of all",
            "sampled", "greedy", "configuration")  # fmt: skip
-TEXT = """# Scoreboard
+SCOREBOARD = """# Scoreboard
 
 Mean return and, in brackets, the share of episodes with success, of a player that draws every
 action uniformly and of one that knows the way and sees the whole state, over {played} episodes
@@ -33,7 +49,7 @@ Minutes are of one core for all seeds side by side, compiling included.
 ```
 jaxenstein train --config CONFIGURATION --out RUN
 jaxenstein evaluate RUN
-python -m docs.agents CONFIGURATION RUN
+python -m docs.measured agent CONFIGURATION RUN
 ```
 
 train the agents of a row, show how they do, and write the row. [Results](../results.md) has the
@@ -50,7 +66,7 @@ def scoreboard() -> str:
         told = [f"{row['mean']:.4g} ({100 * row['success']:.0f} %)" for row in stored]
         best = max((_best(row) for row in agents if row["id"] == name), default=(0.0, ""))
         beside.append((_link(name), *(told or ["not measured yet", ""]), best[1]))
-    return TEXT.format(
+    return SCOREBOARD.format(
         played=stored_rows("simple")[0]["episodes"],
         episodes=agents[0]["episodes"],
         beside=table(BESIDE, beside, right=(1, 2, 3)),
@@ -92,3 +108,20 @@ def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
         _reached(row, "greedy"),
         f"`{row['config']}`",
     )
+
+
+def commands_page() -> str:
+    """The commands with what they do and all of their options."""
+    # As in a terminal of this width, without colours.
+    with mock.patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"}):
+        (commands,) = (
+            action for action in build_parser()._actions
+            if isinstance(action, argparse._SubParsersAction)
+        )  # fmt: skip
+        parts = [_command(name, parser) for name, parser in commands.choices.items()]
+    return "\n\n".join([INTRODUCTION, *parts]) + "\n"
+
+
+def _command(name: str, parser: argparse.ArgumentParser) -> str:
+    text = re.sub(r"\x1b\[[0-9;]*m", "", parser.format_help()).rstrip()
+    return f"## `jaxenstein {name}`\n\n```text\n{text}\n```"
