@@ -29,7 +29,7 @@ TRAINED = ("id", "frame skip", "sees", "algorithm", "seeds", "decisions a seed",
            "sampled", "greedy", "configuration")  # fmt: skip
 SCOREBOARD = """# Scoreboard
 
-Mean return and, in brackets, the share of episodes with success, of a player that draws every
+Mean return and, in brackets, the share of episodes with success, of a player that samples every
 action uniformly and of one that knows the way and sees the whole state, over {played} episodes
 each; the pages of the environments have the standard errors. Beside them the success of the agents
 below, of several the best, or their return where a task has no success; empty where none were
@@ -40,7 +40,7 @@ trained.
 ## Agents
 
 Success, or return where a task has no success, over all seeds and {episodes} episodes of each, with
-95 % bootstrap intervals; greedy takes the most likely actions, sampled draws them. The players
+95 % bootstrap intervals; greedy takes the most likely actions, sampled samples them. The players
 above act at frame skip 1 and agents as the table says, which changes what a random player gets too.
 Minutes are of one core for all seeds side by side, compiling included.
 

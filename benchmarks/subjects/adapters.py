@@ -21,37 +21,33 @@ from benchmarks.subjects.common import (
     Chunk,
     Options,
     Subjects,
-    random_actions,
+    random_loop,
 )
 from benchmarks.subjects.own import own_environment, repeat
 
 MIDDLE = SIZE // 2
 
 
-def on_host(build: Callable[[Any, Any, int], tuple[Any, Any]], turn: Any = np.asarray) -> Builder:
+def on_host(
+    build: Callable[[Any, Any, int], Callable[[Any], Any]], convert: Any = np.asarray
+) -> Builder:
     """The subject of an adapter that is called from Python.
 
     Args:
-        build: of environment, params and B: the first frames, and what steps with int32[B] and
-            gives uint8[B, H, W, 3].
-        turn: makes of NumPy's actions what that takes.
+        build: of environment, params and B; gives what steps with int32[B] and returns
+            uint8[B, H, W, 3].
+        convert: makes of NumPy's actions what that takes.
     """
 
     def prepared(batch: int, options: Options) -> Chunk:
         # Waiting for each frame, one only pays for another thread; JAX must not run before.
         jax.config.update("jax_cpu_enable_async_dispatch", False)
         env, params = own_environment(options)
-        observation, step = build(env, params, batch)
-        sampled, calls = map(turn, random_actions(env.num_actions, batch)), max(8, 1024 // batch)
-
-        def chunk() -> int:
-            nonlocal observation
-            for _ in range(calls):
-                action = (next(sampled) + observation[:, MIDDLE, MIDDLE, 0]) % env.num_actions
-                observation = step(action)
-            return calls * batch
-
-        return chunk
+        step, calls = build(env, params, batch), max(8, 1024 // batch)
+        return random_loop(
+            lambda actions: step(actions)[:, MIDDLE, MIDDLE, 0],
+            env.num_actions, calls, batch, batch, convert=convert,
+        )  # fmt: skip
 
     return prepared
 
@@ -67,14 +63,14 @@ def loop(env: Any, params: Any, batch: int) -> Any:
 
     key = jax.random.key(0)
     reset = jax.jit(lambda keys: jax.vmap(env.reset, (0, None))(keys, params))
-    observation, state = reset(jax.random.split(key, batch))
+    _, state = reset(jax.random.split(key, batch))
 
     def advance(actions: np.ndarray) -> np.ndarray:
         nonlocal key, state
         key, observation, state, *_ = step(key, state, actions)
         return np.asarray(observation)
 
-    return np.asarray(observation), advance
+    return advance
 
 
 def gymnasium_vector(env: Any, params: Any, batch: int, mode: str) -> Any:
@@ -82,7 +78,8 @@ def gymnasium_vector(env: Any, params: Any, batch: int, mode: str) -> Any:
     from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
 
     adapter = GymnasiumVectorEnv(env, params, batch, autoreset_mode=mode)
-    return adapter.reset(seed=0)[0], lambda actions: adapter.step(actions)[0]
+    adapter.reset(seed=0)
+    return lambda actions: adapter.step(actions)[0]
 
 
 def gymnasium_single(env: Any, params: Any, batch: int) -> Any:
@@ -98,7 +95,8 @@ def gymnasium_single(env: Any, params: Any, batch: int) -> Any:
             observation, _ = adapter.reset()
         return observation[None]
 
-    return adapter.reset(seed=0)[0][None], step
+    adapter.reset(seed=0)
+    return step
 
 
 def torch(env: Any, params: Any, batch: int) -> Any:
@@ -109,7 +107,8 @@ def torch(env: Any, params: Any, batch: int) -> Any:
 
     package.set_num_threads(1)
     adapter = TorchBatch(env, params, batch)
-    return adapter.reset(0)[0], lambda actions: adapter.step(actions).observation
+    adapter.reset(0)
+    return lambda actions: adapter.step(actions).observation
 
 
 def to_tensor(actions: np.ndarray) -> Any:
@@ -125,7 +124,8 @@ def sb3(env: Any, params: Any, batch: int) -> Any:
 
     adapter = SB3VecEnv(env, params, batch)
     adapter.seed(0)
-    return adapter.reset(), lambda actions: adapter.step(actions)[0]
+    adapter.reset()
+    return lambda actions: adapter.step(actions)[0]
 
 
 def scan_over(batch: int, reset: Any, step: Any, count: int) -> Chunk:

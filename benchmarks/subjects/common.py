@@ -44,6 +44,35 @@ def random_actions(count: int, *shape: int) -> Iterator[Any]:
     return itertools.cycle(sampled if shape else sampled.tolist())
 
 
+def random_loop(
+    step: Callable[[Any], Any],
+    count: int,
+    calls: int,
+    steps: int,
+    *shape: int,
+    convert: Callable[[Any], Any] = lambda action: action,
+) -> Chunk:
+    """A random policy of which a pixel of every frame shifts the next action, so that all are read.
+
+    Args:
+        step: takes actions and gives the pixels of the frames that follow.
+        count: of actions.
+        calls: of `step` in a chunk.
+        steps: of the world in a call.
+        shape: of the actions; none for one whole number.
+        convert: makes of NumPy's actions what `step` takes and its pixels are.
+    """
+    actions, pixel = map(convert, random_actions(count, *shape)), 0
+
+    def chunk() -> int:
+        nonlocal pixel
+        for _ in range(calls):
+            pixel = step((next(actions) + pixel) % count)
+        return calls * steps
+
+    return chunk
+
+
 def middle(frame: np.ndarray) -> int:
     """The red of the pixel in the middle."""
     return int(frame[frame.shape[0] // 2, frame.shape[1] // 2, 0])

@@ -30,7 +30,7 @@ from benchmarks.subjects.common import (
     frame_skip,
     image_size,
     middle,
-    random_actions,
+    random_loop,
 )
 from benchmarks.subjects.frames import make_frames, make_keeping_rollout
 from jaxenstein.speed.random_rollout import make_random_rollout
@@ -150,17 +150,14 @@ def loop(batch: int, options: Options) -> Chunk:
         return key, *env.step(step_key, state, action, params)
 
     key, reset_key = jax.random.split(jax.random.key(0))
-    obs, state = jax.jit(lambda key: env.reset(key, params))(reset_key)
-    drawn, calls = random_actions(env.num_actions), 64
+    _, state = jax.jit(lambda key: env.reset(key, params))(reset_key)
 
-    def chunk() -> int:
-        nonlocal key, obs, state
-        for _ in range(calls):
-            action = (next(drawn) + middle(np.asarray(obs))) % env.num_actions
-            key, obs, state, *_ = step(key, state, np.int32(action))
-        return calls * frame_skip(options)
+    def advance(action: int) -> int:
+        nonlocal key, state
+        key, obs, state, *_ = step(key, state, np.int32(action))
+        return middle(np.asarray(obs))
 
-    return chunk
+    return random_loop(advance, env.num_actions, 64, frame_skip(options))
 
 
 SUBJECTS: Subjects = {
