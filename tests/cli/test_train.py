@@ -20,8 +20,8 @@ from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import read_metrics
 from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import build_parser, main
+from jaxenstein.cli.opening import given_training
 from jaxenstein.cli.train import note_of
-from jaxenstein.cli.training import given_training
 from tests.baselines.tiny import OPTIONS, UPDATES, tiny
 
 ROOT = Path(__file__).parents[2]

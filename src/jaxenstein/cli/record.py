@@ -152,7 +152,7 @@ def load_agent(path: Path | None, options: argparse.Namespace) -> TrainedPolicy 
         if options.greedy or options.number is not None:
             raise UsageError("jaxenstein: --run and --greedy go with the run directory of --policy")
         return None
-    from .training import baselines
+    from .opening import baselines
 
     return baselines("agents").load_policy(path, options.number, greedy=options.greedy)
 
