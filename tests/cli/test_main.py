@@ -17,7 +17,7 @@ import pytest
 import jaxenstein
 from jaxenstein import registry
 from jaxenstein.catalogue import MAIN_IDS
-from jaxenstein.cli import bench, build_parser, listing, main, rollout
+from jaxenstein.cli import build_parser, listing, main, rollout
 from jaxenstein.cli.opening import given_options, open_environment
 from jaxenstein.trajectory import FORMAT, FORMAT_VERSION
 
@@ -263,18 +263,6 @@ def test_errors_do_not_command_the_terminal(
     assert main(["replay", str(tmp_path / "a.json")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith(r"unknown entry '\x1b[2J\u202e'")
-
-
-def test_bench_table_lines_up() -> None:
-    rates = {"median": 99960.0, "lower_quartile": 1e5, "upper_quartile": 217_400.0}
-    result = {
-        "id": "simple", "width": 64, "height": 48, "batch": 256, "steps_per_second": rates,
-        "world_steps_per_second": rates,
-        "compile_seconds": {"reset": 1.0, "step": 2.25}, "peak_memory_bytes": 300 * 2**20,
-    }  # fmt: skip
-    header, line = bench.table([result]).splitlines()
-    assert " ".join(line.split()) == "simple 64x48 256 100k 100k - 217k 100k 3.2 s 300 MiB"
-    assert header.index("BATCH") + len("BATCH") == line.index("256") + len("256")
 
 
 def test_output_can_be_a_plain_stream(monkeypatch: pytest.MonkeyPatch) -> None:
