@@ -4,8 +4,19 @@ import pytest
 
 pytest.importorskip("flax")
 
-from jaxenstein.baselines import Config, HParams
+from jaxenstein.baselines import Config, HParams, ICMSettings, RNDSettings
 from jaxenstein.errors import SettingError
+
+
+def test_defaults_are_the_papers():
+    config, numbers = Config(), HParams()
+    assert (config.rollout, config.epochs) == (128, 4)
+    assert (config.hidden, config.features) == (256, 256)
+    rnd, icm = RNDSettings(), ICMSettings()
+    assert (rnd.rnd_hidden, rnd.rnd_output, rnd.rnd_layers) == (128, 128, 2)
+    assert (icm.icm_latent, icm.icm_hidden, config.bonus_epochs) == (128, 256, 1)
+    assert (numbers.learning_rate, numbers.gae_lambda, numbers.entropy) == (2.5e-4, 0.95, 0.01)
+    assert (numbers.value, numbers.gradient_norm, numbers.gamma) == (0.5, 0.5, None)
 
 
 def test_configs_are_hashable_and_count_updates():
@@ -18,11 +29,16 @@ def test_configs_are_hashable_and_count_updates():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"algo": "pppo"}, "one of 'ppo', 'rnd', 'icm', 'e3b', not 'pppo', did you mean"),
+        (
+            {"algo": "pppo"},
+            "one of 'ppo', 'rnd', 'icm', 'e3b', not 'pppo', did you mean",
+        ),
         ({"num_envs": 6}, "num_envs must be a multiple of minibatches = 4"),
         ({"num_envs": 8, "shards": 4}, "times shards = 4"),
         ({"num_envs": 0}, "num_envs must be a whole number from 1 on, not 0"),
         ({"total_steps": 100}, "at least num_envs \\* rollout = 8192"),
+        ({"dtype": "float16"}, "dtype must be one of 'float32', 'bfloat16'"),
+        ({"persistence": -1}, "persistence must be a finite number from 0 on, not -1"),
         ({"stop_success": 1.5}, "stop_success must be a finite number from 0 to 1, not 1.5"),
         ({"convolutions": ((8, 4),)}, "\\[kernel, stride, features\\] of each layer"),
     ],

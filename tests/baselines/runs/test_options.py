@@ -13,13 +13,13 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein import SettingError, UnknownEnvironmentError
-from jaxenstein.baselines import Config, HParams, ICMSettings, RNDSettings
+from jaxenstein.baselines import Config, HParams
 from jaxenstein.baselines.learning.algorithms import algorithms
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.options import all_options, given_by, read_file, resolve
 from jaxenstein.settings import merge
 from jaxenstein.tasks.first_person import FirstPerson
-from tests.baselines.tiny import tiny
+from tests.baselines.tiny import OPTIONS, tiny
 
 # Small enough for the default environment.
 QUICK: dict[str, Any] = {"height": 12, "width": 16, "convolutions": [[4, 4, 4]]}
@@ -79,9 +79,6 @@ def test_defaults_are_those_of_the_paper() -> None:
         numbers.gradient_norm,
     )  # fmt: skip
     assert given == (2.5e-4, 0.95, 0.01, 0.5, 0.5)
-    rnd, icm = RNDSettings(), ICMSettings()
-    assert (rnd.rnd_hidden, rnd.rnd_output, rnd.rnd_layers) == (128, 128, 2)
-    assert (icm.icm_latent, icm.icm_hidden, config.bonus_epochs) == (128, 256, 1)
 
 
 TUNED = {
@@ -289,3 +286,7 @@ def test_yaml_is_read_where_there_is_pyyaml(
     file.write_text("{")
     with pytest.raises(SettingError, match="is not YAML"):
         read_file(file)
+
+
+def test_the_tests_options_are_an_experiment_of_two_runs() -> None:
+    assert len(tiny().runs) == OPTIONS["seeds"] == 2

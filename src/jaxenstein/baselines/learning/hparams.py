@@ -19,7 +19,7 @@ class HParams(PyTreeNode):
     Attributes:
         learning_rate: of PPO's Adam, at the start.
         gamma: discount; None: the environment's own.
-        gae_lambda: weight of longer returns in the advantages.
+        gae_lambda: weight of longer returns in the advantages, 0 to 1.
         clip: range of the probability ratio around 1.
         value_clip: how far a value may move from its old one within an update.
         entropy: coefficient of the entropy.
