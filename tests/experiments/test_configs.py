@@ -10,7 +10,7 @@ pytest.importorskip("flax")
 
 from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import build_parser
-from jaxenstein.cli.training import given_training
+from jaxenstein.cli.opening import given_training
 
 FILES = (Path(__file__).parents[2] / "experiments").rglob("*.toml")
 CONFIGS = sorted(path for path in FILES if path.parent.name != "studies")

@@ -14,9 +14,8 @@ from ..view.episode import compose
 from ..view.recording import check_animation, save_animation
 from .arguments import Parser, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
-from .opening import given_options, with_map
+from .opening import baselines, given_options, with_map
 from .record import play_shown
-from .training import baselines
 
 if TYPE_CHECKING:
     from ..baselines.runs.result import Result

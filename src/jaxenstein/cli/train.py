@@ -18,8 +18,15 @@ from ..errors import SettingError
 from ..machine import use_cores
 from ..progress import Progress
 from .arguments import Parser, flag, real, whole
-from .opening import IMPORT, handling, telling_warnings
-from .training import add_training_options, baselines, given_training, named
+from .opening import (
+    IMPORT,
+    add_training_options,
+    baselines,
+    given_training,
+    handling,
+    named,
+    telling_warnings,
+)
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder

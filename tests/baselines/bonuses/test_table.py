@@ -29,8 +29,11 @@ from jaxenstein.baselines.learning import algorithms
 from jaxenstein.baselines.learning.axes import per_environment
 from jaxenstein.cli import main
 from jaxenstein.errors import SettingError
+from jaxenstein.fields import choice, number
 from jaxenstein.pytree import PyTreeNode
 from tests.baselines.bonuses.rollouts import BATCH, KEY, STEPS, experience, loop_of, numbers_of
+
+Counted = Literal["steps", "turns"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -42,8 +45,8 @@ class VisitsSettings(BonusSettings):
         visits_kind: what is counted.
     """
 
-    visits_power: int = 2
-    visits_kind: Literal["steps", "turns"] = "steps"
+    visits_power: int = number(2, 1)
+    visits_kind: Counted = choice("steps", Counted)
 
 
 class VisitsNumbers(BonusNumbers):
@@ -53,7 +56,7 @@ class VisitsNumbers(BonusNumbers):
         visits_size: factor.
     """
 
-    visits_size: Any = 1.0
+    visits_size: Any = number(1.0, 0)
 
 
 class VisitsState(PyTreeNode):
@@ -100,9 +103,9 @@ def test_a_bonus_of_ones_own_is_trained_stopped_and_resumed(tmp_path: Path) -> N
     from jaxenstein.baselines.runs.training import train
     from tests.baselines.tiny import OPTIONS, tiny
 
-    assert "visits" in all_options()["algo"].choices
-    assert all_options()["visits_kind"].choices == ("steps", "turns")
-    assert all_options()["visits_power"].help == "what the second part of the bonus is raised to"
+    assert "visits" in all_options()["algo"].domain.choices
+    assert all_options()["visits_kind"].domain.choices == ("steps", "turns")
+    assert all_options()["visits_power"].help == "what the second part of the bonus is raised to."
     (tmp_path / "own.toml").write_text('algo = "visits"\nvisits_power = 3\nvisits_size = 0.5\n')
     own = read_file(tmp_path / "own.toml")
     experiment = tiny(**own, seeds=1, total_steps=2 * 4 * 8)
@@ -233,13 +236,13 @@ def test_rows_that_cannot_be(name: str, classes: Any, grid: Any, message: str) -
 
 @pytest.mark.usefixtures("visits")
 def test_settings_and_numbers_are_checked_as_all_are() -> None:
-    with pytest.raises(SettingError, match="visits_power must be a whole number from 1, not 0"):
+    with pytest.raises(SettingError, match="visits_power must be a whole number from 1 on, not 0"):
         VisitsSettings(visits_power=0)
     kind: Any = "turn"
     with pytest.raises(SettingError, match="must be one of 'steps', 'turns', not 'turn', did you"):
         VisitsSettings(visits_kind=kind)
     own = HParams(bonus=VisitsNumbers(visits_size=-1))
-    with pytest.raises(SettingError, match="visits_size must be a finite number at least 0"):
+    with pytest.raises(SettingError, match="visits_size must be a finite number from 0 on"):
         own.check()
     with pytest.raises(SettingError, match="must be RNDSettings, the settings of 'rnd', not Visi"):
         Config(algo="rnd", bonus=VisitsSettings())
@@ -273,9 +276,9 @@ def test_commands_know_a_bonus_of_a_module_that_they_import(
         "from tests.baselines.bonuses.test_table import Visits, VisitsNumbers, VisitsSettings\n"
         "register_bonus('visits', Visits, VisitsSettings, VisitsNumbers)\n"
     )
-    train = ["train", "--algo", "visits", "--visits-size", "-1", "--out", str(tmp_path / "run")]
+    train = ["train", "--algo", "visits", "--visits-size", "1", "--out", str(tmp_path / "run")]
     assert main(train) == 2
-    assert "invalid choice: 'visits'" in capsys.readouterr().err
+    assert "'e3b', not 'visits'" in capsys.readouterr().err
     assert main([*train, "--visits-power=0.5", "--import=my_visits"]) == 2
     assert "--visits-power: must be a whole number" in capsys.readouterr().err
 

@@ -17,7 +17,7 @@ from jaxenstein.baselines import Config, HParams
 from jaxenstein.baselines.learning.algorithms import algorithms
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.options import all_options, given_by, read_file, resolve
-from jaxenstein.settings import merge, options_of
+from jaxenstein.settings import merge
 from jaxenstein.tasks.first_person import FirstPerson
 from tests.baselines.tiny import OPTIONS, tiny
 
@@ -34,9 +34,7 @@ def test_every_field_is_an_option_with_its_default_and_a_help() -> None:
                 assert options[field.name].default == field.default
     without = [name for name, option in options.items() if not option.help]
     assert without == []
-    assert options["algo"].choices == ("ppo", "rnd", "icm", "e3b")
-    assert options["dtype"].choices == ("float32", "bfloat16")
-    assert options["anneal"].kind == "flag"
+    assert options["algo"].domain.choices == ("ppo", "rnd", "icm", "e3b")
 
 
 def test_what_is_given_reaches_the_experiment() -> None:
@@ -195,27 +193,19 @@ def test_an_alias_is_the_same_experiment() -> None:
             {"algo": "rdn"},
             "one of 'ppo', 'rnd', 'icm', 'e3b', not 'rdn', did you mean",
         ),
-        ({"dtype": "float23"}, "must be one of 'float32', 'bfloat16', not 'float23', did you mean"),
         ({"rnd_hiden": 8}, "unknown option 'rnd_hiden', did you mean 'rnd_hidden"),
-        ({"num_envs": 2.5}, "num_envs must be a whole number, not 2.5"),
-        ({"num_envs": True}, "num_envs must be a whole number, not True"),
         ({"num_envs": 6}, "num_envs must be a multiple of minibatches"),
-        ({"clip": "big"}, "clip must be a number, not 'big'"),
         ({"clip": 0}, "clip must be a finite number above 0, not 0"),
         ({"recipe": "tunned"}, "one of 'paper', 'tuned', not 'tunned', did you mean 'tuned'"),
-        ({"network": 64}, "network must be a word, not 64"),
-        ({"anneal": 1}, "anneal must be true or false, not 1"),
-        ({"convolutions": 3}, r"convolutions must be a list of \[kernel, stride, features\]"),
-        ({"convolutions": [[1, 2]]}, "convolutions must be"),
         ({"params": 3}, "params must be a table of names with values, not 3"),
         ({"params": {"discout": 3}}, "unknown param 'discout', did you mean 'discount'"),
-        ({"horizon": 0}, "horizon must be a whole number from 1, not 0"),
+        ({"horizon": 0}, "horizon must be a whole number from 1 on, not 0"),
         ({"settings": {"fov": 90}}, "unknown setting 'fov'"),
         ({"settings": {"move_distance": 2}}, r"--param move_distance=\.\.\. in a command"),
         ({"params": {"sprite_layers": 2}}, "is a setting, not a param: --set sprite_layers=2"),
         ({"settings": {"id": "simple"}}, "unknown setting 'id'"),
         ({"height": 0}, "height"),
-        ({"seeds": 0}, "seeds must be a whole number from 1, not 0"),
+        ({"seeds": 0}, "seeds must be a whole number from 1 on, not 0"),
         ({"seed": -1}, "seed must be a whole number from 0"),
         ({"grid": {"clips": [1.0]}}, "unknown number 'clips' in grid, did you mean 'clip'"),
         ({"grid": {"clip": []}}, "grid.clip must be a list of different numbers"),
@@ -258,9 +248,11 @@ def test_a_file_gives_options_and_flags_win(tmp_path: Path) -> None:
     [
         ("algo = ", "run.toml is not TOML"),
         ("lerning_rate = 1", "run.toml: unknown option 'lerning_rate', did you mean"),
-        ('num_envs = "8"', "run.toml: num_envs must be a whole number, not '8'"),
-        (f"num_envs = {10**400}", "run.toml: num_envs must be a whole number, not 1000"),
-        (f"gamma = {-(10**400)}", "run.toml: gamma must be a number, not -1000"),
+        ('num_envs = "8"', "run.toml: num_envs must be a whole number from 1 on, not '8'"),
+        (
+            f"gamma = {10**400}",
+            "run.toml: gamma must be None or a finite number from 0 to 1",
+        ),
     ],
 )
 def test_a_wrong_file_is_told(tmp_path: Path, text: str, message: str) -> None:
@@ -298,13 +290,3 @@ def test_yaml_is_read_where_there_is_pyyaml(
 
 def test_the_tests_options_are_an_experiment_of_two_runs() -> None:
     assert len(tiny().runs) == OPTIONS["seeds"] == 2
-
-
-def test_help_says_so_where_docstrings_are_stripped() -> None:
-    @dataclasses.dataclass
-    class Stripped:
-        size: int
-
-    assert [option.help for option in options_of(Stripped, "x")] == [
-        "(python -OO strips the explanation)"
-    ]

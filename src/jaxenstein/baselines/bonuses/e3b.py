@@ -9,17 +9,19 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 
+from ...fields import choice, number
 from ...pytree import PyTreeNode
 from ..learning import optimiser
 from ..learning.algorithms import BonusNumbers, BonusSettings
 from ..learning.axes import PER_ENVIRONMENT
 from ..learning.bonus import Experience, Metrics
 from ..learning.config import Config
-from ..learning.fields import positive
 from ..learning.hparams import HParams
 from ..learning.observations import ObservationSpec
 from .parts import Embedding, InverseModel, inverse_loss, train
 from .temporal import drawn_offsets, temporal_loss
+
+Learned = Literal["inverse", "temporal"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -36,11 +38,11 @@ class E3BSettings(BonusSettings):
         e3b_layers: the number of these.
     """
 
-    e3b_embedding: Literal["inverse", "temporal"] = "inverse"
-    e3b_reach: int = 8
-    e3b_latent: int = 32
-    e3b_hidden: int = 256
-    e3b_layers: int = 2
+    e3b_embedding: Learned = choice("inverse", Learned)
+    e3b_reach: int = number(8, 1)
+    e3b_latent: int = number(32, 1)
+    e3b_hidden: int = number(256, 1)
+    e3b_layers: int = number(2, 1)
 
 
 class E3BNumbers(BonusNumbers):
@@ -50,7 +52,7 @@ class E3BNumbers(BonusNumbers):
         e3b_lambda: weight of the ridge that E3B's matrix begins an episode with.
     """
 
-    e3b_lambda: Any = positive(0.1)
+    e3b_lambda: Any = number(0.1, above=0)
 
 
 class E3BState(PyTreeNode):

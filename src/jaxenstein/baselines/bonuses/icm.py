@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ...fields import number
 from ...pytree import PyTreeNode
 from ..learning import optimiser
 from ..learning.algorithms import BonusNumbers, BonusSettings
@@ -34,9 +35,9 @@ class ICMSettings(BonusSettings):
             the original; if false the inverse model alone does.
     """
 
-    icm_latent: int = 128
-    icm_hidden: int = 256
-    icm_layers: int = 2
+    icm_latent: int = number(128, 1)
+    icm_hidden: int = number(256, 1)
+    icm_layers: int = number(2, 1)
     icm_forward_trains_encoder: bool = False
 
 
@@ -48,8 +49,8 @@ class ICMNumbers(BonusNumbers):
         icm_forward: coefficient of the forward model's loss.
     """
 
-    icm_inverse: Any = 1.0
-    icm_forward: Any = 1.0
+    icm_inverse: Any = number(1.0, 0)
+    icm_forward: Any = number(1.0, 0)
 
 
 class ICMState(PyTreeNode):

@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ... import fields
 from ...pytree import PyTreeNode
 from ..learning import optimiser
 from ..learning.algorithms import BonusNumbers, BonusSettings
@@ -33,9 +34,9 @@ class RNDSettings(BonusSettings):
         rnd_layers: number of RND's hidden layers behind its image features.
     """
 
-    rnd_hidden: int = 128
-    rnd_output: int = 128
-    rnd_layers: int = 2
+    rnd_hidden: int = fields.number(128, 1)
+    rnd_output: int = fields.number(128, 1)
+    rnd_layers: int = fields.number(2, 1)
 
 
 class RNDNumbers(BonusNumbers):
@@ -45,7 +46,7 @@ class RNDNumbers(BonusNumbers):
         rnd_loss: coefficient of RND's loss.
     """
 
-    rnd_loss: Any = 0.1
+    rnd_loss: Any = fields.number(0.1, 0)
 
 
 class RNDState(PyTreeNode):

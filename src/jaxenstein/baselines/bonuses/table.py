@@ -6,10 +6,10 @@ import re
 from collections.abc import Callable, Mapping
 
 from ...errors import SettingError, nearest
+from ...fields import names_of
 from ..learning.algorithms import Algorithm, BonusNumbers, BonusSettings, add, algorithms
 from ..learning.bonus import Bonus
 from ..learning.config import Config
-from ..learning.fields import names
 from ..learning.hparams import HParams
 from ..learning.observations import ObservationSpec
 from .e3b import E3B, E3BNumbers, E3BSettings
@@ -47,14 +47,14 @@ def register_bonus(
         )
     if name in algorithms():
         raise SettingError(f"there is an algorithm {name!r} already; choose another name")
-    own = (*names(settings), *names(numbers))
+    own = (*names_of(settings), *names_of(numbers))
     for field in own:
         if not field.startswith(f"{name}_"):
             raise SettingError(
                 f"settings and numbers of {name!r} must begin with '{name}_', not {field!r}: they "
                 "are options beside those of the others"
             )
-    known = (*names(HParams), *names(numbers))
+    known = (*names_of(HParams), *names_of(numbers))
     for number in grid or ():
         if number not in known:
             raise SettingError(f"unknown number {number!r} in the grid{nearest(number, known)}")

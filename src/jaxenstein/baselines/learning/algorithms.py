@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...errors import SettingError
+from ...fields import Domain, check, check_value, names_of
 from ...pytree import PyTreeNode
-from .fields import check_choice, check_settings, names
 
 if TYPE_CHECKING:
     from .bonus import Bonus
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 class BonusSettings:
     """What a bonus is told that shapes its program: frozen and hashable; here nothing.
 
-    Those of a bonus are fields of a subclass, each int (from 1, or what `count` says), bool or
-    a Literal of words. Options of their names are flags and lines of files, so they begin with
-    the bonus'.
+    Those of a bonus are fields of a subclass, each a bool or declared by `jaxenstein.fields`:
+    `number(8, 1)` for whole numbers from 1, `choice` for words. Options of their names are flags
+    and lines of files, so they begin with the bonus'.
     """
 
     def __post_init__(self) -> None:
         """Check every field."""
-        check_settings(self)
+        check(self)
 
 
 class BonusNumbers(PyTreeNode):
     """Numbers of a bonus that may differ between runs of one program: here none.
 
-    Those of a bonus are fields of a subclass that is a `record` too, named as its settings are;
-    at least 0, or what `share` and `positive` say.
+    Those of a bonus are fields of a subclass, named as its settings are, and declared as
+    `jaxenstein.fields.number(0.1, 0)` does for numbers from 0.
     """
 
 
@@ -84,7 +84,7 @@ def algorithm(name: str) -> Algorithm:
         SettingError: there is none.
     """
     try:
-        check_choice("algo", name, tuple(_ALGORITHMS))
+        check_value("algo", Domain("choice", choices=tuple(_ALGORITHMS)), name)
     except SettingError as error:
         own = "a bonus of your own is known once its module is imported, in commands by --import"
         raise SettingError(f"{error}; {own}") from None
@@ -109,5 +109,5 @@ def without_removed(values: Mapping[str, Any]) -> dict[str, Any]:
 def without_others(values: Mapping[str, Any], own: Algorithm) -> dict[str, Any]:
     """The values but for settings and numbers of the bonuses of other algorithms."""
     rows = [row for row in _ALGORITHMS.values() if row is not own]
-    others = {name for row in rows for cls in (row.settings, row.numbers) for name in names(cls)}
+    others = {name for row in rows for cls in (row.settings, row.numbers) for name in names_of(cls)}
     return {name: value for name, value in without_removed(values).items() if name not in others}

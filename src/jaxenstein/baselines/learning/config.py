@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jax.typing import DTypeLike
 
 from ...errors import SettingError
+from ...fields import check, check_names, choice, names_of, number, of_form, values_of
 from .algorithms import Algorithm, BonusSettings, algorithm, without_others
-from .fields import check_known, check_settings, is_whole, names, share, values_of
 
 Precision = Literal["float32", "bfloat16"]
 Convolution = Literal["matmul", "lax"]
@@ -68,30 +68,30 @@ class Config:
     """
 
     algo: str = "ppo"
-    total_steps: int = 10_000_000  # not printed; pobax uses 1e7 for its mazes
-    num_envs: int = 64  # not printed
-    rollout: int = 128
-    epochs: int = 4
-    minibatches: int = 4  # as pobax and purejaxrl
+    total_steps: int = number(10_000_000, 1)  # not printed; pobax uses 1e7 for its mazes
+    num_envs: int = number(64, 1)  # not printed
+    rollout: int = number(128, 1)
+    epochs: int = number(4, 1)
+    minibatches: int = number(4, 1)  # as pobax and purejaxrl
     anneal: bool = True  # as pobax
     value_loss_half: bool = False  # as pobax and SB3
     bootstrap_truncation: bool = True
-    convolutions: tuple[tuple[int, int, int], ...] | None = None
-    features: int = 256
-    hidden: int = 256
-    head: int = 256  # as pobax
+    convolutions: tuple[tuple[int, int, int], ...] | None = of_form(None, "layers")
+    features: int = number(256, 1)
+    hidden: int = number(256, 1)
+    head: int = number(256, 1)  # as pobax
     zero_values: bool = False
-    contrast: float = 0.0
-    persistence: float = 0.0
+    contrast: float = number(0.0, 0)
+    persistence: float = number(0.0, 0)
     recurrent: bool = True
-    dtype: Precision = "float32"
-    convolution: Convolution = "matmul"
-    bonus_epochs: int = 1
+    dtype: Precision = choice("float32", Precision)
+    convolution: Convolution = choice("matmul", Convolution)
+    bonus_epochs: int = number(1, 1)
     normalise_bonus: bool = False
     bonus_values: bool = False
-    stop_success: float = share(0.0)
+    stop_success: float = number(0.0, 0, 1)
     random_clocks: bool = False
-    shards: int = 1
+    shards: int = number(1, 1)
     bonus: BonusSettings | None = None
 
     def __post_init__(self) -> None:
@@ -104,25 +104,8 @@ class Config:
                 f"bonus must be {settings.__name__}, the settings of {self.algo!r}, not "
                 f"{self.bonus!r}"
             )
-        check_settings(self)
-        self._check_convolutions()
+        check(self)
         self._check_batch()
-
-    def _check_convolutions(self) -> None:
-        if self.convolutions is None:
-            return
-        if not all(isinstance(layer, list | tuple) for layer in self.convolutions):
-            raise SettingError(
-                f"convolutions must hold (kernel, stride, features), not {self.convolutions!r}"
-            )
-        layers = tuple(tuple(layer) for layer in self.convolutions)
-        for layer in layers:
-            if len(layer) != 3 or any(not is_whole(number) or number < 1 for number in layer):
-                raise SettingError(
-                    "convolutions must be (kernel, stride, features) of each layer, whole "
-                    f"numbers from 1, not {layer!r}"
-                )
-        object.__setattr__(self, "convolutions", layers)
 
     def _check_batch(self) -> None:
         groups = self.minibatches * self.shards
@@ -187,8 +170,8 @@ class Config:
         """
         row = algorithm(values.get("algo", cls.algo))
         shared = without_others(values, row)
-        own = names(row.settings)
-        check_known(shared, [name for name in (*names(cls), *own) if name != "bonus"])
+        own = names_of(row.settings)
+        check_names(shared, [name for name in (*names_of(cls), *own) if name != "bonus"])
         bonus = row.settings(**{name: shared.pop(name) for name in own if name in shared})
         return cls(bonus=bonus, **shared)
 

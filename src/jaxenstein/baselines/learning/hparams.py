@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from ...errors import SettingError
+from ...fields import as_arrays, check_names, names_of, number, values_of
 from ...pytree import PyTreeNode
 from .algorithms import Algorithm, BonusNumbers, without_others
-from .fields import check_known, check_numbers, names, positive, share, values_of
 
 _Numbers = TypeVar("_Numbers", bound=BonusNumbers)
 
@@ -39,22 +39,22 @@ class HParams(PyTreeNode):
         bonus: the bonus' own numbers; None: their defaults.
     """
 
-    learning_rate: Any = 2.5e-4
-    gamma: Any = share(None)
-    gae_lambda: Any = share(0.95)
-    clip: Any = positive(0.2)
-    value_clip: Any = positive(0.2)
-    entropy: Any = 0.01
-    value: Any = 0.5
-    gradient_norm: Any = positive(0.5)
-    advantage_floor: Any = 1e-8
-    target_kl: Any = positive(None)
-    bonus_learning_rate: Any = 3e-4  # the paper prints none for RND
-    bonus_reward: Any = 1.0
-    bonus_advantage: Any = 1.0
-    bonus_gamma: Any = share(None)
-    bonus_value_clip: Any = positive(None)
-    bonus_memory: Any = share(1.0)
+    learning_rate: Any = number(2.5e-4, 0)
+    gamma: Any = number(None, 0, 1)
+    gae_lambda: Any = number(0.95, 0, 1)
+    clip: Any = number(0.2, above=0)
+    value_clip: Any = number(0.2, above=0)
+    entropy: Any = number(0.01, 0)
+    value: Any = number(0.5, 0)
+    gradient_norm: Any = number(0.5, above=0)
+    advantage_floor: Any = number(1e-8, 0)
+    target_kl: Any = number(None, above=0)
+    bonus_learning_rate: Any = number(3e-4, 0)  # the paper prints none for RND
+    bonus_reward: Any = number(1.0, 0)
+    bonus_advantage: Any = number(1.0, 0)
+    bonus_gamma: Any = number(None, 0, 1)
+    bonus_value_clip: Any = number(None, above=0)
+    bonus_memory: Any = number(1.0, 0, 1)
     bonus: BonusNumbers | None = None
 
     @classmethod
@@ -67,8 +67,8 @@ class HParams(PyTreeNode):
             SettingError: there is no such number.
         """
         shared = without_others(values, algorithm)
-        own = names(algorithm.numbers)
-        check_known(shared, [name for name in (*names(cls), *own) if name != "bonus"])
+        own = names_of(algorithm.numbers)
+        check_names(shared, [name for name in (*names_of(cls), *own) if name != "bonus"])
         bonus = algorithm.numbers(**{name: shared.pop(name) for name in own if name in shared})
         return cls(bonus=bonus, **shared)
 
@@ -84,8 +84,8 @@ class HParams(PyTreeNode):
         Raises:
             SettingError: a value is no number, or out of range.
         """
-        checked = check_numbers(self, skip=("bonus",))
-        return checked if self.bonus is None else checked.replace(bonus=check_numbers(self.bonus))
+        checked = as_arrays(self, skip=("bonus",))
+        return checked if self.bonus is None else checked.replace(bonus=as_arrays(self.bonus))
 
     def bonus_as(self, cls: type[_Numbers]) -> _Numbers:
         """The bonus' numbers, which are of that class.

@@ -8,10 +8,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ...fields import values_of
 from . import gae, optimiser, ppo
 from .bonus import Bonus, Experience, Metrics, initial_scale, scaled
 from .config import Config
-from .fields import values_of
 from .hparams import HParams
 from .networks import ActorCritic
 from .rollout import Actors, EpisodeSums, Finals, Steps, final_values, rollout, start

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
-from ...recipe import Recipe, as_tuples
+from ...fields import as_tuples, values_of
+from ...recipe import Recipe
 from ..learning.config import Config
-from ..learning.fields import values_of
 from ..learning.hparams import HParams
 from ..learning.learner import Learner
 from ..learning.state import IMPLEMENTATION

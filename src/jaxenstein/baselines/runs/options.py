@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import SettingError, nearest, one_line
+from ...fields import Domain, Option, options_of, values_of
 from ...files import reason_of
-from ...settings import Option, check, environment_options, options_of, recipe_from
+from ...settings import checked, environment_options, recipe_from
 from ...settings import given_by as environment_given_by
 from ..learning.algorithms import Algorithm, algorithms, without_removed
 from ..learning.config import Config
-from ..learning.fields import values_of
 from ..learning.hparams import HParams
 from .experiment import Experiment, check_seeds
 from .presets import Presets, defaults_of
@@ -29,9 +29,11 @@ from .presets import Presets, defaults_of
 SIZE = {"height": 64, "width": 64}
 PRESETS, TRAINING, NUMBERS = "presets", "training", "numbers"
 RUNS = (
-    Option("seed", "runs", "count", 0, "the first seed"),
-    Option("seeds", "runs", "count", 1, "number of runs with seeds of their own, side by side"),
-    Option("grid", "runs", "table", None, "numbers that differ between runs, with their values"),
+    Option("seed", "runs", Domain("whole", 0), 0, "the first seed"),
+    Option("seeds", "runs", Domain("whole", 1), 1, "runs with seeds of their own, side by side"),
+    Option(
+        "grid", "runs", Domain("table"), None, "numbers that differ between runs, with their values"
+    ),
 )
 
 
@@ -46,12 +48,12 @@ def _options(rows: tuple[tuple[str, Algorithm], ...]) -> dict[str, Option]:
     for cls in (Config, *(row.settings for _, row in rows)):
         found += options_of(cls, TRAINING)
     for cls in (HParams, *(row.numbers for _, row in rows)):
-        found += options_of(cls, NUMBERS, kind="number")
+        found += options_of(cls, NUMBERS)
     options = environment_options() | {option.name: option for option in found}
     # Its parts are options themselves.
     del options["bonus"]
-    names = tuple(name for name, _ in rows)
-    options["algo"] = dataclasses.replace(options["algo"], kind="choice", choices=names)
+    algorithms = Domain("choice", choices=tuple(name for name, _ in rows))
+    options["algo"] = dataclasses.replace(options["algo"], domain=algorithms)
     return options
 
 
@@ -75,7 +77,7 @@ def read_file(path: Path) -> dict[str, Any]:
         raise SettingError(f"{path} must hold names with values")
     try:
         given = {str(name).replace("-", "_"): value for name, value in given.items()}
-        return check(without_removed(given), all_options())
+        return checked(without_removed(given), all_options())
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None
 
@@ -105,7 +107,7 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
         JAXensteinError: an option is unknown or has a value it cannot have, or the environment
             and the training do not fit.
     """
-    given = check(without_removed(given), all_options())
+    given = checked(without_removed(given), all_options())
     for name in given.get("grid") or {}:
         if name.replace("-", "_") in given:
             raise SettingError(f"{name} is given, and varied by the grid: leave one of them out")

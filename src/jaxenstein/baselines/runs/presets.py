@@ -6,11 +6,13 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, Literal
 
+from ...fields import check, choice
 from ..learning.config import Config
-from ..learning.fields import check_settings
 from ..learning.networks import PATCHES, SMALL
 
 Values = Mapping[str, Any]
+RecipeName = Literal["paper", "tuned"]
+NetworkName = Literal["paper", "small", "tiny"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,12 +25,12 @@ class Presets:
             convolutions and with one layer of patches; recipe tuned has tiny.
     """
 
-    recipe: Literal["paper", "tuned"] = "paper"
-    network: Literal["paper", "small", "tiny"] = "paper"
+    recipe: RecipeName = choice("paper", RecipeName)
+    network: NetworkName = choice("paper", NetworkName)
 
     def __post_init__(self) -> None:
         """Check both names."""
-        check_settings(self)
+        check(self)
 
 
 PAPER = Presets()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxenstein.cli import programs
+from jaxenstein.cli import compile_cache
 
 ROLLOUT = ["rollout", "simple", "--height", "8", "--width", "8", "--envs", "2", "--steps", "3"]
 
@@ -55,7 +55,7 @@ def test_the_second_call_finds_what_the_first_compiled(home: Path) -> None:
 ADD = """
 import resource, sys
 from jaxenstein.cli.opening import telling_warnings
-from jaxenstein.cli.programs import keep_programs
+from jaxenstein.cli.compile_cache import keep_programs
 if len(sys.argv) > 1:
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
 keep_programs()
@@ -92,18 +92,18 @@ def test_jax_is_told_of_the_folder_unless_it_knows_one(
 ) -> None:
     told: dict[str, object] = {}
     monkeypatch.setattr("jax.config.update", told.__setitem__)
-    programs.keep_programs()
-    assert told["jax_compilation_cache_dir"] == str(programs.programs_folder())
-    assert programs.programs_folder().is_dir()
+    compile_cache.keep_programs()
+    assert told["jax_compilation_cache_dir"] == str(compile_cache.programs_folder())
+    assert compile_cache.programs_folder().is_dir()
     told.clear()
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "elsewhere")
-    programs.keep_programs()
+    compile_cache.keep_programs()
     monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR")
-    programs.programs_folder().chmod(0o777)
-    programs.keep_programs()
+    compile_cache.programs_folder().chmod(0o777)
+    compile_cache.keep_programs()
     monkeypatch.setenv("XDG_CACHE_HOME", str(home / "file"))
     (home / "file").write_text("no folder")
-    programs.keep_programs()
+    compile_cache.keep_programs()
     assert told == {}
 
 
@@ -114,9 +114,9 @@ def test_the_least_recently_used_programs_go(home: Path) -> None:
     for age, name in enumerate(("new", "middle", "old")):
         (folder / f"{name}-cache").write_bytes(bytes(10))
         os.utime(folder / f"{name}-cache", (1e9 - age, 1e9 - age))
-    programs.make_room(folder.parent, limit=30)
+    compile_cache.make_room(folder.parent, limit=30)
     assert len(kept(folder)) == 3
-    programs.make_room(folder.parent, limit=19)
+    compile_cache.make_room(folder.parent, limit=19)
     assert list(kept(folder)) == ["new-cache"]
     assert (folder / "note").exists()
 
@@ -125,19 +125,19 @@ def test_a_folder_of_others_is_not_ours(home: Path) -> None:
     (home / "folder").mkdir(parents=True)
     (home / "folder").chmod(0o700)
     (home / "link").symlink_to(home / "folder")
-    assert programs.is_ours(home / "folder")
-    assert not programs.is_ours(home / "link")
+    assert compile_cache.is_ours(home / "folder")
+    assert not compile_cache.is_ours(home / "link")
     for mode, safe in ((0o777, False), (0o1777, True)):
         home.chmod(mode)
-        assert programs.is_ours(home / "folder") == safe
+        assert compile_cache.is_ours(home / "folder") == safe
     (home / "folder").chmod(0o770)
-    assert not programs.is_ours(home / "folder")
+    assert not compile_cache.is_ours(home / "folder")
 
 
 def test_another_processor_has_a_folder_of_its_own(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = programs.programs_folder()
-    assert folder == programs.programs_folder()
+    folder = compile_cache.programs_folder()
+    assert folder == compile_cache.programs_folder()
     monkeypatch.setattr("jaxenstein.machine.cpu_fact", lambda *names: "another")
-    assert programs.programs_folder() != folder
+    assert compile_cache.programs_folder() != folder
