@@ -132,13 +132,13 @@ def products(batch: int, options: Options) -> Chunk:
 def make_learner(batch: int, options: Options) -> Any:
     """The training that options name."""
     from jaxenstein.baselines import Config, Learner
-    from jaxenstein.baselines.runs.presets import defaults_of
+    from jaxenstein.baselines.runs.options import defaults_of
 
     # On an accelerator if there is one, as PyTorch does; JAX must not run before.
     jax.config.update("jax_platforms", None)
     named = {name: options[name] for name in ("recipe", "network") if name in options}
     known = Config.__dataclass_fields__
-    defaults = defaults_of(named)[1].items()
+    defaults = defaults_of(named).items()
     values: dict[str, Any] = {name: value for name, value in defaults if name in known}
     values |= {"num_envs": batch, "rollout": int(options.get("rollout", "128"))}
     values |= {"minibatches": min(4, batch), "total_steps": TRAINED_STEPS}

@@ -17,7 +17,7 @@ pytest.importorskip("flax")
 
 from experiments import visits
 from jaxenstein import from_ascii
-from jaxenstein.baselines.learning.learner import PolicyCarry
+from jaxenstein.baselines.learner import PolicyCarry
 from jaxenstein.maps.ascii import parse_ascii
 
 CONFIG = (

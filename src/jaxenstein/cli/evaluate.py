@@ -19,8 +19,7 @@ from .record import play_shown
 from .training import baselines
 
 if TYPE_CHECKING:
-    from ..baselines.runs.result import Result
-    from ..baselines.runs.trained import Trained
+    from ..baselines.runs.trained import Result, Trained
 
 HELP = "evaluate trained agents, and record one"
 DESCRIPTION = """\
@@ -124,7 +123,7 @@ def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
     if not given:
         return trained
     before = trained.experiment
-    after = dataclasses.replace(before, recipe=changed(before.recipe, given))
+    after = dataclasses.replace(before, environment=changed(before.environment, given))
     learner = after.learner
     baselines("agents").TrainedPolicy(trained, 0, False).check(learner.env, learner.env_params)
     return dataclasses.replace(trained, experiment=after)

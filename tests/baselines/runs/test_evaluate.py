@@ -20,8 +20,7 @@ import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.baselines.runs.agents import best_run, evaluate, load_policy
 from jaxenstein.baselines.runs.folder import RunFolder
-from jaxenstein.baselines.runs.result import Result
-from jaxenstein.baselines.runs.trained import load_trained
+from jaxenstein.baselines.runs.trained import Result, load_trained
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session

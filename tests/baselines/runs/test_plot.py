@@ -14,11 +14,9 @@ pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
 from jaxenstein import SettingError
-from jaxenstein.baselines.runs.bootstrap import band, mean_interval
-from jaxenstein.baselines.runs.curves import Curve, curves_of, draw, save_plot
+from jaxenstein.baselines.runs.curves import Curve, band, curves_of, draw, mean_interval, save_plot
 from jaxenstein.baselines.runs.folder import RunFolder
-from jaxenstein.baselines.runs.metrics import means
-from jaxenstein.baselines.runs.timing import read_seconds
+from jaxenstein.baselines.runs.metrics import means, read_seconds
 from jaxenstein.files import OutputError
 from tests.baselines.tiny import UPDATES, tiny
 

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein.baselines.runs.metrics import Row
-from jaxenstein.baselines.runs.stalled import EPISODES, StallWatch
+from jaxenstein.baselines.runs.training import EPISODES, StallWatch
 
 
 def rows(updates: int, entropy: float, episodes: int, successes: int = 0) -> list[Row]:

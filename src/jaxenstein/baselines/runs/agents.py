@@ -14,16 +14,15 @@ from jax.typing import ArrayLike
 
 from ...errors import SettingError
 from ...files import check_writable
-from ..learning.observations import observation_spec
+from ..observations import observation_spec
 from .folder import RunFolder, run_names
 from .metrics import METRICS, read_metrics, rows_by_run
-from .result import Result
-from .trained import SUFFIX, Trained, Weights, load_trained, write_trained
+from .trained import SUFFIX, Result, Trained, Weights, load_trained, write_trained
 
 if TYPE_CHECKING:
     from ...environment import AnyEnvironment
     from ...episodes.session import Session
-    from ..learning.learner import PolicyCarry
+    from ..learner import PolicyCarry
 
     Act = Callable[[Any, PolicyCarry, jax.Array | None], tuple[jax.Array, PolicyCarry]]
 
@@ -51,7 +50,7 @@ class TrainedPolicy:
         self._weights = jax.device_put(one)
         self._carry = self._learner.initial_carry()
         self.env, self.params = self._learner.env, self._learner.env_params
-        self.recipe = trained.experiment.recipe
+        self.recipe = trained.experiment.environment
         self.name = f"{trained.name} {run_names(trained.experiment)[run]}"
         self.greedy = greedy
 

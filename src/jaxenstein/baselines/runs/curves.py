@@ -1,4 +1,4 @@
-"""Learning curves of run directories: the mean over seeds and a bootstrap band, as pictures."""
+"""Bootstrap intervals of means over runs, and plots of the learning curves of run directories."""
 
 from __future__ import annotations
 
@@ -12,11 +12,9 @@ import numpy as np
 
 from ...errors import SettingError, nearest
 from ...files import atomic, check_writable
-from .bootstrap import band
 from .experiment import exact
 from .folder import RunFolder
-from .metrics import Row, read_metrics, rows_by_run
-from .timing import read_seconds
+from .metrics import Row, read_metrics, read_seconds, rows_by_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,6 +29,65 @@ AXES = {
 SUFFIXES = (".png", ".svg")
 Over = Literal["decisions", "minutes"]
 POINTS = 50
+# Resamples of a bootstrap, and the share of them inside an interval.
+RESAMPLES, LEVEL = 2000, 0.95
+
+
+@dataclasses.dataclass(frozen=True)
+class Interval:
+    """A mean with its bootstrap interval.
+
+    Attributes:
+        mean: of all values.
+        low: lower end of the 95 % interval; the mean itself where there is a single value.
+        high: its upper end.
+    """
+
+    mean: float
+    low: float
+    high: float
+
+
+def mean_interval(values: np.ndarray, *, seed: int = 0) -> Interval:
+    """The mean of values[runs, samples], with the percentile interval of its bootstrap.
+
+    Each resample takes as many runs as there are, with replacement, and as many samples, the same
+    of every run: sample n is of the same episode in all of them. With one run that is the ordinary
+    bootstrap over samples (Efron & Tibshirani 1993).
+    """
+    rng = np.random.default_rng(seed)
+    runs, samples = values.shape
+    means = np.empty(RESAMPLES)
+    for number in range(RESAMPLES):
+        chosen = rng.integers(runs, size=(runs, 1))
+        means[number] = values[chosen, rng.integers(samples, size=(1, samples))].mean()
+    low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return Interval(float(values.mean()), float(low), float(high))
+
+
+def band(curves: np.ndarray, *, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean over runs of curves[runs, points], with a 95 % band from resampling whole runs.
+
+    Missing values are NaN, and are left out of the mean of their point. A point without any value
+    is NaN in all three results.
+
+    Returns:
+        Mean, lower and upper end, float64[points] each.
+    """
+    rng = np.random.default_rng(seed)
+    runs = len(curves)
+    there = ~np.isnan(curves)
+    values = np.where(there, curves, 0.0)
+    # How often each run is taken, instead of the runs themselves: two matrix products.
+    counts = rng.multinomial(runs, np.full(runs, 1 / runs), size=RESAMPLES).astype(np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = values.sum(0) / there.sum(0)
+        means = (counts @ values) / (counts @ there)
+    ends = np.full((2, curves.shape[1]), np.nan)
+    for point in np.flatnonzero(there.any(0)):
+        found = means[:, point]
+        ends[:, point] = np.quantile(found[~np.isnan(found)], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return mean, ends[0], ends[1]
 
 
 @dataclasses.dataclass(frozen=True)

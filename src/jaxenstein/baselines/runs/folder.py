@@ -25,7 +25,7 @@ from ...errors import JAXensteinError, SettingError
 from ...files import atomic, check_links, make_folder, reason_of, writing
 from ...pytree import PyTreeNode
 from ...version import __version__
-from ..learning.state import TrainState
+from ..state import TrainState
 from .checkpoints import Checkpoints, Restored
 from .experiment import Experiment, check_seeds, exact
 from .options import check_grid
@@ -274,24 +274,24 @@ def checked(experiment: Experiment) -> Experiment:
     Raises:
         JAXensteinError: it has an entry that `resolve` would not make.
     """
-    check_grid(dict(experiment.grid), experiment.config.algorithm)
-    experiment.numbers().check()
+    check_grid(dict(experiment.grid), experiment.config.algo)
+    experiment.numbers()
     whole = all(isinstance(s, int) and not isinstance(s, bool) for s in experiment.seeds)
     if not whole or not experiment.seeds:
         raise SettingError(f"'seeds' must be whole numbers, not {list(experiment.seeds)!r}")
     if check_seeds(experiment.seeds[0], len(experiment.seeds)) != experiment.seeds:
         raise SettingError(f"'seeds' must follow each other, not {list(experiment.seeds)!r}")
-    env, _ = experiment.recipe.try_out()
-    if env.version != experiment.recipe.version:
+    env, _ = experiment.environment.try_out()
+    if env.version != experiment.environment.version:
         warnings.warn(of_another_version(experiment, env.version), stacklevel=3)
     return experiment
 
 
 def of_another_version(experiment: Experiment, now: int) -> str:
     """That an experiment is of other rules than those of its environment's version `now`."""
-    recipe = experiment.recipe
+    place = experiment.environment
     return (
-        f"it was trained on version {recipe.version} of {recipe.id or 'its map'}, which is version "
+        f"it was trained on version {place.version} of {place.id or 'its map'}, which is version "
         f"{now} now: its rules have changed (CHANGELOG.md)"
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import time
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 from ...errors import SettingError
 from ...files import append, atomic, reason_of, writing
 
-METRICS, WANDB_ID = "metrics.jsonl", "wandb-id.txt"
+METRICS, TIMING, WANDB_ID = "metrics.jsonl", "timing.jsonl", "wandb-id.txt"
 # Whole numbers in it are counts and seeds.
 LARGEST = 2**63 - 1
 Number = int | float | None
@@ -157,6 +158,51 @@ def _is_number(value: Any) -> bool:
     """Whether it is None or a number that a run may have written: no NaN, nothing huge."""
     limit = LARGEST if isinstance(value, int) else sys.float_info.max
     return value is None or (isinstance(value, int | float) and abs(value) <= limit)
+
+
+class Timing:
+    """`timing.jsonl` of a run directory: a file of its own, so that metrics repeat bit for bit."""
+
+    def __init__(self, folder: Path, steps: int, update: int) -> None:
+        """Start the clock at an update; `steps` are those of each update, over all runs."""
+        self._path, self._steps = folder / TIMING, steps
+        self._update, self._start = update, time.monotonic()
+        self._before = self._start
+
+    def write(self, update: int) -> None:
+        """Append the seconds since this process began, and the rate since the last row."""
+        now = time.monotonic()
+        rate = (update - self._update) * self._steps / max(now - self._before, 1e-9)
+        row = {"update": update, "seconds": round(now - self._start, 3)}
+        append(self._path, json.dumps({**row, "steps_per_second": round(rate, 1)}) + "\n")
+        self._update, self._before = update, now
+
+
+def read_seconds(folder: Path, updates: int) -> np.ndarray:
+    """float64[updates], the seconds of training until each update was done, compiling included.
+
+    A clock that is lower than in the row before starts a new session of the training.
+
+    Raises:
+        SettingError: there are no rows, or they cannot be read.
+    """
+    path = folder / TIMING
+    try:
+        rows = [json.loads(line) for line in path.read_text("utf-8").split("\n")[:-1]]
+        done = {int(row["update"]): 0.0 for row in rows}
+        before = total = 0.0
+        for row in rows:
+            now = float(row["seconds"])
+            total += now - before if now >= before else now
+            done[int(row["update"])], before = total, now
+    except OSError as error:
+        raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
+    except (ValueError, TypeError, KeyError) as error:
+        raise SettingError(f"{path} is damaged: {error!r}") from error
+    if not done:
+        raise SettingError(f"{path} has no rows yet")
+    known = sorted(done)
+    return np.interp(np.arange(1, updates + 1), known, [done[update] for update in known])
 
 
 class TensorBoard:

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..learning.algorithms import algorithm, algorithms
-from .bootstrap import Interval, mean_interval
-from .curves import curves_of
+from ..config import algorithm, algorithms
+from .curves import Interval, curves_of, mean_interval
 from .experiment import Experiment, exact
 from .options import resolve
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 
-from ...errors import SettingError
+from ..errors import SettingError
 
 Scaling = Literal["bounds", "log", "distance", "bits"]
 

@@ -8,10 +8,10 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein.baselines import Config
-from jaxenstein.baselines.learning.networks import ActorCritic
-from jaxenstein.baselines.learning.observations import observation_spec
-from jaxenstein.baselines.learning.rollout import final_values, log_prob, rollout, start
-from jaxenstein.baselines.learning.simulator import make_simulator, most_truncations
+from jaxenstein.baselines.networks import ActorCritic
+from jaxenstein.baselines.observations import observation_spec
+from jaxenstein.baselines.rollout import final_values, log_prob, rollout, start
+from jaxenstein.baselines.simulator import make_simulator, most_truncations
 from tests.baselines.worlds import Countdown
 
 STEPS, BATCH = 23, 4

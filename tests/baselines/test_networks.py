@@ -13,9 +13,9 @@ import flax.linen as nn
 
 import jaxenstein
 from jaxenstein.baselines import Config
-from jaxenstein.baselines.learning.convolution import conv_lax, conv_matmul
-from jaxenstein.baselines.learning.networks import GRU, NATURE, SMALL, ActorCritic, layers_for
-from jaxenstein.baselines.learning.observations import ObservationSpec, Part, observation_spec
+from jaxenstein.baselines.convolution import conv_lax, conv_matmul
+from jaxenstein.baselines.networks import GRU, NATURE, SMALL, ActorCritic, layers_for
+from jaxenstein.baselines.observations import ObservationSpec, Part, observation_spec
 from jaxenstein.errors import SettingError
 
 KEY = jax.random.key(0)

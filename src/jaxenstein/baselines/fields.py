@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from ...errors import SettingError, nearest
+from ..errors import SettingError, nearest
 
 _Numbers = TypeVar("_Numbers")
 

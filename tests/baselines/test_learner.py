@@ -13,8 +13,8 @@ import pytest
 pytest.importorskip("flax")
 
 import jaxenstein
-from jaxenstein.baselines import Config, E3BSettings, HParams, ICMSettings, Learner, RNDSettings
-from jaxenstein.baselines.learning.rollout import rollout
+from jaxenstein.baselines import Config, HParams, Learner
+from jaxenstein.baselines.rollout import rollout
 from jaxenstein.errors import SettingError
 from tests.baselines.worlds import Countdown, Memory
 
@@ -23,10 +23,10 @@ SMALL: dict[str, Any] = {
     "head": 8, "total_steps": 24 * 10,
 }  # fmt: skip
 OWN: dict[str, Any] = {
-    "ppo": None,
-    "rnd": RNDSettings(rnd_hidden=8, rnd_output=8),
-    "icm": ICMSettings(icm_latent=8, icm_hidden=8),
-    "e3b": E3BSettings(e3b_latent=8, e3b_hidden=8),
+    "ppo": {},
+    "rnd": {"rnd_hidden": 8, "rnd_output": 8},
+    "icm": {"icm_latent": 8, "icm_hidden": 8},
+    "e3b": {"e3b_latent": 8, "e3b_hidden": 8},
 }
 KEY = jax.random.key(0)
 # Numbers of two runs.

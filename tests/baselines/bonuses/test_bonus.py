@@ -1,4 +1,4 @@
-"""The table of algorithms, and a bonus of a user's own in it."""
+"""The loop around a bonus: its scale, its returns, and a bonus of a user's own."""
 
 from __future__ import annotations
 
@@ -14,19 +14,10 @@ import pytest
 
 pytest.importorskip("flax")
 
-from jaxenstein.baselines import (
-    PER_ENVIRONMENT,
-    BonusNumbers,
-    BonusSettings,
-    Config,
-    Experience,
-    HParams,
-    RNDNumbers,
-    RNDSettings,
-    register_bonus,
-)  # fmt: skip
-from jaxenstein.baselines.learning import algorithms
-from jaxenstein.baselines.learning.axes import per_environment
+from jaxenstein.baselines import PER_ENVIRONMENT, Config, Experience, HParams, register_bonus
+from jaxenstein.baselines import config as table
+from jaxenstein.baselines.bonus import BonusScale, RunningStats
+from jaxenstein.baselines.state import per_environment
 from jaxenstein.cli import main
 from jaxenstein.errors import SettingError
 from jaxenstein.pytree import PyTreeNode
@@ -34,25 +25,17 @@ from tests.baselines.bonuses.rollouts import BATCH, KEY, STEPS, experience, loop
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class VisitsSettings(BonusSettings):
-    """Settings.
+class VisitsOptions:
+    """Options.
 
     Attributes:
         visits_power: what the second part of the bonus is raised to.
         visits_kind: what is counted.
+        visits_size: factor.
     """
 
     visits_power: int = 2
     visits_kind: Literal["steps", "turns"] = "steps"
-
-
-class VisitsNumbers(BonusNumbers):
-    """Numbers.
-
-    Attributes:
-        visits_size: factor.
-    """
-
     visits_size: Any = 1.0
 
 
@@ -67,7 +50,7 @@ class Visits:
     value_heads = 3
 
     def __init__(self, spec: Any, actions: int, config: Config) -> None:
-        self._batch, self._own = config.num_envs, config.bonus_as(VisitsSettings)
+        self._batch, self._power = config.num_envs, config.bonus["visits_power"]
 
     def init(self, key: jax.Array) -> VisitsState:
         return VisitsState(jnp.zeros(self._batch, jnp.float32), jnp.int32(0))
@@ -75,8 +58,8 @@ class Visits:
     def reward(self, state: VisitsState, hparams: HParams, experience: Experience) -> Any:
         length = experience.ended.shape[0]
         steps = jnp.arange(1, length + 1, dtype=jnp.float32)[:, None] + state.steps[None]
-        steps = steps * hparams.bonus_as(VisitsNumbers).visits_size
-        both = jnp.stack([steps, steps**self._own.visits_power], axis=-1)
+        steps = steps * hparams.bonus["visits_size"]
+        both = jnp.stack([steps, steps**self._power], axis=-1)
         return both, state.replace(steps=state.steps + length), {}
 
     def update(self, key: Any, state: VisitsState, hparams: Any, experience: Any, rate: Any) -> Any:
@@ -85,10 +68,8 @@ class Visits:
 
 @pytest.fixture
 def visits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(algorithms, "_ALGORITHMS", dict(algorithms.algorithms()))
-    register_bonus(
-        "visits", Visits, VisitsSettings, VisitsNumbers, grid={"visits_size": (1.0, 2.0)}
-    )
+    monkeypatch.setattr(table, "_ALGORITHMS", dict(table.algorithms()))
+    register_bonus("visits", Visits, VisitsOptions, grid={"visits_size": (1.0, 2.0)})
 
 
 @pytest.mark.usefixtures("visits")
@@ -106,7 +87,7 @@ def test_a_bonus_of_ones_own_is_trained_stopped_and_resumed(tmp_path: Path) -> N
     (tmp_path / "own.toml").write_text('algo = "visits"\nvisits_power = 3\nvisits_size = 0.5\n')
     own = read_file(tmp_path / "own.toml")
     experiment = tiny(**own, seeds=1, total_steps=2 * 4 * 8)
-    assert experiment.config.bonus == VisitsSettings(visits_power=3)
+    assert experiment.config.bonus == {"visits_power": 3, "visits_kind": "steps"}
     assert experiment.hparams["visits_size"] == 0.5
     assert resolve(given_by(experiment)) == experiment
     folder = RunFolder.create(tmp_path / "run", experiment)
@@ -190,11 +171,10 @@ def test_the_loop_zeroes_scales_and_weighs_a_bonus(
 
 def before_the_first(loop: Any) -> Any:
     """A state before the first update of which only the bonus' parts are there."""
-    from jaxenstein.baselines.learning.bonus import initial_scale
-    from jaxenstein.baselines.learning.state import TrainState
+    from jaxenstein.baselines.state import TrainState
 
     nothing: Any = None
-    scale = initial_scale(BATCH, *loop.parts)
+    scale = BonusScale.empty(BATCH, *loop.parts)
     return TrainState(
         nothing, nothing, nothing, nothing, loop.bonus.init(KEY), scale, None, nothing
     )
@@ -217,48 +197,43 @@ def test_states_say_what_they_have_for_each_environment() -> None:
 
 @pytest.mark.usefixtures("visits")
 @pytest.mark.parametrize(
-    ("name", "classes", "grid", "message"),
+    ("name", "options", "grid", "message"),
     [
         ("Own-One", (), None, "small letters, digits and underscores, not 'Own-One'"),
         ("visits", (), None, "there is an algorithm 'visits' already"),
-        ("own", (VisitsSettings,), None, "must begin with 'own_', not 'visits_power'"),
-        ("own", (BonusSettings, VisitsNumbers), None, "must begin with 'own_', not 'visits_size'"),
+        ("own", (VisitsOptions,), None, "must begin with 'own_', not 'visits_power'"),
         ("own", (), {"bonus_rewrad": (1.0,)}, "unknown number 'bonus_rewrad' in the grid, did you"),
     ],
 )
-def test_rows_that_cannot_be(name: str, classes: Any, grid: Any, message: str) -> None:
+def test_rows_that_cannot_be(name: str, options: Any, grid: Any, message: str) -> None:
     with pytest.raises(SettingError, match=message):
-        register_bonus(name, Visits, *classes, grid=grid)
+        register_bonus(name, Visits, *options, grid=grid)
 
 
 @pytest.mark.usefixtures("visits")
-def test_settings_and_numbers_are_checked_as_all_are() -> None:
-    with pytest.raises(SettingError, match="visits_power must be a whole number from 1, not 0"):
-        VisitsSettings(visits_power=0)
-    kind: Any = "turn"
+def test_the_options_of_a_bonus_are_checked() -> None:
+    with pytest.raises(SettingError, match="visits_power must be a whole number"):
+        Config(algo="visits", bonus={"visits_power": 2.5})
     with pytest.raises(SettingError, match="must be one of 'steps', 'turns', not 'turn', did you"):
-        VisitsSettings(visits_kind=kind)
-    own = HParams(bonus=VisitsNumbers(visits_size=-1))
-    with pytest.raises(SettingError, match="visits_size must be a finite number at least 0"):
-        own.check()
-    with pytest.raises(SettingError, match="must be RNDSettings, the settings of 'rnd', not Visi"):
-        Config(algo="rnd", bonus=VisitsSettings())
-    with pytest.raises(SettingError, match="must be RNDNumbers, not VisitsNumbers"):
-        own.bonus_as(RNDNumbers)
-    with pytest.raises(SettingError, match="must be RNDSettings, not VisitsSettings"):
-        Config(algo="visits").bonus_as(RNDSettings)
-
-
-def test_settings_of_other_bonuses_are_left_out() -> None:
-    config = Config.of({"algo": "rnd", "rnd_hidden": 3, "icm_hidden": 5})
-    assert config.bonus == RNDSettings(rnd_hidden=3)
-    assert config.replace(rnd_layers=4).bonus == RNDSettings(rnd_hidden=3, rnd_layers=4)
-    assert config.replace(algo="icm").flat()["icm_hidden"] == 256
-    assert "rnd_hidden" not in config.replace(algo="icm").flat()
+        Config(algo="visits", bonus={"visits_kind": "turn"})
+    with pytest.raises(SettingError, match="visits_size must be a "):
+        HParams(bonus={"visits_size": "large"}).check("visits")
+    with pytest.raises(SettingError, match="unknown setting 'visits_power'"):
+        Config(algo="rnd", bonus={"visits_power": 2})
     with pytest.raises(SettingError, match="unknown setting 'rnd_hiden', did you mean 'rnd_hidd"):
         Config.of({"algo": "rnd", "rnd_hiden": 3})
-    numbers = HParams.of(algorithms.algorithm("rnd"), {"rnd_loss": 2, "icm_forward": 3})
-    assert numbers.bonus == RNDNumbers(rnd_loss=2)
+    with pytest.raises(SettingError, match=r"not 'visit'.*module is imported, in commands by --im"):
+        Config(algo="visit")
+
+
+def test_options_of_other_bonuses_are_left_out() -> None:
+    config = Config.of({"algo": "rnd", "rnd_hidden": 3, "icm_hidden": 5})
+    assert config.bonus == {"rnd_hidden": 3, "rnd_output": 128, "rnd_layers": 2}
+    assert config.replace(rnd_layers=4).bonus["rnd_layers"] == 4
+    assert config.replace(algo="icm").flat()["icm_hidden"] == 256
+    assert "rnd_hidden" not in config.replace(algo="icm").flat()
+    numbers = HParams.of("rnd", {"rnd_loss": 2, "icm_forward": 3})
+    assert numbers.bonus == {"rnd_loss": 2}
     assert numbers.flat()["rnd_loss"] == 2
 
 
@@ -266,12 +241,12 @@ def test_commands_know_a_bonus_of_a_module_that_they_import(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Also where the flag that names the module stands behind those of the bonus."""
-    monkeypatch.setattr(algorithms, "_ALGORITHMS", dict(algorithms.algorithms()))
+    monkeypatch.setattr(table, "_ALGORITHMS", dict(table.algorithms()))
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "my_visits.py").write_text(
         "from jaxenstein.baselines import register_bonus\n"
-        "from tests.baselines.bonuses.test_table import Visits, VisitsNumbers, VisitsSettings\n"
-        "register_bonus('visits', Visits, VisitsSettings, VisitsNumbers)\n"
+        "from tests.baselines.bonuses.test_bonus import Visits, VisitsOptions\n"
+        "register_bonus('visits', Visits, VisitsOptions)\n"
     )
     train = ["train", "--algo", "visits", "--visits-size", "-1", "--out", str(tmp_path / "run")]
     assert main(train) == 2
@@ -280,6 +255,46 @@ def test_commands_know_a_bonus_of_a_module_that_they_import(
     assert "--visits-power: must be a whole number" in capsys.readouterr().err
 
 
-def test_a_bonus_that_nobody_has_imported_is_told_with_what_to_do() -> None:
-    with pytest.raises(SettingError, match=r"not 'visit'.*module is imported, in commands by --im"):
-        Config(algo="visit")
+@pytest.mark.parametrize("cuts", [[], [1], [3, 4, 90]])
+def test_any_chunking_gives_the_statistics_of_all(cuts: list[int]) -> None:
+    values = np.random.default_rng(0).normal(50, 3, (100, 2, 5)).astype(np.float32)
+    stats = RunningStats.empty((5,))
+    for part in np.split(values, cuts):
+        stats = stats.merge(jnp.asarray(part))
+    np.testing.assert_allclose(stats.mean, values.mean((0, 1), np.float64), rtol=1e-6)
+    np.testing.assert_allclose(stats.variance, values.var((0, 1), np.float64), rtol=1e-4)
+    assert float(stats.count) == 200
+
+
+def test_nothing_seen_is_harmless() -> None:
+    stats = RunningStats.empty((3,))
+    np.testing.assert_array_equal(stats.deviation, np.ones(3))
+    stats = stats.merge(jnp.ones((4, 3)))
+    np.testing.assert_array_equal(stats.variance, np.zeros(3))
+
+
+def test_the_bonus_scale_is_that_of_its_discounted_sum() -> None:
+    rng = np.random.default_rng(1)
+    scale, totals, total = BonusScale.empty(3), [], np.zeros(3)
+    for _ in range(4):
+        values = rng.exponential(2.0, (5, 3)).astype(np.float32)
+        result, scale = scale.divide(jnp.asarray(values), 0.9, 1.0)
+        for row in values:
+            total = 0.9 * total + row
+            totals.append(total)
+        np.testing.assert_allclose(result, values / np.std(totals), rtol=1e-4)
+    np.testing.assert_allclose(scale.total, total, rtol=1e-5)
+
+
+def test_a_bonus_scale_that_forgets_weighs_rollouts_by_their_age() -> None:
+    rng = np.random.default_rng(2)
+    scale, rollouts = BonusScale.empty(3), []
+    for size in (100.0, 1.0, 1.0, 1.0):
+        values = rng.exponential(size, (5, 3)).astype(np.float32)
+        result, scale = scale.divide(jnp.asarray(values), 0.0, 0.5)
+        rollouts.append(values)
+        weights = np.repeat(0.5 ** np.arange(len(rollouts))[::-1], values.size)
+        every = np.concatenate([rollout.ravel() for rollout in rollouts])
+        mean = np.average(every, weights=weights)
+        deviation = np.sqrt(np.average((every - mean) ** 2, weights=weights))
+        np.testing.assert_allclose(result, values / deviation, rtol=1e-4)

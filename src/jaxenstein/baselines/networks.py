@@ -4,7 +4,7 @@ Every function takes any leading axes; sequences have time first. Parameters are
 computations are of the config's dtype, results float32.
 """
 
-# flax' `apply` is typed as if it might return variables as well, which ours never do.
+# The type of flax' `apply` allows it to return variables too, which ours never do.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jax.typing import DTypeLike
 
-from ...errors import SettingError
+from ..errors import SettingError
 from .config import Config
 from .convolution import conv_lax, conv_matmul, output_size
 from .observations import ObservationSpec
@@ -37,20 +37,20 @@ SMALL: Layers = ((4, 2, 16), (3, 2, 32))
 PATCHES: Layers = ((4, 4, 32),)
 """Patches that do not overlap (as Dosovitskiy et al. 2021 embed them): one matrix product."""
 
-# Of all pixels of our frames, about; as `contrast` centres them.
+# The mean of all pixels of our frames, about; `contrast` subtracts it.
 MEAN = 0.3
 
 _SQRT2 = 2.0**0.5
 
 
 def dense(size: int, gain: float, dtype: DTypeLike) -> nn.Dense:
-    """A layer with orthogonal weights and no bias at first."""
+    """A layer with orthogonal initial weights and zero bias."""
     initial = nn.initializers.orthogonal(gain)
     return nn.Dense(size, kernel_init=initial, dtype=dtype, param_dtype=jnp.float32)
 
 
 class Encoder(nn.Module):
-    """Features of an observation: convolutions for each image, then one layer over everything."""
+    """Features of an observation: convolutions for each image, then one layer over all parts."""
 
     spec: ObservationSpec
     features: int
@@ -110,7 +110,7 @@ def _orthogonal_gates(key: jax.Array, shape: tuple[int, int]) -> jax.Array:
 
 
 class GRU(nn.Module):
-    """A gated recurrent unit (Cho et al. 2014), the reset gate behind the matrix, as in cuDNN.
+    """A gated recurrent unit (Cho et al. 2014), with the reset gate after the matrix, as in cuDNN.
 
     r = sig(Wr x + br + Ur h),  z = sig(Wz x + bz + Uz h)
     n = tanh(Wn x + bn + r (Un h + cn)),  h' = (1 - z) n + z h
@@ -156,7 +156,7 @@ class GRU(nn.Module):
 
 
 class Heads(nn.Module):
-    """The policy's logits and the values, each behind a hidden layer of its own."""
+    """The policy's logits and the values, each after a hidden layer of its own."""
 
     actions: int
     values: int
@@ -175,13 +175,13 @@ class Heads(nn.Module):
 
 
 @dataclasses.dataclass(frozen=True)
-class Eye:
+class ImageEncoder:
     """An image encoder with parameters of its own.
 
     Attributes:
         spec: what observations are.
         features: size of the result.
-        config: the kind of convolutions.
+        config: for the convolutions.
         dtype: of the computations.
         contrast: as of `Config`; 0 leaves images as they are.
     """
@@ -193,7 +193,7 @@ class Eye:
     contrast: float = 0.0
 
     def init(self, key: jax.Array) -> Any:
-        """Draw the parameters."""
+        """Initialise the parameters."""
         images = [jnp.zeros((1, *shape), self.dtype) for shape in self.spec.images]
         return self._module.init(key, images, jnp.zeros((1, self.spec.vector), self.dtype))
 
@@ -210,8 +210,8 @@ class Eye:
     def encode_sequence(self, params: Any, obs: Any) -> jax.Array:
         """The same for leading axes [T, N].
 
-        On a CPU it goes piece by piece, and again in the backward pass, so that the pieces stay
-        in the cache: twice as fast, and it takes far less memory.
+        On a CPU it is computed piece by piece, and again in the backward pass, so that each piece
+        stays in the cache: that is twice as fast and takes far less memory.
         """
         length, batch = jax.tree.leaves(obs)[0].shape[:2]
         pixels = max((shape[0] * shape[1] for shape in self.spec.images), default=1)
@@ -243,7 +243,7 @@ class ActorCritic:
         spec: what observations are.
         actions: number of actions, `A`.
         values: number of values, `V`.
-        config: sizes, dtype and kind of convolutions.
+        config: sizes, dtype and convolutions.
         dtype: of the computations.
         state_dtype: of the memory and the results; float64 for tests.
     """
@@ -256,19 +256,19 @@ class ActorCritic:
     state_dtype: DTypeLike = jnp.float32
 
     @functools.cached_property
-    def eye(self) -> Eye:
+    def encoder(self) -> ImageEncoder:
         """The image encoder."""
         config = self.config
-        return Eye(self.spec, config.features, config, self.dtype, config.contrast)
+        return ImageEncoder(self.spec, config.features, config, self.dtype, config.contrast)
 
     def init(self, key: jax.Array) -> dict[str, Any]:
-        """Draw the parameters."""
+        """Initialise the parameters."""
         encoder_key, core_key, heads_key = jax.random.split(key, 3)
         width = self.config.features + self.actions
         sequence = jnp.zeros((1, 1, width), self.dtype)
         memory = self.initial_memory(1)
         params = {
-            "encoder": self.eye.init(encoder_key),
+            "encoder": self.encoder.init(encoder_key),
             "core": self._core.init(core_key, sequence, jnp.zeros((1, 1), bool), memory),
             "heads": self._heads.init(heads_key, memory),
         }
@@ -296,7 +296,7 @@ class ActorCritic:
             float32[T, N, A] logits, float32[T, N, V] values, float32[N, hidden] memory after
             the last step.
         """
-        features = self.eye.encode_sequence(params["encoder"], obs)
+        features = self.encoder.encode_sequence(params["encoder"], obs)
         return self.unroll_features(params, features, previous, first, memory)
 
     def unroll_features(
@@ -307,7 +307,7 @@ class ActorCritic:
         first: jax.Array,
         memory: jax.Array,
     ) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The part of `unroll` behind the encoder."""
+        """The part of `unroll` after the encoder."""
         if not self.config.recurrent:
             first = jnp.ones_like(first)
         # -1 is no action: its one-hot vector is zero.

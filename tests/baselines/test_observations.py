@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("flax")
 
-from jaxenstein.baselines.learning.observations import ObservationSpec, Part, observation_spec
+from jaxenstein.baselines.observations import ObservationSpec, Part, observation_spec
 from jaxenstein.errors import SettingError
 from jaxenstein.spaces import Box, Dict, Discrete
 

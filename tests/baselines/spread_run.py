@@ -6,8 +6,8 @@ import jax
 import numpy as np
 
 import jaxenstein
-from jaxenstein.baselines import Config, E3BSettings, Learner
-from jaxenstein.baselines.learning.placement import place
+from jaxenstein.baselines import Config, Learner
+from jaxenstein.baselines.state import place
 
 MOVES = re.compile(r"= .* (all-gather|all-to-all|collective-permute|all-reduce)(-start)?\(")
 
@@ -41,7 +41,7 @@ def main():
     assert jax.device_count() == 4
     env, params = jaxenstein.from_ascii("####\n#SG#\n####", height=8, width=8)
     params = params.replace(max_steps_in_episode=5)
-    compare(env, params, "e3b", bonus=E3BSettings(e3b_latent=8, e3b_hidden=8))
+    compare(env, params, "e3b", bonus={"e3b_latent": 8, "e3b_hidden": 8})
     print("equal")
 
 

@@ -14,9 +14,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...environment import Environment
-from ...errors import SettingError
-from ...pytree import PyTreeNode
+from ..environment import Environment
+from ..errors import SettingError
+from ..pytree import PyTreeNode
 
 
 class Outcome(PyTreeNode):

@@ -8,17 +8,16 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from . import gae, optimiser, ppo
-from .bonus import Bonus, Experience, Metrics, initial_scale, scaled
-from .config import Config
+from . import optimiser, ppo
+from .bonus import Bonus, BonusScale, Experience, Metrics
+from .config import Config, HParams
 from .fields import values_of
-from .hparams import HParams
 from .networks import ActorCritic
 from .rollout import Actors, EpisodeSums, Finals, Steps, final_values, rollout, start
 from .simulator import Simulator
 from .state import TrainState, wrap_key
 
-# Episodes that the mean success reaches back over, for `stop_success`.
+# Episodes over which the mean success is taken, for `stop_success`.
 RECENT = 100
 
 
@@ -34,8 +33,7 @@ class Loop:
         slots: truncations of each environment that a rollout can hold; 0 counts the time limit
             as an end.
         discount: the environment's own.
-        clocks: what the clocks of first episodes are drawn below and in steps of; None: they
-            begin at 0.
+        clocks: as of `rollout.start`.
     """
 
     config: Config
@@ -47,22 +45,14 @@ class Loop:
     clocks: tuple[Any, int] | None
 
     def numbers(self, hparams: HParams | None) -> HParams:
-        """The numbers of a run, checked, with those of the bonus.
-
-        Raises:
-            SettingError: one is out of range, or those of the bonus are another's.
-        """
-        hparams, own = hparams or HParams(), self.config.algorithm.numbers
-        if hparams.bonus is None:
-            hparams = hparams.replace(bonus=own())
-        hparams.bonus_as(own)
-        return hparams.check()
+        """The numbers of a run as `HParams.check` returns them; None: the defaults."""
+        return (hparams or HParams()).check(self.config.algo)
 
     def start(self, data: jax.Array) -> TrainState:
         """The state of a run before its first update; `data` is that of its random key."""
         params_key, bonus_key, env_key, key = jax.random.split(wrap_key(data), 4)
         params, number = self.network.init(params_key), self.config.num_envs
-        scale = initial_scale(number, *self.parts) if self.config.normalise_bonus else None
+        scale = BonusScale.empty(number, *self.parts) if self.config.normalise_bonus else None
         return TrainState(
             key=jax.random.key_data(key),
             update=jnp.int32(0),
@@ -91,7 +81,7 @@ class Loop:
         return () if self.bonus.value_heads == 1 else (self.bonus.value_heads - 1,)
 
     def update(self, state: TrainState, hparams: HParams) -> tuple[TrainState, Metrics]:
-        """The whole of an update.
+        """One update: play, reward, estimate and learn.
 
         Args:
             state: before it.
@@ -103,8 +93,8 @@ class Loop:
             the clip), means over the minibatches;
             `advantage_mean`, `advantage_deviation`, `value_mean`, `reward_mean`, `bonus_mean`,
             `bonus_max` and `explained_variance` of the rollout, before any normalisation;
-            `learning_rate`; `bonus_explained_variance` where the bonus has a value of its own
-            (`bonus_explained_variance_1`, ... where several); and what the bonus itself reports.
+            `learning_rate`; `bonus_explained_variance` where the bonus has a value head of its own
+            (`bonus_explained_variance_1`, ... where several); and the bonus' own metrics.
         """
         key, play_key, train_key, bonus_key = jax.random.split(wrap_key(state.key), 4)
         actors, steps, finals, episodes = rollout(
@@ -122,7 +112,7 @@ class Loop:
         recent = self._recent(state.recent, episodes)
         left = self._left(state.update, recent)
         params, adam, learnt = ppo.train(
-            self.network, self.config, train_key, state.params, state.optimiser, batch,
+            self.network, self.config, train_key, (state.params, state.optimiser), batch,
             hparams, hparams.learning_rate * left,
         )  # fmt: skip
         bonus_state, bonus_learnt = self.bonus.update(
@@ -144,9 +134,9 @@ class Loop:
     def reward(
         self, state: TrainState, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, TrainState, Metrics]:
-        """The bonus of a rollout, as it is learned from: float32[T, N, *parts].
+        """The bonus of a rollout that the agent learns from: float32[T, N, *parts].
 
-        Zero where a step ended its episode: of what the world was then nothing is kept.
+        It is zero where a step ended its episode, since the world at that end is not kept.
         """
         bonus, own, metrics = self.bonus.reward(state.bonus, hparams, experience)
         batch = experience.ended.shape
@@ -154,7 +144,7 @@ class Loop:
         bonus = jnp.where(ended, 0, bonus.reshape(*batch, *self.parts))
         scale = state.scale
         if scale is not None:
-            bonus, scale = scaled(bonus, scale, hparams.bonus_gamma, hparams.bonus_memory)
+            bonus, scale = scale.divide(bonus, hparams.bonus_gamma, hparams.bonus_memory)
         return hparams.bonus_reward * bonus, state.replace(bonus=own, scale=scale), metrics
 
     def advantages(
@@ -166,19 +156,18 @@ class Loop:
         finals: Finals,
         bonus: jax.Array,
     ) -> jax.Array:
-        """Advantages of a rollout.
+        """Advantages of a rollout: float32[T, N, V].
+
+        First those of the rewards, to which the bonus is added if there is one value, then those
+        of the parts of a bonus with returns of their own.
 
         Args:
             params: of the network that played.
             hparams: as of `numbers`, with both discounts.
             actors: the environments after the rollout.
             steps: the rollout.
-            finals: what the time limit cut off.
+            finals: the episodes that the time limit cut off.
             bonus: float32[T, N, *parts].
-
-        Returns:
-            float32[T, N, V]: those of the rewards, to which the bonus is added if there is one
-            value, then those of the parts of a bonus with returns of their own.
         """
         _, last, _ = self.network.step(
             params, actors.obs, actors.previous, actors.first, actors.memory
@@ -191,8 +180,8 @@ class Loop:
         if self.bonus.value_heads == 1:
             reward = reward + bonus
         values = steps.value[..., 0]
-        following = gae.next_values(values, last[..., 0], terminated, truncated, ends[..., 0])
-        result = gae.advantages(
+        following = ppo.next_values(values, last[..., 0], terminated, truncated, ends[..., 0])
+        result = ppo.advantages(
             reward, values, following, steps.ended, hparams.gamma, hparams.gae_lambda
         )
         if self.bonus.value_heads == 1:
@@ -200,7 +189,7 @@ class Loop:
         values = steps.value[..., 1:]
         following = jnp.concatenate([values[1:], last[None, :, 1:]])
         never = jnp.zeros(values.shape, bool)
-        intrinsic = gae.advantages(
+        intrinsic = ppo.advantages(
             bonus, values, following, never, hparams.bonus_gamma, hparams.gae_lambda
         )
         return jnp.concatenate([result[..., None], intrinsic], axis=-1)
@@ -211,10 +200,10 @@ class Loop:
         total = advantages[..., 0]
         if self.bonus.value_heads > 1:
             total = total + hparams.bonus_advantage * jnp.sum(advantages[..., 1:], axis=-1)
-        return ppo.Batch(steps, memory, total, advantages + steps.value)
+        return ppo.Batch(steps, memory[None], total, advantages + steps.value)
 
     def _recent(self, recent: jax.Array | None, episodes: EpisodeSums) -> jax.Array | None:
-        """The mean success with the episodes of a rollout; one that is reached stays."""
+        """The mean success with the episodes of a rollout; once high enough it stays."""
         if recent is None:
             return None
         number = episodes.episodes.astype(jnp.float32)
@@ -223,7 +212,7 @@ class Loop:
         return jnp.where(recent < self.config.stop_success, mean, recent)
 
     def _left(self, update: jax.Array, recent: jax.Array | None) -> jax.Array:
-        """float32[], the share of the learning rates that is left."""
+        """float32[], the factor of the learning rates."""
         left = jnp.float32(1)
         if self.config.anneal:
             left = jnp.maximum(1 - update.astype(jnp.float32) / self.config.updates, 0)
@@ -233,7 +222,7 @@ class Loop:
 
 
 def _diagnose(batch: ppo.Batch, bonus: jax.Array) -> Metrics:
-    """What explains a run that fails, over the whole rollout and before any normalisation."""
+    """Metrics that explain a failed run, over the whole rollout, before any normalisation."""
     steps = batch.steps
     error = jnp.var(batch.target - steps.value, axis=(0, 1))
     spread = jnp.maximum(jnp.var(batch.target, axis=(0, 1)), 1e-12)

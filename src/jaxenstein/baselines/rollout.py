@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ...pytree import PyTreeNode
+from ..pytree import PyTreeNode
 from .networks import ActorCritic
 from .simulator import Outcome, Simulator
 

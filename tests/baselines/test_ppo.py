@@ -1,4 +1,4 @@
-"""PPO's parts against hand computation and finite differences."""
+"""Losses and advantages against hand computation, brute force and finite differences."""
 
 import functools
 from typing import Any
@@ -12,12 +12,11 @@ pytest.importorskip("flax")
 
 import optax
 
-from jaxenstein.baselines import Config, HParams
-from jaxenstein.baselines.learning import optimiser, ppo
-from jaxenstein.baselines.learning.minibatches import draw_minibatches, passes, take
-from jaxenstein.baselines.learning.networks import ActorCritic
-from jaxenstein.baselines.learning.observations import ObservationSpec, Part
-from jaxenstein.baselines.learning.rollout import Steps, log_prob
+from jaxenstein.baselines import Config, HParams, optimiser, ppo
+from jaxenstein.baselines.networks import ActorCritic
+from jaxenstein.baselines.observations import ObservationSpec, Part
+from jaxenstein.baselines.optimiser import passes, sample_minibatches, take
+from jaxenstein.baselines.rollout import Steps, log_prob
 from tests.baselines.worlds import enable_x64
 
 
@@ -37,7 +36,7 @@ def make_batch(rng, steps=4, batch=3, heads=2, dtype: Any = np.float32):
         terminated=flags(0.1),
         truncated=flags(0.1),
     )
-    memory = jnp.asarray(rng.normal(size=(batch, 4)).astype(dtype))
+    memory = jnp.asarray(rng.normal(size=(1, batch, 4)).astype(dtype))
     return ppo.Batch(played, memory, real(), real(heads))
 
 
@@ -108,19 +107,19 @@ def test_advantages_are_normalised_over_minibatches():
 
     def trained(config: Config) -> jax.Array:
         adam, rate = optimiser.init(params), jnp.float32(0)
-        return ppo.train(network, config, key, params, adam, batch, h.check(), rate)[2][
+        return ppo.train(network, config, key, (params, adam), batch, h.check(), rate)[2][
             "policy_loss"
         ]
 
     def expected(batch: ppo.Batch) -> float:
         played = batch.steps
         logits, value, _ = network.unroll(
-            params, played.obs, played.previous, played.first, batch.memory
+            params, played.obs, played.previous, played.first, batch.memory[0]
         )
         return by_hand(np.asarray(logits), np.asarray(value), batch, h)[1]
 
-    drawn = draw_minibatches(jax.random.split(key, 1)[0], config)
-    parts = np.mean([expected(batch.take(part)) for part in drawn])
+    drawn = sample_minibatches(jax.random.split(key, 1)[0], config)
+    parts = np.mean([expected(take(batch, part)) for part in drawn])
     assert abs(parts - expected(batch)) > 1e-3
     np.testing.assert_allclose(trained(config), parts, rtol=1e-4)
 
@@ -134,7 +133,7 @@ def test_an_update_stops_at_a_distance_from_the_policy_that_played():
     params, rate = network.init(jax.random.key(0)), jnp.float32(0.01)
     batch = make_batch(np.random.default_rng(3), batch=4)
     logits, _, _ = network.unroll(
-        params, batch.steps.obs, batch.steps.previous, batch.steps.first, batch.memory
+        params, batch.steps.obs, batch.steps.previous, batch.steps.first, batch.memory[0]
     )
     played = log_prob(logits, batch.steps.action)
     batch = batch.replace(steps=batch.steps.replace(log_prob=played))
@@ -142,12 +141,12 @@ def test_an_update_stops_at_a_distance_from_the_policy_that_played():
     def trained(target: float | None) -> Any:
         h = HParams(target_kl=target).check()
         return ppo.train(
-            network, config, jax.random.key(1), params, optimiser.init(params), batch, h, rate
+            network, config, jax.random.key(1), (params, optimiser.init(params)), batch, h, rate
         )[:2]
 
     # The first minibatch finds the policy where it was, and the second no more.
     key, adam = jax.random.split(jax.random.key(1), 3)[0], optimiser.init(params)
-    part = batch.take(draw_minibatches(key, config)[0])
+    part = take(batch, sample_minibatches(key, config)[0])
     gradients = jax.grad(lambda p: ppo.loss(network, config, p, part, HParams())[0])(params)
     once = optimiser.step(gradients, adam, params, rate, jnp.float32(0.5))[:2]
     close = functools.partial(np.testing.assert_allclose, rtol=1e-5, atol=1e-7)
@@ -209,15 +208,15 @@ def test_gradient_is_that_of_finite_differences():
 
 def test_minibatches_are_all_environments_once():
     config = Config(num_envs=12, minibatches=3, shards=2)
-    chosen = draw_minibatches(jax.random.key(0), config)
+    chosen = sample_minibatches(jax.random.key(0), config)
     assert chosen.shape == (3, 2, 2)
     env = jnp.arange(12, dtype=jnp.int32)
     data = (jnp.stack([env, env + 100]), jnp.arange(24, dtype=jnp.int32).reshape(2, 12, 1))
     seen = []
     for part in chosen:
-        rows = take(env, part, 0)
+        sequences, wide = take(data, part)
+        rows = sequences[0]
         assert sorted(r // 6 for r in rows.tolist()) == [0, 0, 1, 1]
-        sequences, wide = take(data, part, 1)
         np.testing.assert_array_equal(sequences, [rows, rows + 100])
         np.testing.assert_array_equal(wide[..., 0], [rows, rows + 12])
         seen += rows.tolist()
@@ -228,7 +227,7 @@ def test_every_pass_shuffles_anew():
     config = Config(num_envs=8, minibatches=2)
     _, mean = passes(jax.random.key(0), config, 3, lambda c, e: (c, e.astype(jnp.float32)), 0)
     np.testing.assert_allclose(mean, 3.5)
-    orders = [draw_minibatches(k, config) for k in jax.random.split(jax.random.key(0), 3)]
+    orders = [sample_minibatches(k, config) for k in jax.random.split(jax.random.key(0), 3)]
     assert not np.array_equal(orders[0], orders[1])
 
 
@@ -253,3 +252,85 @@ def test_optimiser_is_that_of_optax():
     np.testing.assert_allclose(optimiser.norm(clipped), 0.5, rtol=1e-6)
     small, _ = optimiser.clip(gradients, jnp.float32(1e3))
     jax.tree.map(np.testing.assert_array_equal, small, gradients)
+
+
+def brute_force(rewards, values, following, ended, gamma, lam):
+    """A_t as the sum of (gamma lambda)^k delta_{t+k} up to the end of the episode."""
+    steps, batch = rewards.shape
+    result = np.zeros_like(rewards)
+    for n in range(batch):
+        for t in range(steps):
+            weight = 1.0
+            for k in range(t, steps):
+                delta = rewards[k, n] + gamma * following[k, n] - values[k, n]
+                result[t, n] += weight * delta
+                if ended[k, n]:
+                    break
+                weight *= gamma * lam
+    return result
+
+
+def random_rollout(seed, steps=9, batch=6):
+    rng = np.random.default_rng(seed)
+    sample = lambda *shape: rng.normal(size=shape)  # noqa: E731
+    kind = rng.choice(3, size=(steps, batch), p=[0.6, 0.2, 0.2])
+    # An end in the first step, one in the last, several in a row, none at all.
+    kind[0, 0], kind[-1, 1], kind[2:5, 2], kind[:, 3] = 1, 2, 1, 0
+    return sample(steps, batch), sample(steps, batch), sample(batch), sample(steps, batch), kind
+
+
+def follow(values, last, kind, finals):
+    arrays = [jnp.asarray(array) for array in (values, last, kind == 1, kind == 2, finals)]
+    return ppo.next_values(arrays[0], arrays[1], arrays[2], arrays[3], arrays[4])
+
+
+def estimate(rewards, values, following, ended, gamma, lam):
+    arrays = [jnp.asarray(array) for array in (rewards, values, following, ended)]
+    return ppo.advantages(arrays[0], arrays[1], arrays[2], arrays[3], gamma, lam)
+
+
+@pytest.mark.parametrize("lam", [0.0, 0.7, 1.0])
+@pytest.mark.parametrize("gamma", [0.9, 1.0])
+def test_both_kinds_of_ends(gamma, lam):
+    rewards, values, last, finals, kind = random_rollout(0)
+    following = follow(values, last, kind, finals)
+    expected = np.vstack([values[1:], last])
+    expected[kind == 2] = finals[kind == 2]
+    expected[kind == 1] = 0
+    np.testing.assert_allclose(following, expected, rtol=1e-6)
+    result = estimate(rewards, values, following, kind > 0, gamma, lam)
+    wanted = brute_force(rewards, values, expected, kind > 0, gamma, lam)
+    np.testing.assert_allclose(result, wanted, rtol=2e-5, atol=2e-5)
+
+
+def test_lambda_one_is_the_return_minus_the_value():
+    rewards, values, last, _, _ = random_rollout(1)
+    never = np.zeros(rewards.shape, bool)
+    result = estimate(rewards, values, np.vstack([values[1:], last]), never, 0.95, 1.0)
+    total = last
+    for t in reversed(range(len(rewards))):
+        total = rewards[t] + 0.95 * total
+        np.testing.assert_allclose(result[t], total - values[t], rtol=2e-5, atol=2e-5)
+
+
+def test_an_end_hides_what_comes_after():
+    rewards, values, last, finals, kind = random_rollout(2)
+    kind[4] = [1, 2, 1, 2, 1, 2]
+
+    def run(rewards, values, last):
+        return estimate(rewards, values, follow(values, last, kind, finals), kind > 0, 0.9, 0.9)
+
+    changed = np.where(np.arange(9)[:, None] > 4, 100.0, 0.0)
+    before, after = run(rewards, values, last), run(rewards + changed, values + changed, last + 7)
+    np.testing.assert_array_equal(before[:5], after[:5])
+    assert not np.allclose(before[5:], after[5:])
+
+
+def test_float64():
+    with enable_x64(True):
+        rewards, values, last, finals, kind = random_rollout(3, steps=40)
+        following = follow(values, last, kind, finals)
+        assert following.dtype == jnp.float64
+        result = estimate(rewards, values, following, kind > 0, 0.999, 0.95)
+        wanted = brute_force(rewards, values, np.asarray(following), kind > 0, 0.999, 0.95)
+        np.testing.assert_allclose(result, wanted, rtol=1e-12, atol=1e-12)

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("flax")
 
-from jaxenstein.baselines.learning.placement import place
+from jaxenstein.baselines.state import place
 from tests.baselines.tiny import tiny
 from tests.devices import run_with_devices
 
@@ -19,7 +19,7 @@ import jax, numpy as np
 from pathlib import Path
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.training import train
-from jaxenstein.baselines.learning.placement import place
+from jaxenstein.baselines.state import place
 from tests.baselines.tiny import tiny
 assert jax.device_count() == 2
 for name, options in (("shards", {"seeds": 1, "shards": 2}), ("runs", {"seeds": 2})):
@@ -48,7 +48,7 @@ def test_one_device_takes_all() -> None:
 
 
 def test_environments_on_four_devices_give_what_one_gives() -> None:
-    run_with_devices(4, "-m", "tests.baselines.learning.spread_run")
+    run_with_devices(4, "-m", "tests.baselines.spread_run")
 
 
 @pytest.mark.slow
