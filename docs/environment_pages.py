@@ -33,7 +33,7 @@ from docs.scoreboard import scoreboard
 from jaxenstein.baselines.runs.trained import pretrained, read_config
 from jaxenstein.catalogue import ALIASES, ENTRIES, MAIN_IDS
 from jaxenstein.cli.listing import GENERATED, extent
-from jaxenstein.docstrings import attributes
+from jaxenstein.fields import attributes
 from jaxenstein.tasks.first_person import SETTINGS
 
 OUT = HERE / "environments"

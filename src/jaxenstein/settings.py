@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
 from . import registry
-from .docstrings import attributes
 from .errors import SettingError, nearest
+from .fields import attributes
 from .recipe import Recipe, as_tuples
 from .tasks.first_person import SEEN, SETTINGS, FirstPerson
 

@@ -15,7 +15,7 @@ from docs import agents, commands, environment_pages, episodes, looks, page_part
 from docs.families import FAMILIES
 from jaxenstein.baselines.runs import options
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
-from jaxenstein.docstrings import attributes
+from jaxenstein.fields import attributes
 from jaxenstein.view.episode import compose_side_by_side
 
 DOCS = Path(__file__).parents[2] / "docs"
