@@ -13,19 +13,20 @@ import jax.numpy as jnp
 from flax.core import FrozenDict
 from jax.typing import DTypeLike
 
-from ..errors import SettingError, nearest
-from ..pytree import PyTreeNode
-from .fields import (
-    check_choice,
-    check_known,
-    check_numbers,
-    check_settings,
-    is_whole,
-    names,
-    positive,
-    share,
+from ..errors import SettingError
+from ..fields import (
+    Domain,
+    as_arrays,
+    check,
+    check_names,
+    check_value,
+    choice,
+    names_of,
+    number,
+    of_form,
     values_of,
 )
+from ..pytree import PyTreeNode
 
 Precision = Literal["float32", "bfloat16"]
 Convolution = Literal["matmul", "lax"]
@@ -54,13 +55,13 @@ class Algorithm:
     @functools.cached_property
     def settings(self) -> tuple[str, ...]:
         """The names of the bonus' static settings."""
-        return tuple(name for name in names(self.options) if name not in self.numbers)
+        return tuple(name for name in names_of(self.options) if name not in self.numbers)
 
     @functools.cached_property
     def numbers(self) -> tuple[str, ...]:
         """The names of the bonus' numbers."""
         hints = typing.get_type_hints(self.options)
-        return tuple(name for name in names(self.options) if hints[name] is Any)
+        return tuple(name for name in names_of(self.options) if hints[name] is Any)
 
 
 _ALGORITHMS: dict[str, Algorithm] = {}
@@ -72,9 +73,9 @@ def register_bonus(
     """Register an exploration bonus, so that `Config.algo` and `--algo` know its name.
 
     The fields of `options` become flags and names in files, with the docstring's `Attributes` as
-    help. A field annotated as `Any` is a number, which may differ between runs of one compiled
-    program: the bonus reads it from `HParams.bonus`. Any other field (int, bool or a Literal of
-    words) is a static setting: the bonus reads it from `Config.bonus`.
+    help; `jaxenstein.fields` declares their ranges. A field annotated as `Any` is a number, which
+    may differ between runs of one compiled program: the bonus reads it from `HParams.bonus`. Any
+    other field is a static setting: the bonus reads it from `Config.bonus`.
 
     Args:
         name: lower-case letters, digits and underscores.
@@ -91,17 +92,15 @@ def register_bonus(
         )
     if name in _ALGORITHMS:
         raise SettingError(f"there is an algorithm {name!r} already; choose another name")
-    for field in names(options):
+    for field in names_of(options):
         if not field.startswith(f"{name}_"):
             raise SettingError(
                 f"options of {name!r} must begin with '{name}_', not {field!r}: they share one "
                 "list with those of the others"
             )
     row = Algorithm(bonus, options, grid)
-    known = (*names(HParams), *row.numbers)
-    for number in grid or ():
-        if number not in known:
-            raise SettingError(f"unknown number {number!r} in the grid{nearest(number, known)}")
+    known = (*names_of(HParams), *row.numbers)
+    check_names(grid or (), known, "number in a grid:")
     _ALGORITHMS[name] = row
 
 
@@ -113,7 +112,7 @@ def algorithms() -> Mapping[str, Algorithm]:
 def algorithm(name: str) -> Algorithm:
     """The algorithm of a name; a `SettingError` names the nearest if there is none."""
     try:
-        check_choice("algo", name, tuple(_ALGORITHMS))
+        check_value("algo", Domain("choice", choices=tuple(_ALGORITHMS)), name)
     except SettingError as error:
         own = "a bonus of your own is known once its module is imported, in commands by --import"
         raise SettingError(f"{error}; {own}") from None
@@ -128,9 +127,9 @@ def _nested(
     Options of the bonuses of other algorithms are left out.
     """
     others = {name for other in _ALGORITHMS.values() if other is not row
-              for name in names(other.options)}  # fmt: skip
+              for name in names_of(other.options)}  # fmt: skip
     given = {name: value for name, value in values.items() if name not in others}
-    check_known(given, [name for name in (*names(cls), *own) if name != "bonus"])
+    check_names(given, [name for name in (*names_of(cls), *own) if name != "bonus"])
     bonus = {name: given.pop(name) for name in own if name in given}
     return {**given, "bonus": bonus}
 
@@ -191,43 +190,41 @@ class Config:
     """
 
     algo: str = "ppo"
-    total_steps: int = 10_000_000  # not printed; pobax uses 1e7 for its mazes
-    num_envs: int = 64  # not printed
-    rollout: int = 128
-    epochs: int = 4
-    minibatches: int = 4  # as pobax and purejaxrl
+    total_steps: int = number(10_000_000, 1)  # not printed; pobax uses 1e7 for its mazes
+    num_envs: int = number(64, 1)  # not printed
+    rollout: int = number(128, 1)
+    epochs: int = number(4, 1)
+    minibatches: int = number(4, 1)  # as pobax and purejaxrl
     anneal: bool = True  # as pobax
     value_loss_half: bool = False  # as pobax and SB3
     bootstrap_truncation: bool = True
-    convolutions: tuple[tuple[int, int, int], ...] | None = None
-    features: int = 256
-    hidden: int = 256
-    head: int = 256  # as pobax
+    convolutions: tuple[tuple[int, int, int], ...] | None = of_form(None, "layers")
+    features: int = number(256, 1)
+    hidden: int = number(256, 1)
+    head: int = number(256, 1)  # as pobax
     zero_values: bool = False
-    contrast: float = 0.0
-    persistence: float = 0.0
+    contrast: float = number(0.0, 0)
+    persistence: float = number(0.0, 0)
     recurrent: bool = True
-    dtype: Precision = "float32"
-    convolution: Convolution = "matmul"
-    bonus_epochs: int = 1
+    dtype: Precision = choice("float32", Precision)
+    convolution: Convolution = choice("matmul", Convolution)
+    bonus_epochs: int = number(1, 1)
     normalise_bonus: bool = False
     bonus_values: bool = False
-    stop_success: float = share(0.0)
+    stop_success: float = number(0.0, 0, 1)
     random_clocks: bool = False
-    shards: int = 1
+    shards: int = number(1, 1)
     bonus: Mapping[str, Any] = FrozenDict()
 
     def __post_init__(self) -> None:
         """Check every field alone, then those that must fit each other."""
         row = self.algorithm
-        check_known(self.bonus, row.settings)
+        check_names(self.bonus, row.settings)
         own = row.options(**self.bonus)
-        check_settings(own)
+        check(own)
         bonus = FrozenDict({name: getattr(own, name) for name in row.settings})
         object.__setattr__(self, "bonus", bonus)
-        check_settings(self)
-        if self.convolutions is not None:
-            object.__setattr__(self, "convolutions", _layers(self.convolutions))
+        check(self)
         self._check_batch()
 
     def _check_batch(self) -> None:
@@ -289,21 +286,6 @@ class Config:
         return _flat(self)
 
 
-def _layers(layers: Any) -> tuple[tuple[int, int, int], ...]:
-    """Convolutions as tuples; a `SettingError` where they are not (kernel, stride, features)."""
-    for layer in layers:
-        if not (
-            isinstance(layer, list | tuple)
-            and len(layer) == 3
-            and all(is_whole(number) and number >= 1 for number in layer)
-        ):
-            raise SettingError(
-                "convolutions must be (kernel, stride, features) of each layer, whole numbers "
-                f"from 1, not {layer!r}"
-            )
-    return tuple(tuple(layer) for layer in layers)
-
-
 class HParams(PyTreeNode):
     """Numbers of a run: a pytree of scalars, traced, so `jax.vmap` can run many at once.
 
@@ -330,22 +312,22 @@ class HParams(PyTreeNode):
         bonus: the bonus' own numbers by name; those not given have their defaults.
     """
 
-    learning_rate: Any = 2.5e-4
-    gamma: Any = share(None)
-    gae_lambda: Any = share(0.95)
-    clip: Any = positive(0.2)
-    value_clip: Any = positive(0.2)
-    entropy: Any = 0.01
-    value: Any = 0.5
-    gradient_norm: Any = positive(0.5)
-    advantage_floor: Any = 1e-8
-    target_kl: Any = positive(None)
-    bonus_learning_rate: Any = 3e-4  # the paper prints none for RND
-    bonus_reward: Any = 1.0
-    bonus_advantage: Any = 1.0
-    bonus_gamma: Any = share(None)
-    bonus_value_clip: Any = positive(None)
-    bonus_memory: Any = share(1.0)
+    learning_rate: Any = number(2.5e-4, 0)
+    gamma: Any = number(None, 0, 1)
+    gae_lambda: Any = number(0.95, 0, 1)
+    clip: Any = number(0.2, above=0)
+    value_clip: Any = number(0.2, above=0)
+    entropy: Any = number(0.01, 0)
+    value: Any = number(0.5, 0)
+    gradient_norm: Any = number(0.5, above=0)
+    advantage_floor: Any = number(1e-8, 0)
+    target_kl: Any = number(None, above=0)
+    bonus_learning_rate: Any = number(3e-4, 0)  # the paper prints none for RND
+    bonus_reward: Any = number(1.0, 0)
+    bonus_advantage: Any = number(1.0, 0)
+    bonus_gamma: Any = number(None, 0, 1)
+    bonus_value_clip: Any = number(None, above=0)
+    bonus_memory: Any = number(1.0, 0, 1)
     bonus: Mapping[str, Any] = FrozenDict()
 
     @classmethod
@@ -377,7 +359,7 @@ class HParams(PyTreeNode):
             SettingError: a value is no number, or out of range.
         """
         row = algorithm(algo)
-        check_known(self.bonus, row.numbers)
-        own = check_numbers(row.options(**self.bonus), skip=row.settings)
+        check_names(self.bonus, row.numbers)
+        own = as_arrays(row.options(**self.bonus), skip=row.settings)
         bonus = {name: getattr(own, name) for name in row.numbers}
-        return check_numbers(self, skip=("bonus",)).replace(bonus=bonus)
+        return as_arrays(self, skip=("bonus",)).replace(bonus=bonus)

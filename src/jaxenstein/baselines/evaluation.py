@@ -74,12 +74,12 @@ def advance(
 
     Args:
         simulator: the environments.
-        network: what acts.
+        network: the policy.
         params: its parameters, [R, ...].
-        key: of the draws, the same ones for each run.
+        key: of the random numbers, the same ones for each run.
         playing: the episodes so far.
         until: int32[], steps.
-        greedy: bool[], take the most likely action instead of drawing one.
+        greedy: bool[], take the most likely action instead of sampling one.
     """
     play_key = jax.random.split(key)[1]
 
@@ -126,5 +126,5 @@ def _choose(
     logits, _, memory = network.step(
         params, actors.obs, actors.previous, actors.first, actors.memory
     )
-    drawn = jax.random.categorical(key, logits)
-    return jnp.where(greedy, jnp.argmax(logits, axis=-1), drawn), memory
+    sampled = jax.random.categorical(key, logits)
+    return jnp.where(greedy, jnp.argmax(logits, axis=-1), sampled), memory

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -21,7 +20,7 @@ from .observations import observation_spec
 from .simulator import GymnaxSimulator, make_simulator, most_truncations
 from .state import TrainState, key_data, wrap_key
 
-# Steps of an evaluation in one call, between which it is told how far it is.
+# Steps of an evaluation in one call; progress is reported between calls.
 SLICE = 16
 
 
@@ -51,6 +50,7 @@ class Learner:
         config: the static settings.
         network: the recurrent network; `network.unroll` for whole sequences.
         bonus: the exploration bonus.
+        many: the same functions for many runs at once, along a leading axis of everything.
     """
 
     def __init__(self, env: Any, env_params: Any, config: Config) -> None:
@@ -95,14 +95,15 @@ class Learner:
         self._train = jax.jit(self.loop.updates, static_argnames="number")
         self._policy = jax.jit(self._act_one)
         self._actions = jax.jit(self._act)
+        self.many = ManyRuns(self.loop)
 
     def init(self, key: jax.Array, hparams: HParams | None = None) -> TrainState:
         """Begin a run.
 
         Args:
             key: a random key, typed or old: the run's seed.
-            hparams: its numbers; None for the defaults. They are only checked here, and passed
-                to every `train_chunk`.
+            hparams: its numbers; None for the defaults. They are only checked here; pass them to
+                every `train_chunk`.
 
         Raises:
             SettingError: a number is out of range.
@@ -123,9 +124,7 @@ class Learner:
             updates: how many updates; each number compiles anew.
 
         Returns:
-            The state, and metrics [updates]: sums over the episodes that ended (`episodes`,
-            `return_sum`, `return_square_sum`, `length_sum`, `successes`), the losses, and what
-            explains a run that fails; all are listed at `loop.Loop.update`.
+            The state, and metrics [updates], which `loop.Loop.update` lists.
         """
         return self._train(state, self.loop.numbers(hparams), number=updates)
 
@@ -138,7 +137,7 @@ class Learner:
             params: `TrainState.params`.
             key: a random key.
             episodes: how many.
-            greedy: take the most likely action instead of drawing one.
+            greedy: take the most likely action instead of sampling one.
         """
         several = jax.tree.map(lambda leaf: leaf[None], params)
         played = self.many.evaluate(several, key, episodes, greedy)
@@ -158,7 +157,7 @@ class Learner:
             params: `TrainState.params`.
             obs: one observation.
             carry: `initial_carry()` at the beginning of an episode, then what was returned.
-            key: to draw the action with; None for the most likely one.
+            key: to sample the action with; None for the most likely one.
 
         Returns:
             int32[] action, and the next carry.
@@ -168,17 +167,12 @@ class Learner:
     def act(
         self, params: Any, obs: Any, carry: PolicyCarry, key: jax.Array | None = None
     ) -> tuple[jax.Array, PolicyCarry]:
-        """As `policy` in `N` environments at once, along a leading axis of `obs` and `carry`.
+        """As `policy`, in `N` environments at once, along a leading axis of `obs` and `carry`.
 
         Returns:
             int32[N] actions, and the next carry.
         """
         return self._actions(params, obs, carry, None if key is None else key_data(key))
-
-    @functools.cached_property
-    def many(self) -> ManyRuns:
-        """The same functions for many runs at once, along a leading axis of everything."""
-        return ManyRuns(self.loop)
 
     def _check(self) -> None:
         if not isinstance(self.simulator, GymnaxSimulator):
@@ -214,24 +208,34 @@ class Learner:
 
 
 class ManyRuns:
-    """Runs side by side in one program: every argument and result has a leading axis [R].
+    """Parallel runs in one program: every argument and result has a leading axis [R].
 
     A run among others is the same as alone up to rounding.
     """
 
     def __init__(self, loop: Loop) -> None:
         """Take the loop of one run."""
+
+        def train(state: TrainState, hparams: HParams, updates: int) -> tuple[TrainState, Metrics]:
+            return jax.vmap(lambda s, h: loop.updates(s, h, updates))(state, hparams)
+
+        def first(data: jax.Array, runs: int, episodes: int) -> Playing:
+            return begin(loop.simulator, loop.network, wrap_key(data), runs, episodes)
+
+        def play(params: Any, data: jax.Array, *rest: Any) -> Playing:
+            return advance(loop.simulator, loop.network, params, wrap_key(data), *rest)
+
         self._loop = loop
         self._start = jax.jit(loop.start)
-        self._begin = jax.jit(self._first, static_argnames=("runs", "episodes"))
-        self._advance = jax.jit(self._play)
-        self._train = jax.jit(self._updates, static_argnames="updates")
+        self._train = jax.jit(train, static_argnames="updates")
+        self._begin = jax.jit(first, static_argnames=("runs", "episodes"))
+        self._advance = jax.jit(play)
 
     def init(self, keys: jax.Array, hparams: HParams | None = None) -> TrainState:
         """Begin a run for each of keys[R]; `hparams` as of `train_chunk`."""
         _spread(self._loop.numbers(hparams), keys.shape[0])
-        # One after another, in one small program: a vmapped one of four runs never came to its
-        # end on two CPU cores with JAX 0.10.2.
+        # One after another, in one small program: a vmapped program of four runs never ended on
+        # two CPU cores with JAX 0.10.2.
         states = [self._start(key) for key in key_data(keys)]
         return jax.tree.map(lambda *leaves: jnp.stack(leaves), *states)
 
@@ -254,7 +258,7 @@ class ManyRuns:
         greedy: bool = False,
         notify: Callable[[np.ndarray, np.ndarray], object] = lambda running, length: None,
     ) -> Evaluation:
-        """Evaluate all runs on the same draws; results [R, episodes].
+        """Evaluate all runs with the same random numbers; results [R, episodes].
 
         `notify` is called now and then with which episodes go on, bool[R, episodes], and how long
         they are, int32[R, episodes].
@@ -268,21 +272,6 @@ class ManyRuns:
             running, length = jax.device_get((playing.running, playing.result.episode_length))
             notify(running, length)
         return playing.result
-
-    def _updates(
-        self, state: TrainState, hparams: HParams, updates: int
-    ) -> tuple[TrainState, Metrics]:
-        return jax.vmap(lambda s, h: self._loop.updates(s, h, updates))(state, hparams)
-
-    def _first(self, data: jax.Array, runs: int, episodes: int) -> Playing:
-        loop = self._loop
-        return begin(loop.simulator, loop.network, wrap_key(data), runs, episodes)
-
-    def _play(
-        self, params: Any, data: jax.Array, playing: Playing, until: jax.Array, greedy: jax.Array
-    ) -> Playing:
-        loop, key = self._loop, wrap_key(data)
-        return advance(loop.simulator, loop.network, params, key, playing, until, greedy)
 
 
 def _spread(hparams: HParams, runs: int) -> HParams:

@@ -8,10 +8,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ..fields import values_of
 from . import optimiser, ppo
 from .bonus import Bonus, BonusScale, Experience, Metrics
 from .config import Config, HParams
-from .fields import values_of
 from .networks import ActorCritic
 from .rollout import Actors, EpisodeSums, Finals, Steps, final_values, rollout, start
 from .simulator import Simulator

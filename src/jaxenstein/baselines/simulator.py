@@ -1,14 +1,14 @@
-"""Environments as the training loop drives them: a batch, resets included.
+"""Environments as the training loop steps them: a batch, with resets.
 
-`Simulator` hides where an environment comes from. Those of this package are stepped without an
-observation, reset where an episode ended, and drawn once; a state, not a frame, is kept of
-episodes that the time limit cut off. Others go by gymnax' contract of six values.
+Both simulators have the same methods. Environments of this package are stepped without an
+observation, reset where an episode ended, and rendered once; of episodes that the time limit cut
+off a state is kept, not a frame. Other environments follow gymnax' contract of six values.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Protocol
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -24,12 +24,12 @@ class Outcome(PyTreeNode):
 
     Attributes:
         obs: the next observations to act on: first ones where an episode ended.
-        state: the states that belong to them.
+        state: their states.
         reward: float32[N].
         terminated: bool[N], the task's own end.
         truncated: bool[N], the time limit, where not terminated.
         reached: bool[N], whether this step reached the aim, `info["success"]`.
-        final: what `final_observation` makes the last observation of an ended episode of.
+        final: from this `final_observation` makes the last observations of ended episodes.
     """
 
     obs: Any
@@ -39,51 +39,6 @@ class Outcome(PyTreeNode):
     truncated: jax.Array
     reached: jax.Array
     final: Any
-
-
-class Simulator(Protocol):
-    """A batch of environments.
-
-    Attributes:
-        num_actions: of each.
-        frame_skip: how many steps of the world one step is; time limits count those of the world.
-    """
-
-    num_actions: int
-    frame_skip: int
-
-    def reset(self, keys: jax.Array) -> tuple[Any, Any]:
-        """First observations and states, for keys[N]."""
-        ...
-
-    def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
-        """Step each environment, and begin anew where an episode ended."""
-        ...
-
-    def final_of(self, obs: Any, state: Any) -> Any:
-        """What `Outcome.final` is of, for any observations and states of the batch."""
-        ...
-
-    def final_observation(self, final: Any) -> Any:
-        """The observations of `Outcome.final` with one leading axis."""
-        ...
-
-
-def make_simulator(env: Any, params: Any) -> Simulator:
-    """Wrap an environment of this package or of gymnax' contract.
-
-    Raises:
-        SettingError: actions are not discrete, or it lacks the contract's functions.
-    """
-    if isinstance(env, Environment):
-        return OwnSimulator(env, params)
-    for name in ("reset", "step", "action_space", "observation_space"):
-        if not callable(getattr(env, name, None)):
-            raise SettingError(
-                f"an environment needs {name}(...), as those of jaxenstein.make or gymnax have "
-                f"it; {type(env).__name__} has none"
-            )
-    return GymnaxSimulator(env, params)
 
 
 def most_truncations(params: Any, steps: int, frame_skip: int = 1) -> int:
@@ -102,12 +57,17 @@ def most_truncations(params: Any, steps: int, frame_skip: int = 1) -> int:
 
 
 class OwnSimulator:
-    """Environments of this package, whatever their `autoreset`."""
+    """A batch of environments of this package, whatever their `autoreset`.
+
+    Attributes:
+        num_actions: of each.
+        frame_skip: how many steps of the world one step is; time limits count those of the world.
+    """
 
     def __init__(self, env: Environment[Any, Any], params: Any) -> None:
         """Take an environment and its params."""
         self.num_actions, self.frame_skip = env.num_actions, env.frame_skip
-        # Equal to those of recipes and sessions: what draws one is traced once for all of them.
+        # Equal to the environment of sessions, so that rendering is traced once for both.
         self._env = dataclasses.replace(env, autoreset=None, final_observation=False)
         self._resetting = dataclasses.replace(self._env, autoreset="same-step")
         self._params = params
@@ -135,12 +95,12 @@ class OwnSimulator:
         )
 
     def final_of(self, obs: Any, state: Any) -> Any:
-        """The states."""
+        """`Outcome.final` of any observations and states of the batch: here the states."""
         del obs
         return state
 
     def final_observation(self, final: Any) -> Any:
-        """Draw the observations of states."""
+        """Render the observations of `Outcome.final`, with one leading axis."""
         params = self._env.check_params(self._params)
         return jax.vmap(lambda state: self._env.observe(state, params))(final)
 
@@ -148,8 +108,8 @@ class OwnSimulator:
 class GymnaxSimulator:
     """Environments of gymnax' contract: six values, resets in the same step.
 
-    `info["final_observation"]` is the observation before a reset. One that takes several steps of
-    the world in a step says how many by `frame_skip`, if `max_steps_in_episode` counts those.
+    `info["final_observation"]` is the observation before a reset. An environment that takes several
+    steps of the world in one step has `frame_skip`, if `max_steps_in_episode` counts those.
     """
 
     def __init__(self, env: Any, params: Any) -> None:
@@ -176,7 +136,7 @@ class GymnaxSimulator:
         self.has_final = "final_observation" in values[-1]
 
     def reset(self, keys: jax.Array) -> tuple[Any, Any]:
-        """First observations and states, for keys[N]."""
+        """As `OwnSimulator.reset`."""
         return jax.vmap(lambda key: self._env.reset(key, self._params))(keys)
 
     def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
@@ -205,7 +165,27 @@ class GymnaxSimulator:
 
 
 def _reached(info: Any, terminated: jax.Array, reward: jax.Array) -> jax.Array:
-    """Success of an environment from elsewhere: what it says of it, or an end with a reward."""
+    """Success in an environment of another package: `info["success"]`, or an end with a reward."""
     if "success" in info:
         return info["success"].astype(bool)
     return terminated & (reward > 0)
+
+
+Simulator = OwnSimulator | GymnaxSimulator
+
+
+def make_simulator(env: Any, params: Any) -> Simulator:
+    """Wrap an environment of this package or of gymnax' contract.
+
+    Raises:
+        SettingError: actions are not discrete, or it lacks the contract's functions.
+    """
+    if isinstance(env, Environment):
+        return OwnSimulator(env, params)
+    for name in ("reset", "step", "action_space", "observation_space"):
+        if not callable(getattr(env, name, None)):
+            raise SettingError(
+                f"an environment needs {name}(...), as those of jaxenstein.make or gymnax have "
+                f"it; {type(env).__name__} has none"
+            )
+    return GymnaxSimulator(env, params)

@@ -146,7 +146,7 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
             recent.extend(rows)
             # A run that goes on has rows of before.
             seen = rows or (baselines("metrics").read_metrics(folder.path) if update else [])
-            if (warning := watch.look(seen)) is not None:
+            if (warning := watch.check(seen)) is not None:
                 progress.say(f"jaxenstein: warning: {warning}")
             if rows or update == total:
                 progress.note = note_of(recent)

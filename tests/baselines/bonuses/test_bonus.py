@@ -202,7 +202,7 @@ def test_states_say_what_they_have_for_each_environment() -> None:
         ("Own-One", (), None, "small letters, digits and underscores, not 'Own-One'"),
         ("visits", (), None, "there is an algorithm 'visits' already"),
         ("own", (VisitsOptions,), None, "must begin with 'own_', not 'visits_power'"),
-        ("own", (), {"bonus_rewrad": (1.0,)}, "unknown number 'bonus_rewrad' in the grid, did you"),
+        ("own", (), {"bonus_rewrad": (1.0,)}, "number in a grid: 'bonus_rewrad', did you"),
     ],
 )
 def test_rows_that_cannot_be(name: str, options: Any, grid: Any, message: str) -> None:

@@ -18,20 +18,20 @@ def rows(updates: int, entropy: float, episodes: int, successes: int = 0) -> lis
 
 def test_a_policy_that_settles_without_success_is_told_of_once() -> None:
     watch = StallWatch(2)
-    assert watch.look(rows(1, 1.6, 10)) is None
-    assert watch.look(rows(1, 0.1, EPISODES // 2)) is None
-    told = watch.look(rows(1, 0.04, EPISODES // 2))
+    assert watch.check(rows(1, 1.6, 10)) is None
+    assert watch.check(rows(1, 0.1, EPISODES // 2)) is None
+    told = watch.check(rows(1, 0.04, EPISODES // 2))
     assert told is not None
     assert f"no success in {2 * EPISODES + 20:,} episodes" in told
     assert "from 1.6 to 0.04" in told
-    assert watch.look(rows(5, 0.01, EPISODES)) is None
+    assert watch.check(rows(5, 0.01, EPISODES)) is None
 
 
 @pytest.mark.parametrize(("entropy", "successes"), [(1.5, 0), (0.01, 1)])
 def test_one_that_still_looks_or_succeeded_once_is_not(entropy: float, successes: int) -> None:
     watch = StallWatch(2)
-    assert watch.look(rows(1, 1.6, 10, successes)) is None
-    assert watch.look(rows(20, entropy, EPISODES)) is None
+    assert watch.check(rows(1, 1.6, 10, successes)) is None
+    assert watch.check(rows(20, entropy, EPISODES)) is None
 
 
 def test_one_whose_returns_rise_is_not() -> None:
@@ -41,13 +41,13 @@ def test_one_whose_returns_rise_is_not() -> None:
     rising: Row = {**first, "entropy": 0.01, "return_sum": 600.0, "return_square_sum": 3700.0}
     for later, told in ((rising, False), ({**first, "entropy": 0.01}, True)):
         watch = StallWatch(2)
-        looked = [watch.look([first] * 2), *(watch.look([later] * 2) for _ in range(20))]
+        looked = [watch.check([first] * 2), *(watch.check([later] * 2) for _ in range(20))]
         assert any(looked) == told
 
 
 def test_rows_of_before_and_without_episodes_count() -> None:
     watch = StallWatch(2)
     before = rows(1, 1.6, 0) + rows(2, 0.2, EPISODES)
-    assert watch.look(before) is not None
+    assert watch.check(before) is not None
     silent: Row = {"entropy": 0.1}
-    assert StallWatch(2).look([silent] * 4) is None
+    assert StallWatch(2).check([silent] * 4) is None

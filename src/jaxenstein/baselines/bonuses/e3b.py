@@ -9,17 +9,19 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 
+from ...fields import choice, number
 from ...pytree import PyTreeNode
 from .. import optimiser
 from ..bonus import PER_ENVIRONMENT, Experience, Metrics
 from ..config import Config, HParams
-from ..fields import positive
 from ..observations import ObservationSpec
-from .parts import Embedding, InverseModel, mean
+from .parts import Embedding, mean
 
 # The temporal loss divides inner products by this, and uses one step of so many as an anchor: with
 # all steps the products would cost more than the rest of the training.
 TEMPERATURE, STRIDE = 0.1, 4
+
+Learned = Literal["inverse", "temporal"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -37,12 +39,12 @@ class E3BOptions:
         e3b_lambda: weight of the ridge in E3B's matrix at the start of an episode.
     """
 
-    e3b_embedding: Literal["inverse", "temporal"] = "inverse"
-    e3b_reach: int = 8
-    e3b_latent: int = 32
-    e3b_hidden: int = 256
-    e3b_layers: int = 2
-    e3b_lambda: Any = positive(0.1)
+    e3b_embedding: Learned = choice("inverse", Learned)
+    e3b_reach: int = number(8, 1)
+    e3b_latent: int = number(32, 1)
+    e3b_hidden: int = number(256, 1)
+    e3b_layers: int = number(2, 1)
+    e3b_lambda: Any = number(0.1, above=0)
 
 
 class E3BState(PyTreeNode):
@@ -85,9 +87,8 @@ class E3B:
     def init(self, key: jax.Array) -> E3BState:
         """Initialise the networks; every environment begins an episode."""
         encoder, latent, inverse_key = jax.random.split(key, 3)
-        params = self._embedding.init(encoder, latent)
-        if not self._temporal:
-            params |= {"inverse": self._inverse.init(inverse_key)}
+        inverse_key = None if self._temporal else inverse_key
+        params = self._embedding.init(encoder, latent, inverse_key)
         start = jnp.eye(self._embedding.latent, dtype=jnp.float32)
         inverse = jnp.repeat(start[None], self.config.num_envs, axis=0)
         return E3BState(params, optimiser.init(params), inverse)
@@ -132,7 +133,7 @@ class E3B:
             phi = self._embedding.embed(params, seen.obs)
             if self._temporal:
                 return temporal_loss(phi, seen.ended, offset)
-            return self._inverse.loss("e3b", params["inverse"], phi, seen.action, ~seen.ended)
+            return self._embedding.inverse_loss("e3b", params, phi, seen.action, ~seen.ended)
 
         params, adam, metrics = optimiser.train(
             pass_key, self.config, self.config.bonus_epochs, loss, (experience, offsets),
@@ -148,13 +149,9 @@ class E3B:
     def _embedding(self) -> Embedding:
         own = self.config.bonus
         return Embedding(
-            spec=self.spec, config=self.config, hidden=own["e3b_hidden"],
-            latent=own["e3b_latent"], unit=True,
+            spec=self.spec, actions=self.actions, config=self.config, hidden=own["e3b_hidden"],
+            layers=own["e3b_layers"], latent=own["e3b_latent"], unit=True,
         )  # fmt: skip
-
-    @functools.cached_property
-    def _inverse(self) -> InverseModel:
-        return InverseModel(self._embedding, self.actions, self.config.bonus["e3b_layers"])
 
 
 def sample_offsets(key: jax.Array, shape: tuple[int, ...], reach: int) -> jax.Array:

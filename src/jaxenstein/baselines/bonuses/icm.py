@@ -12,12 +12,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ...fields import number
 from ...pytree import PyTreeNode
 from .. import optimiser
 from ..bonus import Experience, Metrics
 from ..config import Config, HParams
 from ..observations import ObservationSpec
-from .parts import Embedding, InverseModel, Layers, mean
+from .parts import Embedding, Layers, mean
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -34,12 +35,12 @@ class ICMOptions:
         icm_forward: coefficient of the forward model's loss.
     """
 
-    icm_latent: int = 128
-    icm_hidden: int = 256
-    icm_layers: int = 2
+    icm_latent: int = number(128, 1)
+    icm_hidden: int = number(256, 1)
+    icm_layers: int = number(2, 1)
     icm_forward_trains_encoder: bool = False
-    icm_inverse: Any = 1.0
-    icm_forward: Any = 1.0
+    icm_inverse: Any = number(1.0, 0)
+    icm_forward: Any = number(1.0, 0)
 
 
 class ICMState(PyTreeNode):
@@ -58,8 +59,8 @@ class ICMState(PyTreeNode):
 class ICM:
     """The bonus mean_j (phi_j(o') - chi_j(phi(o), a))^2.
 
-    The forward model chi learns to predict phi(o'), an embedding that an `InverseModel` trains. The
-    bonus is added to the reward, or has a value head of its own.
+    The forward model chi learns to predict phi(o'), an `Embedding` that its inverse model trains.
+    The bonus is added to the reward, or has a value head of its own.
 
     Attributes:
         spec: what observations are.
@@ -81,10 +82,8 @@ class ICM:
         encoder, latent, inverse, forward = jax.random.split(key, 4)
         width = self._embedding.latent + self.actions
         inputs = jnp.zeros((1, width), self.config.compute_dtype)
-        params = self._embedding.init(encoder, latent) | {
-            "inverse": self._inverse.init(inverse),
-            "forward": self._forward.init(forward, inputs),
-        }
+        params = self._embedding.init(encoder, latent, inverse)
+        params["forward"] = self._forward.init(forward, inputs)
         return ICMState(params, optimiser.init(params))
 
     def reward(
@@ -108,8 +107,8 @@ class ICM:
 
         def loss(params: Any, part: Experience) -> tuple[jax.Array, Metrics]:
             latent, wanted = self._embedding.embed(params, part.obs), ~part.ended
-            inverse, metrics = self._inverse.loss(
-                "icm", params["inverse"], latent, part.action, wanted
+            inverse, metrics = self._embedding.inverse_loss(
+                "icm", params, latent, part.action, wanted
             )
             forward = mean(self.forward_error(params, latent, part.action), wanted)
             total = weights["icm_inverse"] * inverse + weights["icm_forward"] * forward
@@ -138,12 +137,9 @@ class ICM:
     def _embedding(self) -> Embedding:
         own = self.config.bonus
         return Embedding(
-            spec=self.spec, config=self.config, hidden=own["icm_hidden"], latent=own["icm_latent"]
-        )
-
-    @functools.cached_property
-    def _inverse(self) -> InverseModel:
-        return InverseModel(self._embedding, self.actions, self.config.bonus["icm_layers"])
+            spec=self.spec, actions=self.actions, config=self.config, hidden=own["icm_hidden"],
+            layers=own["icm_layers"], latent=own["icm_latent"],
+        )  # fmt: skip
 
     @functools.cached_property
     def _forward(self) -> Layers:

@@ -1,4 +1,4 @@
-"""Parts that several bonuses share: layers, embeddings, and the inverse model."""
+"""Parts that several bonuses share: layers, embeddings, and means over wanted steps."""
 
 # The type of flax' `apply` allows it to return variables too, which ours never do.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
@@ -39,29 +39,42 @@ class Layers(nn.Module):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Embedding:
-    """An embedding phi of observations.
+    """An embedding phi of observations, and an inverse model that can train it.
+
+    The inverse model predicts the action from phi(o) and phi(o') (Pathak et al. 2017): so the
+    embedding keeps what actions change, and has no use for the rest.
 
     Attributes:
         spec: what observations are.
+        actions: their number, `A`.
         config: convolutions and dtype.
-        hidden: width of the image features.
+        hidden: width of the image features, and of the hidden layers of the inverse model.
+        layers: number of the hidden layers of the inverse model.
         latent: size of the embedding, `L`.
         unit: centre each embedding and scale it to length one.
     """
 
     spec: ObservationSpec
+    actions: int
     config: Config
     hidden: int
+    layers: int
     latent: int
     unit: bool = False
 
-    def init(self, encoder: jax.Array, latent: jax.Array) -> dict[str, Any]:
-        """Initialise the parameters, with a key for each of both parts."""
-        features = jnp.zeros((1, self.hidden), self.config.compute_dtype)
-        return {
+    def init(
+        self, encoder: jax.Array, latent: jax.Array, inverse: jax.Array | None
+    ) -> dict[str, Any]:
+        """Initialise the parameters with a key for each part; None leaves out the inverse model."""
+        dtype = self.config.compute_dtype
+        params = {
             "encoder": self._encoder.init(encoder),
-            "latent": self._latent.init(latent, features),
+            "latent": self._latent.init(latent, jnp.zeros((1, self.hidden), dtype)),
         }
+        if inverse is not None:
+            pair = jnp.zeros((1, 2 * self.latent), dtype)
+            params["inverse"] = self._inverse.init(inverse, pair)
+        return params
 
     def embed(self, params: Any, obs: Any) -> jax.Array:
         """Embed observations: dtype[T, N, L]; with `unit` float32."""
@@ -73,37 +86,7 @@ class Embedding:
         latent = latent - jnp.mean(latent, axis=-1, keepdims=True)
         return latent * jax.lax.rsqrt(jnp.sum(latent**2, axis=-1, keepdims=True) + 1e-12)
 
-    @functools.cached_property
-    def _encoder(self) -> ImageEncoder:
-        return ImageEncoder(self.spec, self.hidden, self.config, self.config.compute_dtype)
-
-    @functools.cached_property
-    def _latent(self) -> Layers:
-        return Layers(self.hidden, 0, self.latent, self.config.compute_dtype)
-
-
-@dataclasses.dataclass(frozen=True)
-class InverseModel:
-    """Predicts the action from phi(o) and phi(o'), which trains an embedding (Pathak et al. 2017).
-
-    The embedding keeps what actions change, and has no use for the rest.
-
-    Attributes:
-        embedding: phi.
-        actions: their number, `A`.
-        layers: number of hidden layers, as wide as the image features.
-    """
-
-    embedding: Embedding
-    actions: int
-    layers: int
-
-    def init(self, key: jax.Array) -> Any:
-        """Initialise the parameters."""
-        pair = jnp.zeros((1, 2 * self.embedding.latent), self.embedding.config.compute_dtype)
-        return self._inverse.init(key, pair)
-
-    def loss(
+    def inverse_loss(
         self, name: str, params: Any, phi: jax.Array, action: jax.Array, wanted: jax.Array
     ) -> tuple[jax.Array, Metrics]:
         """Cross-entropy of the actions taken, over the steps that are wanted.
@@ -115,9 +98,8 @@ class InverseModel:
             action: int32[T, N].
             wanted: bool[T, N].
         """
-        dtype = self.embedding.config.compute_dtype
-        pair = jnp.concatenate([phi[:-1], phi[1:]], axis=-1).astype(dtype)
-        logits = self._inverse.apply(params, pair).astype(jnp.float32)
+        pair = jnp.concatenate([phi[:-1], phi[1:]], axis=-1).astype(self.config.compute_dtype)
+        logits = self._inverse.apply(params["inverse"], pair).astype(jnp.float32)
         right = jnp.argmax(logits, axis=-1).astype(action.dtype) == action
         loss = mean(-log_prob(logits, action), wanted)
         return loss, {
@@ -126,16 +108,23 @@ class InverseModel:
         }
 
     @functools.cached_property
+    def _encoder(self) -> ImageEncoder:
+        return ImageEncoder(self.spec, self.hidden, self.config, self.config.compute_dtype)
+
+    @functools.cached_property
+    def _latent(self) -> Layers:
+        return Layers(self.hidden, 0, self.latent, self.config.compute_dtype)
+
+    @functools.cached_property
     def _inverse(self) -> Layers:
-        phi = self.embedding
-        return Layers(phi.hidden, self.layers, self.actions, phi.config.compute_dtype)
+        return Layers(self.hidden, self.layers, self.actions, self.config.compute_dtype)
 
 
 def mean(values: jax.Array, wanted: jax.Array) -> jax.Array:
     """float32[], the mean of the values that are wanted; 0 if none is."""
-    return jnp.sum(jnp.where(wanted, values, 0)) / number(wanted)
+    return jnp.sum(jnp.where(wanted, values, 0)) / count_of(wanted)
 
 
-def number(wanted: jax.Array) -> jax.Array:
+def count_of(wanted: jax.Array) -> jax.Array:
     """float32[], how many are wanted, at least 1."""
     return jnp.maximum(jnp.sum(wanted), 1).astype(jnp.float32)

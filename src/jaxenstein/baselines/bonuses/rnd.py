@@ -12,13 +12,14 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ...fields import number
 from ...pytree import PyTreeNode
 from .. import optimiser
 from ..bonus import Experience, Metrics
 from ..config import Config, HParams
 from ..networks import ImageEncoder
 from ..observations import ObservationSpec
-from .parts import Layers, number
+from .parts import Layers, count_of
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -32,10 +33,10 @@ class RNDOptions:
         rnd_loss: coefficient of RND's loss.
     """
 
-    rnd_hidden: int = 128
-    rnd_output: int = 128
-    rnd_layers: int = 2
-    rnd_loss: Any = 0.1
+    rnd_hidden: int = number(128, 1)
+    rnd_output: int = number(128, 1)
+    rnd_layers: int = number(2, 1)
+    rnd_loss: Any = number(0.1, 0)
 
 
 class RNDState(PyTreeNode):
@@ -99,7 +100,7 @@ class RND:
         def loss(predictor: Any, part: Any) -> tuple[jax.Array, Metrics]:
             obs, wanted = part
             error = self.error(state.replace(predictor=predictor), obs)
-            value = weight * jnp.sum(jnp.where(wanted, error, 0)) / number(wanted)
+            value = weight * jnp.sum(jnp.where(wanted, error, 0)) / count_of(wanted)
             return value, {"rnd_loss": value}
 
         predictor, adam, metrics = optimiser.train(

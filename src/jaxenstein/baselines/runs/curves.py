@@ -14,18 +14,12 @@ from ...errors import SettingError, nearest
 from ...files import atomic, check_writable
 from .experiment import exact
 from .folder import RunFolder
-from .metrics import Row, read_metrics, read_seconds, rows_by_run
+from .metrics import EPISODE_MEANS, Row, read_metrics, read_seconds, rows_by_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Means over episodes, and the sums that they are made of.
-EPISODE_MEANS = {"return": "return_sum", "length": "length_sum", "success": "successes"}
-AXES = {
-    "return": "return",
-    "success": "success rate",
-    "length": "steps of an episode",
-}
+AXES = {"success": "success rate", "length": "steps of an episode"}
 SUFFIXES = (".png", ".svg")
 Over = Literal["decisions", "minutes"]
 POINTS = 50
@@ -96,9 +90,9 @@ class Curve:
 
     Attributes:
         label: for the legend.
-        at: float64[points], where they lie: decisions of each run, or minutes of all together.
+        at: float64[points], on the horizontal axis: decisions of each run, or minutes of all runs.
         values: float64[runs, points]; NaN where no episode ended.
-        over: what they lie along.
+        over: the horizontal axis.
     """
 
     label: str
@@ -114,11 +108,11 @@ def curves_of(
 
     Args:
         path: the run directory.
-        metric: a column of its metrics; of `return`, `length` and `success` every value is the
-            mean over the episodes that ended, of others the mean over updates.
-        points: into how many parts the updates are pooled, at most.
-        over: what the curves go along: decisions, which are steps of the world over the frame skip,
-            or minutes of training, compiling included.
+        metric: a column of its metrics; values of `return`, `length` and `success` are means over
+            the episodes that ended, those of others are means over updates.
+        points: the largest number of points; each pools as many updates.
+        over: the horizontal axis: decisions, which are steps of the world over the frame skip, or
+            minutes of training with compilation.
 
     Raises:
         SettingError: there is no run, it has no metrics yet, or no such column.
@@ -153,7 +147,7 @@ def _label(path: Path, grid: Sequence[str], run: Mapping[str, float | int]) -> s
 def _pooled_runs(
     runs: list[list[Row]], metric: str, points: int, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where the points lie, and float64[runs, points]."""
+    """The places of the points on the horizontal axis, and float64[runs, points]."""
     parts = np.array_split(np.arange(len(at)), min(points, len(at)))
     values = [[_pooled([run[i] for i in part], metric) for part in parts] for run in runs]
     return np.array([at[part[-1]] for part in parts]), np.array(values, np.float64)
@@ -169,7 +163,7 @@ def _pooled(rows: Sequence[Row], metric: str) -> float:
 
 
 def check_picture(path: Path) -> None:
-    """Find out early whether a plot can be written.
+    """Check early whether a plot can be written.
 
     Raises:
         SettingError: the suffix is another one, or matplotlib is missing.
@@ -184,12 +178,12 @@ def check_picture(path: Path) -> None:
 def save_plot(
     curves: Sequence[Curve], paths: Sequence[Path], metric: str = "return", title: str = ""
 ) -> None:
-    """Draw curves with their bands.
+    """Plot curves with their bands into files.
 
     Args:
         curves: at least one.
-        paths: files to write, each whole or not at all: .png or .svg.
-        metric: for the axis.
+        paths: files to write: .png or .svg.
+        metric: for the vertical axis.
         title: above the plot.
 
     Raises:

@@ -13,15 +13,17 @@ import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
+from ...fields import check, choice
 from ...recipe import Recipe, as_tuples
 from ..config import Config, HParams
-from ..fields import check_settings
 from ..learner import Learner
 from ..state import IMPLEMENTATION
 
 FORMAT = 1
 # The most seeds of one experiment, which are trained in parallel; more would fill the memory.
 MOST_SEEDS = 100_000
+RecipeName = Literal["paper", "tuned"]
+NetworkName = Literal["paper", "small", "tiny"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,12 +46,12 @@ class Experiment:
     hparams: Mapping[str, float | None]
     seeds: tuple[int, ...]
     grid: tuple[tuple[str, tuple[float, ...]], ...] = ()
-    recipe: Literal["paper", "tuned"] = "paper"
-    network: Literal["paper", "small", "tiny"] = "paper"
+    recipe: RecipeName = choice("paper", RecipeName)
+    network: NetworkName = choice("paper", NetworkName)
 
     def __post_init__(self) -> None:
         """Check the names of the recipe and the network."""
-        check_settings(self)
+        check(self)
 
     @property
     def runs(self) -> tuple[dict[str, float | int], ...]:
@@ -132,10 +134,6 @@ class Experiment:
             for name in sorted({*mine, *its})
             if mine.get(name, ...) != its.get(name, ...)
         ]
-
-    def __hash__(self) -> int:
-        """By its contents; the mappings in it are not changed."""
-        return hash(json.dumps(self.to_json(), sort_keys=True))
 
 
 def check_seeds(first: int, count: int) -> tuple[int, ...]:
