@@ -19,9 +19,9 @@ from jaxenstein.fields import (
     check_numbers,
     check_value,
     choice,
-    fields_of,
     number,
     of_form,
+    options_of,
 )
 
 Colour = Literal["red", "green"]
@@ -99,7 +99,7 @@ def test_a_wrong_setting_is_told_alike_in_python_and_in_a_file(name, value, mess
     with pytest.raises(SettingError) as caught:
         check(Sample(**{name: value}))
     assert message in str(caught.value)
-    options = {field.name: field for field in fields_of(Sample, "x")}
+    options = {field.name: field for field in options_of(Sample, "x")}
     if name == "size" and value == 4.0:
         assert check_value(name, options[name].domain, value) == 4
         return
@@ -194,7 +194,7 @@ def test_numbers_become_arrays_and_traced_ones_pass():
     ],
 )
 def test_the_text_of_a_flag_is_a_value(name, text, value):
-    domain = {field.name: field.domain for field in fields_of(Sample, "x")}[name]
+    domain = {field.name: field.domain for field in options_of(Sample, "x")}[name]
     read = check_value(name, domain, domain.read(text))
     assert (read, type(read)) == (value, type(value))
 
@@ -210,17 +210,17 @@ def test_the_text_of_a_flag_is_a_value(name, text, value):
     ],
 )
 def test_the_text_of_a_flag_that_is_no_value_is_told(name, text):
-    domain = {field.name: field.domain for field in fields_of(Sample, "x")}[name]
+    domain = {field.name: field.domain for field in options_of(Sample, "x")}[name]
     with pytest.raises(SettingError, match=f"{name} must be .*, not "):
         check_value(name, domain, domain.read(text))
 
 
 def test_fields_are_described_by_their_docstring_range_and_default():
-    size, angle, free = fields_of(Sample, "view", ["size", "angle", "free"])
+    size, angle, free = options_of(Sample, "view", ["size", "angle", "free"])
     assert size.described == "rows of the image (from 1 to 4096; default 64)"
     assert angle.described == "of view, in degrees (from 30 to 120; default 60)"
     assert (free.help, free.group) == ("(python -OO strips the explanation)", "view")
-    assert fields_of(Derived, "x", ["size"])[0].described.endswith("(from 1 to 4096; default 8)")
+    assert options_of(Derived, "x", ["size"])[0].described.endswith("(from 1 to 4096; default 8)")
 
 
 def test_names_that_there_are_not():

@@ -323,6 +323,11 @@ def check_value(name: str, domain: Domain, value: Any) -> Any:
     return value
 
 
+def check_whole(name: str, value: Any, least: float = 1, most: float = math.inf) -> None:
+    """Check a whole number whose range something else decides."""
+    _complain(name, Domain("whole", least, most).fault(value))
+
+
 def check_names(given: Iterable[str], known: Iterable[str], what: str = "setting") -> None:
     """Check that there are fields of these names; the `SettingError` names the nearest."""
     names = list(known)
@@ -338,7 +343,7 @@ def _complain(name: str, fault: str) -> None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Field:
+class Option:
     """One thing that a user may set: by a flag, and by a line of a file.
 
     Attributes:
@@ -364,7 +369,7 @@ class Field:
         return f"{self.help} ({shown})" if shown else self.help
 
 
-def fields_of(cls: Any, group: str, names: Iterable[str] | None = None) -> list[Field]:
+def options_of(cls: Any, group: str, names: Iterable[str] | None = None) -> list[Option]:
     """The fields of a dataclass, or those of the names."""
     helps, domains = attributes(cls), _domains(cls)
     defaults = {field.name: field.default for field in dataclasses.fields(cls)}
@@ -372,7 +377,7 @@ def fields_of(cls: Any, group: str, names: Iterable[str] | None = None) -> list[
     for name in domains if names is None else names:
         text = helps.get(name, "(python -OO strips the explanation)")
         text = text.replace("`", "").rstrip(".")
-        found.append(Field(name, group, domains[name], defaults[name], text))
+        found.append(Option(name, group, domains[name], defaults[name], text))
     return found
 
 

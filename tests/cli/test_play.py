@@ -197,7 +197,7 @@ def test_help_says_what_agents_see(
         (("simple", "--save", "a.txt"), "should end in .json"),
         (("simple", "--save", "missing/a.json"), "there is no folder missing"),
         (("simple", "--native", "--width", "32"), "either --native or --height and --width"),
-        (("simple", "--fps", "0"), "must be a number from 1 to 60"),
+        (("simple", "--fps", "0"), "must be a finite number from 1 to 60"),
         (("simple", "--terminal"), "standard input is not a terminal"),
     ],
 )

@@ -99,7 +99,7 @@ WRONG: list[tuple[str, Any, str]] = [
     ("environment.params.discount", True, "discount must be a finite number from 0 to 1, not True"),
     ("environment.params.discount", 1e300, "discount must be a finite number from 0 to 1, not 1e"),
     ("environment.params.max_steps_in_episode", 2.5, "a whole number from 1 .*, not 2.5"),
-    ("environment.params.max_steps_in_episode", 2**31, "at most 2147483647, not 2147483648"),
+    ("environment.params.max_steps_in_episode", 2**31, "from 1 to 2147483647, not 2147483648"),
     ("seed", -1, "'seed' must be a whole number from 0 to 4294967295, not -1"),
     ("seed", 2**32, "'seed' must be"),
     ("seed", True, "'seed' must be"),

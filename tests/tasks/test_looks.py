@@ -144,8 +144,11 @@ def test_an_episode_keeps_its_look_and_the_next_has_another(id: str) -> None:
     ("settings", "message"),
     [
         ({"look": "pretty"}, "look must be one of 'plain', 'patterned', 'random', not 'pretty'"),
-        ({"look": "random", "look_range": 2}, "look_range must be a number from 0 to 1, not 2"),
-        ({"look": "random", "look_range": True}, "look_range must be a number from 0 to 1"),
+        (
+            {"look": "random", "look_range": 2},
+            "look_range must be a finite number from 0 to 1, not 2",
+        ),
+        ({"look": "random", "look_range": True}, "look_range must be a finite number from 0 to 1"),
         ({"look": "random", "look_seeds": (3, 3)}, "look_seeds must be None or two whole numbers"),
     ],
 )

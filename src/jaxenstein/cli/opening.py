@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import MapWarning, one_line
+from ..fields import plain_value
 from .arguments import PREFIX, TABLES, UsageError
 from .programs import forget
 
@@ -47,17 +48,10 @@ def _entry(option: str, text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals or not name or not value:
         raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {text!r}")
-    parts = [_value(part.strip()) for part in value.split(",")]
-    return name.replace("-", "_"), parts if option == "grid" or len(parts) > 1 else parts[0]
-
-
-def _value(text: str) -> Any:
-    if text in ("true", "false", "none"):
-        return {"true": True, "false": False, "none": None}[text]
-    for kind in (int, float):
-        with contextlib.suppress(ValueError):
-            return kind(text)
-    return text
+    values = plain_value(value)
+    if option == "grid" and not isinstance(values, list):
+        values = [values]
+    return name.replace("-", "_"), values
 
 
 def open_environment(

@@ -48,11 +48,11 @@ def named(given: dict[str, Any], command: str) -> dict[str, Any]:
 
 def given_training(options: argparse.Namespace) -> dict[str, Any]:
     """The options of the file and of the flags together."""
-    from ..settings import check, merge
+    from ..settings import checked, merge
 
     parsing = baselines("options")
     file: dict[str, Any] = {}
     if options.config is not None:
         file = with_map(parsing.read_file(options.config), options.config.parent)
-    flags = check(given_options(options), parsing.all_options())
+    flags = checked(given_options(options), parsing.all_options())
     return merge(file, with_map(flags))

@@ -20,8 +20,11 @@ from jaxenstein.baselines.bonus import BonusScale, RunningStats
 from jaxenstein.baselines.state import per_environment
 from jaxenstein.cli import main
 from jaxenstein.errors import SettingError
+from jaxenstein.fields import choice, number
 from jaxenstein.pytree import PyTreeNode
 from tests.baselines.bonuses.rollouts import BATCH, KEY, STEPS, experience, loop_of, numbers_of
+
+Counted = Literal["steps", "turns"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -34,9 +37,9 @@ class VisitsOptions:
         visits_size: factor.
     """
 
-    visits_power: int = 2
-    visits_kind: Literal["steps", "turns"] = "steps"
-    visits_size: Any = 1.0
+    visits_power: int = number(2, 1)
+    visits_kind: Counted = choice("steps", Counted)
+    visits_size: Any = number(1.0, 0)
 
 
 class VisitsState(PyTreeNode):
@@ -81,8 +84,8 @@ def test_a_bonus_of_ones_own_is_trained_stopped_and_resumed(tmp_path: Path) -> N
     from jaxenstein.baselines.runs.training import train
     from tests.baselines.tiny import OPTIONS, tiny
 
-    assert "visits" in all_options()["algo"].choices
-    assert all_options()["visits_kind"].choices == ("steps", "turns")
+    assert "visits" in all_options()["algo"].domain.choices
+    assert all_options()["visits_kind"].domain.choices == ("steps", "turns")
     assert all_options()["visits_power"].help == "what the second part of the bonus is raised to"
     (tmp_path / "own.toml").write_text('algo = "visits"\nvisits_power = 3\nvisits_size = 0.5\n')
     own = read_file(tmp_path / "own.toml")
@@ -248,9 +251,9 @@ def test_commands_know_a_bonus_of_a_module_that_they_import(
         "from tests.baselines.bonuses.test_bonus import Visits, VisitsOptions\n"
         "register_bonus('visits', Visits, VisitsOptions)\n"
     )
-    train = ["train", "--algo", "visits", "--visits-size", "-1", "--out", str(tmp_path / "run")]
+    train = ["train", "--algo", "visits", "--visits-size", "1", "--out", str(tmp_path / "run")]
     assert main(train) == 2
-    assert "invalid choice: 'visits'" in capsys.readouterr().err
+    assert "'e3b', not 'visits'" in capsys.readouterr().err
     assert main([*train, "--visits-power=0.5", "--import=my_visits"]) == 2
     assert "--visits-power: must be a whole number" in capsys.readouterr().err
 

@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
-from ...fields import check, choice
-from ...recipe import Recipe, as_tuples
+from ...fields import as_tuples, check, check_whole, choice
+from ...recipe import Recipe
 from ..config import Config, HParams
 from ..learner import Learner
 from ..state import IMPLEMENTATION
@@ -137,20 +137,9 @@ class Experiment:
 
 
 def check_seeds(first: int, count: int) -> tuple[int, ...]:
-    """`count` seeds from `first` on.
-
-    Raises:
-        SettingError: there is none, or they are not all whole numbers from 0 to 2**32 - 1.
-    """
-    if count < 1:
-        raise SettingError(f"seeds must be a whole number from 1, not {count!r}")
-    if count > MOST_SEEDS:
-        raise SettingError(f"seeds must be at most {MOST_SEEDS}, not {count!r}")
-    if first < 0 or first + count > 2**32:
-        raise SettingError(
-            f"seed must be a whole number from 0 to {2**32 - count}, the first of {count}, not "
-            f"{first!r}"
-        )
+    """`count` seeds from `first` on; a `SettingError` unless all are from 0 to 2**32 - 1."""
+    check_whole("seeds", count, 1, MOST_SEEDS)
+    check_whole("seed", first, 0, 2**32 - count)
     return tuple(range(first, first + count))
 
 

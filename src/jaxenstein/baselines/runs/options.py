@@ -14,9 +14,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...errors import SettingError, nearest, one_line
+from ...errors import SettingError, one_line
+from ...fields import Domain, Option, check_names, options_of
 from ...files import reason_of
-from ...settings import Option, check, environment_options, options_of, recipe_from
+from ...settings import checked, environment_options, recipe_from
 from ...settings import given_by as environment_given_by
 from ..config import Algorithm, Config, HParams, algorithms
 from ..networks import PATCHES, SMALL
@@ -26,9 +27,11 @@ from .experiment import Experiment, check_seeds
 SIZE = {"height": 64, "width": 64}
 PRESETS, TRAINING, NUMBERS = "presets", "training", "numbers"
 RUNS = (
-    Option("seed", "runs", "count", 0, "the first seed"),
-    Option("seeds", "runs", "count", 1, "number of parallel runs, each with its own seed"),
-    Option("grid", "runs", "table", None, "numbers that differ between runs, with their values"),
+    Option("seed", "runs", Domain("whole", 0), 0, "the first seed"),
+    Option("seeds", "runs", Domain("whole", 1), 1, "parallel runs, each with its own seed"),
+    Option(
+        "grid", "runs", Domain("table"), None, "numbers that differ between runs, with their values"
+    ),
 )
 NETWORKS: Mapping[str, Mapping[str, Any]] = {
     "paper": {},
@@ -83,15 +86,15 @@ def all_options() -> dict[str, Option]:
 def _options(rows: tuple[tuple[str, Algorithm], ...]) -> dict[str, Option]:
     found = [*options_of(Experiment, PRESETS, ("recipe", "network")), *RUNS]
     found += options_of(Config, TRAINING)
-    found += options_of(HParams, NUMBERS, kind="number")
+    found += options_of(HParams, NUMBERS)
     for _, row in rows:
         found += options_of(row.options, TRAINING, row.settings)
-        found += options_of(row.options, NUMBERS, row.numbers, kind="number")
+        found += options_of(row.options, NUMBERS, row.numbers)
     options = environment_options() | {option.name: option for option in found}
     # Its parts are options themselves.
     del options["bonus"]
-    names = tuple(name for name, _ in rows)
-    options["algo"] = dataclasses.replace(options["algo"], kind="choice", choices=names)
+    names = Domain("choice", choices=tuple(name for name, _ in rows))
+    options["algo"] = dataclasses.replace(options["algo"], domain=names)
     return options
 
 
@@ -115,7 +118,7 @@ def read_file(path: Path) -> dict[str, Any]:
         raise SettingError(f"{path} must hold names with values")
     try:
         given = {str(name).replace("-", "_"): value for name, value in given.items()}
-        return check(given, all_options())
+        return checked(given, all_options())
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None
 
@@ -158,7 +161,7 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
         JAXensteinError: an option is unknown or has a wrong value, or the environment and the
             training do not fit.
     """
-    given = check(given, all_options())
+    given = checked(given, all_options())
     for name in given.get("grid") or {}:
         if name.replace("-", "_") in given:
             raise SettingError(f"{name} is given, and varied by the grid: leave one of them out")
@@ -203,13 +206,9 @@ def _picked(given: Mapping[str, Any], group: str) -> dict[str, Any]:
 
 def check_grid(table: Mapping[str, Any], algo: str) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """The numbers of a grid with their values; a `SettingError` if the algorithm lacks one."""
-    names = list(HParams.of(algo, {}).flat())
+    check_names(table, HParams.of(algo, {}).flat(), "number in a grid:")
     grid = []
     for name, values in table.items():
-        if name not in names:
-            raise SettingError(
-                f"unknown number {name!r} in grid{nearest(name, names)}; known: {', '.join(names)}"
-            )
         listed = values if isinstance(values, list | tuple) else [values]
         good = [isinstance(value, int | float) and not isinstance(value, bool) for value in listed]
         if not listed or not all(good) or len(set(listed)) < len(listed):
