@@ -39,7 +39,7 @@ def played():
 
 
 def test_every_step_is_that_of_a_plain_loop(played):
-    env, network, weights, key, actors, (after, steps, _, episodes, values) = played
+    env, network, weights, key, actors, (after, steps, _, sums, values) = played
     same = Countdown(autoreset="same-step", final_observation=True)
     step = jax.jit(jax.vmap(same.step, in_axes=(0, 0, 0, None)))
     forward = jax.jit(network.step)
@@ -87,11 +87,11 @@ def test_every_step_is_that_of_a_plain_loop(played):
     np.testing.assert_array_equal(after.previous, previous)
     np.testing.assert_allclose(after.memory, memory, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(after.episode_return, returns, rtol=1e-6)
-    assert int(episodes.episodes) == len(finished)
+    assert int(sums["episodes"]) == len(finished)
     total = np.array(finished)
-    np.testing.assert_allclose(episodes.return_sum, total[:, 0].sum(), rtol=1e-6)
-    np.testing.assert_allclose(episodes.return_square_sum, (total[:, 0] ** 2).sum(), rtol=1e-6)
-    assert int(episodes.length_sum) == total[:, 1].sum()
+    np.testing.assert_allclose(sums["return_sum"], total[:, 0].sum(), rtol=1e-6)
+    np.testing.assert_allclose(sums["return_square_sum"], (total[:, 0] ** 2).sum(), rtol=1e-6)
+    assert int(sums["length_sum"]) == total[:, 1].sum()
 
 
 def test_most_truncations():

@@ -8,12 +8,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..fields import values_of
 from . import optimiser, ppo
 from .bonus import Bonus, BonusScale, Experience, Metrics
 from .config import Config, HParams
 from .networks import ActorCritic
-from .rollout import Actors, EpisodeSums, Finals, Steps, final_values, rollout, start
+from .rollout import Actors, Finals, Steps, Sums, final_values, rollout, start
 from .simulator import Simulator
 from .state import TrainState, wrap_key
 
@@ -88,7 +87,7 @@ class Loop:
             hparams: as of `numbers`, with both discounts.
 
         Returns:
-            The next state, and scalars: those of `EpisodeSums`; `loss`, `policy_loss`,
+            The next state, and scalars: those of `rollout`; `loss`, `policy_loss`,
             `value_loss`, `entropy`, `approximate_kl`, `clip_fraction` and `gradient_norm` (before
             the clip), means over the minibatches;
             `advantage_mean`, `advantage_deviation`, `value_mean`, `reward_mean`, `bonus_mean`,
@@ -97,7 +96,7 @@ class Loop:
             (`bonus_explained_variance_1`, ... where several); and the bonus' own metrics.
         """
         key, play_key, train_key, bonus_key = jax.random.split(wrap_key(state.key), 4)
-        actors, steps, finals, episodes = rollout(
+        actors, steps, finals, sums = rollout(
             self.simulator, self.network, state.params, play_key, state.actors,
             self.config.rollout, self.slots,
         )  # fmt: skip
@@ -109,7 +108,7 @@ class Loop:
         bonus, state, seen = self.reward(state, hparams, experience)
         advantages = self.advantages(state.params, hparams, actors, steps, finals, bonus)
         batch = self._batch(state.actors.memory, steps, advantages, hparams)
-        recent = self._recent(state.recent, episodes)
+        recent = self._recent(state.recent, sums)
         left = self._left(state.update, recent)
         params, adam, learnt = ppo.train(
             self.network, self.config, train_key, (state.params, state.optimiser), batch,
@@ -127,7 +126,6 @@ class Loop:
             recent=recent,
             actors=actors,
         )
-        sums = values_of(episodes)
         diagnosis = _diagnose(batch, bonus) | {"learning_rate": hparams.learning_rate * left}
         return state, sums | learnt | diagnosis | seen | bonus_learnt
 
@@ -202,12 +200,12 @@ class Loop:
             total = total + hparams.bonus_advantage * jnp.sum(advantages[..., 1:], axis=-1)
         return ppo.Batch(steps, memory[None], total, advantages + steps.value)
 
-    def _recent(self, recent: jax.Array | None, episodes: EpisodeSums) -> jax.Array | None:
+    def _recent(self, recent: jax.Array | None, sums: Sums) -> jax.Array | None:
         """The mean success with the episodes of a rollout; once high enough it stays."""
         if recent is None:
             return None
-        number = episodes.episodes.astype(jnp.float32)
-        success = episodes.successes.astype(jnp.float32) / jnp.maximum(number, 1)
+        number = sums["episodes"].astype(jnp.float32)
+        success = sums["successes"].astype(jnp.float32) / jnp.maximum(number, 1)
         mean = success + (recent - success) * jnp.exp(-number / RECENT)
         return jnp.where(recent < self.config.stop_success, mean, recent)
 

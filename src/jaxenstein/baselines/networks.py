@@ -297,17 +297,6 @@ class ActorCritic:
             the last step.
         """
         features = self.encoder.encode_sequence(params["encoder"], obs)
-        return self.unroll_features(params, features, previous, first, memory)
-
-    def unroll_features(
-        self,
-        params: Any,
-        features: jax.Array,
-        previous: jax.Array,
-        first: jax.Array,
-        memory: jax.Array,
-    ) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The part of `unroll` after the encoder."""
         if not self.config.recurrent:
             first = jnp.ones_like(first)
         # -1 is no action: its one-hot vector is zero.

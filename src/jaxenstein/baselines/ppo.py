@@ -112,7 +112,9 @@ def loss(
     steps, memory = batch.steps, batch.memory[0]
     logits, value, _ = network.unroll(params, steps.obs, steps.previous, steps.first, memory)
     policy, metrics = policy_loss(logits, steps, normalise(batch.advantage, hparams), hparams)
-    error = value_loss(value, steps.value, batch.target, value_clips(hparams, value.shape[-1]))
+    own = hparams.value_clip if hparams.bonus_value_clip is None else hparams.bonus_value_clip
+    clips = jnp.stack([hparams.value_clip, *[own] * (value.shape[-1] - 1)])
+    error = value_loss(value, steps.value, batch.target, clips)
     if config.value_loss_half:
         error = error / 2
     log_probs = jax.nn.log_softmax(logits)
@@ -145,12 +147,6 @@ def policy_loss(
         "approximate_kl": jnp.mean(ratio - 1 - moved),
         "clip_fraction": jnp.mean((jnp.abs(ratio - 1) > hparams.clip).astype(ratio.dtype)),
     }
-
-
-def value_clips(hparams: HParams, heads: int) -> jax.Array:
-    """float32[V], how far each value may move."""
-    own = hparams.value_clip if hparams.bonus_value_clip is None else hparams.bonus_value_clip
-    return jnp.stack([hparams.value_clip, *[own] * (heads - 1)])
 
 
 def value_loss(value: jax.Array, old: jax.Array, target: jax.Array, clip: jax.Array) -> jax.Array:

@@ -11,6 +11,8 @@ from ..pytree import PyTreeNode
 from .networks import ActorCritic
 from .simulator import Outcome, Simulator
 
+Sums = dict[str, jax.Array]
+
 
 class Actors(PyTreeNode):
     """The environments between two steps, and what the policy remembers of each.
@@ -69,12 +71,12 @@ class Steps(PyTreeNode):
 
 
 class Finals(PyTreeNode):
-    """The first few steps of a rollout, for each environment, that the time limit cut off.
+    """The first few truncations of each environment in a rollout.
 
     Attributes:
         time: int32[N, K], the step; `T` where there is none.
         count: int32[N], how many there are.
-        final: what makes the observations, as `Outcome.final`, with leading axes [N, K].
+        final: as `Outcome.final`, with leading axes [N, K].
         action: int32[N, K], the actions that led to them.
         memory: float32[N, K, hidden], the recurrent states before them.
     """
@@ -86,24 +88,6 @@ class Finals(PyTreeNode):
     memory: jax.Array
 
 
-class EpisodeSums(PyTreeNode):
-    """Sums over the episodes that ended: they add up over rollouts, runs and devices.
-
-    Attributes:
-        episodes: int32[], their number.
-        return_sum: float32[], of their returns.
-        return_square_sum: float32[], of the squares.
-        length_sum: int32[], of their steps.
-        successes: int32[], how many reached the task's aim.
-    """
-
-    episodes: jax.Array
-    return_sum: jax.Array
-    return_square_sum: jax.Array
-    length_sum: jax.Array
-    successes: jax.Array
-
-
 def start(
     simulator: Simulator,
     network: ActorCritic,
@@ -113,13 +97,8 @@ def start(
 ) -> Actors:
     """Reset `batch` environments.
 
-    Args:
-        simulator: the environments.
-        network: for the shape of its memory.
-        key: of the resets.
-        batch: number of environments.
-        clocks: most steps of an episode, below which those taken are drawn, and steps of the
-            world in each, for the states' clocks; None lets all episodes begin.
+    `clocks`, where given, are the most steps of an episode and the steps of the world in each: the
+    clock of each state then starts at a random step of the episode.
     """
     reset_key, clock_key = jax.random.split(key)
     obs, state = simulator.reset(jax.random.split(reset_key, batch))
@@ -134,7 +113,7 @@ def start(
         first=jnp.ones(batch, bool),
         memory=network.initial_memory(batch),
         episode_return=jnp.zeros(batch, jnp.float32),
-        # Of first episodes too it is what was played.
+        # The steps that were played, also where the clock starts later.
         episode_length=jnp.zeros(batch, jnp.int32),
         reached=jnp.zeros(batch, bool),
     )
@@ -148,22 +127,20 @@ def rollout(
     actors: Actors,
     length: int,
     slots: int,
-) -> tuple[Actors, Steps, Finals, EpisodeSums]:
-    """Play.
+) -> tuple[Actors, Steps, Finals, Sums]:
+    """Play `length` steps of each environment, `T`, from `actors` on.
 
-    Args:
-        simulator: the environments.
-        network: the policy.
-        params: its parameters.
-        key: of actions, steps and resets.
-        actors: where to go on.
-        length: steps of each environment, `T`.
-        slots: how many truncations of each environment to remember, `K`; 0 for none.
+    `slots` is how many truncations of each environment to remember, `K`; 0 for none.
+
+    Returns:
+        The actors after it, the steps, the truncations, and sums over the episodes that ended:
+        their number `episodes`, `return_sum` and `return_square_sum` of their returns,
+        `length_sum` of their steps, and the number of `successes`.
     """
     batch = actors.first.shape[0]
 
     def step(carry: Any, index_and_key: Any) -> tuple[Any, Steps]:
-        actors, finals, episodes = carry
+        actors, finals, sums = carry
         index, key = index_and_key
         action_key, step_key = jax.random.split(key)
         logits, value, memory = network.step(
@@ -184,16 +161,18 @@ def rollout(
         )
         if slots:
             finals = _remember(finals, index, outcome, action, memory)
-        actors, episodes = _follow(actors, episodes, outcome, action, memory)
-        return (actors, finals, episodes), taken
+        actors, ended = _follow(actors, outcome, action, memory)
+        return (actors, finals, jax.tree.map(jnp.add, sums, ended)), taken
 
     keys = jax.random.split(key, length)
     finals = _no_finals(simulator, actors, length, slots)
-    carry = (actors, finals, _no_episodes())
-    (actors, finals, episodes), steps = jax.lax.scan(
-        step, carry, (jnp.arange(length, dtype=jnp.int32), keys)
+    none, zero = jnp.int32(0), jnp.float32(0)
+    sums = {"episodes": none, "return_sum": zero, "return_square_sum": zero, "length_sum": none,
+            "successes": none}  # fmt: skip
+    (actors, finals, sums), steps = jax.lax.scan(
+        step, (actors, finals, sums), (jnp.arange(length, dtype=jnp.int32), keys)
     )
-    return actors, steps, finals, episodes
+    return actors, steps, finals, sums
 
 
 def log_prob(logits: jax.Array, action: jax.Array) -> jax.Array:
@@ -205,11 +184,7 @@ def log_prob(logits: jax.Array, action: jax.Array) -> jax.Array:
 def final_values(
     simulator: Simulator, network: ActorCritic, params: Any, finals: Finals, length: int
 ) -> jax.Array:
-    """Values of the observations that truncated episodes ended in: one batch for a rollout.
-
-    Returns:
-        float32[T, N, V], zero elsewhere.
-    """
+    """Values of the last observations of truncated episodes: float32[T, N, V], zero elsewhere."""
     batch, slots = finals.time.shape
     merge = lambda leaf: leaf.reshape(batch * slots, *leaf.shape[2:])  # noqa: E731
     obs = simulator.final_observation(jax.tree.map(merge, finals.final))
@@ -223,20 +198,20 @@ def final_values(
 
 
 def _follow(
-    actors: Actors, episodes: EpisodeSums, outcome: Outcome, action: jax.Array, memory: jax.Array
-) -> tuple[Actors, EpisodeSums]:
-    """The actors after a step, and the sums with the episodes that it ended."""
+    actors: Actors, outcome: Outcome, action: jax.Array, memory: jax.Array
+) -> tuple[Actors, Sums]:
+    """The actors after a step, and the sums over the episodes that it ended."""
     ended = outcome.terminated | outcome.truncated
     total = actors.episode_return + outcome.reward
     steps = actors.episode_length + 1
     reached = actors.reached | outcome.reached
-    episodes = EpisodeSums(
-        episodes=episodes.episodes + jnp.sum(ended, dtype=jnp.int32),
-        return_sum=episodes.return_sum + jnp.sum(jnp.where(ended, total, 0)),
-        return_square_sum=episodes.return_square_sum + jnp.sum(jnp.where(ended, total**2, 0)),
-        length_sum=episodes.length_sum + jnp.sum(jnp.where(ended, steps, 0), dtype=jnp.int32),
-        successes=episodes.successes + jnp.sum(ended & reached, dtype=jnp.int32),
-    )
+    sums = {
+        "episodes": jnp.sum(ended, dtype=jnp.int32),
+        "return_sum": jnp.sum(jnp.where(ended, total, 0)),
+        "return_square_sum": jnp.sum(jnp.where(ended, total**2, 0)),
+        "length_sum": jnp.sum(jnp.where(ended, steps, 0), dtype=jnp.int32),
+        "successes": jnp.sum(ended & reached, dtype=jnp.int32),
+    }
     actors = Actors(
         env_state=outcome.state,
         obs=outcome.obs,
@@ -247,16 +222,11 @@ def _follow(
         episode_length=jnp.where(ended, 0, steps),
         reached=reached & ~ended,
     )
-    return actors, episodes
-
-
-def _no_episodes() -> EpisodeSums:
-    zero, none = jnp.float32(0), jnp.int32(0)
-    return EpisodeSums(none, zero, zero, none, none)
+    return actors, sums
 
 
 def _no_finals(simulator: Simulator, actors: Actors, length: int, slots: int) -> Finals:
-    """Room for `slots` truncations; until then it holds what is there now, which can be drawn."""
+    """Room for `slots` truncations, filled with current states, which can be rendered."""
     batch = actors.first.shape[0]
 
     def fill(leaf: jax.Array) -> jax.Array:
@@ -274,7 +244,7 @@ def _no_finals(simulator: Simulator, actors: Actors, length: int, slots: int) ->
 def _remember(
     finals: Finals, index: jax.Array, outcome: Outcome, action: jax.Array, memory: jax.Array
 ) -> Finals:
-    """Keep what is needed of the environments that were truncated in this step."""
+    """Store the truncations of this step."""
 
     def put(slots: jax.Array, new: jax.Array, place: jax.Array, wanted: jax.Array) -> jax.Array:
         return slots.at[place].set(jnp.where(wanted, new, slots[place]))

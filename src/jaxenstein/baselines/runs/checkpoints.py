@@ -90,7 +90,9 @@ class Checkpoints:
         for update in reversed(self.updates()):
             path = self._path(update)
             try:
-                return Restored(update, _read(path, like, whole), tuple(damaged))
+                with zipfile.ZipFile(path) as archive:
+                    besides = () if whole else archive.namelist()
+                    return Restored(update, read_tree(archive, like, besides), tuple(damaged))
             except CheckpointError:
                 raise
             # A damaged file makes the readers below raise anything.
@@ -153,11 +155,6 @@ def _arrays(state: Any) -> dict[str, Any]:
     """The arrays of a state by the paths of its leaves."""
     leaves = jax.tree_util.tree_flatten_with_path(state)[0]
     return {jax.tree_util.keystr(path): np.asarray(_data(leaf), order="C") for path, leaf in leaves}
-
-
-def _read(path: Path, like: Any, whole: bool) -> Any:
-    with zipfile.ZipFile(path) as archive:
-        return read_tree(archive, like, () if whole else archive.namelist())
 
 
 def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()) -> Any:
