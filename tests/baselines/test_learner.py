@@ -1,6 +1,5 @@
-"""The training loop: bookkeeping across updates, many runs, partners, evaluation."""
+"""The training loop: bookkeeping across updates, many runs, evaluation, other environments."""
 
-import dataclasses
 import functools
 from typing import Any
 
@@ -80,14 +79,6 @@ def test_a_state_is_plain_arrays_of_fixed_types():
     assert jax.tree.structure(start) == jax.tree.structure(state)
 
 
-def test_seeds():
-    run = learner()
-    equal(run.init(KEY), run.init(jax.random.key(0)))
-    equal(run.init(KEY), run.init(jax.random.PRNGKey(0)))
-    with pytest.raises(AssertionError):
-        equal(run.init(KEY).params, run.init(jax.random.key(1)).params)
-
-
 @pytest.mark.parametrize("algo", ["rnd", "icm"])
 def test_many_runs_are_the_runs_alone(algo):
     run = learner(algo)
@@ -117,16 +108,6 @@ def test_hparams_of_many_runs_need_one_number_a_run():
         run.train_chunk(run.init(KEY), HParams(clip=-1), 1)
 
 
-def test_no_compilation_between_chunks():
-    run = learner()
-    state, _ = run.train_chunk(run.init(KEY), HParams(gamma=0.9), 1)
-    compiled: Any = run._train
-    before = compiled._cache_size()
-    for clip in (0.1, 0.3):
-        state, _ = run.train_chunk(state, HParams(clip=clip, gamma=0.9), 1)
-    assert compiled._cache_size() == before
-
-
 def test_discount_is_the_environments_own():
     run = learner()
     state = run.init(KEY)
@@ -139,13 +120,17 @@ def test_discount_is_the_environments_own():
     assert np.abs(own - other).max() > 1e-5
 
 
-def test_learning_rates_fall_linearly_and_only_between_updates():
+def test_learning_rates_fall_linearly_and_nothing_compiles_between_chunks():
     run = learner()
-    state, seen = run.init(KEY), []
-    for _ in range(5):
-        state, metrics = run.train_chunk(state, HParams(learning_rate=1e-3, gamma=0.9), 2)
+    state, seen, sizes = run.init(KEY), [], []
+    compiled: Any = run._train
+    for clip in (0.1, 0.2, 0.3, 0.4, 0.5):
+        numbers = HParams(learning_rate=1e-3, gamma=0.9, clip=clip)
+        state, metrics = run.train_chunk(state, numbers, 2)
         seen += metrics["learning_rate"].tolist()
+        sizes.append(compiled._cache_size())
     np.testing.assert_allclose(seen, 1e-3 * (1 - np.arange(10) / 10), rtol=1e-5)
+    assert len(set(sizes)) == 1
 
 
 def test_advantages_bootstrap_where_the_limit_cut_the_episode_off():
@@ -217,22 +202,16 @@ def test_policy_is_the_evaluations():
 
 @pytest.mark.usefixtures("plain_frames")
 def test_random_clocks_end_episodes_at_different_times():
-    env, params = jaxenstein.from_ascii("####\n#SG#\n####", heading=180.0, height=8, width=8)
-    params = params.replace(max_steps_in_episode=50)
-    run = Learner(env, params, Config(**SMALL, random_clocks=True))
-    times = np.asarray(run.init(KEY).actors.env_state.time)
-    assert len(set(times.tolist())) > 1
-    assert np.all((times >= 0) & (times < 50))
-    skipping = Learner(
-        dataclasses.replace(env, frame_skip=4), params, Config(**SMALL, random_clocks=True)
+    env, params = jaxenstein.from_ascii(
+        "####\n#SG#\n####", heading=180.0, height=8, width=8, frame_skip=4
     )
-    actors = skipping.init(KEY).actors
-    lengths, times = np.asarray(actors.episode_length), np.asarray(actors.env_state.time)
-    assert np.all(times % 4 == 0)
+    params = params.replace(max_steps_in_episode=50)
+    actors = Learner(env, params, Config(**SMALL, random_clocks=True)).init(KEY).actors
+    times = np.asarray(actors.env_state.time)
     assert len(set(times.tolist())) > 1
-    # What was played: nothing yet.
-    assert not lengths.any()
-    assert np.all((times >= 0) & (times < 50))
+    assert np.all((times >= 0) & (times < 50) & (times % 4 == 0))
+    # Nothing was played yet.
+    assert not np.asarray(actors.episode_length).any()
 
 
 @pytest.mark.usefixtures("plain_frames")
@@ -289,10 +268,14 @@ def test_an_environment_of_gymnax_contract_gives_the_same_run(skip):
         equal(a, b, atol=1e-6, rtol=1e-5)
 
 
-def test_a_setting_of_jax_changes_no_seed():
+def test_seeds():
     before = learner().init(KEY)
+    equal(before, learner().init(jax.random.PRNGKey(0)))
+    with pytest.raises(AssertionError):
+        equal(before.params, learner().init(jax.random.key(1)).params)
+    # A setting of JAX changes none.
     with jax.default_prng_impl("rbg"):
-        equal(learner_of(Countdown(), algo="ppo").init(KEY).params, before.params)
+        equal(learner_of(Countdown()).init(KEY).params, before.params)
         with pytest.raises(SettingError, match="a key must be one of threefry2x32"):
             learner().init(jax.random.key(0))
 

@@ -1,4 +1,4 @@
-"""The networks against plain loops, `jax.lax` and flax' own cell."""
+"""The networks against plain loops and `jax.lax`."""
 
 import dataclasses
 
@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 pytest.importorskip("flax")
-
-import flax.linen as nn
 
 import jaxenstein
 from jaxenstein.baselines import Config
@@ -86,25 +84,6 @@ def test_gru_is_a_loop_with_resets():
     np.testing.assert_array_equal(last, steps[-1])
 
 
-def test_gru_is_that_of_flax():
-    gru, params, inputs, reset, hidden = sequence()
-    steps, _ = gru.apply(params, inputs, jnp.zeros_like(jnp.asarray(reset)), hidden)
-    p, size = params["params"], hidden.shape[1]
-    cut = lambda a: jnp.split(a, 3, axis=-1)  # noqa: E731
-    kernels, biases = cut(p["Dense_0"]["kernel"]), cut(p["Dense_0"]["bias"])
-    recurrent = cut(p["recurrent"])
-    names = ("r", "z", "n")
-    theirs = {
-        f"i{name}": {"kernel": kernel, "bias": bias}
-        for name, kernel, bias in zip(names, kernels, biases, strict=True)
-    } | {f"h{name}": {"kernel": kernel} for name, kernel in zip(names, recurrent, strict=True)}
-    theirs["hn"]["bias"] = p["candidate_bias"]
-    cell = nn.GRUCell(size)
-    for x, expected in zip(inputs, steps, strict=True):
-        hidden, _ = cell.apply({"params": theirs}, hidden, x)
-        np.testing.assert_allclose(hidden, expected, atol=1e-5)
-
-
 def test_no_gradient_crosses_a_reset():
     gru, params, inputs, reset, hidden = sequence()
 
@@ -124,7 +103,7 @@ def small_network(observation="rgb", **settings):
     return env, params, network
 
 
-def draw_inputs(network, shape, steps=6, batch=2):
+def random_inputs(network, shape, steps=6, batch=2):
     rng = np.random.default_rng(0)
     obs = jnp.asarray(rng.integers(0, 256, (steps, batch, *shape)).astype(np.uint8))
     previous = jnp.asarray(rng.integers(0, 5, (steps, batch)).astype(np.int32))
@@ -136,7 +115,7 @@ def draw_inputs(network, shape, steps=6, batch=2):
 def test_a_sequence_is_its_steps():
     _, _, network = small_network()
     params = network.init(KEY)
-    obs, previous, first, memory = draw_inputs(network, (12, 16, 3))
+    obs, previous, first, memory = random_inputs(network, (12, 16, 3))
     logits, values, last = jax.jit(network.unroll)(params, obs, previous, first, memory)
     step = jax.jit(network.step)
     for t in range(len(first)):
@@ -150,18 +129,18 @@ def test_values_may_begin_near_zero():
     largest = {}
     for near in (False, True):
         _, _, network = small_network(zero_values=near)
-        logits, values, _ = network.unroll(network.init(KEY), *draw_inputs(network, (12, 16, 3)))
+        logits, values, _ = network.unroll(network.init(KEY), *random_inputs(network, (12, 16, 3)))
         largest[near] = float(jnp.max(jnp.abs(values)))
         assert jnp.max(jnp.abs(logits)) < 0.05
     assert largest[False] > 0.01
     np.testing.assert_allclose(largest[True], largest[False] / 100, rtol=1e-3)
 
 
-def test_contrast_is_that_of_other_images():
+def test_contrast_is_that_of_other_images_and_not_of_labels():
     _, _, network = small_network()
     _, _, sharp = small_network(contrast=4.0)
     params = network.init(KEY)
-    obs, *rest = draw_inputs(network, (12, 16, 3))
+    obs, *rest = random_inputs(network, (12, 16, 3))
     assert obs.dtype == jnp.uint8
     # Images whose pixels are what the contrast makes of these.
     spec = ObservationSpec((Part((12, 16, 3), True, "bounds", 0, 1),))
@@ -174,15 +153,10 @@ def test_contrast_is_that_of_other_images():
         expected,
     )
     assert not np.allclose(network.unroll(params, obs, *rest)[1], expected[1], atol=1e-3)
-
-
-def test_labels_have_no_contrast():
     (_, _, plain), (_, _, sharp) = small_network("labels"), small_network("labels", contrast=4.0)
-    params, inputs = plain.init(KEY), draw_inputs(plain, (12, 16))
+    params, inputs = plain.init(KEY), random_inputs(plain, (12, 16))
     jax.tree.map(
-        np.testing.assert_array_equal,
-        sharp.unroll(params, *inputs),
-        plain.unroll(params, *inputs),
+        np.testing.assert_array_equal, sharp.unroll(params, *inputs), plain.unroll(params, *inputs)
     )
 
 
@@ -192,7 +166,7 @@ def test_persistence_is_added_to_the_logit_of_the_action_before():
     params = persistent.init(KEY)
     own = jnp.asarray([0.5, 1.0, 1.5, 2.0, 2.5])
     np.testing.assert_array_equal(params["persistence"], np.full(5, 2.0))
-    inputs = draw_inputs(network, (12, 16, 3))
+    inputs = random_inputs(network, (12, 16, 3))
     plain, values, last = network.unroll(network.init(KEY), *inputs)
     logits, *rest = persistent.unroll(params | {"persistence": own}, *inputs)
     expected = np.array(plain)
@@ -210,7 +184,7 @@ def test_persistence_is_added_to_the_logit_of_the_action_before():
 def test_the_first_step_knows_nothing_of_before():
     _, _, network = small_network()
     params = network.init(KEY)
-    obs, previous, _, memory = draw_inputs(network, (12, 16, 3), steps=1)
+    obs, previous, _, memory = random_inputs(network, (12, 16, 3), steps=1)
     first = jnp.ones((1, 2), bool)
     run = lambda *args: network.unroll(params, obs, *args)  # noqa: E731
     one, other = run(previous, first, memory), run(previous * 0, first, memory * 0)
@@ -226,7 +200,7 @@ def test_bfloat16_computes_what_float32_does():
     _, _, half = small_network(dtype="bfloat16")
     params = half.init(KEY)
     assert {leaf.dtype for leaf in jax.tree.leaves(params)} == {np.dtype(np.float32)}
-    inputs = draw_inputs(network, (12, 16, 3))
+    inputs = random_inputs(network, (12, 16, 3))
     one, other = network.unroll(params, *inputs), half.unroll(params, *inputs)
     assert all(leaf.dtype == jnp.float32 for leaf in other)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=0.03), one, other)

@@ -94,65 +94,59 @@ def test_loss_is_that_of_a_hand_computation(seed):
     assert float(total) < expected[0]
 
 
-def test_advantages_are_normalised_over_minibatches():
+def small(epochs):
+    """A config, its network with parameters, and a batch of four environments."""
     spec = ObservationSpec((Part((3,), False, "log"),))
     config = Config(
-        num_envs=4, minibatches=2, rollout=4, total_steps=16, epochs=1, features=5, hidden=4, head=5
+        num_envs=4, minibatches=2, rollout=4, total_steps=16, epochs=epochs, features=5, hidden=4,
+        head=5,
     )  # fmt: skip
     network = ActorCritic(spec, 2, 2, config)
-    params, h = network.init(jax.random.key(0)), HParams()
     batch = make_batch(np.random.default_rng(3), batch=4)
+    return config, network, network.init(jax.random.key(0)), batch
 
-    key = jax.random.key(1)
 
-    def trained(config: Config) -> jax.Array:
-        adam, rate = optimiser.init(params), jnp.float32(0)
-        return ppo.train(network, config, key, (params, adam), batch, h.check(), rate)[2][
-            "policy_loss"
-        ]
+def replayed(network, params, batch):
+    steps = batch.steps
+    return network.unroll(params, steps.obs, steps.previous, steps.first, batch.memory[0])[:2]
 
-    def expected(batch: ppo.Batch) -> float:
-        played = batch.steps
-        logits, value, _ = network.unroll(
-            params, played.obs, played.previous, played.first, batch.memory[0]
-        )
-        return by_hand(np.asarray(logits), np.asarray(value), batch, h)[1]
 
-    drawn = sample_minibatches(jax.random.split(key, 1)[0], config)
-    parts = np.mean([expected(take(batch, part)) for part in drawn])
+def trained(config, network, params, batch, rate, **numbers):
+    networks, h = (params, optimiser.init(params)), HParams(**numbers).check()
+    return ppo.train(network, config, jax.random.key(1), networks, batch, h, jnp.float32(rate))
+
+
+def test_advantages_are_normalised_over_minibatches():
+    config, network, params, batch = small(epochs=1)
+
+    def expected(batch):
+        logits, value = replayed(network, params, batch)
+        return by_hand(np.asarray(logits), np.asarray(value), batch, HParams())[1]
+
+    minibatches = sample_minibatches(jax.random.split(jax.random.key(1), 1)[0], config)
+    parts = np.mean([expected(take(batch, part)) for part in minibatches])
     assert abs(parts - expected(batch)) > 1e-3
-    np.testing.assert_allclose(trained(config), parts, rtol=1e-4)
+    metrics = trained(config, network, params, batch, 0)[2]
+    np.testing.assert_allclose(metrics["policy_loss"], parts, rtol=1e-4)
 
 
 def test_an_update_stops_at_a_distance_from_the_policy_that_played():
-    spec = ObservationSpec((Part((3,), False, "log"),))
-    config = Config(
-        num_envs=4, minibatches=2, rollout=4, total_steps=16, epochs=3, features=5, hidden=4, head=5
-    )  # fmt: skip
-    network = ActorCritic(spec, 2, 2, config)
-    params, rate = network.init(jax.random.key(0)), jnp.float32(0.01)
-    batch = make_batch(np.random.default_rng(3), batch=4)
-    logits, _, _ = network.unroll(
-        params, batch.steps.obs, batch.steps.previous, batch.steps.first, batch.memory[0]
-    )
-    played = log_prob(logits, batch.steps.action)
+    config, network, params, batch = small(epochs=3)
+    played = log_prob(replayed(network, params, batch)[0], batch.steps.action)
     batch = batch.replace(steps=batch.steps.replace(log_prob=played))
-
-    def trained(target: float | None) -> Any:
-        h = HParams(target_kl=target).check()
-        return ppo.train(
-            network, config, jax.random.key(1), (params, optimiser.init(params)), batch, h, rate
-        )[:2]
-
-    # The first minibatch finds the policy where it was, and the second no more.
+    near, far, free = (
+        trained(config, network, params, batch, 0.01, target_kl=target)[:2]
+        for target in (1e-9, 1e9, None)
+    )
+    # The first minibatch finds the policy unchanged, and the second does not.
     key, adam = jax.random.split(jax.random.key(1), 3)[0], optimiser.init(params)
     part = take(batch, sample_minibatches(key, config)[0])
     gradients = jax.grad(lambda p: ppo.loss(network, config, p, part, HParams())[0])(params)
-    once = optimiser.step(gradients, adam, params, rate, jnp.float32(0.5))[:2]
+    once = optimiser.step(gradients, adam, params, jnp.float32(0.01), jnp.float32(0.5))[:2]
     close = functools.partial(np.testing.assert_allclose, rtol=1e-5, atol=1e-7)
-    jax.tree.map(close, trained(1e-9), (*once,))
-    jax.tree.map(close, trained(1e9), trained(None))
-    moved = jax.tree.map(lambda a, b: float(jnp.max(jnp.abs(a - b))), trained(None), once)
+    jax.tree.map(close, near, once)
+    jax.tree.map(close, far, free)
+    moved = jax.tree.map(lambda a, b: float(jnp.max(jnp.abs(a - b))), free, once)
     assert max(jax.tree.leaves(moved[0])) > 0.01
 
 
@@ -279,58 +273,19 @@ def random_rollout(seed, steps=9, batch=6):
     return sample(steps, batch), sample(steps, batch), sample(batch), sample(steps, batch), kind
 
 
-def follow(values, last, kind, finals):
-    arrays = [jnp.asarray(array) for array in (values, last, kind == 1, kind == 2, finals)]
-    return ppo.next_values(arrays[0], arrays[1], arrays[2], arrays[3], arrays[4])
-
-
-def estimate(rewards, values, following, ended, gamma, lam):
-    arrays = [jnp.asarray(array) for array in (rewards, values, following, ended)]
-    return ppo.advantages(arrays[0], arrays[1], arrays[2], arrays[3], gamma, lam)
-
-
 @pytest.mark.parametrize("lam", [0.0, 0.7, 1.0])
 @pytest.mark.parametrize("gamma", [0.9, 1.0])
-def test_both_kinds_of_ends(gamma, lam):
+def test_advantages_are_sums_over_the_later_steps(gamma, lam):
     rewards, values, last, finals, kind = random_rollout(0)
-    following = follow(values, last, kind, finals)
     expected = np.vstack([values[1:], last])
     expected[kind == 2] = finals[kind == 2]
     expected[kind == 1] = 0
-    np.testing.assert_allclose(following, expected, rtol=1e-6)
-    result = estimate(rewards, values, following, kind > 0, gamma, lam)
-    wanted = brute_force(rewards, values, expected, kind > 0, gamma, lam)
-    np.testing.assert_allclose(result, wanted, rtol=2e-5, atol=2e-5)
-
-
-def test_lambda_one_is_the_return_minus_the_value():
-    rewards, values, last, _, _ = random_rollout(1)
-    never = np.zeros(rewards.shape, bool)
-    result = estimate(rewards, values, np.vstack([values[1:], last]), never, 0.95, 1.0)
-    total = last
-    for t in reversed(range(len(rewards))):
-        total = rewards[t] + 0.95 * total
-        np.testing.assert_allclose(result[t], total - values[t], rtol=2e-5, atol=2e-5)
-
-
-def test_an_end_hides_what_comes_after():
-    rewards, values, last, finals, kind = random_rollout(2)
-    kind[4] = [1, 2, 1, 2, 1, 2]
-
-    def run(rewards, values, last):
-        return estimate(rewards, values, follow(values, last, kind, finals), kind > 0, 0.9, 0.9)
-
-    changed = np.where(np.arange(9)[:, None] > 4, 100.0, 0.0)
-    before, after = run(rewards, values, last), run(rewards + changed, values + changed, last + 7)
-    np.testing.assert_array_equal(before[:5], after[:5])
-    assert not np.allclose(before[5:], after[5:])
-
-
-def test_float64():
     with enable_x64(True):
-        rewards, values, last, finals, kind = random_rollout(3, steps=40)
-        following = follow(values, last, kind, finals)
-        assert following.dtype == jnp.float64
-        result = estimate(rewards, values, following, kind > 0, 0.999, 0.95)
-        wanted = brute_force(rewards, values, np.asarray(following), kind > 0, 0.999, 0.95)
-        np.testing.assert_allclose(result, wanted, rtol=1e-12, atol=1e-12)
+        arrays = [jnp.asarray(array) for array in (values, last, kind == 1, kind == 2, finals)]
+        following = ppo.next_values(*arrays)
+        np.testing.assert_array_equal(following, expected)
+        ended = jnp.asarray(kind > 0)
+        result = ppo.advantages(jnp.asarray(rewards), arrays[0], following, ended, gamma, lam)
+        assert result.dtype == jnp.float64
+    wanted = brute_force(rewards, values, expected, kind > 0, gamma, lam)
+    np.testing.assert_allclose(result, wanted, rtol=1e-12, atol=1e-12)

@@ -1,4 +1,4 @@
-"""What a training is told: its static settings, its numbers, and the table of algorithms."""
+"""The options of a training: static settings, numbers, and the table of algorithms."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _nested(
 
 
 def _flat(record: Any) -> dict[str, Any]:
-    """The fields of a record, with the bonus' own beside the others."""
+    """The fields of a record, with the bonus' own among the others."""
     flat = values_of(record)
     own = flat.pop("bonus")
     return {**flat, **own}
@@ -271,7 +271,7 @@ class Config:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Config:
-        """A config from flat options: the bonus' settings beside the others.
+        """A config from flat options: the bonus' settings among the others.
 
         Settings of the bonuses of other algorithms are left out.
 

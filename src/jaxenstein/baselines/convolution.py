@@ -20,7 +20,7 @@ def output_size(size: int, kernel: int, stride: int) -> int:
 
 
 def conv_lax(images: jax.Array, weights: jax.Array, stride: int) -> jax.Array:
-    """Convolve without padding by `jax.lax`; arguments as of `conv_matmul`."""
+    """Convolve without padding by `jax.lax`; arguments as in `conv_matmul`."""
     lead = images.shape[:-3]
     flat = images.reshape(-1, *images.shape[-3:])
     out = lax.conv_general_dilated(

@@ -30,12 +30,12 @@ class Evaluation(PyTreeNode):
 
 
 class Playing(PyTreeNode):
-    """Episodes that are being played, E by each of R runs.
+    """Unfinished episodes, E of each of R runs.
 
     Attributes:
         steps: int32[], taken so far.
         actors: of `R * E` environments, run after run.
-        running: bool[R, E], whose first episode goes on.
+        running: bool[R, E], whether the episode has not ended.
         result: [R, E], of the episodes so far.
     """
 

@@ -119,9 +119,9 @@ class Learner:
         Two chunks of one update are the same as one chunk of two, bit for bit on a CPU.
 
         Args:
-            state: where to go on.
+            state: of the last update.
             hparams: the run's numbers; None for the defaults.
-            updates: how many updates; each number compiles anew.
+            updates: how many updates; each number compiles another program.
 
         Returns:
             The state, and metrics [updates], which `loop.Loop.update` lists.
@@ -232,7 +232,7 @@ class ManyRuns:
         self._advance = jax.jit(play)
 
     def init(self, keys: jax.Array, hparams: HParams | None = None) -> TrainState:
-        """Begin a run for each of keys[R]; `hparams` as of `train_chunk`."""
+        """Begin a run for each of keys[R]; `hparams` as in `train_chunk`."""
         _spread(self._loop.numbers(hparams), keys.shape[0])
         # One after another, in one small program: a vmapped program of four runs never ended on
         # two CPU cores with JAX 0.10.2.
@@ -260,8 +260,8 @@ class ManyRuns:
     ) -> Evaluation:
         """Evaluate all runs with the same random numbers; results [R, episodes].
 
-        `notify` is called now and then with which episodes go on, bool[R, episodes], and how long
-        they are, int32[R, episodes].
+        `notify` is called now and then with the unfinished episodes, bool[R, episodes], and the
+        lengths so far, int32[R, episodes].
         """
         data, until, running = key_data(key), 0, np.True_
         runs = len(jax.tree.leaves(params)[0])

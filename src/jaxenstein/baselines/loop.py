@@ -32,7 +32,7 @@ class Loop:
         slots: truncations of each environment that a rollout can hold; 0 counts the time limit
             as an end.
         discount: the environment's own.
-        clocks: as of `rollout.start`.
+        clocks: as in `rollout.start`.
     """
 
     config: Config
@@ -66,7 +66,7 @@ class Loop:
     def updates(
         self, state: TrainState, hparams: HParams, number: int
     ) -> tuple[TrainState, Metrics]:
-        """A number of updates; `hparams` as of `numbers`. The metrics are [number]."""
+        """A number of updates; `hparams` as in `numbers`. The metrics are [number]."""
         gamma = hparams.gamma
         if gamma is None:
             gamma = jnp.asarray(self.discount, jnp.float32)
@@ -84,7 +84,7 @@ class Loop:
 
         Args:
             state: before it.
-            hparams: as of `numbers`, with both discounts.
+            hparams: as in `numbers`, with both discounts.
 
         Returns:
             The next state, and scalars: those of `rollout`; `loss`, `policy_loss`,
@@ -161,7 +161,7 @@ class Loop:
 
         Args:
             params: of the network that played.
-            hparams: as of `numbers`, with both discounts.
+            hparams: as in `numbers`, with both discounts.
             actors: the environments after the rollout.
             steps: the rollout.
             finals: the episodes that the time limit cut off.

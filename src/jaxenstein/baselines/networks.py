@@ -183,7 +183,7 @@ class ImageEncoder:
         features: size of the result.
         config: for the convolutions.
         dtype: of the computations.
-        contrast: as of `Config`; 0 leaves images as they are.
+        contrast: as in `Config`; 0 leaves images as they are.
     """
 
     spec: ObservationSpec

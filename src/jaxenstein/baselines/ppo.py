@@ -173,7 +173,7 @@ def train(
     hparams: HParams,
     rate: jax.Array,
 ) -> tuple[Any, Any, Metrics]:
-    """All epochs of an update; arguments and results as of `optimiser.train`."""
+    """All epochs of an update; arguments and results as in `optimiser.train`."""
 
     def total(params: Any, part: Batch) -> tuple[jax.Array, Metrics]:
         return loss(network, config, params, part, hparams)

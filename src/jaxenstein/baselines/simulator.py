@@ -83,15 +83,15 @@ class OwnSimulator:
     def _step(self, key: jax.Array, state: Any, action: jax.Array) -> Outcome:
         env, params = self._env, self._env.check_params(self._params)
         step_key, reset_key = jax.random.split(key)
-        turn = self._resetting.turn(step_key, reset_key, state, action, params)
+        step = self._resetting.turn(step_key, reset_key, state, action, params)
         return Outcome(
-            obs=env.observe(turn.state, params),
-            state=turn.state,
-            reward=turn.reward.astype(jnp.float32),
-            terminated=turn.terminated,
-            truncated=turn.truncated & ~turn.terminated,
-            reached=turn.info["success"],
-            final=turn.final,
+            obs=env.observe(step.state, params),
+            state=step.state,
+            reward=step.reward.astype(jnp.float32),
+            terminated=step.terminated,
+            truncated=step.truncated & ~step.terminated,
+            reached=step.info["success"],
+            final=step.final,
         )
 
     def final_of(self, obs: Any, state: Any) -> Any:

@@ -22,7 +22,7 @@ IMPLEMENTATION = "threefry2x32"
 
 
 class TrainState(PyTreeNode):
-    """A run between two updates: a pytree of plain arrays, all that is needed to go on.
+    """A run between two updates: a pytree of plain arrays, all that is needed to continue.
 
     Attributes:
         key: uint32[2], data of the random key of the next updates.

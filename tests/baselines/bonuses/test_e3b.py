@@ -66,15 +66,6 @@ def test_embeddings_are_centred_and_of_length_one():
     assert np.std(phi, axis=(0, 1)).min() > 1e-3
 
 
-def test_what_was_seen_n_times_is_worth_one_over_lambda_and_n():
-    bonus, data = bonus_of("e3b"), experience()
-    same = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf[:1], leaf.shape), data.obs)
-    still = data.replace(obs=same, ended=jnp.zeros_like(data.ended))
-    result, _, _ = jax.jit(bonus.reward)(bonus.init(KEY), numbers_of("e3b"), still)
-    expected = 1 / (0.1 + np.arange(STEPS))
-    np.testing.assert_allclose(result, np.tile(expected[:, None], BATCH), rtol=1e-4)
-
-
 @BOTH
 def test_training_moves_the_networks_and_not_the_matrices(embedding):
     bonus = bonus_of("e3b", e3b_embedding=embedding)

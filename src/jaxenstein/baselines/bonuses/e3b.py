@@ -168,7 +168,7 @@ def temporal_loss(phi: jax.Array, ended: jax.Array, offset: jax.Array) -> tuple[
     Args:
         phi: float32[T + 1, N, L], of the observations in their order.
         ended: bool[T, N], whether the step ended its episode.
-        offset: int32[T, N], as of `sample_offsets`; those beyond the last step are cut to it.
+        offset: int32[T, N], as in `sample_offsets`; those beyond the last step are cut to it.
     """
     steps, number = ended.shape
     episode = jnp.concatenate([jnp.zeros((1, number), jnp.int32), jnp.cumsum(ended, 0, jnp.int32)])

@@ -30,12 +30,12 @@ WAYS = {"greedy": True, "sampled": False}
 
 
 class TrainedPolicy:
-    """A trained agent as a policy of `jaxenstein.episodes`; its memory starts anew in each episode.
+    """A trained agent as a policy of `jaxenstein.episodes`, with an empty memory at each start.
 
     Attributes:
         env: the environment that it was trained in.
         params: its params.
-        recipe: how that environment is built.
+        environment: how that environment is built.
         name: of the agent, to show.
         greedy: whether it takes the most likely action instead of sampling one.
     """
@@ -47,7 +47,7 @@ class TrainedPolicy:
         self._weights = jax.device_put(one)
         self._carry = self._learner.initial_carry()
         self.env, self.params = self._learner.env, self._learner.env_params
-        self.recipe = trained.experiment.environment
+        self.environment = trained.experiment.environment
         self.name = f"{trained.name} {run_names(trained.experiment)[run]}"
         self.greedy = greedy
 
@@ -145,9 +145,9 @@ def export_policy(
     """Write one agent of a run directory into a file of its own, with its score.
 
     Args:
-        path: as of `load_policy`.
+        path: as in `load_policy`.
         out: the file, which ends in `.npz`.
-        run: as of `load_policy`.
+        run: as in `load_policy`.
         weights: precision of the numbers; the rounded agent is evaluated.
         episodes: of the evaluation, greedy and sampled.
         seed: of the evaluation.
@@ -157,7 +157,7 @@ def export_policy(
         Its episodes, by `"greedy"` and `"sampled"`.
 
     Raises:
-        SettingError: as of `load_policy`, or the file has another suffix.
+        SettingError: as in `load_policy`, or the file has another suffix.
         OutputError: it cannot be written.
     """
     out = Path(out)

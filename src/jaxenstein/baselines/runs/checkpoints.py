@@ -146,9 +146,9 @@ def _typed(data: jax.Array, like: Any) -> jax.Array:
     """The data of a key as such a key, where `like` is one."""
     if not _is_key(like):
         return data
-    kinds: list[str] = []
-    jax.eval_shape(lambda key: kinds.append(str(jax.random.key_impl(key))), like)
-    return jax.random.wrap_key_data(data, impl=kinds[0])
+    names: list[str] = []
+    jax.eval_shape(lambda key: names.append(str(jax.random.key_impl(key))), like)
+    return jax.random.wrap_key_data(data, impl=names[0])
 
 
 def _arrays(state: Any) -> dict[str, Any]:
@@ -162,7 +162,7 @@ def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()
 
     Args:
         archive: open.
-        like: as of `Checkpoints.restore`.
+        like: as in `Checkpoints.restore`.
         besides: other entries that it may have.
 
     Raises:

@@ -192,16 +192,16 @@ def save_plot(
     """
     for path in paths:
         check_picture(path)
-    figure = draw(curves, metric, title)
+    figure = plot(curves, metric, title)
     for path in paths:
-        kind = path.suffix.lower()[1:]
+        suffix = path.suffix.lower()[1:]
         # Without a date and with fixed ids, equal plots are equal files.
-        metadata = {"Date": None} if kind == "svg" else {"Software": None}
+        metadata = {"Date": None} if suffix == "svg" else {"Software": None}
         with _matplotlib().rc_context({"svg.hashsalt": "jaxenstein"}), atomic(path) as temporary:
-            figure.savefig(temporary, format=kind, dpi=150, metadata=metadata)
+            figure.savefig(temporary, format=suffix, dpi=150, metadata=metadata)
 
 
-def draw(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Figure:
+def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Figure:
     """The plot as a matplotlib figure."""
     matplotlib = _matplotlib()
     with warnings.catch_warnings():

@@ -66,7 +66,7 @@ class Experiment:
 
     @functools.cached_property
     def learner(self) -> Learner:
-        """The training loop, with the environment built anew.
+        """The training loop, with a new environment.
 
         Raises:
             JAXensteinError: the environment cannot be built, or does not fit the config.

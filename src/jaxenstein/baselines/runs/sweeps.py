@@ -35,7 +35,7 @@ def plan(
     """The experiments of a sweep, by the names of their folders.
 
     Args:
-        given: options as of `resolve`; a `grid` among them takes the place of the paper's.
+        given: options as in `resolve`; a `grid` among them takes the place of the paper's.
         algos: the algorithms.
         at_once: the most parallel runs of one program, which memory limits; seeds of one point
             stay together.

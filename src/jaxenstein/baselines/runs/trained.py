@@ -199,7 +199,7 @@ def read_config(file: Path) -> dict[str, Any]:
     """The configuration in such a file: that of its run, and `agent` with its score.
 
     Raises:
-        SettingError: as of `read_trained`.
+        SettingError: as in `read_trained`.
     """
     try:
         with zipfile.ZipFile(file) as archive, archive.open(CONFIG) as entry:
