@@ -14,7 +14,14 @@ pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
 from jaxenstein import SettingError
-from jaxenstein.baselines.runs.curves import Curve, band, curves_of, mean_interval, save_plot
+from jaxenstein.baselines.runs.curves import (
+    Curve,
+    band,
+    curves_of,
+    mean_interval,
+    plot,
+    save_plot,
+)
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import means, read_seconds
 from jaxenstein.files import OutputError
