@@ -70,16 +70,10 @@ def advance(
     until: jax.Array,
     greedy: jax.Array,
 ) -> Playing:
-    """Play on until the last episode ends, or so many steps have been taken since the beginning.
+    """Play until the last episode ends, or `until` (int32[]) steps have been taken from the start.
 
-    Args:
-        simulator: the environments.
-        network: the policy.
-        params: its parameters, [R, ...].
-        key: of the random numbers, the same ones for each run.
-        playing: the episodes so far.
-        until: int32[], steps.
-        greedy: bool[], take the most likely action instead of sampling one.
+    `params` are [R, ...]; `key` gives each run the same random numbers; with `greedy` (bool[]) the
+    agents take the most likely action instead of sampling one.
     """
     play_key = jax.random.split(key)[1]
 

@@ -80,11 +80,7 @@ class Loop:
         return () if self.bonus.value_heads == 1 else (self.bonus.value_heads - 1,)
 
     def update(self, state: TrainState, hparams: HParams) -> tuple[TrainState, Metrics]:
-        """One update: play, reward, estimate and learn.
-
-        Args:
-            state: before it.
-            hparams: as in `numbers`, with both discounts.
+        """One update: play, reward, estimate and learn; `hparams` have both discounts.
 
         Returns:
             The next state, and scalars: those of `rollout`; `loss`, `policy_loss`,
@@ -159,13 +155,8 @@ class Loop:
         First those of the rewards, to which the bonus is added if there is one value, then those
         of the parts of a bonus with returns of their own.
 
-        Args:
-            params: of the network that played.
-            hparams: as in `numbers`, with both discounts.
-            actors: the environments after the rollout.
-            steps: the rollout.
-            finals: the episodes that the time limit cut off.
-            bonus: float32[T, N, *parts].
+        `params` are of the network that played, `actors` follow the rollout, `finals` are the
+        episodes that the time limit cut off, and `bonus` is float32[T, N, *parts].
         """
         _, last, _ = self.network.step(
             params, actors.obs, actors.previous, actors.first, actors.memory

@@ -87,11 +87,7 @@ class ObservationSpec:
 
 
 def observation_spec(env: Any, params: Any) -> ObservationSpec:
-    """Read off what an environment's observations are.
-
-    Args:
-        env: an environment of this package, or one of gymnax' contract.
-        params: its params.
+    """The arrays in the observations of an environment of this package or of gymnax' contract.
 
     Raises:
         SettingError: an array has more than three axes, or a dtype that is no number.

@@ -50,12 +50,7 @@ def step(
 
 
 def sample_minibatches(key: jax.Array, config: Config) -> jax.Array:
-    """Shuffle the environments into minibatches.
-
-    Returns:
-        int32[minibatches, shards, n]: in each minibatch, `n` environments of each shard, by
-        their index within the shard.
-    """
+    """Shuffle the environments: int32[minibatches, shards, n], indices within each shard."""
     within = config.num_envs // config.shards
     keys = jax.random.split(key, config.shards)
     order = jax.vmap(lambda k: jax.random.permutation(k, within))(keys).astype(jnp.int32)
@@ -63,14 +58,9 @@ def sample_minibatches(key: jax.Array, config: Config) -> jax.Array:
 
 
 def take(tree: Any, environments: jax.Array) -> Any:
-    """The environments of one minibatch; nothing is moved between shards.
+    """The leaves [T, shards * n, ...] of one minibatch; nothing is moved between shards.
 
-    Args:
-        tree: leaves [T, N, ...].
-        environments: int32[shards, n].
-
-    Returns:
-        Leaves [T, shards * n, ...].
+    `tree` has leaves [T, N, ...], and `environments` is int32[shards, n].
     """
     shards = environments.shape[0]
 
@@ -92,10 +82,9 @@ def passes(
     body: Callable[[Any, jax.Array], tuple[Any, Any]],
     carry: Any,
 ) -> tuple[Any, Any]:
-    """Call `body(carry, environments)` for all minibatches of `epochs` shuffles.
+    """The last carry of `body(carry, environments)` over all minibatches of `epochs` shuffles.
 
-    Returns:
-        The last carry, and the mean of the other results of the calls.
+    With it goes the mean of the other results of `body`.
     """
 
     def epoch(carry: Any, key: jax.Array) -> tuple[Any, Any]:

@@ -39,9 +39,6 @@ def advantages(
             returns that go on through the ends.
         gamma: discount.
         gae_lambda: weight of longer returns.
-
-    Returns:
-        float[T, ...].
     """
     delta = rewards + gamma * next_values - values
     keep = gamma * gae_lambda * (1 - ended.astype(values.dtype))
@@ -68,12 +65,8 @@ def next_values(
         values: float[T, N], of the observations acted on.
         last_value: float[N], of the observation after the last step.
         terminated: bool[T, N], the task's own end: nothing follows.
-        truncated: bool[T, N], the time limit: the episode would go on.
-        final_values: float[T, N], values of the last observations of truncated episodes; read
-            only there.
-
-    Returns:
-        float[T, N], as `advantages` takes it.
+        truncated: bool[T, N], the time limit: the episode would continue.
+        final_values: float[T, N], of the last observations of truncated episodes.
     """
     following = jnp.concatenate([values[1:], last_value[None]])
     following = jnp.where(truncated, final_values, following)
@@ -152,11 +145,7 @@ def policy_loss(
 def value_loss(value: jax.Array, old: jax.Array, target: jax.Array, clip: jax.Array) -> jax.Array:
     """The larger squared error of value and clipped value; mean over steps, sum over heads.
 
-    Args:
-        value: float32[T, N, V].
-        old: float32[T, N, V], of the network that played.
-        target: float32[T, N, V].
-        clip: float32[V], how far each may move.
+    All are float32[T, N, V], `old` of the network that played; `clip` is float32[V].
     """
     clip = clip[None, None]
     clipped = old + jnp.clip(value - old, -clip, clip)

@@ -68,13 +68,9 @@ def wrap_key(data: jax.Array) -> jax.Array:
 
 
 def per_environment(tree: Any) -> Any:
-    """Whether each leaf begins with the axis of the environments, as the fields of records say.
+    """The tree with True for leaves that begin with the axis of the environments, else False.
 
-    Args:
-        tree: a pytree with records at any depth.
-
-    Returns:
-        The tree with True or False for every leaf.
+    Fields of records, at any depth, declare this with `PER_ENVIRONMENT`.
     """
     if not isinstance(tree, PyTreeNode):
         return jax.tree.map(

@@ -89,14 +89,9 @@ class Embedding:
     def inverse_loss(
         self, name: str, params: Any, phi: jax.Array, action: jax.Array, wanted: jax.Array
     ) -> tuple[jax.Array, Metrics]:
-        """Cross-entropy of the actions taken, over the steps that are wanted.
+        """Cross-entropy of actions int32[T, N] between embeddings `phi` [T + 1, N, L].
 
-        Args:
-            name: the metrics' prefix.
-            params: of `init`.
-            phi: embeddings [T + 1, N, L].
-            action: int32[T, N].
-            wanted: bool[T, N].
+        Only steps that are `wanted`, bool[T, N], count; `name` is the metrics' prefix.
         """
         pair = jnp.concatenate([phi[:-1], phi[1:]], axis=-1).astype(self.config.compute_dtype)
         logits = self._inverse.apply(params["inverse"], pair).astype(jnp.float32)

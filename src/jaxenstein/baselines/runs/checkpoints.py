@@ -69,8 +69,12 @@ class Checkpoints:
         make_folder(self.folder)
         for left in self.folder.glob(f".*{PART}"):
             left.unlink(missing_ok=True)
+        leaves = jax.tree_util.tree_flatten_with_path(state)[0]
+        arrays: dict[str, Any] = {
+            jax.tree_util.keystr(path): np.asarray(_data(leaf), order="C") for path, leaf in leaves
+        }
         with atomic(self._path(update)) as temporary, temporary.open("wb") as file:
-            np.savez(file, **_arrays(state))
+            np.savez(file, **arrays)
         for old in self.updates()[: -self._keep]:
             with contextlib.suppress(OSError):
                 self._path(old).unlink()
@@ -149,12 +153,6 @@ def _typed(data: jax.Array, like: Any) -> jax.Array:
     names: list[str] = []
     jax.eval_shape(lambda key: names.append(str(jax.random.key_impl(key))), like)
     return jax.random.wrap_key_data(data, impl=names[0])
-
-
-def _arrays(state: Any) -> dict[str, Any]:
-    """The arrays of a state by the paths of its leaves."""
-    leaves = jax.tree_util.tree_flatten_with_path(state)[0]
-    return {jax.tree_util.keystr(path): np.asarray(_data(leaf), order="C") for path, leaf in leaves}
 
 
 def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()) -> Any:
