@@ -22,9 +22,8 @@ from benchmarks.measure import tell
 from benchmarks.subjects.common import TRAINED_STEPS
 from benchmarks.tables import WHOLE, column, markdown
 from jaxenstein import make
-from jaxenstein.baselines import Config, Experience, Learner
-from jaxenstein.baselines.learning import ppo
-from jaxenstein.baselines.learning.rollout import final_values, rollout
+from jaxenstein.baselines import Config, Experience, Learner, ppo
+from jaxenstein.baselines.rollout import final_values, rollout
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.machine import describe_machine
 from jaxenstein.speed.measuring import compile_timed, timed_calls
@@ -80,10 +79,10 @@ def parts(learner: Learner, repeats: int) -> dict[str, float]:
             "bonus update", lambda s, e: bonus.update(key, s, numbers, e, rate),
             state.bonus, experience,
         )  # fmt: skip
-    batch = ppo.Batch(steps, state.actors.memory, steps.reward, steps.value)
+    batch = ppo.Batch(steps, state.actors.memory[None], steps.reward, steps.value)
     timed(
         "update",
-        lambda s, b: ppo.train(network, config, key, s.params, s.optimiser, b, numbers, rate),
+        lambda s, b: ppo.train(network, config, key, (s.params, s.optimiser), b, numbers, rate),
         state, batch,
     )  # fmt: skip
     return found
