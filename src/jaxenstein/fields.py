@@ -13,6 +13,7 @@ import functools
 import inspect
 import math
 import re
+import reprlib
 import typing
 from collections.abc import Iterable
 from typing import Any, Literal, TypeVar
@@ -109,7 +110,7 @@ class Domain:
         if (value is None and self.optional) or self._holds(value):
             return ""
         close = nearest(value, filter(None, self.choices)) if isinstance(value, str) else ""
-        return f"must be {self.words}, not {value!r}{close or self._rounded(value)}"
+        return f"must be {self.words}, not {reprlib.repr(value)}{close or self._rounded(value)}"
 
     def fault_of_array(self, value: Any) -> str:
         """As `fault`, of what becomes a float32, int32 or bool array; what is traced is right."""
@@ -129,7 +130,7 @@ class Domain:
         elif good:
             good = domain._within(array)
         close = self._rounded(value)
-        return "" if good else f"must be {domain.words}, not {array.tolist()!r}{close}"
+        return "" if good else f"must be {domain.words}, not {reprlib.repr(array.tolist())}{close}"
 
     def _holds(self, value: Any) -> bool:
         """Whether a value is of the form, and in the range."""

@@ -11,9 +11,8 @@ from ..errors import SettingError
 from ..files import check_links
 from .arguments import Parser, UsageError, flag, reader, whole
 from .listing import format_table
-from .opening import telling_warnings
+from .opening import add_training_options, baselines, given_training, named, telling_warnings
 from .train import add_training, carry_out, spread
-from .training import add_training_options, baselines, given_training, named
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
