@@ -31,7 +31,7 @@ from ..maps.tilemap import TileMap
 from ..params import Params, Scalar, number
 from .appearance import CEILING, FLOOR
 from .doom.collision import RADIUS, Geometry, build_geometry, overlap, segments
-from .doom.fight import FightParams, fight, fly_fireballs, fly_rockets
+from .doom.fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
 from .doom.fixed import ONE
 from .doom.maps import DoomMap, TileGrid, outline
 from .doom.monster_kinds import (
@@ -45,15 +45,15 @@ from .doom.monster_kinds import (
     MonsterKind,
     standing,
 )
-from .doom.monsters import Horde, Monsters
+from .doom.monsters import Horde
 from .doom.parts import GameObject, Health, Part, Sprites
 from .doom.physics import ALL_MOVES
 from .doom.players import HUNT, tiles_of
 from .doom.projectiles import HITS, Missiles, Projectiles, fireballs, rockets
 from .doom.respawn import asleep
-from .doom.scenario import DoomScenario, DoomState, Room
+from .doom.scenario import DoomScenario, Room
 from .doom.view import MEDKIT_BOX, Picture
-from .doom.weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Arsenal, Slot, Trigger, Weapon
+from .doom.weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Arsenal, Slot, Weapon
 from .health import FULL_HEALTH
 from .steering import heading_range
 
@@ -123,23 +123,15 @@ class ShooterParams(FightParams):
     clip: Scalar = number(10, 0)
 
 
-class ShooterState(DoomState):
+class ShooterState(FightState):
     """State of a shooter, on a map with M medkits and boxes of ammunition.
 
     Attributes:
-        health: int32[], of the player.
-        trigger: what the weapon does.
-        monsters: the monsters, row by row of the map.
-        kills: int32[], monsters killed in this episode, whoever killed them.
         fireballs: those in flight.
         rockets: the player's, if it fires any.
         supplies: bool[M], which medkits and boxes still lie there.
     """
 
-    health: jax.Array
-    trigger: Trigger
-    monsters: Monsters
-    kills: jax.Array
     fireballs: Projectiles
     rockets: Projectiles
     supplies: jax.Array
@@ -427,10 +419,9 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
         health = self.horde.healthy(params.monster_health)
         return ShooterState(
             **self.start_pose(bits[:2], angles),
-            health=jnp.int32(FULL_HEALTH),
-            trigger=self.arsenal.trigger(),
-            monsters=asleep(self.horde, self._places("monster"), facing, health, looks),
-            kills=jnp.int32(0),
+            **before_fight(
+                self, asleep(self.horde, self._places("monster"), facing, health, looks)
+            ),
             fireballs=self.fireballs.none(),
             rockets=self.rockets.none(),
             supplies=jnp.ones(len(self.supplies.places), bool),

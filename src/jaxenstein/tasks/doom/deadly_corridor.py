@@ -16,21 +16,21 @@ from ...params import Params, Scalar, number
 from ...players.chance import NO_OP
 from ..health import FULL_HEALTH
 from .collision import Geometry, build_geometry, offsets, segments
-from .fight import FightParams, fight
+from .fight import FightParams, FightState, before_fight, fight
 from .fixed import ONE
 from .items import Goal
 from .maps import ARMOUR, MapThing, TileGrid, fill
 from .monster_ai import sight
 from .monster_kinds import CHAINGUN_GUY, SHOTGUN_GUY, ZOMBIE, standing
-from .monsters import Horde, Monsters
+from .monsters import Horde
 from .my_way_home import REACH
 from .parts import Health, Part
 from .physics import ALL_MOVES, FORWARD, touches
 from .players import only, turn_and_shoot, walker
 from .respawn import asleep
-from .scenario import DoomScenario, DoomState, Room
+from .scenario import DoomScenario, Room
 from .view import BROWN
-from .weapons import PISTOL, SHOOTING, Arsenal, Slot, Trigger
+from .weapons import PISTOL, SHOOTING, Arsenal, Slot
 
 # The game's numbers of the kinds of monsters; to which eighth of a circle those of a side look.
 _KINDS = {3004: ZOMBIE, 9: SHOTGUN_GUY, 65: CHAINGUN_GUY}
@@ -59,21 +59,13 @@ class DoomCorridorParams(FightParams):
     damage_factor: Scalar = number(2.0, 0)
 
 
-class DoomCorridorState(DoomState):
+class DoomCorridorState(FightState):
     """State of the task.
 
     Attributes:
-        health: int32[], of the player.
-        trigger: what the weapon does.
-        monsters: the marksmen.
-        kills: int32[], monsters killed in this episode.
         taken: bool[], whether the armour was reached; the next tic ends the episode.
     """
 
-    health: jax.Array
-    trigger: Trigger
-    monsters: Monsters
-    kills: jax.Array
     taken: jax.Array
 
 
@@ -148,10 +140,9 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
         health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
         return DoomCorridorState(
             **self.only_pose(),
-            health=jnp.int32(FULL_HEALTH),
-            trigger=self.arsenal.trigger(),
-            monsters=asleep(self.horde, (spots * ONE).astype(np.int32), facing, health, bits),
-            kills=jnp.int32(0),
+            **before_fight(
+                self, asleep(self.horde, (spots * ONE).astype(np.int32), facing, health, bits)
+            ),
             taken=jnp.bool_(False),
         )
 

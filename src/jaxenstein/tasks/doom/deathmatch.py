@@ -14,9 +14,8 @@ from ...about import About, Event
 from ...environment import Info
 from ...params import Params, Scalar, number
 from ..draws import draw_index, random_bits
-from ..health import FULL_HEALTH
 from .collision import segments
-from .fight import FightParams, fight, fly_fireballs, fly_rockets
+from .fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
 from .fixed import ONE
 from .items import ITEMS, MOST_ARMOUR, MOST_HEALTH, TAKING, Armour, Items
 from .monster_kinds import (
@@ -28,7 +27,7 @@ from .monster_kinds import (
     ZOMBIE,
     MonsterKind,
 )
-from .monsters import Horde, Monsters
+from .monsters import Horde
 from .parts import Health, Part
 from .physics import (
     ATTACK,
@@ -44,7 +43,7 @@ from .pickups import REACH
 from .players import HUNT, tiles_of
 from .projectiles import HITS, Missiles, Projectiles, fireballs, rockets
 from .respawn import invaded, words
-from .scenario import DoomScenario, DoomState, Room
+from .scenario import DoomScenario, Room
 from .view import CEILING, CLAY
 from .weapons import (
     BULLETS,
@@ -58,7 +57,6 @@ from .weapons import (
     SWITCHING,
     Arms,
     Arsenal,
-    Trigger,
 )
 
 # Of each kind: the reward of its death, its chance to come in 65536ths, and how many there can be.
@@ -102,14 +100,10 @@ class DoomMatchParams(FightParams):
     monster_health: Scalar = number(1.0, 0)
 
 
-class DoomMatchState(DoomState):
+class DoomMatchState(FightState):
     """State of the task, with M things to take.
 
     Attributes:
-        health: int32[], of the player.
-        trigger: what the weapon in its hands does.
-        monsters: the monsters.
-        kills: int32[], monsters killed in this episode, whoever killed them.
         fireballs: those in flight.
         rockets: likewise.
         arms: weapons and ammunition.
@@ -118,10 +112,6 @@ class DoomMatchState(DoomState):
         items: bool[M], what is there to be taken.
     """
 
-    health: jax.Array
-    trigger: Trigger
-    monsters: Monsters
-    kills: jax.Array
     fireballs: Projectiles
     rockets: Projectiles
     arms: Arms
@@ -232,10 +222,9 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         absent = jnp.zeros(count, bool)
         return DoomMatchState(
             **self.pose(place, bits[2]),
-            health=jnp.int32(FULL_HEALTH),
-            trigger=self.arsenal.trigger(PISTOL),
-            monsters=self.horde.placed(nowhere, none.astype(jnp.uint32), absent, none),
-            kills=jnp.int32(0),
+            **before_fight(
+                self, self.horde.placed(nowhere, none.astype(jnp.uint32), absent, none), PISTOL
+            ),
             fireballs=self.fireballs.none(),
             rockets=self.rockets.none(),
             arms=self.arsenal.arms((FIST, PISTOL), PISTOL),

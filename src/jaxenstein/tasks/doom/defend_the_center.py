@@ -17,18 +17,18 @@ from ...params import Params, Scalar, number
 from ..draws import random_bits
 from ..health import FULL_HEALTH
 from .collision import Geometry, build_geometry, segments
-from .fight import FightParams, fight
+from .fight import FightParams, FightState, before_fight, fight
 from .fixed import direction
 from .maps import Line, TileGrid, fill
 from .monster_kinds import CHAINSAW_MARINE, DEMON
-from .monsters import Horde, Monsters
+from .monsters import Horde
 from .parts import Health, Part
 from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
 from .players import TURN_AND_SHOOT
 from .respawn import absent, replaced, woken
-from .scenario import DoomScenario, DoomState, Room
+from .scenario import DoomScenario, Room
 from .view import CEILING, GREY
-from .weapons import PISTOL, SHOOTING, Arsenal, Slot, Trigger
+from .weapons import PISTOL, SHOOTING, Arsenal, Slot
 
 # How far away monsters appear, in map units.
 DISTANCE = 735
@@ -55,21 +55,13 @@ class DoomCenterParams(FightParams):
     absence: Scalar = number(90, 1)
 
 
-class DoomCenterState(DoomState):
+class DoomCenterState(FightState):
     """State of the task.
 
     Attributes:
-        health: int32[], of the player.
-        trigger: what the weapon does.
-        monsters: the five.
-        kills: int32[], monsters killed in this episode.
         absence: int32[5], tics until a new monster takes the place of one that died.
     """
 
-    health: jax.Array
-    trigger: Trigger
-    monsters: Monsters
-    kills: jax.Array
     absence: jax.Array
 
 
@@ -127,10 +119,7 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
         monsters = self.horde.placed(_at_wall(angle), facing, jnp.ones(count, bool), health)
         return DoomCenterState(
             **pose,
-            health=jnp.int32(FULL_HEALTH),
-            trigger=self.arsenal.trigger(),
-            monsters=woken(self.horde, monsters, pose["fixed_position"], key),
-            kills=jnp.int32(0),
+            **before_fight(self, woken(self.horde, monsters, pose["fixed_position"], key)),
             absence=jnp.zeros(count, jnp.int32),
         )
 

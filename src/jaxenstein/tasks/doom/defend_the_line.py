@@ -16,17 +16,17 @@ from ...params import Params, Scalar, number
 from ..health import FULL_HEALTH
 from .collision import segments
 from .defend_the_center import DoomCenterParams, about_defence
-from .fight import fight, fly_fireballs
+from .fight import FightState, before_fight, fight, fly_fireballs
 from .fixed import ONE
 from .monster_kinds import DEMON, IMP, standing
-from .monsters import Horde, Monsters
+from .monsters import Horde
 from .parts import Health, Part
 from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
 from .projectiles import HITS, Missiles, Projectiles, fireballs
 from .respawn import absent, replaced, woken
-from .scenario import DoomScenario, DoomState, Room
+from .scenario import DoomScenario, Room
 from .view import CRATES
-from .weapons import PISTOL, Arsenal, Slot, Trigger
+from .weapons import PISTOL, Arsenal, Slot
 
 # Imps and demons stand at this x, at these y.
 LINE = 64
@@ -44,23 +44,15 @@ class DoomLineParams(DoomCenterParams):
     growth: Scalar = number(4, 0)
 
 
-class DoomLineState(DoomState):
+class DoomLineState(FightState):
     """State of the task.
 
     Attributes:
-        health: int32[], of the player.
-        trigger: what the weapon does.
-        monsters: the six.
-        kills: int32[], monsters killed in this episode, whoever killed them.
         fireballs: those in flight.
         absence: int32[6], tics until a new monster takes the place of one that died.
         strength: int32[6], the health of the next one.
     """
 
-    health: jax.Array
-    trigger: Trigger
-    monsters: Monsters
-    kills: jax.Array
     fireballs: Projectiles
     absence: jax.Array
     strength: jax.Array
@@ -118,10 +110,7 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
         monsters = self.horde.placed(*self._fresh, jnp.ones(count, bool), health)
         return DoomLineState(
             **pose,
-            health=jnp.int32(FULL_HEALTH),
-            trigger=self.arsenal.trigger(),
-            monsters=woken(self.horde, monsters, pose["fixed_position"], key),
-            kills=jnp.int32(0),
+            **before_fight(self, woken(self.horde, monsters, pose["fixed_position"], key)),
             fireballs=self.fireballs.none(),
             absence=jnp.zeros(count, jnp.int32),
             strength=health + params.growth,

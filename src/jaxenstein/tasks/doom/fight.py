@@ -13,6 +13,7 @@ from ...batching import select, where_few
 from ...params import Params, Scalar, number
 from ...pytree import PyTreeNode
 from ..draws import random_bits
+from ..health import FULL_HEALTH
 from .collision import RADIUS, is_seen, offsets, overlap, way_to
 from .fixed import ONE, byte, roll
 from .monster_ai import act
@@ -20,12 +21,13 @@ from .monster_attacks import attack, throws
 from .monsters import FEW, Horde, Monsters
 from .physics import Reached
 from .projectiles import Missiles, Projectiles, launch, throw, with_player
-from .scenario import DoomScenario
-from .weapons import Weapon
+from .scenario import DoomScenario, DoomState
+from .weapons import Trigger, Weapon
 
 # The damage of a rocket's blast, and how far it reaches in map units.
 _BLAST = 128
 
+# A state with the fields of `FightState`, and fireballs or rockets where these fly.
 S = TypeVar("S", bound=Any)
 
 
@@ -37,6 +39,22 @@ class FightParams(Params):
     """
 
     damage_factor: Scalar = number(1.0, 0)
+
+
+class FightState(DoomState):
+    """State of a player among monsters.
+
+    Attributes:
+        health: int32[], of the player.
+        trigger: what the weapon in its hands does.
+        monsters: the monsters.
+        kills: int32[], monsters killed in this episode, whoever killed them.
+    """
+
+    health: jax.Array
+    trigger: Trigger
+    monsters: Monsters
+    kills: jax.Array
 
 
 class Fought(PyTreeNode):
@@ -51,6 +69,18 @@ class Fought(PyTreeNode):
     fires: jax.Array
     throws: jax.Array
     reached: Reached
+
+
+def before_fight(
+    scenario: DoomScenario[Any, Any], monsters: Monsters, weapon: Weapon | None = None
+) -> dict[str, Any]:
+    """The fields of `FightState` of a healthy player with a weapon, by default the first one."""
+    return {
+        "health": jnp.int32(FULL_HEALTH),
+        "trigger": scenario.arsenal.trigger(weapon),
+        "monsters": monsters,
+        "kills": jnp.int32(0),
+    }
 
 
 def fight(

@@ -17,7 +17,7 @@ from ...players.chance import NO_OP
 from ..draws import draw_index
 from ..health import FULL_HEALTH
 from .collision import offsets, overlap, segments
-from .fight import FightParams, fight, fly_fireballs
+from .fight import FightParams, FightState, before_fight, fight, fly_fireballs
 from .fixed import ONE
 from .monster_kinds import IMP, standing
 from .monsters import Horde, Monsters
@@ -25,9 +25,9 @@ from .parts import Game, Health, Part
 from .physics import MOVE_LEFT, MOVE_RIGHT, bob_height, bobbed
 from .projectiles import HITS, Missiles, Projectiles, fireballs
 from .respawn import arrived
-from .scenario import DoomScenario, DoomState, Room
+from .scenario import DoomScenario, Room
 from .view import CRATES
-from .weapons import PISTOL, Arsenal, Slot, Trigger
+from .weapons import PISTOL, Arsenal, Slot
 
 # Imps stand on this line, from the one y to the other; there is room for so many.
 LINE, LOWEST, HIGHEST, MOST = 64, 20, 652, 16
@@ -54,23 +54,15 @@ class DoomCoverParams(FightParams):
     damage_factor: Scalar = number(7.0, 0)
 
 
-class DoomCoverState(DoomState):
+class DoomCoverState(FightState):
     """State of a player that dodges.
 
     Attributes:
-        health: int32[], of the player.
-        trigger: there is no weapon to use.
-        monsters: the imps.
-        kills: int32[], always 0.
         fireballs: those in flight.
         pace: int32[2], the velocity that its own steps gave it.
         steps: int32[2], the same as the eye bobs by it.
     """
 
-    health: jax.Array
-    trigger: Trigger
-    monsters: Monsters
-    kills: jax.Array
     fireballs: Projectiles
     pace: jax.Array
     steps: jax.Array
@@ -122,10 +114,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
         first = jnp.arange(MOST) < len(_FIRST)
         return DoomCoverState(
             **self.only_pose(),
-            health=jnp.int32(FULL_HEALTH),
-            trigger=self.arsenal.trigger(),
-            monsters=none.replace(present=first, tics=none.tics - 1),
-            kills=jnp.int32(0),
+            **before_fight(self, none.replace(present=first, tics=none.tics - 1)),
             fireballs=self.fireballs.none(),
             pace=jnp.zeros(2, jnp.int32),
             steps=jnp.zeros(2, jnp.int32),
