@@ -23,17 +23,16 @@ from ..engine.scene import Theme
 from ..engine.shade import Light
 from ..environment import Info
 from ..errors import MapError, SettingError
-from ..maps import things
-from ..maps.ascii import parse_ascii
-from ..maps.symbols import LABEL_COLOURS, SYMBOLS
-from ..maps.things import MEDKIT, THING_OF, Role
+from ..maps.symbols import LABEL_COLOURS
+from ..maps.things import MEDKIT, THING_OF
 from ..maps.tilemap import TileMap
 from ..params import Params, Scalar, number
 from .appearance import CEILING, FLOOR
+from .doom.arsenal import Arsenal
 from .doom.collision import RADIUS, Geometry, build_geometry, overlap, segments
 from .doom.fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
 from .doom.fixed import ONE
-from .doom.maps import DoomMap, TileGrid, outline
+from .doom.maps import DoomMap, TileGrid
 from .doom.monster_kinds import (
     CHAINGUN_GUY,
     CHAINSAW_MARINE,
@@ -46,14 +45,23 @@ from .doom.monster_kinds import (
     standing,
 )
 from .doom.monsters import Horde
-from .doom.parts import GameObject, Health, Part, Sprites
+from .doom.parts import Health, Part
 from .doom.physics import ALL_MOVES
 from .doom.players import HUNT, tiles_of
 from .doom.projectiles import HITS, Missiles, Projectiles, fireballs, rockets
 from .doom.respawn import asleep
 from .doom.scenario import DoomScenario, Room
-from .doom.view import MEDKIT_BOX, Picture
-from .doom.weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Arsenal, Slot, Weapon
+from .doom.text_map import (
+    TILE,
+    Goals,
+    Supplies,
+    centres_of,
+    doom_map_of,
+    grid_of,
+    read_text,
+    things_of,
+)
+from .doom.weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Slot, Weapon
 from .health import FULL_HEALTH
 from .steering import heading_range
 
@@ -82,21 +90,12 @@ KINDS: Mapping[str, MonsterKind] = {
     "m": CHAINSAW_MARINE,
 }
 """The kind of monster that each symbol of a map stands for."""
-TILE, HEIGHT = 64, 96
-"""Map units: of a tile, and from floor to ceiling."""
 MOST_MONSTERS, MOST_TILES = 64, 64
 """How many monsters a map may have, and how many columns and rows."""
 # Half-width of what is taken and of goals; fireballs in flight, of each imp and of all together.
 _THING, _BALLS, _MOST_BALLS = 20, 4, 24
 # The health and the shots below which the player `hunt` fetches more.
 _HURT, _SHORT = 60, 8
-_KNOWN = frozenset(
-    character
-    for character, symbol in SYMBOLS.items()
-    if symbol.role or symbol.kind in ("floor", "spawn", "wall", "goal")
-)
-_AMMUNITION_BOX = Picture("ammunition", 26, (98, 104, 74), (226, 180, 76))
-_GOAL_STAR = Picture("goal", 40, (255, 216, 20), (140, 118, 11), lift=10)
 
 
 class ShooterParams(FightParams):
@@ -137,50 +136,6 @@ class ShooterState(FightState):
     supplies: jax.Array
 
 
-class Supplies(Part):
-    """Medkits and boxes of ammunition: `state.supplies`.
-
-    Attributes:
-        places: int32[M, 2], where they lie, map units in 16.16.
-        medkits: bool[M], which of them are medkits.
-    """
-
-    objects = (
-        GameObject("Medikit", MEDKIT.label, (MEDKIT_BOX,)),
-        GameObject("ClipBox", things.AMMUNITION.label, (_AMMUNITION_BOX,)),
-    )
-
-    def __init__(self, places: np.ndarray, medkits: np.ndarray) -> None:
-        """Say where they lie; see the class."""
-        self.places, self.medkits = places, medkits
-
-    def sprites(self, state: ShooterState) -> Sprites:
-        """Those that still lie there."""
-        pictures = jnp.asarray(np.where(self.medkits, 0, 1).astype(np.int32))
-        return Sprites(jnp.asarray(self.places), pictures, state.supplies)
-
-
-class Goals(Part):
-    """The goals of the map, which never change.
-
-    Attributes:
-        places: int32[n, 2], map units in 16.16.
-    """
-
-    objects = (GameObject("", things.GOAL.label, (_GOAL_STAR,)),)
-
-    def __init__(self, places: np.ndarray) -> None:
-        """Say where they are."""
-        self.places = places
-
-    def sprites(self, state: ShooterState) -> Sprites:
-        """All of them."""
-        del state
-        count = len(self.places)
-        none = jnp.zeros(count, jnp.int32)
-        return Sprites(jnp.asarray(self.places), none, jnp.ones(count, bool))
-
-
 def reached_aim(env: Shooter, state: ShooterState) -> jax.Array:
     """bool[]: whether the player is at a goal; on a map without one, whether all monsters died."""
     if env.tilemap.goals:
@@ -204,12 +159,6 @@ def toward_aim(env: Shooter, state: ShooterState) -> jax.Array:
         goals = env.goal_part.places
         return tiles_of(env, goals, np.ones(len(goals), bool))
     return tiles_of(env, state.monsters.position, state.monsters.living)
-
-
-@functools.lru_cache(maxsize=64)
-def _read(text: str) -> TileMap:
-    """A map; what is odd about it is told once, to the caller that builds the environment."""
-    return parse_ascii(text, goal_required=False, known=_KNOWN, stacklevel=7)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -279,7 +228,7 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
                 f"a map of {columns} columns and {rows} rows is too large for a shooter: the limit "
                 f"is {MOST_TILES} of each"
             )
-        count = len(self._labels("monster"))
+        count = len(things_of(self.tilemap, "monster")[0])
         if not 1 <= count <= MOST_MONSTERS:
             raise MapError(
                 f"a shooter has 1 to {MOST_MONSTERS} monsters ({' '.join(KINDS)}), not {count} as "
@@ -305,20 +254,17 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
     @functools.cached_property
     def tilemap(self) -> TileMap:
         """The map as tiles."""
-        return dataclasses.replace(_read(self.text), name=self.name)
+        return dataclasses.replace(read_text(self.text), name=self.name)
 
     @functools.cached_property
     def doom_map(self) -> DoomMap:
-        """The map in map units, whose origin is the map's south-western corner."""
-        solid = np.array([list(row) for row in self.tilemap.tiles]) != 0
-        return DoomMap(outline(solid, TILE), (), 0, HEIGHT, 255)
+        """The map in map units."""
+        return doom_map_of(self.tilemap)
 
     @functools.cached_property
     def tiles(self) -> TileGrid:
         """Where the tiles are in map units."""
-        walls = self.tilemap.walls
-        faces = walls if walls.ndim == 3 else walls[None].repeat(4, axis=0)
-        return TileGrid(faces[0] != 0, faces, (), 0, self.tilemap.rows * TILE, TILE)
+        return grid_of(self.tilemap)
 
     @functools.cached_property
     def geometry(self) -> Geometry:
@@ -342,20 +288,7 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
     @property
     def starts(self) -> np.ndarray:
         """float[n, 2]: where episodes start, in map units."""
-        return self.places(self.tilemap.spawns) / ONE
-
-    def places(self, cells: object) -> np.ndarray:
-        """int32[n, 2]: the centres of (column, row) tiles, map units in 16.16."""
-        centre = np.array(cells, np.float64).reshape(-1, 2) + 0.5
-        east, north = centre[:, 0] * TILE, (self.tilemap.rows - centre[:, 1]) * TILE
-        return (np.stack([east, north], axis=1) * ONE).astype(np.int32)
-
-    def _labels(self, role: Role) -> list[int]:
-        return [item.label for item in self.tilemap.items if THING_OF[item.label].role == role]
-
-    def _places(self, role: Role) -> np.ndarray:
-        items = [item for item in self.tilemap.items if THING_OF[item.label].role == role]
-        return self.places([(item.column, item.row) for item in items])
+        return centres_of(self.tilemap, self.tilemap.spawns) / ONE
 
     def touches(self, state: ShooterState, places: np.ndarray) -> jax.Array:
         """bool[N]: whether the player is at places int32[N, 2]: nearer than 36 units in x and y."""
@@ -368,7 +301,8 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
     def horde(self) -> Horde:
         """The monsters, row by row of the map, which turn on each other."""
         kinds = {**KINDS, **dict(self._changes)}
-        found = [kinds[THING_OF[label].symbols] for label in self._labels("monster")]
+        labels, _ = things_of(self.tilemap, "monster")
+        found = [kinds[THING_OF[label].symbols] for label in labels]
         walls = segments(self.doom_map.walls)
         return Horde(found, walls=walls, opaque=walls, fast=self.fast, infighting=True)
 
@@ -392,13 +326,13 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
     @functools.cached_property
     def supplies(self) -> Supplies:
         """Medkits and boxes of ammunition."""
-        medkits = [label == MEDKIT.label for label in self._labels("supply")]
-        return Supplies(self._places("supply"), np.array(medkits, bool))
+        labels, places = things_of(self.tilemap, "supply")
+        return Supplies(places, np.array(labels, int) == MEDKIT.label)
 
     @functools.cached_property
     def goal_part(self) -> Goals:
         """The goals."""
-        return Goals(self.places(self.tilemap.goals))
+        return Goals(centres_of(self.tilemap, self.tilemap.goals))
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -417,11 +351,10 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
         angles = round(-high / (2 * math.pi) * ONE), round(-low / (2 * math.pi) * ONE)
         facing, looks = bits[2 : 2 + count] & np.uint32(7 << 29), bits[2 + count :]
         health = self.horde.healthy(params.monster_health)
+        _, places = things_of(self.tilemap, "monster")
         return ShooterState(
             **self.start_pose(bits[:2], angles),
-            **before_fight(
-                self, asleep(self.horde, self._places("monster"), facing, health, looks)
-            ),
+            **before_fight(self, asleep(self.horde, places, facing, health, looks)),
             fireballs=self.fireballs.none(),
             rockets=self.rockets.none(),
             supplies=jnp.ones(len(self.supplies.places), bool),

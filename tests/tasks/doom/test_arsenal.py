@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxenstein.tasks.doom.arsenal import Arms, Arsenal
 from jaxenstein.tasks.doom.weapons import (
     BULLETS,
     CHAINGUN,
@@ -20,8 +21,6 @@ from jaxenstein.tasks.doom.weapons import (
     SHOTGUN,
     SLOTS,
     SUPER_SHOTGUN,
-    Arms,
-    Arsenal,
     Trigger,
     Weapon,
 )

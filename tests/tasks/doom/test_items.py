@@ -7,16 +7,9 @@ import pytest
 
 from jaxenstein.maps.things import WEAPON
 from jaxenstein.pytree import PyTreeNode
+from jaxenstein.tasks.doom.arsenal import Arms, Arsenal
 from jaxenstein.tasks.doom.items import HALF, ITEMS, THIRD, Armour, Item, Items
-from jaxenstein.tasks.doom.weapons import (
-    FIST,
-    PISTOL,
-    SHOTGUN,
-    SLOTS,
-    SUPER_SHOTGUN,
-    Arms,
-    Arsenal,
-)
+from jaxenstein.tasks.doom.weapons import FIST, PISTOL, SHOTGUN, SLOTS, SUPER_SHOTGUN
 
 ARSENAL = Arsenal(SLOTS)
 NUMBERS = tuple(ITEMS)

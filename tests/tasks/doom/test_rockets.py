@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from jaxenstein.tasks.doom.arsenal import Arsenal
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
-from jaxenstein.tasks.doom.weapons import ROCKET_LAUNCHER, Arsenal, Slot, pull
+from jaxenstein.tasks.doom.weapons import ROCKET_LAUNCHER, Slot, pull
 
 SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
 

@@ -9,6 +9,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.pytree import PyTreeNode
+from jaxenstein.tasks.doom.arsenal import Arsenal
 from jaxenstein.tasks.doom.collision import (
     along,
     crosses,
@@ -21,7 +22,7 @@ from jaxenstein.tasks.doom.collision import (
 )
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
 from jaxenstein.tasks.doom.maps import Line
-from jaxenstein.tasks.doom.weapons import PISTOL, Arsenal, Slot, Trigger, pull
+from jaxenstein.tasks.doom.weapons import PISTOL, Slot, Trigger, pull
 
 WALLS = segments([Line(100, -50, 100, 50, "-"), Line(-20, -80, 60, -60, "-")])
 NO_WALLS = np.zeros((0, 4), np.float32)

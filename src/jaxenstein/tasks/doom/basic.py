@@ -19,6 +19,7 @@ from ...params import Params, Scalar
 from ...players.chance import NO_OP
 from ..draws import draw_index
 from ..health import FULL_HEALTH
+from .arsenal import Arsenal
 from .fixed import ONE
 from .monster_kinds import CACODEMON
 from .parts import Game, GameObject, Health, Part, Sprites
@@ -26,7 +27,7 @@ from .physics import ATTACK, MOVE_LEFT, MOVE_RIGHT
 from .projectiles import Missiles, Projectiles, launch, rockets, with_player
 from .scenario import DoomScenario, DoomState, Room
 from .view import OCHRE, SLATE, TAN, TILES
-from .weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Arsenal, Slot, Trigger
+from .weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Slot, Trigger
 
 # The monster stands on the line x = 0, from the one y to the other.
 LOWEST, HIGHEST = -161, 224

@@ -15,6 +15,7 @@ from ...environment import Info
 from ...params import Params, Scalar, number
 from ...players.chance import NO_OP
 from ..health import FULL_HEALTH
+from .arsenal import Arsenal
 from .collision import Geometry, build_geometry, offsets, segments
 from .fight import FightParams, FightState, before_fight, fight
 from .fixed import ONE
@@ -30,7 +31,7 @@ from .players import only, turn_and_shoot, walker
 from .respawn import asleep
 from .scenario import DoomScenario, Room
 from .view import BROWN
-from .weapons import PISTOL, SHOOTING, Arsenal, Slot
+from .weapons import PISTOL, SHOOTING, Slot
 
 # The game's numbers of the kinds of monsters; to which eighth of a circle those of a side look.
 _KINDS = {3004: ZOMBIE, 9: SHOTGUN_GUY, 65: CHAINGUN_GUY}

@@ -14,6 +14,7 @@ from ...about import About, Event
 from ...environment import Info
 from ...params import Params, Scalar, number
 from ..draws import draw_index, random_bits
+from .arsenal import SELECT, SWITCHING, Arms, Arsenal
 from .collision import segments
 from .fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
 from .fixed import ONE
@@ -45,19 +46,7 @@ from .projectiles import HITS, Missiles, Projectiles, fireballs, rockets
 from .respawn import invaded, words
 from .scenario import DoomScenario, Room
 from .view import CEILING, CLAY
-from .weapons import (
-    BULLETS,
-    FIST,
-    PISTOL,
-    ROCKET_LAUNCHER,
-    SELECT,
-    SHELLS,
-    SHOOTING,
-    SLOTS,
-    SWITCHING,
-    Arms,
-    Arsenal,
-)
+from .weapons import BULLETS, FIST, PISTOL, ROCKET_LAUNCHER, SHELLS, SHOOTING, SLOTS
 
 # Of each kind: the reward of its death, its chance to come in 65536ths, and how many there can be.
 _HORDE: tuple[tuple[MonsterKind, int, int, int], ...] = (

@@ -16,6 +16,7 @@ from ...environment import Info
 from ...params import Params, Scalar, number
 from ..draws import random_bits
 from ..health import FULL_HEALTH
+from .arsenal import Arsenal
 from .collision import Geometry, build_geometry, segments
 from .fight import FightParams, FightState, before_fight, fight
 from .fixed import direction
@@ -28,7 +29,7 @@ from .players import TURN_AND_SHOOT
 from .respawn import absent, replaced, woken
 from .scenario import DoomScenario, Room
 from .view import CEILING, GREY
-from .weapons import PISTOL, SHOOTING, Arsenal, Slot
+from .weapons import PISTOL, SHOOTING, Slot
 
 # How far away monsters appear, in map units.
 DISTANCE = 735

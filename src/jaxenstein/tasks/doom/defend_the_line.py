@@ -14,6 +14,7 @@ from ...about import About
 from ...environment import Info
 from ...params import Params, Scalar, number
 from ..health import FULL_HEALTH
+from .arsenal import Arsenal
 from .collision import segments
 from .defend_the_center import DoomCenterParams, about_defence
 from .fight import FightState, before_fight, fight, fly_fireballs
@@ -26,7 +27,7 @@ from .projectiles import HITS, Missiles, Projectiles, fireballs
 from .respawn import absent, replaced, woken
 from .scenario import DoomScenario, Room
 from .view import CRATES
-from .weapons import PISTOL, Arsenal, Slot
+from .weapons import PISTOL, Slot
 
 # Imps and demons stand at this x, at these y.
 LINE = 64

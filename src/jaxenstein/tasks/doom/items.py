@@ -18,6 +18,7 @@ from ...environment import Info
 from ...maps import things
 from ...maps.things import RGB
 from ..health import FULL_HEALTH
+from .arsenal import Arms, Arsenal
 from .parts import Game, GameObject, Part, Sprites
 from .view import MEDKIT_BOX, VEST, Picture
 from .weapons import (
@@ -29,8 +30,6 @@ from .weapons import (
     ROCKETS,
     SHELLS,
     SUPER_SHOTGUN,
-    Arms,
-    Arsenal,
     Weapon,
 )
 

@@ -17,6 +17,7 @@ from ...params import Params, Scalar
 from ...players.chance import NO_OP
 from ..draws import draw_index
 from ..health import FULL_HEALTH
+from .arsenal import Arsenal
 from .collision import bearing, offsets, segments
 from .fixed import ONE
 from .monster_ai import approximate, walk
@@ -28,7 +29,7 @@ from .players import off_by
 from .projectiles import Missiles, Projectiles, launch, rockets, with_player
 from .scenario import DoomScenario, DoomState, Room
 from .view import STEEL, TUBES
-from .weapons import ROCKET_LAUNCHER, SHOOTING, Arsenal, Slot, Trigger
+from .weapons import ROCKET_LAUNCHER, SHOOTING, Slot, Trigger
 
 # The monster: map units a step, where it turns back and how near to it, the lines on which it
 # walks and starts, its steps before the first tic.

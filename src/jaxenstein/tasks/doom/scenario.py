@@ -26,6 +26,7 @@ from ..draws import draw_index
 from ..first_person import FirstPerson
 from ..health import FULL_HEALTH
 from ..hud import AMMUNITION, bar, check_overlay, check_strip, strip_rows
+from .arsenal import Arsenal
 from .collision import Geometry, load_geometry
 from .fixed import FRACTION_BITS, ONE, to_fixed
 from .maps import START, DoomMap, TileGrid, load_map, rasterise
@@ -33,7 +34,6 @@ from .monsters import Horde
 from .parts import Game, Part
 from .physics import Blocked, Body, Buttons, Reached, action_name, hold, numbered, tic
 from .view import EYE, ROW_FOCAL_SHARE, doom_theme, face_labels
-from .weapons import Arsenal
 
 ButtonsAtOnce = Literal["single", "all"]
 # Map units a tic that no player exceeds: ahead 8.33, aside 8.

@@ -16,6 +16,7 @@ from ...params import Params, Scalar, number
 from ...players.chance import NO_OP
 from ..draws import draw_index
 from ..health import FULL_HEALTH
+from .arsenal import Arsenal
 from .collision import offsets, overlap, segments
 from .fight import FightParams, FightState, before_fight, fight, fly_fireballs
 from .fixed import ONE
@@ -27,7 +28,7 @@ from .projectiles import HITS, Missiles, Projectiles, fireballs
 from .respawn import arrived
 from .scenario import DoomScenario, Room
 from .view import CRATES
-from .weapons import PISTOL, Arsenal, Slot
+from .weapons import PISTOL, Slot
 
 # Imps stand on this line, from the one y to the other; there is room for so many.
 LINE, LOWEST, HIGHEST, MOST = 64, 20, 652, 16
