@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
-
 import jax
 import numpy as np
 import pytest
 
 import jaxenstein
 from examples import custom_shooter
-from jaxenstein.cli import main
 from jaxenstein.players import play, player_of
 
 
@@ -40,16 +37,3 @@ def test_its_program_plays_and_writes_a_film(tmp_path, capsys) -> None:
     assert shares["idle"] == 0 < shares["hunt"]
     assert film.stat().st_size > 0
     assert "hunt: wins" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-def test_an_agent_trains_on_it(tmp_path) -> None:
-    pytest.importorskip("flax")
-    flags = [
-        "--env=examples.custom_shooter:Outpost", "--height=8", "--width=12", "--horizon=20",
-        "--total-steps=192", "--num-envs=4", "--rollout=8", "--minibatches=2", "--epochs=1",
-        "--features=8", "--hidden=8", "--head=8", "--convolutions=4x4x4", "--no-tensorboard",
-    ]  # fmt: skip
-    assert main(["train", *flags, "--out", str(tmp_path / "run")]) == 0
-    policy = importlib.import_module("jaxenstein.baselines").load_policy(tmp_path / "run")
-    assert isinstance(policy.env, custom_shooter.Outpost)
