@@ -31,7 +31,7 @@ from docs.page_parts import (
 from jaxenstein.baselines.runs.trained import pretrained, read_config
 from jaxenstein.catalogue import ALIASES, ENTRIES, MAIN_IDS
 from jaxenstein.cli.listing import GENERATED, extent
-from jaxenstein.docstrings import attributes
+from jaxenstein.fields import Option, options_of
 from jaxenstein.tasks.first_person import SETTINGS
 
 OUT = HERE / "environments"
@@ -227,16 +227,15 @@ def params_table(family: Family) -> str:
     """The params of a family: their meanings, and their values."""
     values = [built(name)[1] for name in family.ids]
     # The params of one may have more than those of another.
-    own = [attributes(type(params)) for params in values]
-    meanings = {k: v for said in own[::-1] for k, v in said.items()}
-    order = {field: None for said in own for field in said}
+    options: dict[str, Option] = {}
+    for params in values:
+        options = {option.name: option for option in options_of(type(params), "")} | options
     rows = []
-    for field in order:
-        having = [p for p, said in zip(values, own, strict=True) if field in said]
-        numbers = [getattr(params, field) for params in having]
+    for name, option in options.items():
+        numbers = [getattr(params, name) for params in values if hasattr(params, name)]
         shown = {f"{np.asarray(value).item():.6g}": None for value in numbers}
-        rows.append((f"`{field}`", ", ".join(shown), meanings[field]))
-    return table(("param", "default", "meaning"), rows)
+        rows.append((f"`{name}`", ", ".join(shown), option.domain.words, option.help))
+    return table(("param", "default", "values", "meaning"), rows)
 
 
 def own_settings(name: str) -> str:
@@ -245,9 +244,11 @@ def own_settings(name: str) -> str:
     if not own:
         return ""
     env, _ = built(name)
-    meanings = attributes(type(env))
-    rows = [(f"`{key}`", f"`{getattr(env, key)!r}`", meanings[key]) for key in own]
-    listed = table(("setting", "default", "meaning"), rows)
+    rows = [
+        (f"`{option.name}`", f"`{getattr(env, option.name)!r}`", option.domain.words, option.help)
+        for option in options_of(type(env), "", own)
+    ]
+    listed = table(("setting", "default", "values", "meaning"), rows)
     return (
         f"## Settings\n\nBeside [those of all](../concepts.md#settings-and-params):\n\n{listed}\n"
     )

@@ -24,8 +24,8 @@ import jaxenstein
 from docs.page_parts import AGENTS, RETURNS, each
 from fidelity.players import measure
 from jaxenstein.baselines.runs.agents import evaluate_both, load_trained
+from jaxenstein.baselines.runs.metrics import read_seconds
 from jaxenstein.baselines.runs.options import read_file, resolve
-from jaxenstein.baselines.runs.timing import read_seconds
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.progress import Progress
@@ -49,7 +49,7 @@ def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
     """What was trained, how long, and what its agents get, over seeds and episodes."""
     trained, told = load_trained(run), resolve(read_file(Path(config)))
     about = trained.experiment
-    for part in ("recipe", "config", "hparams", "seeds", "grid"):
+    for part in ("environment", "config", "hparams", "seeds", "grid"):
         if getattr(about, part) != getattr(told, part):
             raise SystemExit(f"{run} was not trained by {config}: its {part} is another")
     seeds, env = len(about.seeds), about.learner.env
@@ -60,11 +60,11 @@ def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
         for what, of in (("success", "successes"), ("return", "returns"))
     }
     return {
-        "id": about.recipe.id,
-        "version": about.recipe.version,
+        "id": about.environment.id,
+        "version": about.environment.version,
         "config": config,
         "algo": about.config.algo,
-        "frame_skip": about.recipe.settings.get("frame_skip", 1),
+        "frame_skip": about.environment.settings.get("frame_skip", 1),
         "sees": f"{env.width}x{env.height} {env.observation}",
         "seeds": seeds,
         "decisions": trained.update * about.config.steps_per_update,

@@ -13,7 +13,7 @@ from docs import environment_pages, measured, other_pages, page_parts
 from docs.page_parts import FAMILIES
 from jaxenstein.baselines.runs import options
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
-from jaxenstein.docstrings import attributes
+from jaxenstein.fields import attributes
 
 DOCS = Path(__file__).parents[2] / "docs"
 IDS = MAIN_IDS

@@ -76,7 +76,7 @@ def test_returns_can_be_had_again(tmp_path: Path, monkeypatch) -> None:
 def test_agents_of_another_configuration_get_no_row() -> None:
     pytest.importorskip("flax")
     config = str(ENGINE.parents[2] / "experiments" / "simple-skip6.toml")
-    with pytest.raises(SystemExit, match=r"was not trained by .*: its recipe is another"):
+    with pytest.raises(SystemExit, match=r"was not trained by .*: its environment is another"):
         measured.row_of(config, Path("pretrained/key-door"), 1)
 
 

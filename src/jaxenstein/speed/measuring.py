@@ -89,7 +89,8 @@ def measure(settings: Settings) -> dict[str, Any]:
     import jax
 
     from .. import registry
-    from ..recipe import Recipe, as_tuples
+    from ..fields import as_tuples
+    from ..recipe import Recipe
     from ..tasks.first_person import SETTINGS
     from .random_rollout import make_random_rollout
 
