@@ -86,9 +86,9 @@ SETTINGS: list[tuple[str, Any, str]] = [
     ("mode", "stop", "mode must be one of 'step', 'next', None, not 'stop', did you mean 'step'?"),
     ("seed", 10, "seed must be None or a whole number from 0 to 9, not 10"),
     ("gamma", 1.5, "gamma must be None or a finite number from 0 to 1, not 1.5"),
-    ("levels", (3, 3), "levels must be None or two whole numbers, the first seed"),
-    ("levels", range(0, 9, 2), "levels must be None or two whole numbers, the first seed"),
-    ("levels", (0, 2**24 + 1), "at most 2**24 apart, not (0, 16777217)"),
+    ("levels", (3, 3), "levels must be None or two whole numbers from 0 to 2**32"),
+    ("levels", range(0, 9, 2), "levels must be None or two whole numbers from 0 to 2**32"),
+    ("levels", (0, 2**24 + 1), "(as a flag 0,200), not (0, 16777217)"),
     ("convolutions", ((8, 4),), "convolutions must be None or [kernel, stride, features]"),
     ("convolutions", 3, "convolutions must be None or [kernel, stride, features]"),
 ]
