@@ -2,11 +2,9 @@
 
     python -m docs.environment_pages     # writes docs/environments/*.md
 
-Numbers come from the environments themselves, differences to the originals from
-docs/fidelity.md, returns from docs/returns.json (`python -m docs.returns`), trained agents from
-docs/agents.json (`python -m docs.agents`), changes from CHANGELOG.md, pictures from
-docs/images/environments (`python -m docs.gallery`) and docs/images/looks (`python -m docs.looks`),
-and animations from docs/_static/episodes (`python -m docs.episodes`).
+Numbers come from the environments themselves, differences to the originals from docs/fidelity.md,
+changes from CHANGELOG.md, returns and trained agents from docs/returns.json and docs/agents.json
+(`python -m docs.measured`), pictures and animations from `python -m docs.pictures`.
 """
 
 from __future__ import annotations
@@ -19,17 +17,17 @@ import numpy as np
 from PIL import Image
 
 import jaxenstein
-from docs.families import FAMILIES, Family
-from docs.looks import IMAGES as LOOKS
+from docs.other_pages import scoreboard
 from docs.page_parts import (
+    FAMILIES,
     HERE,
+    Family,
     fidelity,
     history,
     info_table,
     returns,
     table,
 )
-from docs.scoreboard import scoreboard
 from jaxenstein.baselines.runs.trained import pretrained, read_config
 from jaxenstein.catalogue import ALIASES, ENTRIES, MAIN_IDS
 from jaxenstein.cli.listing import GENERATED, extent
@@ -37,7 +35,7 @@ from jaxenstein.fields import Option, options_of
 from jaxenstein.tasks.first_person import SETTINGS
 
 OUT = HERE / "environments"
-EPISODES = HERE / "_static" / "episodes"
+EPISODES, LOOKS = HERE / "_static" / "episodes", HERE / "images" / "looks"
 
 
 def write_pages(folder: Path = OUT) -> list[Path]:

@@ -18,8 +18,7 @@ from .opening import baselines, given_options, with_map
 from .record import play_shown
 
 if TYPE_CHECKING:
-    from ..baselines.runs.result import Result
-    from ..baselines.runs.trained import Trained
+    from ..baselines.runs.trained import Result, Trained
 
 HELP = "evaluate trained agents, and record one"
 DESCRIPTION = """\
@@ -123,7 +122,7 @@ def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
     if not given:
         return trained
     before = trained.experiment
-    after = dataclasses.replace(before, recipe=changed(before.recipe, given))
+    after = dataclasses.replace(before, environment=changed(before.environment, given))
     learner = after.learner
     baselines("agents").TrainedPolicy(trained, 0, False).check(learner.env, learner.env_params)
     return dataclasses.replace(trained, experiment=after)

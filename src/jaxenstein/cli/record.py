@@ -169,7 +169,7 @@ def open_for(
         return open_environment(given)
     if not given:
         return agent.env, agent.params, agent.name
-    env, params, name = open_environment(given, agent.recipe)
+    env, params, name = open_environment(given, agent.environment)
     agent.check(env, params)
     return env, params, name if {"env", "map_file"} & set(given) else agent.name
 
