@@ -60,7 +60,7 @@ GROUPS = {
         ("engine/pixels.py", "engine/image_columns.py", "engine/shade.py", "engine/render.py"),
         ("engine/test_shade.py", "engine/test_render.py", "engine/test_sprites.py"),
     ),
-    "stages": Group(("engine/fusion.py",), ("engine/test_fusion.py",)),
+    "stages": Group(("_jax/staging.py",), ("_jax/test_staging.py",)),
     "navigation": Group(
         ("tasks/navigation.py", "engine/motion.py", "tasks/draws.py"),
         ("tasks/test_navigation.py",),
@@ -73,7 +73,7 @@ GROUPS = {
         ("tasks/key_corridor.py",), ("tasks/test_key_corridor.py", "tasks/test_generated_level.py")
     ),
     "contract": Group(
-        ("environment.py", "turn.py"), ("contract/test_contract.py", "contract/test_autoreset.py")
+        ("environment.py", "state.py"), ("contract/test_contract.py", "contract/test_autoreset.py")
     ),
 }
 

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .batching import varying
+from ._jax.batching import varying
 from .errors import SettingError
 from .params import Params, Range, in_words, range_of
 

@@ -12,9 +12,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._jax.packing import Packing
 from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError
-from ..packing import Packing
 from . import programs
 
 # Environments that are reset and drawn in one call after a step in which some ended.

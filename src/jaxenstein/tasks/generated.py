@@ -7,8 +7,8 @@ from typing import TypeVar
 
 import jax
 
+from .._jax.batching import select, where_few
 from ..about import About
-from ..batching import select, where_few
 from ..environment import Params, State
 from .first_person import FirstPerson
 from .seeds import checked_seeds, draw_seed

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import where_few
+from ..._jax.batching import where_few
 from ...environment import Info
 from ...params import Params, Scalar, number
 from ...pytree import PyTreeNode

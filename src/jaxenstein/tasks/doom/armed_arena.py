@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._jax.batching import where_few
 from ...about import Event
-from ...batching import where_few
 from ...engine.shade import ImageKind
 from ...environment import Info
 from ...maps.things import AMMUNITION, FIREBALL, ROCKET, WEAPON

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import where_few
+from ..._jax.batching import where_few
 from .creatures import FEW, Creatures
 from .geometry import RADIUS
 from .kinds import Roster

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import select, where_few
+from ..._jax.batching import select, where_few
 from ...maps.things import FIREBALL
 from .arena import DoomArena, DoomArenaParams, DoomArenaState, Fought
 from .creatures import FEW, Creatures, hurt

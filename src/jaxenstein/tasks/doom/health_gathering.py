@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._jax.batching import where_few
 from ...about import About, Event
-from ...batching import where_few
 from ...engine.scene import Theme
 from ...environment import Info
 from ...params import Params, Scalar, number

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import where_few
+from ..._jax.batching import where_few
 from ...pytree import PyTreeNode
 from .buttons import Buttons
 from .fixed import direction

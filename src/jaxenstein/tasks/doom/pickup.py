@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import varying, where_few
+from ..._jax.batching import varying, where_few
 from ..health import FULL_HEALTH
 from .fixed import ONE
 from .geometry import BLOCK_BITS, RADIUS, Geometry

@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._jax.batching import where_few
 from ...about import Choose, Player
-from ...batching import where_few
 from ...players.chance import NO_OP
 from ...players.walking import flood, walking_actions
 from ..health import FULL_HEALTH

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import varying
+from ..._jax.batching import varying
 from ...pytree import PyTreeNode
 from .bodies import crosses
 from .fixed import ONE

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import where_few
+from ..._jax.batching import where_few
 from .creatures import FEW, Creatures, in_reach, sight
 from .dice import byte, roll, spread
 from .feuds import quarry
