@@ -29,7 +29,7 @@ def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
     """What was trained, how long, and what its agents get, over seeds and episodes."""
     trained, told = load_trained(run), resolve(read_file(Path(config)))
     about = trained.experiment
-    for part in ("recipe", "config", "hparams", "seeds", "grid"):
+    for part in ("spec", "config", "hparams", "seeds", "grid"):
         if getattr(about, part) != getattr(told, part):
             raise SystemExit(f"{run} was not trained by {config}: its {part} is another")
     seeds = len(about.seeds)
@@ -40,11 +40,11 @@ def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
         for what, of in (("success", "successes"), ("return", "returns"))
     }
     return {
-        "id": about.recipe.id,
-        "version": about.recipe.version,
+        "id": about.spec.id,
+        "version": about.spec.version,
         "config": config,
         "algo": about.config.algo,
-        "frame_skip": about.recipe.settings.get("frame_skip", 1),
+        "frame_skip": about.spec.settings.get("frame_skip", 1),
         "sees": seen(trained),
         "seeds": seeds,
         "decisions": trained.update * about.config.steps_per_update,

@@ -128,7 +128,7 @@ def train(
 ) -> Iterator[dict[str, float]]:
     """Train one run in the game, for so many minutes of a clock; a row for each update."""
     experiment = resolve({**read_file(Path(config)), "seed": seed, "seeds": 1})
-    env, params = experiment.recipe.build()
+    env, params = experiment.spec.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
         yield from _train(games, params, experiment, minutes, clock)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import jax
@@ -100,7 +101,8 @@ def make_rules(env: Any, params: Any, batch: int, steps: int) -> tuple[jax.stage
         key, action_key, step_key, reset_key = jax.random.split(key, 4)
         actions = jax.random.randint(action_key, (batch,), 0, env.num_actions, jnp.int32)
         keys = jax.random.split(step_key, batch), jax.random.split(reset_key, batch)
-        out = jax.vmap(lambda *args: outcome_of(env, *args, params))(*keys, states, actions)
+        play = jax.vmap(functools.partial(outcome_of, env), (0, 0, 0, 0, None))
+        out = play(*keys, states, actions, params)
         return (key, out.state, total + out.reward), None
 
     def rollout(carry: Any) -> Any:

@@ -185,7 +185,7 @@ def test_help_of_the_whole_imports_nothing_of_the_extra() -> None:
 def test_the_demos_configuration_is_one() -> None:
     experiment = resolve(parse("--config", str(ROOT / "examples" / "demo.toml")))
     assert (experiment.config.updates, len(experiment.runs)) == (30, 2)
-    assert experiment.recipe.settings["frame_skip"] == 6
+    assert experiment.spec.settings["frame_skip"] == 6
 
 
 def test_note_is_over_all_episodes() -> None:

@@ -214,7 +214,7 @@ def test_the_scoreboard_names_what_trained_its_agents(pages) -> None:
 
 def test_agents_of_another_configuration_get_no_row() -> None:
     config = str(DOCS.parent / "experiments" / "simple-skip6.toml")
-    with pytest.raises(SystemExit, match=r"was not trained by .*: its recipe is another"):
+    with pytest.raises(SystemExit, match=r"was not trained by .*: its spec is another"):
         agents.row_of(config, Path("pretrained/key-door"), 1)
 
 

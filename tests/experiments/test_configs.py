@@ -26,7 +26,7 @@ def test_the_files_are_experiments(config: Path, algo: str) -> None:
         # What the paper says.
         found = experiment.config
         assert len(experiment.runs) == 5
-        assert experiment.recipe.settings == {"height": 64, "width": 64}
+        assert experiment.spec.settings == {"height": 64, "width": 64}
         assert (found.rollout, found.epochs, found.hidden, found.features) == (128, 4, 256, 256)
 
 

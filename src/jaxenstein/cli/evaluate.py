@@ -124,7 +124,7 @@ def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
     if not given:
         return trained
     before = trained.experiment
-    after = dataclasses.replace(before, recipe=changed(before.recipe, given))
+    after = dataclasses.replace(before, spec=changed(before.spec, given))
     learner = after.learner
     baselines("agents").TrainedPolicy(trained, 0, False).check(learner.env, learner.env_params)
     return dataclasses.replace(trained, experiment=after)

@@ -165,7 +165,7 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     where = f"{folder.path}: {done} of {total} updates"
     print("  ".join(filter(None, [where, note_of(recent)])))
     if done < total:
-        module, colon, _ = (experiment.recipe.id or "").rpartition(":")
+        module, colon, _ = (experiment.spec.id or "").rpartition(":")
         modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])
         again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]
         again += [word for module in modules for word in (IMPORT, module)]

@@ -56,10 +56,10 @@ def test_what_is_given_reaches_the_experiment() -> None:
             "grid": {"bonus_reward": [0.1, 1], "rnd_loss": [0.5]},
         }
     )
-    assert (experiment.recipe.id, experiment.config.algo) == ("key-door", "rnd")
+    assert (experiment.spec.id, experiment.config.algo) == ("key-door", "rnd")
     assert experiment.config.num_envs == 8
     assert experiment.hparams["learning_rate"] == 1.0
-    env, params = experiment.recipe.build()
+    env, params = experiment.spec.build()
     assert isinstance(env, FirstPerson)
     assert (env.height, env.width, env.field_of_view, env.frame_skip) == (12, 16, 90, 4)
     assert (int(params.max_steps_in_episode), float(params.discount)) == (50, 0.5)
@@ -75,7 +75,7 @@ def test_what_is_given_reaches_the_experiment() -> None:
 def test_defaults_are_those_of_the_paper() -> None:
     config, numbers = Config(), HParams()
     assert (config.rollout, config.epochs, config.hidden, config.features) == (128, 4, 256, 256)
-    assert resolve({}).recipe.settings == {"height": 64, "width": 64}
+    assert resolve({}).spec.settings == {"height": 64, "width": 64}
     given = (
         numbers.learning_rate, numbers.gae_lambda, numbers.entropy, numbers.value,
         numbers.gradient_norm,
@@ -249,8 +249,8 @@ def test_a_file_gives_options_and_flags_win(tmp_path: Path) -> None:
     assert given["algo"] == "rnd"
     assert given["params"] == {"discount": 0.8, "living_reward": -0.5}
     experiment = resolve(QUICK | given)
-    assert experiment.recipe.id is None
-    assert resolve(QUICK | merge(read, {"env": "simple"})).recipe.id == "simple"
+    assert experiment.spec.id is None
+    assert resolve(QUICK | merge(read, {"env": "simple"})).spec.id == "simple"
 
 
 @pytest.mark.parametrize(

@@ -56,8 +56,8 @@ def test_a_file_holds_one_run_rounded_with_its_score(folder: RunFolder, file: Pa
         assert other.dtype == np.float32
     experiment = trained.experiment
     assert experiment.runs == ({"seed": 1},)
-    assert (experiment.config, experiment.recipe) == (
-        folder.experiment.config, folder.experiment.recipe
+    assert (experiment.config, experiment.spec) == (
+        folder.experiment.config, folder.experiment.spec
     )  # fmt: skip
     score = read_config(file)["agent"]["score"]
     for greedy, name in ((True, "greedy"), (False, "sampled")):

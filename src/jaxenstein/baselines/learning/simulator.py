@@ -107,7 +107,7 @@ class OwnSimulator:
     def __init__(self, env: Environment[Any, Any], params: Any) -> None:
         """Take an environment and its params."""
         self.num_actions, self.frame_skip = env.num_actions, env.frame_skip
-        # Equal to those of recipes and sessions: what draws one is traced once for all of them.
+        # Equal to those of specs and sessions: what draws one is traced once for all of them.
         self._env = dataclasses.replace(env, autoreset=None, final_observation=False)
         self._resetting = dataclasses.replace(self._env, autoreset="same-step")
         self._params = params

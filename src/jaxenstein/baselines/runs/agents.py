@@ -39,7 +39,7 @@ class TrainedPolicy:
     Attributes:
         env: the environment that it was trained in.
         params: its params.
-        recipe: how that environment is built.
+        spec: how that environment is built.
         name: which agent it is, for people.
         greedy: whether it takes the most likely action instead of drawing one.
     """
@@ -51,7 +51,7 @@ class TrainedPolicy:
         self._weights = jax.device_put(one)
         self._carry = self._learner.initial_carry()
         self.env, self.params = self._learner.env, self._learner.env_params
-        self.recipe = trained.experiment.recipe
+        self.spec = trained.experiment.spec
         self.name = f"{trained.name} {run_names(trained.experiment)[run]}"
         self.greedy = greedy
 

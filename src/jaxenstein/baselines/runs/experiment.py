@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
-from ...recipe import Recipe, as_tuples
+from ...spec import Spec, as_tuples
 from ..learning.config import Config
 from ..learning.fields import values_of
 from ..learning.hparams import HParams
@@ -31,7 +31,7 @@ class Experiment:
     """Runs that one compiled program trains side by side.
 
     Attributes:
-        recipe: how the environment and its params are built.
+        spec: how the environment and its params are built.
         config: the static settings.
         hparams: the numbers, by name; None where a number is left to the environment.
         seeds: one run for each, at every point of the grid.
@@ -39,7 +39,7 @@ class Experiment:
         presets: where the static settings and numbers that were not given come from.
     """
 
-    recipe: Recipe
+    spec: Spec
     config: Config
     hparams: Mapping[str, float | None]
     seeds: tuple[int, ...]
@@ -64,7 +64,7 @@ class Experiment:
         Raises:
             JAXensteinError: the environment cannot be built, or does not fit the config.
         """
-        return Learner(*self.recipe.build(), self.config)
+        return Learner(*self.spec.build(), self.config)
 
     def keys(self) -> jax.Array:
         """A typed random key for each run: that of its seed."""
@@ -84,10 +84,10 @@ class Experiment:
         plain = {
             "format": FORMAT,
             "environment": {
-                "id": self.recipe.id,
-                "version": self.recipe.version,
-                "settings": dict(self.recipe.settings),
-                "params": dict(self.recipe.params),
+                "id": self.spec.id,
+                "version": self.spec.version,
+                "settings": dict(self.spec.settings),
+                "params": dict(self.spec.params),
             },
             "presets": values_of(self.presets),
             "config": self.config.flat(),
@@ -108,15 +108,13 @@ class Experiment:
             if plain["format"] != FORMAT:
                 raise SettingError(f"format {plain['format']!r}, not {FORMAT}")
             place = plain["environment"]
-            recipe = Recipe(
-                place["id"], place["version"], _tuples(place["settings"]), place["params"]
-            )
+            spec = Spec(place["id"], place["version"], _tuples(place["settings"]), place["params"])
             config = Config.of({name: as_tuples(v) for name, v in plain["config"].items()})
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
             hparams = HParams.of(config.algorithm, plain["hparams"]).flat()
             # Runs of before there was a choice have none.
             presets = Presets(**plain.get("presets", {}))
-            return cls(recipe, config, hparams, tuple(plain["seeds"]), grid, presets)
+            return cls(spec, config, hparams, tuple(plain["seeds"]), grid, presets)
         except (KeyError, TypeError, AttributeError) as error:
             raise SettingError(f"not the configuration of a run: {error!r}") from error
 

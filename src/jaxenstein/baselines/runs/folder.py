@@ -281,17 +281,17 @@ def checked(experiment: Experiment) -> Experiment:
         raise SettingError(f"'seeds' must be whole numbers, not {list(experiment.seeds)!r}")
     if check_seeds(experiment.seeds[0], len(experiment.seeds)) != experiment.seeds:
         raise SettingError(f"'seeds' must follow each other, not {list(experiment.seeds)!r}")
-    env, _ = experiment.recipe.try_out()
-    if env.version != experiment.recipe.version:
+    env, _ = experiment.spec.try_out()
+    if env.version != experiment.spec.version:
         warnings.warn(of_another_version(experiment, env.version), stacklevel=3)
     return experiment
 
 
 def of_another_version(experiment: Experiment, now: int) -> str:
     """That an experiment is of other rules than those of its environment's version `now`."""
-    recipe = experiment.recipe
+    spec = experiment.spec
     return (
-        f"it was trained on version {recipe.version} of {recipe.id or 'its map'}, which is version "
+        f"it was trained on version {spec.version} of {spec.id or 'its map'}, which is version "
         f"{now} now: its rules have changed (CHANGELOG.md)"
     )
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from ...errors import SettingError, nearest, one_line
 from ...files import reason_of
-from ...settings import Option, check, environment_options, options_of, recipe_from
+from ...settings import Option, check, environment_options, options_of, spec_from
 from ...settings import given_by as environment_given_by
 from ..learning.algorithms import Algorithm, algorithms, without_removed
 from ..learning.config import Config
@@ -112,12 +112,12 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
     presets, below = defaults_of(given)
     given = {**below, **given}
     default = SIZE if "map" in given else {"env": "simple", **SIZE}
-    recipe = recipe_from({**default, **given})
+    spec = spec_from({**default, **given})
     config = Config.of(_picked(given, TRAINING))
     hparams = HParams.of(config.algorithm, _picked(given, NUMBERS))
     hparams.check()
     experiment = Experiment(
-        recipe,
+        spec,
         config,
         hparams.flat(),
         check_seeds(given.get("seed", 0), given.get("seeds", 1)),
@@ -133,7 +133,7 @@ def given_by(experiment: Experiment) -> dict[str, Any]:
     """The options that `resolve` makes an experiment of."""
     varied = dict(experiment.grid)
     given = {
-        **environment_given_by(experiment.recipe),
+        **environment_given_by(experiment.spec),
         **values_of(experiment.presets),
         **experiment.config.flat(),
         **{name: value for name, value in experiment.hparams.items() if name not in varied},

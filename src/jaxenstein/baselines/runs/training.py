@@ -90,7 +90,7 @@ def _check_versions(folder: RunFolder) -> None:
     """Refuse to go on by other rules, and warn where the bits may be others."""
     experiment = folder.experiment
     now = experiment.learner.env.version
-    if now != experiment.recipe.version:
+    if now != experiment.spec.version:
         raise SettingError(
             f"the run in {folder.path} cannot go on: {of_another_version(experiment, now)}; "
             "train anew in another folder"
