@@ -1,19 +1,14 @@
-"""Programs that show where the time of a step goes: frames alone, frames kept, and no frames."""
+"""Programs that show where the time of a step goes: frames alone, and frames kept."""
 
 from __future__ import annotations
 
-import functools
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxenstein.environment import outcome_of
 from jaxenstein.speed.random_rollout import make_random_rollout
-
-# How many frames the suite keeps: 100 MB of 64x64 ones, more than fit into caches.
-FRAMES_KEPT = 2**13
 
 
 def make_frames(env: Any, params: Any, steps: int) -> jax.stages.Wrapped:
@@ -81,31 +76,3 @@ def make_keeping_rollout(
         return jax.lax.scan(step, carry, jnp.arange(steps, dtype=jnp.int32))[0]
 
     return jax.jit(rollout, donate_argnums=0), start
-
-
-def make_rules(env: Any, params: Any, batch: int, steps: int) -> tuple[jax.stages.Wrapped, Any]:
-    """A random policy for `steps` steps of a batch, resets included, without any frame.
-
-    Returns:
-        `(rollout, start)`: of a carry, and of a random key. The carry is key, states, and
-        float32[batch] sums of rewards.
-    """
-
-    def start(key: jax.Array) -> Any:
-        first_key, key = jax.random.split(key)
-        states = jax.vmap(lambda k: env.init_state(k, params))(jax.random.split(first_key, batch))
-        return key, states, jnp.zeros(batch, jnp.float32)
-
-    def step(carry: Any, _: None) -> tuple[Any, None]:
-        key, states, total = carry
-        key, action_key, step_key, reset_key = jax.random.split(key, 4)
-        actions = jax.random.randint(action_key, (batch,), 0, env.num_actions, jnp.int32)
-        keys = jax.random.split(step_key, batch), jax.random.split(reset_key, batch)
-        play = jax.vmap(functools.partial(outcome_of, env), (0, 0, 0, 0, None))
-        out = play(*keys, states, actions, params)
-        return (key, out.state, total + out.reward), None
-
-    def rollout(carry: Any) -> Any:
-        return jax.lax.scan(step, carry, length=steps)[0]
-
-    return jax.jit(rollout, donate_argnums=0), jax.jit(start)

@@ -13,7 +13,6 @@ import pytest
     [
         ("gymnax", "gymnax.environments", "needs gymnax"),
         ("stoa", "stoa", "needs stoa-env"),
-        ("brax", "brax.envs", "needs brax"),
         ("sb3", "stable_baselines3.common.vec_env", "Stable-Baselines3 is not installed"),
         ("torch", "torch", "PyTorch is not installed"),
     ],

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.errors import SettingError
 from jaxenstein.maps.reach import flood, open_tiles
 from jaxenstein.maps.things import KEY
 from jaxenstein.tasks.key_corridor import KeyCorridor
@@ -142,21 +141,9 @@ def test_layout_seed_freezes_the_layout_but_not_the_start():
     assert len(set(layouts)) == 2
 
 
-@pytest.mark.parametrize("seed", [-1, 2**32, 1.5, True, "a"])
-def test_bad_layout_seeds_are_refused(seed):
-    with pytest.raises(SettingError, match="layout_seed must be None or a whole number"):
-        jaxenstein.make("key-corridor", layout_seed=seed)
-
-
 def test_without_sizes_it_is_the_registered_one():
     env, _ = jaxenstein.make("key-corridor")
     assert KeyCorridor(name=env.name, version=env.version, defaults=env.defaults) == env
-
-
-@pytest.mark.parametrize("size", [{"room_size": 2}, {"room_size": 17}, {"room_rows": 4}])
-def test_rooms_that_cannot_be_built_are_refused(size):
-    with pytest.raises(SettingError, match=r"must be a whole number from (3 to 16|1 to 3), not"):
-        KeyCorridor(**size)
 
 
 @functools.cache

@@ -25,3 +25,17 @@ def draw_index(bits: jax.Array, count: int | jax.Array) -> jax.Array:
     """int32 from 0 to `count - 1`, uniform up to `count / 2**24`, from uint32 bits."""
     index = (draw_unit(bits) * jnp.asarray(count, jnp.float32)).astype(jnp.int32)
     return jnp.minimum(index, count - 1)
+
+
+def draw_seed(key: jax.Array, seeds: tuple[int, int] | None) -> jax.Array:
+    """uint32[]: any seed, or one of those from the first to before the second of two.
+
+    Args:
+        key: for nothing else.
+        seeds: the first seed and the one past the last, or None.
+    """
+    bits = jax.random.bits(key, (), jnp.uint32)
+    if seeds is None:
+        return bits
+    first, stop = seeds
+    return jnp.uint32(first) + draw_index(bits, stop - first).astype(jnp.uint32)

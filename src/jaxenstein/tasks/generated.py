@@ -10,8 +10,9 @@ import jax
 from .._jax.batching import select, where_few
 from ..about import About
 from ..environment import Params, State
+from ..fields import of_form
+from .draws import draw_seed
 from .first_person import FirstPerson
-from .seeds import checked_seeds, draw_seed
 
 S = TypeVar("S", bound=State)
 P = TypeVar("P", bound=Params)
@@ -29,16 +30,11 @@ class GeneratedTask(FirstPerson[S, P]):
 
     Attributes:
         levels: None for levels without end, or seeds of levels: `range(first, stop)` or (first,
-            stop), whole numbers from 0 to 2**32 and at most 2**24 of them. Every episode has one
-            of these levels, each equally likely. A seed is the same level on every machine.
+            stop). Every episode has one of these levels, each equally likely. A seed is the same
+            level on every machine.
     """
 
-    levels: tuple[int, int] | range | None = None
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        object.__setattr__(self, "levels", checked_seeds("levels", self.levels))
-        super().__post_init__()
+    levels: tuple[int, int] | range | None = of_form(None, "seeds")
 
     @property
     def level_range(self) -> tuple[int, int] | None:

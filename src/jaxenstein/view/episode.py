@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from ..errors import SettingError
+from ..fields import check_whole
 from ..maps.tilemap import TileMap
 from ..trajectory import Trajectory
 from .recording import (
@@ -227,8 +228,7 @@ def compose(
         map_size: pixels that the longer side of the map comes close to.
         notify: called with the number of pictures drawn so far while they are gone through.
     """
-    if every < 1:
-        raise SettingError(f"every must be at least 1, not {every!r}")
+    check_whole("every", every)
     return Pictures(
         episode,
         with_map=with_map,

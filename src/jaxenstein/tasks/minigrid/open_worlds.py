@@ -9,11 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...calls import check_whole
+from ...fields import check_whole, choice
 from ...params import number
 from .sketch import Sketch
 from .state import GOAL_KIND, LAVA_KIND, GridState
 from .world import GridWorld
+
+Obstacle = Literal["wall", "lava"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -78,14 +80,14 @@ class Crossing(GridWorld):
 
     size: int = number(9, 5, 63)
     crossings: int = 1
-    obstacle: Literal["wall", "lava"] = "lava"
+    obstacle: Obstacle = choice("lava", Obstacle)
 
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND, LAVA_KIND)
 
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("crossings", self.crossings, self.size - 3, 1)
+        check_whole("crossings", self.crossings, 1, self.size - 3)
 
     def lay_out(self, key: jax.Array) -> GridState:
         """Draw which lines are crossed, an order in which to cross them, and the gaps."""

@@ -8,9 +8,9 @@ from typing import ClassVar, cast
 import jax
 import jax.numpy as jnp
 
-from ...calls import check_whole
 from ...engine.motion import forward, touched_door
 from ...environment import Scalar
+from ...fields import check_whole
 from ...params import number
 from ..draws import draw_index
 from ..steering import BACKWARD, FORWARD
@@ -57,7 +57,7 @@ class DynamicObstacles(Empty):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("obstacles", self.obstacles, self.size // 2 + 1, 1)
+        check_whole("obstacles", self.obstacles, 1, self.size // 2 + 1)
 
     def lay_out(self, key: jax.Array) -> GridState:
         """The room with its balls."""
