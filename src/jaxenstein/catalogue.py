@@ -122,6 +122,22 @@ def _dmlab(kind: str, number: int, respawn: bool) -> Row:
     return _row(f"dmlab-{kind}", "", id, "maze:dmlab", summary, steps, params, **fixed)
 
 
+def _doom(
+    id: str,
+    source: str,
+    summary: str,
+    version: int = 0,
+    *,
+    family: str = "",
+    shown: str = "",
+    **fixed: Any,
+) -> Row:
+    """A scenario of ViZDoom's; its family is the id that is shown for it, if no other is given."""
+    id = f"doom-{id}"
+    names = family or shown or id, shown, id, f"doom.{source}", f"ViZDoom's {summary}"
+    return _row(*names, version=version, **fixed)
+
+
 # Of each kind of rule a small world of MiniGrid's, which is shown for those like it.
 _KEY, _LAVA, _BALLS = "door-key-6x6", "lava-crossing-s9n1", "dynamic-obstacles-6x6"
 _BOXES, _ASKED = "obstructed-maze-1dlhb", "put-near-6x6-n2"
@@ -270,40 +286,41 @@ ROWS: tuple[Row, ...] = (
     # Doom's angles grow counter-clockwise, those of my-way-home clockwise: 0 to 3.6 degrees there
     # is -3.6 to 0 here.
     *(_row("doom-my-way-home", "", f"doom-my-way-home{end}", "doom.my_way_home:DoomMyWayHome",
-           summary, spots=spots, angles=angles)
+           summary, spots=spots, angles=angles, hud=False, show_weapon=False)
       for end, spots, angles, summary in (
           ("", tuple(range(10, 27)), (0, 65536),
            "ViZDoom's My Way Home itself: Doom's motion, tic by tic"),
           ("-sparse", (10,), (0, 655), "doom-my-way-home from the western room, facing east"),
           ("-very-sparse", (15,), (32112, 33423),
            "doom-my-way-home from the end of the dead end, facing west"))),
-    *(_row("doom-health-gathering", "", id, f"doom.health_gathering:{name}", f"ViZDoom's {summary}")
-      for id, name, summary in (
-          ("doom-health-gathering", "DoomHealthGathering",
-           "Health Gathering itself: Doom's motion, tic by tic"),
-          ("doom-health-gathering-supreme", "DoomHealthGatheringSupreme",
-           "Health Gathering Supreme itself: walls, and poison among the medkits"))),
-    *(_row(f"doom-{shown}", f"doom-{shown}", f"doom-{id}", f"doom.{source}",
-           f"ViZDoom's {summary}", version=version)
-      for id, shown, source, version, summary in (
-          ("basic", "basic", "basic:DoomBasic", 0,
-           "Basic itself: step aside until the monster is ahead, and shoot"),
-          ("simpler-basic", "basic", "basic:DoomSimplerBasic", 0,
-           "Simpler Basic itself: the monster is nearer"),
-          ("defend-the-center", "defend-the-center", "defend:DoomDefendTheCenter", 2,
-           "Defend the Center itself: turn and shoot what comes from all around"),
-          ("defend-the-line", "defend-the-center", "defend_line:DoomDefendTheLine", 2,
-           "Defend the Line itself: turn and shoot what is at the other side of a room"),
-          ("take-cover", "take-cover", "cover:DoomTakeCover", 1,
-           "Take Cover itself: dodge the fireballs of ever more imps"),
-          ("rocket-basic", "basic", "rockets:DoomRocketBasic", 0,
-           "Rocket Basic itself: a rocket needs a second to get there"),
-          ("predict-position", "basic", "predict:DoomPredictPosition", 0,
-           "Predict Position itself: one rocket for a monster that walks to and fro"),
-          ("deadly-corridor", "deadly-corridor", "corridor:DoomDeadlyCorridor", 1,
-           "Deadly Corridor itself: past six marksmen to the armour"),
-          ("deathmatch", "deathmatch", "deathmatch:DoomDeathmatch", 2,
-           "Deathmatch itself, alone: monsters without end, seven weapons, things to take"))),
+    _doom("health-gathering", "health_gathering:DoomHealthGathering",
+          "Health Gathering itself: Doom's motion, tic by tic",
+          family="doom-health-gathering", supreme=False, show_weapon=False),
+    _doom("health-gathering-supreme", "health_gathering:DoomHealthGathering",
+          "Health Gathering Supreme itself: walls, and poison among the medkits",
+          family="doom-health-gathering", supreme=True, show_weapon=False),
+    _doom("basic", "basic:DoomBasic",
+          "Basic itself: step aside until the monster is ahead, and shoot",
+          hall="basic", rocket=False),
+    _doom("simpler-basic", "basic:DoomBasic", "Simpler Basic itself: the monster is nearer",
+          shown="doom-basic", hall="simpler-basic", rocket=False),
+    _doom("defend-the-center", "defend_the_center:DoomDefendTheCenter",
+          "Defend the Center itself: turn and shoot what comes from all around", 2),
+    _doom("defend-the-line", "defend_the_line:DoomDefendTheLine",
+          "Defend the Line itself: turn and shoot what is at the other side of a room", 2,
+          shown="doom-defend-the-center"),
+    _doom("take-cover", "take_cover:DoomTakeCover",
+          "Take Cover itself: dodge the fireballs of ever more imps", 1),
+    _doom("rocket-basic", "basic:DoomBasic",
+          "Rocket Basic itself: a rocket needs a second to get there",
+          shown="doom-basic", hall="simpler-basic", rocket=True),
+    _doom("predict-position", "predict_position:DoomPredictPosition",
+          "Predict Position itself: one rocket for a monster that walks to and fro",
+          shown="doom-basic"),
+    _doom("deadly-corridor", "deadly_corridor:DoomDeadlyCorridor",
+          "Deadly Corridor itself: past six marksmen to the armour", 1),
+    _doom("deathmatch", "deathmatch:DoomDeathmatch",
+          "Deathmatch itself, alone: monsters without end, seven weapons, things to take", 2),
 )
 # fmt: on
 """All of them, in the order in which they are listed."""

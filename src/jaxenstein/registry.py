@@ -204,23 +204,29 @@ def _row_of_class(id: str, module: ModuleType, name: str) -> Row:
         )
     if not _builds(there[name]):
         raise UnknownEnvironmentError(
-            f"{id} is no subclass of jaxenstein.Environment that can be built, but "
+            f"{id} is no subclass of jaxenstein.Environment that can be built, and no "
+            f"functools.partial of one, but "
             f"{there[name]!r}; functions that build environments get an id by jaxenstein.register"
         )
-    cls = there[name]
-    return Row(name, "", cls, _first_line(cls), version=cls.version, module=module.__name__)
+    build = there[name]
+    summary, version = _first_line(build), _class_of(build).version
+    return Row(name, "", build, summary, version=version, module=module.__name__)
+
+
+def _class_of(build: Any) -> Any:
+    """The class that a `functools.partial` is of; anything else as it is."""
+    return build.func if isinstance(build, functools.partial) else build
 
 
 def _builds(value: Any) -> bool:
-    """Whether a value is a class of environments that lacks nothing."""
-    return (
-        isinstance(value, type) and issubclass(value, Environment) and not inspect.isabstract(value)
-    )
+    """Whether a value is a class of environments that lacks nothing, or a partial of one."""
+    cls = _class_of(value)
+    return isinstance(cls, type) and issubclass(cls, Environment) and not inspect.isabstract(cls)
 
 
 def _first_line(build: Build) -> str:
     """What its docstring says of a class or function, in one line."""
-    text = inspect.getdoc(build.func if isinstance(build, functools.partial) else build) or ""
+    text = inspect.getdoc(_class_of(build)) or ""
     return text.partition("\n")[0].rstrip(".")
 
 
