@@ -9,7 +9,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.errors import SettingError
-from jaxenstein.recipe import recipe_of
+from jaxenstein.spec import spec_of
 
 NAME = "key-corridor-s3r1"
 
@@ -62,4 +62,4 @@ def test_levels_do_not_depend_on_the_kind_of_generator():
 def test_equal_levels_make_equal_environments_and_recipes():
     one, params = jaxenstein.make(NAME, levels=range(3, 9))
     assert one == jaxenstein.make(NAME, levels=[3, 9])[0]
-    assert recipe_of(one, params).build()[0] == dataclasses.replace(one, autoreset=None)
+    assert spec_of(one, params).build()[0] == dataclasses.replace(one, autoreset=None)

@@ -101,12 +101,12 @@ def run(options: argparse.Namespace) -> None:
         env, params, name = open_for(agent, options)
     from ..interactive.game import Game, play, wait_for
     from ..interactive.watching import AgentGame
-    from ..recipe import recipe_of
+    from ..spec import spec_of
     from ..trajectory import check_trajectory
 
     if options.save is not None:
         check_trajectory(options.save)
-        recipe_of(env, params)
+        spec_of(env, params)
 
     def load() -> Game:
         keep, note = options.record is not None, _note(env)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import SettingError, TrajectoryError
-from ..recipe import Recipe, recipe_of
+from ..spec import Spec, spec_of
 from ..tasks.first_person import FirstPerson
 from ..tasks.levels import closed_doors
 from ..view.episode import Episode
@@ -72,10 +72,10 @@ def record(
         raise SettingError(f"steps must be at least 1, not {steps!r}")
     limit = limit if steps is None else min(whole_action(steps), limit)
     try:
-        recipe = recipe_of(env, params)
+        spec = spec_of(env, params)
     except TrajectoryError:
-        recipe = None
-    return play(Session(env, params, seed), chosen, limit, recipe)
+        spec = None
+    return play(Session(env, params, seed), chosen, limit, spec)
 
 
 def _policy(
@@ -100,7 +100,7 @@ def play(
     session: Session,
     policy: Policy,
     steps: int,
-    recipe: Recipe | None = None,
+    spec: Spec | None = None,
     *,
     beyond: bool = False,
     notify: Callable[[int], object] | None = None,
@@ -111,7 +111,7 @@ def play(
         session: just reset.
         policy: chooses the actions.
         steps: the most steps to take.
-        recipe: how the environment is built, for the trajectory; None for none.
+        spec: how the environment is built, for the trajectory; None for none.
         beyond: whether to take all steps, even after the end, where the old episode goes on.
         notify: called with the number of steps taken.
     """
@@ -122,7 +122,7 @@ def play(
 
     def add_frame() -> None:
         builder.add_frame(image_of(session.observation), snapshot(session.state))
-        if recipe is not None:
+        if spec is not None:
             digests.add(session)
 
     add_frame()
@@ -134,7 +134,7 @@ def play(
             builder.events[-1] = ", ".join(filter(None, [builder.events[-1], words]))
         if notify is not None:
             notify(len(session.actions))
-    trajectory = None if recipe is None else make_trajectory(session, digests, recipe)
+    trajectory = None if spec is None else make_trajectory(session, digests, spec)
     return dataclasses.replace(
         builder.build(env, session.params, tilemap),
         ending="terminated" if session.terminated else "truncated" * session.truncated,

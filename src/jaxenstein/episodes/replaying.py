@@ -67,13 +67,13 @@ def replay(trajectory: Trajectory, *, notify: Callable[[int], object] | None = N
     Raises:
         JAXensteinError: its environment cannot be built any more.
     """
-    recipe = trajectory.environment
-    env, params = recipe.build()
-    recipe = dataclasses.replace(recipe, version=env.version)
+    spec = trajectory.environment
+    env, params = spec.build()
+    spec = dataclasses.replace(spec, version=env.version)
     session = Session(env, params, trajectory.seed)
     actions = Script(trajectory.actions)
     count = len(trajectory.actions)
-    episode = play(session, actions, count, recipe, notify=notify, beyond=True)
+    episode = play(session, actions, count, spec, notify=notify, beyond=True)
     assert episode.trajectory is not None
     differences = trajectory.checks.differences(episode.trajectory.checks)
     return Replay(episode, trajectory, differences)

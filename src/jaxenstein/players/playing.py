@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 
+from .._jax.batching import select, varying
 from ..about import Player
-from ..batching import select, varying
 from ..pytree import PyTreeNode
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TypeVar
 
 import jax
 
+from .._jax.batching import select, where_few
 from ..about import About
-from ..batching import select, where_few
 from ..environment import Params, State
 from ..fields import of_form
 from .draws import draw_seed

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..batching import varying
+from .._jax.batching import varying
 
 # (row, column) of the side of a detour that is taken away, in the original's order.
 _UP = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
