@@ -2,7 +2,7 @@
 
 Numbers are those of the game's own tables (ViZDoom 1.3.2, wadsrc/static/actors/doom). Sizes of the
 pictures of demons, imps and marines are those of the game's own pictures, read off screens of 1280
-by 960 (`python -m fidelity.doom_sizes`).
+by 960.
 """
 
 from __future__ import annotations

@@ -1,0 +1,65 @@
+"""What counts as a difference, and games that are played side by side."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium")
+
+from fidelity import doom_players
+
+
+def test_what_counts_as_apart() -> None:
+    assert doom_players.apart((3.0, 0.3), (4.0, 0.4)) == pytest.approx(2)
+    assert doom_players.apart((3.0, 0.0), (3.0001, 0.0)) == 0
+    assert doom_players.apart((3.0, 0.0), (4.0, 0.0)) == math.inf
+
+
+class Counting:
+    """A game whose episode of seed n takes n + 1 steps; each step rewards with the action."""
+
+    begun = 0
+
+    def __init__(self, env: Any, params: Any, seed: int) -> None:
+        type(self).begun += 1
+        self.reset(seed)
+
+    def reset(self, seed: int) -> None:
+        self.seed, self.actions = seed, []
+        self.info = {"success": seed % 2 == 1}
+
+    @property
+    def told(self) -> np.ndarray:
+        return np.array(self.seed)
+
+    @property
+    def over(self) -> bool:
+        return len(self.actions) > self.seed
+
+    @property
+    def episode_return(self) -> float:
+        return float(sum(self.actions))
+
+    def step(self, action: int) -> None:
+        self.actions.append(action)
+
+    def close(self) -> None:
+        type(self).begun -= 1
+
+
+def test_games_side_by_side_are_episodes_by_their_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doom_players, "GameSession", Counting)
+    monkeypatch.setattr(
+        doom_players, "_chooser", lambda *_: lambda key, told: [int(t) for t in told]
+    )
+    none: Any = SimpleNamespace()
+    games = doom_players.play_games(none, None, "idle", episodes=5, games=3)
+    assert games.lengths.tolist() == [1, 2, 3, 4, 5]
+    assert games.returns.tolist() == [0, 2, 6, 12, 20]
+    assert games.successes.tolist() == [False, True, False, True, False]
+    assert Counting.begun == 0
