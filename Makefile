@@ -57,7 +57,7 @@ demo: $(VENV)/.baselines ## train an agent in about 3 minutes: its curve and a G
 
 bench: ## measure all beside its peers, write docs/benchmarks.md (an hour; QUICK=1: some minutes)
 	@$(MAKE) --no-print-directory VENV=$(BENCH)/main $(BENCH)/main/.bench
-	$(BENCH)/main/bin/python -m benchmarks.install $(if $(QUICK),--quick)
+	$(BENCH)/main/bin/python -m benchmarks.install
 	$(BENCH)/main/bin/python -m benchmarks --json $(RESULTS) $(if $(QUICK),--quick) $(ARGS)
 	$(BENCH)/main/bin/python -m benchmarks.report $(RESULTS) \
 		$(if $(QUICK),--out $(RESULTS)/pages)

@@ -17,8 +17,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from reliability.partners import PARTNERS
-
 FOLDER = Path(__file__).resolve().parents[1] / ".venv-bench"
 
 
@@ -36,7 +34,7 @@ class Found(NamedTuple):
     problem: str = ""
 
 
-# What this project needs, to be measured beside a partner of its adapters.
+# What this project needs, to be measured through Gymnasium.
 _CORE = ("jax>=0.7", "numpy>=2.0", "pillow>=10.1")
 _OPENCV, _VIZDOOM, _GYMNASIUM = "opencv-python-headless>=4.11", "vizdoom>=1.3", "gymnasium>=1.1"
 _TRAINING = ("torch>=2.6", "stable-baselines3>=2.4", "sb3-contrib>=2.4")
@@ -46,18 +44,12 @@ PEERS: dict[str, Peer] = {
     "envpool": Peer(("envpool>=1.2", _GYMNASIUM), ("envpool", "gymnasium")),
     "miniworld": Peer(("miniworld>=2.1", _OPENCV), ("miniworld", "cv2")),
     "gymnasium": Peer((*_CORE, _GYMNASIUM), ("jax", "gymnasium")),
-    # With the versions that the adapters' tests run beside.
-    **{
-        name: Peer((*_CORE, *PARTNERS[name].requirements), ("jax", *PARTNERS[name].modules))
-        for name in ("gymnax", "stoa", "sb3")
-    },
     "training": Peer(
         (*_TRAINING, _VIZDOOM, _GYMNASIUM, _OPENCV),
         ("torch", "stable_baselines3", "sb3_contrib", "vizdoom", "gymnasium", "cv2"),
     ),
 }
-# Installed where nothing is named: of a quick run, and of a full one. PyTorch is large.
-QUICK = ("vizdoom", "envpool", "miniworld", "gymnasium")
+# Installed where nothing is named. PyTorch is large.
 USUAL = tuple(name for name in PEERS if name != "training")
 
 
@@ -98,11 +90,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Install the peers, each apart.")
     known = f"{', '.join(PEERS)} (default: all but training)"
     parser.add_argument("names", nargs="*", metavar="NAME", help=known)
-    parser.add_argument("--quick", action="store_true", help="leave out the adapters' partners")
     options = parser.parse_args(argv)
     if unknown := [name for name in options.names if name not in PEERS]:
         parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(PEERS)}")
-    for name in options.names or (QUICK if options.quick else USUAL):
+    for name in options.names or USUAL:
         print(f"{name}: {'ok' if install(name) else 'cannot be installed'}", flush=True)
 
 

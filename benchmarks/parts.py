@@ -6,28 +6,15 @@ import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from benchmarks.install import PEERS
 from benchmarks.measure import Groups, Subject
-from benchmarks.subjects.common import FRAMES_KEPT, SCENARIOS, SHOOTING
-from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from benchmarks.subjects.common import FRAMES_KEPT, SHOOTING
+from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.machine import cores_allowed
 
 # Processes alive at once, each of which takes some 400 MB.
 GROUP = 8
 OWN, TRAINED = "JAXenstein", "RecurrentPPO, ViZDoom"
 RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
-# The adapters: their subjects, what to call them, and their partners' modules.
-SCANNED = {
-    "adapter-gymnax": ("gymnax, in a scan", "gymnax"),
-    "adapter-stoa": ("Stoa, in a scan", "stoa"),
-}
-CALLED = {
-    "adapter-torch": ("Torch", "torch"),
-    "adapter-gymnasium-same-step": ("Gymnasium vector, same-step", "gymnasium"),
-    "adapter-gymnasium-next-step": ("Gymnasium vector, next-step", "gymnasium"),
-    "adapter-sb3": ("Stable-Baselines3", "stable_baselines3"),
-}
-SINGLE = {"adapter-gymnasium-single": ("Gymnasium, one environment", "gymnasium")}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,18 +28,8 @@ class Plan:
     tasks: tuple[str, ...] = ("my-way-home", "health-gathering")
     sizes: tuple[str, ...] = ("64x64", "84x84", "160x120", "320x240")
     observations: tuple[str, ...] = ("rgb", "gray", "depth", "labels", "dict")
-    maps: tuple[int, ...] = (9, 16, 32, 64, 128, 256)
-    sprites: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128)
-    skips: tuple[int, ...] = (1, 4)
     trained: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256)
     adapted: tuple[int, ...] = (64, 1024)
-    # Those whose resets and first frames are waited for.
-    waits: tuple[str, ...] = (
-        "my-way-home", "health-gathering", "key-corridor", "memory-maze-9x9",
-        "minigrid-door-key-8x8", "doom-my-way-home",
-    )  # fmt: skip
-    # Of the adapters' partners, whose environments to measure in.
-    partners: tuple[str, ...] = ("gymnasium", "gymnax", "stoa", "sb3")
 
 
 # Sizes to see the suite work with, not to learn anything from.
@@ -63,12 +40,8 @@ QUICK = Plan(
     tasks=("my-way-home",),
     sizes=("64x64", "160x120"),
     observations=("rgb", "depth"),
-    maps=(9, 32),
-    sprites=(1, 16),
     trained=(2,),
     adapted=(16,),
-    waits=("my-way-home",),
-    partners=("gymnasium",),
 )
 
 
@@ -92,30 +65,6 @@ def peers(plan: Plan) -> Groups:
         _own(plan.batch, f"{OWN} health-gathering", id="health-gathering"),
     ]
     return [_beside_vizdoom(rows)]
-
-
-def frame_skips(plan: Plan) -> Groups:
-    """Steps of the world a second where an action lasts for several of them, as in `scenarios`.
-
-    Beside the environments that are ViZDoom's own scenarios, `doom-...`, the project's tasks of the
-    same name.
-    """
-    groups = []
-    for name in SCENARIOS:
-        rows: list[Subject] = []
-        for skip in plan.skips:
-            words, axes = f"scenario={name} frame_skip={skip}", {"frame_skip": skip}
-            told = f"frame skip {skip}"
-            rows += [
-                _peer("vizdoom", f"{RESIZED} {words}", f"ViZDoom, resized, {told}", **axes),
-                _peer("vizdoom", f"{RAW} {words}", f"ViZDoom, raw, {told}", **axes),
-                *(
-                    _own(plan.batch, own, id=own, frame_skip=skip)
-                    for own in (f"doom-{name}", name) if own in ENTRIES
-                ),
-            ]  # fmt: skip
-        groups.append(_beside_vizdoom(rows, f" scenario={name} frame_skip={plan.skips[0]}"))
-    return groups
 
 
 def scenarios(plan: Plan) -> Groups:
@@ -176,29 +125,6 @@ def training(plan: Plan) -> Groups:
     return groups
 
 
-def resets(plan: Plan) -> Groups:
-    """A batch of resets, beside as many steps with automatic resets."""
-    groups = []
-    for name in plan.waits:
-        step = _own(plan.batch, name, id=name)
-        words, title = f"reset-{plan.batch} id={name}", f"{name}, resets alone"
-        rows = [step, Subject(words, title, {"batch": plan.batch, "id": name})]
-        groups.append(_compared(rows, {"of a step": step.name}))
-    return groups
-
-
-def starts(plan: Plan) -> Groups:
-    """From the start of an interpreter to its end: the imports, or a reset and a step."""
-    rows = [
-        Subject(f"start until={module}", f"import {module}") for module in ("jax", "jaxenstein")
-    ]
-    for name in plan.waits:
-        words, told = f"start until=frames id={name}", f"first frames of {name}"
-        rows.append(Subject(words, told, {"id": name}))
-        rows.append(Subject(f"{words} cache=yes", f"{told}, compiled before", {"id": name}))
-    return [_compared(rows, {"of import jax": rows[0].name})]
-
-
 def limits(plan: Plan) -> Groups:
     """What bounds a step."""
     batch, health = plan.batch, "id=health-gathering"
@@ -238,45 +164,31 @@ def observations(plan: Plan) -> Groups:
     return _beside(plan, [_own(plan.batch, n, id=n, observation=seen) for n, seen in pairs])
 
 
-def maps_and_sprites(plan: Plan) -> Groups:
-    """Own maps: larger ones, and a hall with ever more sprites."""
-    rows = [_own(plan.batch, f"{side}x{side} tiles", map=side) for side in plan.maps]
-    rows += [_own(plan.batch, f"{count} sprites", sprites=count) for count in plan.sprites]
-    return _beside(plan, rows)
-
-
 def adapters(plan: Plan) -> Groups:
-    """The adapters, each beside the native environments under the same interpreter."""
-    groups = []
-    for partner in plan.partners:
-        group = []
-        for batch in (*plan.adapted, 1):
-            scan, loop = f"scan-{batch}", f"adapter-loop-{batch}"
-            rows = [(scan, "native, in a scan", {}), (loop, "native, one jitted call a step", {})]
-            for table, ratio, native in (
-                (SCANNED if batch > 1 else {}, "of the scan", scan),
-                (CALLED if batch > 1 else SINGLE, "of the loop", loop),
-            ):
-                rows += [
-                    (f"{kind}-{batch}", title, {ratio: native})
-                    for kind, (title, module) in table.items() if module in PEERS[partner].modules
-                ]  # fmt: skip
-            # What nothing is held up against need not be measured.
-            needed = {name for *_, beside in rows for name in beside.values()}
-            group += [
-                Subject(name, title, {"batch": batch, "partner": partner}, beside, peer=partner)
-                for name, title, beside in rows if beside or name in needed
-            ]  # fmt: skip
-        groups.append(group)
-    return groups
+    """Gymnasium's adapters, each beside as many native environments, called once a step."""
+    group = []
+    for batch in (*plan.adapted, 1):
+        loop = f"adapter-loop-{batch}"
+        kind, title = (
+            ("gymnasium-same-step", "Gymnasium vector, same-step")
+            if batch > 1
+            else ("gymnasium-single", "Gymnasium, one environment")
+        )
+        group += [
+            Subject(name, told, {"batch": batch}, beside, peer="gymnasium")
+            for name, told, beside in (
+                (loop, "native, one jitted call a step", {}),
+                (f"adapter-{kind}-{batch}", title, {"of the loop": loop}),
+            )
+        ]
+    return [group]
 
 
 def _own(batch: int, title: str, **options: Any) -> Subject:
     """This project in a scan."""
     words = "".join(f" {name}={value}" for name, value in options.items())
-    told = f"frame skip {options['frame_skip']}, " if "frame_skip" in options else ""
     count = f"{batch} environment{'' if batch == 1 else 's'}"
-    return Subject(f"scan-{batch}{words}", f"{title}, {told}scan, {count}",
+    return Subject(f"scan-{batch}{words}", f"{title}, scan, {count}",
                    axes={"batch": batch, **options})  # fmt: skip
 
 
@@ -314,17 +226,13 @@ def _fitting(batch: int, size: str) -> int:
 PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "peers": peers,
     "cores": cores,
-    "frame-skip": frame_skips,
     "scenarios": scenarios,
     "batches": batches,
     "limits": limits,
     "environments": environments,
     "resolutions": resolutions,
     "observations": observations,
-    "maps-and-sprites": maps_and_sprites,
     "adapters": adapters,
-    "resets": resets,
-    "starts": starts,
     "training-compare": training,
 }
 # Measured only where it is named: PyTorch is large.

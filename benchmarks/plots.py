@@ -1,15 +1,15 @@
-"""The plots of the pages: bars of subjects, and lines over an axis."""
+"""The plots of the pages: bars of subjects."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from benchmarks.tables import Row
 from jaxenstein.errors import SettingError
 
-OURS, PEERS, OTHER = "#1f6fb4", "#9a9a9a", "#d9652b"
+OURS, PEERS = "#1f6fb4", "#9a9a9a"
 STEPS = "steps a second"
 
 
@@ -36,45 +36,6 @@ def bars(rows: Sequence[Row], label: str, note: str = "") -> Any:
     axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.locator_params(axis="x", nbins=4)
     return figure
-
-
-def lines(rows: Sequence[Row], axis: str, label: str) -> Any:
-    """Steps a second over an axis, a line for each id.
-
-    Args:
-        rows: those without `rates` or the axis are left out.
-        axis: the key that the axis shows: numbers, or image sizes such as 84x84.
-        label: of that axis.
-    """
-    found: dict[str, dict[Any, Mapping[str, Any]]] = {}
-    for row in rows:
-        if axis in row and "rates" in row:
-            found.setdefault(str(row.get("id", "")), {})[row[axis]] = row["rates"]
-    figure, axes = _figure(3.4)
-    ticks = {_place(value): str(value) for points in found.values() for value in points}
-    for (name, points), colour in zip(found.items(), (OURS, OTHER, PEERS) * 9, strict=False):
-        colour = PEERS if "ViZDoom" in name else colour
-        values = sorted(points, key=_place)
-        rates = [points[value]["median"] for value in values]
-        axes.plot([_place(value) for value in values], rates, "o-", color=colour, label=name)
-    if len(found) > 1:
-        axes.legend(frameon=False)
-    axes.set_xscale("log", base=2)
-    axes.set_xticks(list(ticks), list(ticks.values()), minor=False)
-    # Small differences should look small; sizes differ by more.
-    axes.set_yscale("log" if axis == "size" else "linear")
-    if axis != "size":
-        axes.set_ylim(bottom=0)
-    axes.yaxis.set_major_formatter("{x:,.0f}")
-    axes.set_xlabel(label)
-    axes.set_ylabel(STEPS)
-    return figure
-
-
-def _place(value: Any) -> float:
-    """Where a value lies on the axis: an image by its pixels."""
-    width, _, height = str(value).partition("x")
-    return float(width) * float(height or 1)
 
 
 def _figure(height: float) -> tuple[Any, Any]:

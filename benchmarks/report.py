@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.measure import FORMAT, ROOT
 from benchmarks.parts import PARTS
-from benchmarks.plots import bars, lines
+from benchmarks.plots import bars
 from benchmarks.tables import COLUMNS, WHOLE, Row, column, markdown, number, ratio, rows_of, shown
 from jaxenstein.errors import JAXensteinError, SettingError
 from jaxenstein.files import atomic, check_writable, make_folder
@@ -48,11 +48,6 @@ PLOTS: Mapping[str, tuple[str, Callable[[Sequence[Row]], Any]]] = {
     "speed": ("peers", lambda rows: bars(headline(rows), "called", "ahead")),
     "cores": ("cores", lambda rows: bars(rows, "title")),
     "environments": ("environments", lambda rows: bars(rows, "id")),
-    "batches": ("batches", lambda rows: lines(rows, "batch", "environments side by side")),
-    "resolutions": ("resolutions", lambda rows: lines(rows, "size", "image")),
-    "maps": ("maps-and-sprites", lambda rows: lines(rows, "map", "tiles a side")),
-    "sprites": ("maps-and-sprites", lambda rows: lines(rows, "sprites", "sprites")),
-    "training": ("training-compare", lambda rows: lines(rows, "envs", "environments")),
 }  # fmt: skip
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from benchmarks.measure import median_ratio
-from benchmarks.parts import CALLED, SCANNED, SINGLE
 
 Row = Mapping[str, Any]
 """What a file says of a subject, its axes too, with `rates` (steps a second) and `ratios`; without
@@ -95,27 +94,10 @@ def _steps(row: Row) -> str:
 
 def shown(part: str, rows: Sequence[Row]) -> Sequence[Row]:
     """The rows that the table and the plots of a part have."""
-    if part in ("environments", "resolutions", "observations", "maps-and-sprites"):
+    if part in ("environments", "resolutions", "observations"):
         # Without the subject that each group was measured beside, which has nothing of its own.
         return [row for row in rows if row["axes"]]
-    return _adapters(rows) if part == "adapters" else rows
-
-
-def _adapters(rows: Sequence[Row]) -> list[Row]:
-    """The adapters, each with the native figure of the same interpreter and number."""
-    rates = {(row["partner"], row["name"]): row.get("rates") for row in rows}
-    found = []
-    for row in rows:
-        kind, _, batch = row["name"].rpartition("-")
-        if kind in SCANNED:
-            native, heading = f"scan-{batch}", "of the scan"
-        elif kind in CALLED or kind in SINGLE:
-            native, heading = f"adapter-loop-{batch}", "of the loop"
-        else:
-            continue
-        ratios = {"of the native": row["ratios"].get(heading)}
-        found.append({**row, "ratios": ratios, "native": rates.get((row["partner"], native))})
-    return found
+    return rows
 
 
 WHOLE = "{:,.0f}".format
@@ -131,24 +113,14 @@ BESIDE = (TITLE, *RATES, ratio("x resized"), ratio("x raw"))
 
 COLUMNS: Mapping[str, Sequence[Column]] = {
     "peers": BESIDE,
-    "frame-skip": BESIDE,
     "scenarios": (ID, *BESIDE),
     "cores": (TITLE, *RATES, ratio("x one core")),
     "environments": (ID, *RATES, HOME),
     "batches": (ID, BATCH, *RATES),
     "resolutions": (ID, column("size"), BATCH, *RATES, HOME),
     "observations": (ID, column("observation", left=True), *RATES, HOME),
-    "maps-and-sprites": (column("tiles a side", "map"), column("sprites"), *RATES, HOME),
     "limits": (TITLE, *RATES, HOME),
-    "adapters": (
-        TITLE, BATCH, *RATES, column("native steps/s", "native", "median", form=WHOLE),
-        ratio("of the native"),
-    ),
-    "resets": (TITLE, *RATES, ratio("of a step")),
-    "starts": (
-        TITLE, Column("s", lambda row: number(1 / row["rates"]["median"])),
-        Column("x import jax", lambda row: number(1 / row["ratios"]["of import jax"])),
-    ),
+    "adapters": (TITLE, BATCH, *RATES, ratio("of the loop")),
     "training-compare": (
         ID, column("environments", "envs"), *RATES[:2], ratio("x RecurrentPPO"),
         column("ready after s", "ready_seconds", form=number),

@@ -1,10 +1,9 @@
 """This project as a subject.
 
-- `scan-B`: a random policy in one compiled scan; options `id`, or `map` or `sprites` (`maps.py`),
+- `scan-B`: a random policy in one compiled scan; options `id`,
   `size`, and any of `SETTINGS`, which the other kinds take too;
 - `loop`: one environment, one call a step;
 - `frames-B`, `keep-B`, `fill-B`: frames alone, frames kept, and only writing as many bytes;
-- `reset-B`: resets of a batch in a scan;
 - `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`).
 """
 
@@ -18,7 +17,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
-from benchmarks.subjects import maps
 from benchmarks.subjects.common import (
     ENVIRONMENT_ID,
     FRAMES_KEPT,
@@ -40,17 +38,11 @@ SETTINGS: dict[str, Callable[[str], Any]] = {"observation": str, "frame_skip": i
 
 
 def own_environment(options: Options, **settings: Any) -> tuple[Any, Any]:
-    """The environment that options name: an id, or a map made to measure."""
+    """The environment that options name."""
     settings["width"], settings["height"] = image_size(options)
     for name, convert in SETTINGS.items():
         if name in options:
             settings[name] = convert(options[name])
-    if "map" in options:
-        return jaxenstein.from_ascii(maps.rooms(int(options["map"])), **settings)
-    if "sprites" in options:
-        env, params = jaxenstein.from_ascii(maps.hall(int(options["sprites"])), **settings)
-        # Nothing is near enough to be taken or reached: all of it stays in sight.
-        return env, params.replace(pickup_radius=-1.0, goal_radius=-1.0)
     return jaxenstein.make(options.get("id", ENVIRONMENT_ID), **settings)  # type: ignore[arg-type]
 
 
@@ -108,23 +100,6 @@ def fill(batch: int, options: Options) -> Chunk:
     return chunk
 
 
-def reset(batch: int, options: Options) -> Chunk:
-    """Resets of a batch in a compiled scan; a pixel of each frame goes into the next one's key."""
-    env, params = own_environment(options)
-    steps = max(1, STEPS_A_CALL // 8 // batch)
-    resets = jax.vmap(lambda key: env.reset(key, params))
-
-    def again(carry: Any, _: None) -> tuple[Any, None]:
-        key, (obs, _) = carry
-        seen = sum(jnp.sum(leaf[:, -1, -1].astype(jnp.uint32)) for leaf in jax.tree.leaves(obs))
-        key, reset_key = jax.random.split(jax.random.fold_in(key, seen))
-        return (key, resets(jax.random.split(reset_key, batch))), None
-
-    first = jax.jit(resets)(jax.random.split(jax.random.key(0), batch))
-    program = jax.jit(lambda carry: jax.lax.scan(again, carry, length=steps)[0], donate_argnums=0)
-    return repeat(program, (jax.random.key(1), first), batch * steps)
-
-
 def spread(batch: int, options: Options) -> Chunk:
     """The same over several simulated devices, a thread each."""
     from benchmarks.spread import make_mesh, make_spread_rollout
@@ -166,6 +141,5 @@ SUBJECTS: Subjects = {
     "frames": frames,
     "keep": keep,
     "fill": fill,
-    "reset": reset,
     "spread": spread,
 }

@@ -17,7 +17,6 @@ from benchmarks.spread import make_mesh, make_spread_rollout
 from benchmarks.subjects import own
 from benchmarks.subjects.__main__ import prepare
 from benchmarks.subjects.frames import make_frames, make_keeping_rollout
-from benchmarks.subjects.maps import hall, rooms
 from jaxenstein.errors import SettingError
 from jaxenstein.speed.random_rollout import make_random_rollout
 
@@ -49,17 +48,7 @@ def test_kept_frames_are_those_of_the_rollout():
     np.testing.assert_array_equal(carry[0].state.time, other.state.time)
 
 
-@pytest.mark.parametrize("side", [9, 17, 256])
-def test_rooms_and_hall(side):
-    env, _ = jaxenstein.from_ascii(rooms(side))
-    assert env.map_size == (side, side)
-    # A start in each room whose middle is on the map.
-    assert len(env.tilemap.spawns) == len(range(4, side - 1, 8)) ** 2
-    env, _ = jaxenstein.from_ascii(hall(min(side, 196)))
-    assert len(env.tilemap.goals) + len(env.tilemap.keys) == min(side, 196)
-
-
-@pytest.mark.parametrize("kind", ["scan-2", "frames-2", "keep-2", "fill-2", "reset-2", "loop"])
+@pytest.mark.parametrize("kind", ["scan-2", "frames-2", "keep-2", "fill-2", "loop"])
 def test_own_subjects(monkeypatch, kind):
     monkeypatch.setattr(own, "STEPS_A_CALL", 32)
     monkeypatch.setattr(own, "FRAMES_KEPT", 4)
@@ -123,14 +112,3 @@ def test_an_accelerator(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(device, "make_random_rollout", fail)
     device.main(words)
     assert "| RESOURCE_EXHAUSTED: Out of memory |" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-def test_training(tmp_path):
-    pytest.importorskip("optax")
-    file = tmp_path / "training.json"
-    words = "--algo rnd --envs 2 --size 36 --rollout 4"
-    out = run("benchmarks.training", *words.split(), "--json", file)
-    (row,) = json.loads(file.read_text())["rows"]
-    assert row["steps_per_second"] > 0
-    assert "| rnd | float32 | 2 |" in out

@@ -66,7 +66,7 @@ def test_the_command_fills_the_pages_from_the_files(tmp_path):
     row = cells(texts["adapters"], "Gymnasium vector, same-step")
     native = sampled["adapters", "adapter-loop-16"]
     mine = sampled["adapters", "adapter-gymnasium-same-step-16"]
-    assert row[5:] == [f"{np.median(native):,.0f}", number(np.median(mine / native))]
+    assert row[5:] == [number(np.median(mine / native))]
     pictures = {path.stem for path in (out / "images/benchmarks").glob("*.png")}
     assert pictures == set(report.PLOTS)
 
