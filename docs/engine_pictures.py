@@ -21,7 +21,6 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from jaxenstein.engine.art import load_art
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.level import compile_level, occupancy
 from jaxenstein.engine.raycast import cast
@@ -54,8 +53,6 @@ ROWS, COLUMNS = len(TILES), len(TILES[0])
 # The eye looks through the open door, at the goal behind it.
 EYE, HEADING = (1.8, 1.9), 0.4
 SPRITE = (7.5, 4.5)
-# For the picture of the sprite's words: a key right ahead.
-NEAR_EYE, NEAR_KEY = (1.5, 3.5), (2.35, 3.42)
 DOTS = 130
 
 
@@ -81,21 +78,14 @@ INKS = {
 }
 
 
-def bits(*, closed: bool) -> np.ndarray:
-    """uint32[columns]: the occupancy word of each column."""
-    return np.asarray(occupancy(LEVEL, jnp.array([closed]))[0])[:, 0]
-
-
 class View:
     """An image of the world, and the rays that it is made of."""
 
-    def __init__(self, *, width: int, height: int, near: bool = False) -> None:
-        """Choose the size; `near` looks at a key in front of the closed door."""
+    def __init__(self, *, width: int, height: int) -> None:
+        """Choose the size."""
         self.camera = Camera(height, width, 60.0)
-        eye, heading = (NEAR_EYE, 0.0) if near else (EYE, HEADING)
-        self.eye, self.heading = jnp.array(eye, jnp.float32), jnp.float32(heading)
-        self.closed = jnp.array([near])
-        self.thing, self.look = (NEAR_KEY, 1) if near else (SPRITE, 0)
+        self.eye, self.heading = jnp.array(EYE, jnp.float32), jnp.float32(HEADING)
+        self.closed = jnp.array([False])
 
     @functools.cached_property
     def hits(self) -> Any:
@@ -114,21 +104,12 @@ class View:
     def image(self, kind: ImageKind = "rgb", *, things: bool = True) -> np.ndarray:
         """The image, with or without the billboard."""
         sprites = Sprites(
-            position=jnp.array([self.thing], jnp.float32),
-            look=jnp.array([self.look], jnp.int32),
+            position=jnp.array([SPRITE], jnp.float32),
+            look=jnp.array([0], jnp.int32),
             visible=jnp.array([things]),
         )
         scene = Scene(LEVEL, self.closed, self.eye, self.heading, sprites, THEME)
         return np.asarray(render(scene, self.camera, kind))
-
-    def texel(self, column: int) -> int:
-        """Which of a billboard's 32 columns an image column sees."""
-        dx, dy = np.subtract(self.thing, np.asarray(self.eye))
-        cos, sin = np.cos(float(self.heading)), np.sin(float(self.heading))
-        depth, side = dx * cos + dy * sin, dy * cos - dx * sin
-        radius = float(np.asarray(THEME.sprite_radius)[self.look])
-        place = depth * self.camera.column_slopes()[column] - side
-        return int((place / radius + 1) * 16)
 
     def crossings(self, column: int) -> tuple[list[Any], list[Any]]:
         """Where a ray crosses vertical and horizontal lines: ((x, y, depth), whether solid).
@@ -207,54 +188,6 @@ def lines(ink: Ink) -> Figure:
     return figure
 
 
-def words(ink: Ink) -> Figure:
-    """The occupancy word of a column, with its door closed and open."""
-    figure, (above, below) = _figure(ink, 2, (9.4, 3.7), ratios=(1.35, 1))
-    door = 5
-    _ground(above, ink)
-    above.add_patch(Rectangle((door, 0), 1, ROWS, fill=False, ec=ink.mark, lw=2.2, zorder=3))
-    above.set_title("the map, and its column 5", color=ink.text)
-    below.set(xlim=(-0.2, ROWS + 0.2), ylim=(4.1, -0.5))
-    for line, closed in enumerate((False, True)):
-        word, top = bits(closed=closed)[door], 0.35 + 2.0 * line
-        for row in range(ROWS):
-            is_set = bool(word >> row & 1)
-            fill = ink.wall if is_set else ink.floor
-            edge = ink.mark if row == 3 else ink.text
-            box = Rectangle((row, top), 0.94, 0.9, fc=fill, ec=edge, lw=2.2 if row == 3 else 0.8)
-            below.add_patch(box)
-            place = row + 0.47, top + 0.45
-            below.text(*place, str(int(is_set)), color=ink.text, ha="center", va="center")
-        state = "closed" if closed else "open"
-        below.text(0, top - 0.12, f"door {state}: 0x{word & (2**ROWS - 1):02x}", color=ink.text)
-    below.text(ROWS / 2, 3.75, "row 0 is bit 0, on the left", color=ink.text, ha="center")
-    below.set_title("its word, row by row", color=ink.text)
-    return figure
-
-
-def sprites(ink: Ink) -> Figure:
-    """The bit planes of a sprite, and the column of words that an image column fetches."""
-    view = View(width=96, height=72, near=True)
-    figure, (shape, detail, seen) = _figure(ink, 3, (9.4, 3.3), ratios=(1, 1, 1.33))
-    slope = 52
-    texel = view.texel(slope)
-    planes = load_art("key")
-    for panel, words_of, title in zip((shape, detail), planes, ("shape", "detail"), strict=True):
-        plane = (words_of[None, :] >> np.arange(31, -1, -1, dtype=np.uint32)[:, None]) & 1
-        panel.imshow(
-            plane, cmap=ListedColormap([ink.floor, ink.vertical]), extent=(0, 32, 32, 0),
-            interpolation="nearest",
-        )  # fmt: skip
-        panel.add_patch(Rectangle((texel, 0), 1, 32, fill=False, ec=ink.mark, lw=1.6))
-        word = int(words_of[texel])
-        panel.set_title(f"{title}: 32 words", color=ink.text)
-        panel.text(16, 35, f"column {texel}: 0x{word:08x}", color=ink.text, ha="center")
-    seen.imshow(view.image(), interpolation="nearest", extent=(0, 96, 72, 0))
-    seen.add_patch(Rectangle((slope, 0), 1, 72, fill=False, ec=ink.mark, lw=1.6))
-    seen.set_title(f"image column {slope} fetches both", color=ink.text)
-    return figure
-
-
 def layers(ink: Ink) -> Figure:
     """What the stages of painting add, from real images."""
     view = View(width=96, height=72)
@@ -273,8 +206,6 @@ def layers(ink: Ink) -> Figure:
 PICTURES: dict[str, Callable[[Ink], Figure]] = {
     "rays": rays,
     "lines": lines,
-    "words": words,
-    "sprites": sprites,
     "layers": layers,
 }
 
