@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import dataclasses
 import hashlib
 import math
 import os
@@ -25,7 +24,7 @@ import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import hypothesis
@@ -34,7 +33,8 @@ from hypothesis import strategies
 
 from jaxenstein.errors import JAXensteinError, MapWarning
 
-from .spoil import Rng, Spoil, spoil_bytes
+from .spoil import Case, Rng, Target
+from .targets import TARGETS
 
 OUT = Path("fuzz")
 # Seconds after which a case hangs; cases of a round, after which the new ones are spoilt further
@@ -43,52 +43,6 @@ PATIENCE, ROUND, MOST = 120.0, 200, 300
 # Of Hypothesis: what takes long or much is no mistake here.
 _HEALTH = hypothesis.HealthCheck
 SLOW = (_HEALTH.too_slow, _HEALTH.data_too_large, _HEALTH.large_base_example)
-
-
-@dataclasses.dataclass(frozen=True)
-class Case:
-    """One input: the content of files by name, which may have folders in it."""
-
-    files: Mapping[str, bytes]
-
-    def write(self, folder: Path) -> None:
-        """Put the files into a folder."""
-        for name, data in self.files.items():
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
-
-
-@dataclasses.dataclass(frozen=True)
-class Target:
-    """Something that reads what others wrote.
-
-    Attributes:
-        seeds: valid cases to begin with.
-        run: reads a case, whose files are in the working directory.
-        ways: of spoiling a file, by its suffix; any other one's bytes are spoilt.
-        named: whether an error must name a file of the case.
-    """
-
-    seeds: Sequence[Case]
-    run: Callable[[Case], object]
-    ways: Mapping[str, Sequence[Spoil]] = dataclasses.field(default_factory=dict)
-    named: bool = False
-
-    def spoil(self, case: Case, rng: Rng) -> Case:
-        """A case with one change; in a few a file is gone, empty, or another one's copy."""
-        files = dict(case.files)
-        # Of many arrays and one configuration, the configuration counts as much.
-        suffix = rng.choice(sorted({Path(name).suffix for name in files}))
-        name = rng.choice([name for name in files if Path(name).suffix == suffix])
-        if rng.random() < 0.05:
-            del files[name]
-            if not files or rng.random() < 0.7:
-                files[name] = rng.choice((b"", *case.files.values()))
-        else:
-            way = rng.choice((*self.ways.get(suffix, ()), spoil_bytes))
-            files[name] = way(files[name], rng)[: 1 << 20]
-        return Case(files)
 
 
 def attempt(target: Target, case: Case, patience: float = PATIENCE) -> str:
@@ -226,8 +180,6 @@ def skeleton(text: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fuzz what the command line names; 1 if there were defects."""
-    from .targets import TARGETS
-
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--minutes", type=float, default=5.0, help="of all targets together (5)")
     parser.add_argument("--target", action="append", choices=list(TARGETS), help="may be repeated")

@@ -1,12 +1,14 @@
-"""Spoiling valid input in ways that people, disks and enemies do: bytes, words, grids, trees."""
+"""Cases of input, and ways to spoil them as people, disks and enemies do: bytes, words, trees."""
 
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 import random
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 Rng = random.Random
@@ -148,3 +150,49 @@ def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
         for key in list(tree) if isinstance(tree, dict) else range(len(tree)):
             yield tree, key
             yield from _places(tree[key])
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One input: the content of files by name, which may have folders in it."""
+
+    files: Mapping[str, bytes]
+
+    def write(self, folder: Path) -> None:
+        """Put the files into a folder."""
+        for name, data in self.files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """Something that reads what others wrote.
+
+    Attributes:
+        seeds: valid cases to begin with.
+        run: reads a case, whose files are in the working directory.
+        ways: of spoiling a file, by its suffix; any other one's bytes are spoilt.
+        named: whether an error must name a file of the case.
+    """
+
+    seeds: Sequence[Case]
+    run: Callable[[Case], object]
+    ways: Mapping[str, Sequence[Spoil]] = dataclasses.field(default_factory=dict)
+    named: bool = False
+
+    def spoil(self, case: Case, rng: Rng) -> Case:
+        """A case with one change; in a few a file is gone, empty, or another one's copy."""
+        files = dict(case.files)
+        # Of many arrays and one configuration, the configuration counts as much.
+        suffix = rng.choice(sorted({Path(name).suffix for name in files}))
+        name = rng.choice([name for name in files if Path(name).suffix == suffix])
+        if rng.random() < 0.05:
+            del files[name]
+            if not files or rng.random() < 0.7:
+                files[name] = rng.choice((b"", *case.files.values()))
+        else:
+            way = rng.choice((*self.ways.get(suffix, ()), spoil_bytes))
+            files[name] = way(files[name], rng)[: 1 << 20]
+        return Case(files)

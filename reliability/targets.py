@@ -24,8 +24,7 @@ from jaxenstein.maps.reach import problems
 from jaxenstein.maps.symbols import SYMBOLS
 from tests.reference.labmaps import write_map
 
-from .fuzz import Case, Target
-from .spoil import LINES, SIGNS, TOKENS, text_spoiler, tree_spoiler
+from .spoil import LINES, SIGNS, TOKENS, Case, Target, text_spoiler, tree_spoiler
 
 LAB_WORDS = (
     *("classname", "worldspawn", "info_player_start", "goal", "apple_reward", "origin", "light"),

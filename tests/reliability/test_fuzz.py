@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from jaxenstein.errors import SettingError
-from reliability.fuzz import Case, Target, attempt, fuzz, main, skeleton
+from reliability.fuzz import attempt, fuzz, main, skeleton
+from reliability.spoil import Case, Target
 from reliability.targets import TARGETS
 
 # Cases of each target, so that all take seconds; the others take longer.
