@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from benchmarks.measure import Groups, Subject
-from benchmarks.subjects.common import FRAMES_KEPT, SHOOTING
+from benchmarks.subjects.common import SHOOTING
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.machine import cores_allowed
 
@@ -125,21 +125,6 @@ def training(plan: Plan) -> Groups:
     return groups
 
 
-def limits(plan: Plan) -> Groups:
-    """What bounds a step."""
-    batch, health = plan.batch, "id=health-gathering"
-    rows = [
-        Subject(f"scan-{batch}", "my-way-home, whole steps"),
-        Subject(f"keep-{batch}", "my-way-home, whole steps that keep their frames"),
-        Subject(f"frames-{batch}", "my-way-home, frames alone"),
-        Subject(f"scan-{batch} {health}", "health-gathering, whole steps"),
-        Subject(f"frames-{batch} {health}", "health-gathering, frames alone"),
-        Subject(f"fill-{batch}", "writing as many bytes, by NumPy"),
-        Subject(f"fill-{FRAMES_KEPT}", f"the same into room for {FRAMES_KEPT} frames"),
-    ]
-    return [_compared(rows, {"of my-way-home": f"scan-{batch}"})]
-
-
 def environments(plan: Plan) -> Groups:
     """Every id."""
     return _beside(plan, [_own(plan.batch, name, id=name) for name in plan.ids])
@@ -228,7 +213,6 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "cores": cores,
     "scenarios": scenarios,
     "batches": batches,
-    "limits": limits,
     "environments": environments,
     "resolutions": resolutions,
     "observations": observations,

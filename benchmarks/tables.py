@@ -119,7 +119,6 @@ COLUMNS: Mapping[str, Sequence[Column]] = {
     "batches": (ID, BATCH, *RATES),
     "resolutions": (ID, column("size"), BATCH, *RATES, HOME),
     "observations": (ID, column("observation", left=True), *RATES, HOME),
-    "limits": (TITLE, *RATES, HOME),
     "adapters": (TITLE, BATCH, *RATES, ratio("of the loop")),
     "training-compare": (
         ID, column("environments", "envs"), *RATES[:2], ratio("x RecurrentPPO"),

@@ -20,8 +20,6 @@ Subjects = Mapping[str, Builder]
 ENVIRONMENT_ID = "my-way-home"
 SIZE = 64
 STEPS_A_CALL = 2**15
-# How many frames `keep` keeps: 100 MB of 64x64 ones, more than fit into caches.
-FRAMES_KEPT = 2**13
 # Of a whole training, over which learning rates fall; only its beginning is run.
 TRAINED_STEPS = 10_000_000
 SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
@@ -82,8 +80,3 @@ def image_size(options: Options, usual: str = f"{SIZE}x{SIZE}") -> tuple[int, in
     """(width, height) of the option `size`, such as 84x84."""
     width, _, height = options.get("size", usual).partition("x")
     return int(width), int(height)
-
-
-def frame_skip(options: Options) -> int:
-    """How many steps of the world an action lasts. All of them count, also past an early end."""
-    return int(options.get("frame_skip", "1"))

@@ -1,4 +1,4 @@
-"""Programs that show where the time of a step goes: frames alone, and frames kept."""
+"""A program that draws frames alone, which `benchmarks.device` measures."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-
-from jaxenstein.speed.random_rollout import make_random_rollout
 
 
 def make_frames(env: Any, params: Any, steps: int) -> jax.stages.Wrapped:
@@ -35,44 +33,3 @@ def make_frames(env: Any, params: Any, steps: int) -> jax.stages.Wrapped:
 
 def _middle(leaf: jax.Array) -> jax.Array:
     return leaf[:, *(size // 2 for size in leaf.shape[1:])].astype(jnp.float32)
-
-
-def make_keeping_rollout(
-    env: Any, params: Any, batch: int, steps: int
-) -> tuple[jax.stages.Wrapped, Any]:
-    """The rollout of `make_random_rollout` that also keeps every frame, as training does.
-
-    Frames go into a buffer that the program is given, writes into and gives back. The policy reads
-    them there: a frame that is carried as well would be painted twice, once for each place.
-
-    Returns:
-        `(rollout, start)`: of a carry, and of a random key. The carry is a `RolloutCarry` without
-        observations and the buffer of them, with leading axes [steps, batch].
-    """
-    once, first = make_random_rollout(env, params, batch, 1)
-
-    def start(key: jax.Array) -> Any:
-        carry = first(key)
-        room = jax.tree.map(
-            lambda obs: jnp.zeros((steps, *obs.shape), obs.dtype).at[-1].set(obs), carry.obs
-        )
-        return carry.replace(obs=None), room
-
-    def step(carry: Any, index: jax.Array) -> tuple[Any, None]:
-        inner, kept = carry
-        latest = jax.tree.map(
-            lambda room: jax.lax.dynamic_index_in_dim(room, (index - 1) % steps, keepdims=False),
-            kept,
-        )
-        inner = once(inner.replace(obs=latest))
-        kept = jax.tree.map(
-            lambda room, obs: jax.lax.dynamic_update_index_in_dim(room, obs, index, 0),
-            kept,
-            inner.obs,
-        )
-        return (inner.replace(obs=None), kept), None
-
-    def rollout(carry: Any) -> Any:
-        return jax.lax.scan(step, carry, jnp.arange(steps, dtype=jnp.int32))[0]
-
-    return jax.jit(rollout, donate_argnums=0), start

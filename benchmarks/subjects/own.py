@@ -3,7 +3,6 @@
 - `scan-B`: a random policy in one compiled scan; options `id`,
   `size`, and any of `SETTINGS`, which the other kinds take too;
 - `loop`: one environment, one call a step;
-- `frames-B`, `keep-B`, `fill-B`: frames alone, frames kept, and only writing as many bytes;
 - `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`).
 """
 
@@ -13,28 +12,24 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
 from benchmarks.subjects.common import (
     ENVIRONMENT_ID,
-    FRAMES_KEPT,
     SIZE,
     STEPS_A_CALL,
     Chunk,
     Options,
     Subjects,
-    frame_skip,
     image_size,
     middle,
     random_loop,
 )
-from benchmarks.subjects.frames import make_frames, make_keeping_rollout
 from jaxenstein.speed.random_rollout import make_random_rollout
 
 # Options that are settings of the environments, with their types.
-SETTINGS: dict[str, Callable[[str], Any]] = {"observation": str, "frame_skip": int, "buttons": str}
+SETTINGS: dict[str, Callable[[str], Any]] = {"observation": str, "buttons": str}
 
 
 def own_environment(options: Options, **settings: Any) -> tuple[Any, Any]:
@@ -64,40 +59,7 @@ def scan(batch: int, options: Options) -> Chunk:
     frames = STEPS_A_CALL * SIZE**2 // max(SIZE**2, env.height * env.width)
     steps = max(1, frames // batch)
     rollout, start = make_random_rollout(env, params, batch, steps)
-    return repeat(rollout, start(jax.random.key(0)), batch * steps * frame_skip(options))
-
-
-def frames(batch: int, options: Options) -> Chunk:
-    """Frames alone, drawn of states that a pixel of the frame before moves a little."""
-    env, params = own_environment(options)
-    steps = max(1, STEPS_A_CALL // batch)
-    program = make_frames(env, params, steps)
-    reset = jax.jit(jax.vmap(lambda key: env.reset(key, params)))
-    obs, state = reset(jax.random.split(jax.random.key(0), batch))
-    return repeat(program, (state, obs, jnp.copy(state.position)), batch * steps)
-
-
-def keep(batch: int, options: Options) -> Chunk:
-    """As `scan`, and the frames are kept."""
-    steps = max(1, FRAMES_KEPT // batch)
-    rollout, start = make_keeping_rollout(*own_environment(options), batch, steps)
-    return repeat(rollout, start(jax.random.key(0)), batch * steps * frame_skip(options))
-
-
-def fill(batch: int, options: Options) -> Chunk:
-    """Nothing but writing the bytes of a batch of frames, by NumPy."""
-    width, height = image_size(options)
-    room, value = np.zeros((batch, height, width, 3), np.uint8), 0
-    calls = max(1, STEPS_A_CALL // batch)
-
-    def chunk() -> int:
-        nonlocal value
-        for _ in range(calls):
-            value = (value + 1) % 256
-            room.fill(value)
-        return calls * batch
-
-    return chunk
+    return repeat(rollout, start(jax.random.key(0)), batch * steps)
 
 
 def spread(batch: int, options: Options) -> Chunk:
@@ -132,14 +94,11 @@ def loop(batch: int, options: Options) -> Chunk:
         key, obs, state, *_ = step(key, state, np.int32(action))
         return middle(np.asarray(obs))
 
-    return random_loop(advance, env.num_actions, 64, frame_skip(options))
+    return random_loop(advance, env.num_actions, 64, 1)
 
 
 SUBJECTS: Subjects = {
     "scan": scan,
     "loop": loop,
-    "frames": frames,
-    "keep": keep,
-    "fill": fill,
     "spread": spread,
 }

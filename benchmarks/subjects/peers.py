@@ -2,7 +2,7 @@
 
 Every one of them reads a pixel of each frame, which shifts the next action, as the project's own
 subjects do. Nothing of JAX or of this project is imported here. Options of all of ViZDoom's:
-`scenario`, one of `SCENARIOS` or `SHOOTING`; `frame_skip`; `size`, one of ViZDoom's resolutions;
+`scenario`, one of `SCENARIOS` or `SHOOTING`; `size`, one of ViZDoom's resolutions;
 `resize`, to 64x64 by `area` or `linear`, or `none`.
 """
 
@@ -22,7 +22,6 @@ from benchmarks.subjects.common import (
     Chunk,
     Options,
     Subjects,
-    frame_skip,
     image_size,
     middle,
     notes,
@@ -48,7 +47,7 @@ def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:
     import vizdoom.gymnasium_wrapper
 
     assert batch == 1
-    chosen: dict[str, Any] = {"frame_skip": frame_skip(options)}
+    chosen: dict[str, Any] = {"frame_skip": 1}
     if "size" in options:
         chosen["screen_resolution"] = _resolution(vizdoom, options, "")
     env = gymnasium.make(f"Vizdoom{scenario(options)}-v1", **chosen)
@@ -58,9 +57,7 @@ def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:
         env = gymnasium.wrappers.TransformAction(
             env, lambda action: {"binary": action, "continuous": still}, space["binary"]
         )
-    return gymnasium_loop(
-        env, lambda obs: obs["screen"], resizer(options.get("resize", "area")), frame_skip(options)
-    )
+    return gymnasium_loop(env, lambda obs: obs["screen"], resizer(options.get("resize", "area")))
 
 
 def vizdoom_raw(batch: int, options: Options) -> Chunk:
@@ -80,15 +77,15 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
     every = game.get_available_buttons()
     keys = [i for i, button in enumerate(every) if not vizdoom.is_delta_button(button)]
     buttons = [[float(i == key) for i in range(len(every))] for key in (-1, *keys)]
-    resize, skip = resizer(options.get("resize", "none")), frame_skip(options)
+    resize = resizer(options.get("resize", "none"))
 
     def step(action: int) -> int:
-        game.make_action(buttons[action], skip)
+        game.make_action(buttons[action], 1)
         if game.is_episode_finished():
             game.new_episode()
         return middle(resize(game.get_state().screen_buffer))
 
-    return random_loop(step, len(buttons), STEPS, skip)
+    return random_loop(step, len(buttons), STEPS, 1)
 
 
 def envpool(batch: int, options: Options) -> Chunk:
@@ -100,7 +97,7 @@ def envpool(batch: int, options: Options) -> Chunk:
     import envpool as package
 
     width, height = image_size(options)
-    together, skip = int(options.get("send", batch)), frame_skip(options)
+    together = int(options.get("send", batch))
     env = package.make_gymnasium(
         f"{scenario(options)}-v1",
         num_envs=batch,
@@ -109,9 +106,9 @@ def envpool(batch: int, options: Options) -> Chunk:
         img_width=width,
         img_height=height,
         stack_num=1,
-        frame_skip=skip,
-        # Episodes of ViZDoom's length; EnvPool counts the frames it gives.
-        max_episode_steps=2100 // skip,
+        frame_skip=1,
+        # Episodes of ViZDoom's length.
+        max_episode_steps=2100,
         # One action out of those that ViZDoom's Gymnasium wrapper numbers likewise.
         use_combined_action=True,
         use_inter_area_resize=options.get("resize", "area") == "area",
@@ -128,7 +125,7 @@ def envpool(batch: int, options: Options) -> Chunk:
         return obs[:, 0, height // 2, width // 2].astype(np.int32)
 
     calls = max(1, STEPS // together)
-    return random_loop(step, int(env.action_space.n), calls, together * skip, together)
+    return random_loop(step, int(env.action_space.n), calls, together, together)
 
 
 def miniworld(batch: int, options: Options) -> Chunk:
@@ -155,9 +152,9 @@ def miniworld(batch: int, options: Options) -> Chunk:
 
 
 def gymnasium_loop(
-    env: Any, image: Callable[[Any], Any], resize: Callable[[np.ndarray], np.ndarray], skip: int = 1
+    env: Any, image: Callable[[Any], Any], resize: Callable[[np.ndarray], np.ndarray]
 ) -> Chunk:
-    """The plain loop over an environment of Gymnasium, of so many steps of the world a call."""
+    """The plain loop over an environment of Gymnasium."""
     env.reset(seed=0)
 
     def step(action: int) -> int:
@@ -166,7 +163,7 @@ def gymnasium_loop(
             obs, _ = env.reset()
         return middle(resize(image(obs)))
 
-    return random_loop(step, int(env.action_space.n), STEPS, skip)
+    return random_loop(step, int(env.action_space.n), STEPS, 1)
 
 
 def resizer(kind: str) -> Callable[[np.ndarray], np.ndarray]:

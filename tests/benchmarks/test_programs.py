@@ -16,9 +16,8 @@ from benchmarks import device
 from benchmarks.spread import make_mesh, make_spread_rollout
 from benchmarks.subjects import own
 from benchmarks.subjects.__main__ import prepare
-from benchmarks.subjects.frames import make_frames, make_keeping_rollout
+from benchmarks.subjects.frames import make_frames
 from jaxenstein.errors import SettingError
-from jaxenstein.speed.random_rollout import make_random_rollout
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,24 +33,9 @@ def test_frames_are_drawn_and_those_of_the_states():
     np.testing.assert_array_equal(seen, obs)
 
 
-def test_kept_frames_are_those_of_the_rollout():
-    env, params = jaxenstein.make("simple", height=6, width=8)
-    rollout, start = make_keeping_rollout(env, params, 3, 4)
-    once, first = make_random_rollout(env, params, 3, 1)
-    carry, other = start(jax.random.key(1)), first(jax.random.key(1))
-    # The second call begins with the last frame of the first.
-    for _ in range(2):
-        carry = rollout(carry)
-        for frame in np.array(carry[1]):
-            other = once(other)
-            np.testing.assert_array_equal(frame, other.obs)
-    np.testing.assert_array_equal(carry[0].state.time, other.state.time)
-
-
-@pytest.mark.parametrize("kind", ["scan-2", "frames-2", "keep-2", "fill-2", "loop"])
+@pytest.mark.parametrize("kind", ["scan-2", "loop"])
 def test_own_subjects(monkeypatch, kind):
     monkeypatch.setattr(own, "STEPS_A_CALL", 32)
-    monkeypatch.setattr(own, "FRAMES_KEPT", 4)
     chunk = prepare(f"{kind} id=simple size=8x6")
     assert chunk() == chunk() > 0
 

@@ -41,7 +41,7 @@ def test_groups_are_complete(plan):
             # What does without this project runs under the interpreter of a peer.
             assert subject.flags is not None or subject.peer
         kinds |= {re.sub(r"-\d+$", "", name.split()[0]) for name in names}
-    assert len(kinds) > 8
+    assert len(kinds) > 6
     for kind in kinds:
         module = MODULES.get(kind.partition("-")[0], "own")
         assert kind in importlib.import_module(f"benchmarks.subjects.{module}").SUBJECTS
