@@ -129,7 +129,7 @@ def from_ours(name: str, resets: int) -> list[First]:
     """Ours."""
     from jaxenstein.tasks.miniworld.box_maze import BoxMazeState
     from jaxenstein.tasks.miniworld.collect_health import CollectHealthState
-    from jaxenstein.tasks.miniworld.reach_box import BoxState
+    from jaxenstein.tasks.miniworld.rooms import BoxState
 
     _, _, states = first_states(name, resets)
     found = []

@@ -12,7 +12,7 @@ import jaxenstein
 from jaxenstein.errors import SettingError
 from jaxenstein.players import player_of
 from jaxenstein.players.playing import play
-from jaxenstein.tasks.minigrid.errands import GoToDoor, Memory
+from jaxenstein.tasks.minigrid.instructions import GoToDoor, Memory
 from jaxenstein.tasks.minigrid.table import PREFIX, WORLDS, build
 from tests.tasks.minigrid.drawn import drawn
 from tests.tasks.minigrid.search import (

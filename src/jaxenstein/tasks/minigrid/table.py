@@ -74,19 +74,19 @@ def _obstructed(visited: int, quarters: int, aside: bool, traits: str) -> tuple[
 
 WORLDS: tuple[Worlds, ...] = (
     Worlds(
-        "locked:DoorKey",
+        "doors:DoorKey",
         "a key, a locked door, and the goal behind it",
         _KEY,
         _square((5, 6, 8, 16), 10, "door-key-{size}x{size}"),
     ),
     Worlds(
-        "open_worlds:FourRooms",
+        "open_rooms:FourRooms",
         "four rooms, start and goal anywhere",
         _KEY,
         {"four-rooms": (100, {})},
     ),
     Worlds(
-        "open_worlds:Empty",
+        "open_rooms:Empty",
         "an empty room, the goal in its corner",
         _KEY,
         {
@@ -105,31 +105,31 @@ WORLDS: tuple[Worlds, ...] = (
         },
     ),
     Worlds(
-        "open_worlds:Crossing",
+        "open_rooms:Crossing",
         "streams of lava ({crossings}) to cross by gaps",
         _LAVA,
         _crossings("lava-crossing", "lava"),
     ),
     Worlds(
-        "open_worlds:Crossing",
+        "open_rooms:Crossing",
         "walls ({crossings}) to cross by gaps",
         _KEY,
         _crossings("simple-crossing", "wall"),
     ),
     Worlds(
-        "open_worlds:LavaGap",
+        "open_rooms:LavaGap",
         "a stream of lava with one gap",
         _LAVA,
         _square((5, 6, 7), 4, "lava-gap-s{size}"),
     ),
     Worlds(
-        "open_worlds:DistShift",
+        "open_rooms:DistShift",
         "two strips of lava, the second in row {strip_row}",
         _LAVA,
         {f"dist-shift{i}": (252, {"strip_row": row}) for i, row in ((1, 2), (2, 5))},
     ),
     Worlds(
-        "wanderers:DynamicObstacles",
+        "open_rooms:DynamicObstacles",
         "a room in which balls wander ({obstacles}), which must not be walked into",
         _WANDERERS,
         {
@@ -148,20 +148,20 @@ WORLDS: tuple[Worlds, ...] = (
         },
     ),
     Worlds(
-        "locked:LockedRoom",
+        "doors:LockedRoom",
         "six rooms at a hall, one locked, its key in another",
         _KEY,
         {"locked-room": (190, {})},
     ),
     Worlds(
-        "locked:RedBlueDoors",
+        "doors:RedBlueDoors",
         "open the red door, then the blue one",
         _KEY,
         _square((6, 8), 20, "red-blue-doors-{size}x{size}"),
     ),
-    Worlds("rooms:Unlock", "a key, and a locked door to open", _KEY, {"unlock": (288, {})}),
+    Worlds("doors:Unlock", "a key, and a locked door to open", _KEY, {"unlock": (288, {})}),
     Worlds(
-        "rooms:UnlockPickup",
+        "doors:UnlockPickup",
         "pick up the box behind a locked door",
         _BOXES,
         {
@@ -170,7 +170,7 @@ WORLDS: tuple[Worlds, ...] = (
         },
     ),
     Worlds(
-        "mazes:KeyCorridorBall",
+        "doors:KeyCorridorBall",
         "key-corridor by the source's rule: pick the ball up with empty hands",
         _KEY,
         {
@@ -180,7 +180,7 @@ WORLDS: tuple[Worlds, ...] = (
         version=1,
     ),
     Worlds(
-        "mazes:ObstructedMaze",
+        "doors:ObstructedMaze",
         "a ball behind locked doors, keys in boxes: {hidden}, balls before doors: {blocked}",
         _BOXES,
         {
@@ -192,7 +192,7 @@ WORLDS: tuple[Worlds, ...] = (
         },
     ),
     Worlds(
-        "errands:Memory",
+        "instructions:Memory",
         "a thing in a room, and its like at one end of a crossing: memory",
         _KEY,
         {
@@ -201,7 +201,7 @@ WORLDS: tuple[Worlds, ...] = (
         },
     ),
     Worlds(
-        "errands:Fetch",
+        "instructions:Fetch",
         "pick up the one of {objects} things that is asked for",
         _INSTRUCTION,
         {
@@ -210,19 +210,19 @@ WORLDS: tuple[Worlds, ...] = (
         },
     ),
     Worlds(
-        "errands:GoToDoor",
+        "instructions:GoToDoor",
         "say done beside the door that is asked for",
         _INSTRUCTION,
         _square((5, 6, 8), 4, "go-to-door-{size}x{size}"),
     ),
     Worlds(
-        "errands:GoToObject",
+        "instructions:GoToObject",
         "say done beside the thing that is asked for",
         _INSTRUCTION,
         _square((6, 8), 5, "go-to-object-{size}x{size}-n2"),
     ),
     Worlds(
-        "errands:PutNear",
+        "instructions:PutNear",
         "put one of {objects} things down near another, as asked",
         _INSTRUCTION,
         {

@@ -24,22 +24,25 @@ from ...params import number
 from ...spaces import Box
 from ..generated import GeneratedTask
 from ..steering import ACTION_NAMES, SteeringParams, steer
-from .aims import NOWHERE, Aim
-from .hand import handle, tile_in_front
-from .player import PLANNER
-from .sights import scene_of, theme_of
+from .planner import PLANNER
 from .state import (
     DOOR_KIND,
     GOAL_KIND,
     GONE,
     KINDS,
     LAVA_KIND,
+    NOWHERE,
+    PICK_UP,
     PORTABLE,
     GridState,
+    Subgoal,
     beside,
+    handle,
     mask_of,
     solid_level,
+    tile_in_front,
 )
+from .view import scene_of, theme_of
 
 _NAMES = (*(thing.name for thing in KINDS), "door")
 
@@ -125,9 +128,9 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         here = after.things.at(after.cell)
         return jnp.any(here & after.things.of(GOAL_KIND)), jnp.bool_(False)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """What solves the world from here, whatever may be in the way; here the goal."""
-        return Aim(self.tiles_of(state, state.things.of(GOAL_KIND)), jnp.int32(NOWHERE))
+        return Subgoal(self.tiles_of(state, state.things.of(GOAL_KIND)), jnp.int32(NOWHERE))
 
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
@@ -254,6 +257,24 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         """bool[]: whether the agent's tile shares an edge with one of bool[rows, columns]."""
         column, row = state.cell
         return beside(tiles)[row, column]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PickUpWorld(GridWorld):
+    """Base of worlds that are solved by picking up what is asked for."""
+
+    aim_words: ClassVar[str] = "picked up what was asked for"
+
+    def judge(
+        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
+    ) -> tuple[jax.Array, jax.Array]:
+        """Whether it is in the hand."""
+        del before, action, params
+        return jnp.any(after.things.held & self.asked_for(after)), jnp.bool_(False)
+
+    def subgoal(self, state: GridState) -> Subgoal:
+        """To pick it up."""
+        return Subgoal(self.tiles_of(state, self.asked_for(state)), jnp.int32(PICK_UP))
 
 
 def _events(before: GridState, after: GridState) -> Info:

@@ -16,8 +16,7 @@ from ..generated import GeneratedTask
 from ..goals import NavigationParams
 from ..random_maze import carve
 from ..steering import draw_heading
-from .reach_box import BRICK, BoxParams, BoxState, ReachBox
-from .rooms import FAST
+from .rooms import BRICK, FAST, BoxParams, BoxState, ReachBox
 
 # Tiles of a cell's side, and from one cell to the next: walls are a tile thick.
 _CELL = 3
@@ -60,8 +59,6 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
             heading=draw_heading(starts[-1, 0], None),
             level=level_from_walls(jnp.where(self._floor(bits[:-3]), 0, BRICK).astype(jnp.uint8)),
             goal=goal,
-            opened=jnp.zeros(0, bool),
-            taken=jnp.zeros(0, bool),
         )
 
     def level_of(self, state: BoxMazeState) -> Level:

@@ -26,7 +26,7 @@ from ..draws import draw_unit
 from ..health import FULL_HEALTH, about_health
 from ..health_gathering import HealthRoom
 from ..steering import ACTION_NAMES, SteeringParams, draw_heading, steer
-from .reach_box import CEILING
+from .rooms import CEILING
 
 # Tiles of the room's side, medkits, and how many places are drawn for one that lies apart.
 ROOM, MEDKITS, _TRIES = 16, 18, 8
@@ -143,7 +143,7 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
     ceiling: ClassVar[RGB] = CEILING
 
     @functools.cached_property
-    def tilemap(self) -> TileMap:
+    def tilemap(self) -> TileMap:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The room, with its wall one tile thick."""
         walls = np.full((ROOM + 2, ROOM + 2), DEFAULT_WALL, np.uint8)
         walls[1:-1, 1:-1] = 0

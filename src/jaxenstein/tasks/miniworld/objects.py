@@ -21,13 +21,22 @@ from ...environment import Info
 from ...maps.things import COLOUR_NAMES
 from ...params import number
 from ...players.straight import walk_straight
-from ..minigrid.aims import DROP, PICK_UP, Aim
-from ..minigrid.player import planner
+from ..minigrid.planner import planner
 from ..minigrid.sketch import COLOURS, Sketch
-from ..minigrid.state import BALL_KIND, BOX_KIND, GONE, KEY_KIND, GridState, beside
+from ..minigrid.state import (
+    BALL_KIND,
+    BOX_KIND,
+    DROP,
+    GONE,
+    KEY_KIND,
+    PICK_UP,
+    GridState,
+    Subgoal,
+    beside,
+)
 from ..minigrid.world import GridParams, GridWorld
 from ..steering import ACTION_NAMES, draw_heading
-from .reach_box import ASPHALT, CEILING, FLOOR, SKY
+from .rooms import ASPHALT, CEILING, FLOOR, SKY
 
 RED, YELLOW = (COLOUR_NAMES.index(name) for name in ("red", "yellow"))
 
@@ -136,9 +145,9 @@ class PickupObjects(ThingsRoom):
         del before, action, params
         return ~jnp.any(after.things.lying), jnp.bool_(False)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """To pick up whatever lies there."""
-        return Aim(self.tiles_of(state, state.things.lying), jnp.int32(PICK_UP))
+        return Subgoal(self.tiles_of(state, state.things.lying), jnp.int32(PICK_UP))
 
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
@@ -187,7 +196,7 @@ class PutNext(ThingsRoom):
         red, yellow = (self._box(after, colour) for colour in (RED, YELLOW))
         return jnp.any(red & beside(yellow)), jnp.bool_(False)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """To pick up the nearer one of the two, then to drop it beside the other.
 
         If there is no room beside one of them, that is the one to pick up.
@@ -203,7 +212,7 @@ class PutNext(ThingsRoom):
             jnp.any(state.things.held & (state.things.colour == colour)) for colour in (RED, YELLOW)
         ]
         tiles = select(held[0], spots[1], select(held[1], spots[0], nearer))
-        return Aim(tiles, jnp.where(held[0] | held[1], DROP, PICK_UP).astype(jnp.int32))
+        return Subgoal(tiles, jnp.where(held[0] | held[1], DROP, PICK_UP).astype(jnp.int32))
 
     def _box(self, state: GridState, colour: int) -> jax.Array:
         return self.tiles_of(state, state.things.colour == colour)

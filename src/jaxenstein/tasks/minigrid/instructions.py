@@ -12,21 +12,24 @@ import numpy as np
 from ...calls import check_whole
 from ...params import number
 from ..steering import INTERACT
-from .aims import DONE, DROP, PICK_UP, Aim
-from .rooms import PickUpWorld
 from .sketch import COLOURS, Sketch
 from .state import (
     BALL_KIND,
     BOX_KIND,
+    DONE,
     DOOR_KIND,
+    DROP,
     GOAL_KIND,
     KEY_KIND,
+    NOWHERE,
+    PICK_UP,
     PORTABLE,
     GridState,
+    Subgoal,
     around,
     beside,
 )
-from .world import GridParams, GridWorld
+from .world import GridParams, GridWorld, PickUpWorld
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -75,9 +78,9 @@ class GoToDoor(GridWorld):
         said = action == DONE
         return said & there, (said & ~there) | (action == INTERACT)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """To say done beside it."""
-        return Aim(self.target(state), jnp.int32(DONE))
+        return Subgoal(self.target(state), jnp.int32(DONE))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -206,7 +209,7 @@ class PutNear(GridWorld):
         wrong = jnp.any(after.things.held & ~moved)
         return dropped & near & ~wrong, wrong | (tried & ~(dropped & near))
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """To pick it up, then to drop it on a free tile around the other."""
         moved = self.asked_for(state)
         held = jnp.any(state.things.held & moved)
@@ -218,7 +221,7 @@ class PutNear(GridWorld):
         own = jnp.zeros(shape, bool).at[row, column].set(True)
         spots = around(tile, shape) & ~taken & ~own
         tiles = jnp.where(held, spots, self.tiles_of(state, moved))
-        return Aim(tiles, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
+        return Subgoal(tiles, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
 
 
 def _different(sketch: Sketch, count: int) -> jax.Array:
@@ -281,8 +284,8 @@ class Memory(GridWorld):
         right, wrong = self.ends(after)
         return jnp.all(after.cell == right), jnp.all(after.cell == wrong)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """The tile before the like thing."""
         column, row = self.ends(state)[0]
         tiles = jnp.zeros(state.level.walls.shape[-2:], bool).at[row, column].set(True)
-        return Aim(tiles, jnp.int32(-1))
+        return Subgoal(tiles, jnp.int32(NOWHERE))
