@@ -22,9 +22,10 @@ from jaxenstein.tasks.minigrid.state import (
     KEY_KIND,
     PICK_UP,
     GridState,
+    Step,
     Subgoal,
 )
-from jaxenstein.tasks.minigrid.world import GridParams, GridWorld
+from jaxenstein.tasks.minigrid.world import GridWorld
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -45,12 +46,9 @@ class BringBack(GridWorld):
             sketch.put(BALL_KIND, colours[i], (1, 0))
         return sketch.start_room((0, 0)).state(asked=(BALL_KIND, colours[sketch.number(0, 3)]))
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether it lies in the first room; no end is a failure."""
-        del before, action, params
-        there = self.tiles_of(after, self.asked_for(after))[:, :5]
+        there = self.tiles_of(step.after, self.asked_for(step.after))[:, :5]
         return jnp.any(there), jnp.bool_(False)
 
     def subgoal(self, state: GridState) -> Subgoal:

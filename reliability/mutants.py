@@ -69,9 +69,7 @@ GROUPS = {
     "health": Group(
         ("tasks/health_gathering.py", "tasks/hud.py"), ("tasks/test_health_gathering.py",)
     ),
-    "corridor": Group(
-        ("tasks/key_corridor.py",), ("tasks/test_key_corridor.py", "tasks/test_generated_level.py")
-    ),
+    "corridor": Group(("tasks/key_corridor.py",), ("tasks/test_key_corridor.py",)),
     "contract": Group(
         ("environment.py", "turn.py"), ("contract/test_contract.py", "contract/test_autoreset.py")
     ),

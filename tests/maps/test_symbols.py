@@ -8,8 +8,16 @@ import re
 import numpy as np
 import pytest
 
+from jaxenstein.engine.art import load_art
 from jaxenstein.maps import symbols
-from jaxenstein.maps.symbols import LABEL_COLOURS, LABEL_NAMES, SYMBOLS, decal_label, door_label
+from jaxenstein.maps.symbols import (
+    DOOR_LABELS,
+    LABEL_COLOURS,
+    LABEL_NAMES,
+    SYMBOLS,
+    decal_label,
+    door_label,
+)
 from jaxenstein.maps.things import (
     AMMUNITION,
     APPLE,
@@ -19,6 +27,7 @@ from jaxenstein.maps.things import (
     CACODEMON,
     CHAINGUN_GUY,
     COLOUR_NAMES,
+    COLOURS,
     DEMON,
     FIREBALL,
     GOAL,
@@ -31,9 +40,13 @@ from jaxenstein.maps.things import (
     POISON,
     ROCKET,
     SHOTGUN_GUY,
+    THING_OF,
+    THINGS,
     WEAPON,
     ZOMBIE,
+    Thing,
 )
+from jaxenstein.view.glyphs import GLYPHS
 
 
 def test_label_ids_are_those_of_the_contract() -> None:
@@ -199,3 +212,32 @@ def test_first_walls_differ_in_more_than_brightness() -> None:
 def test_key_and_door_colours_can_be_told_apart() -> None:
     assert closest(list(KEY.labels), 1.0) > 0.15
     assert closest(list(KEY.labels), 0.25) > 0.05
+
+
+def test_labels_follow_those_of_doors_without_gaps() -> None:
+    labels = [label for thing in THINGS for label in thing.labels]
+    assert labels == list(range(DOOR_LABELS.stop, len(LABEL_NAMES))) == list(THING_OF)
+    for label, thing in THING_OF.items():
+        assert LABEL_NAMES[label] in thing.names
+        assert LABEL_NAMES[label].removesuffix(thing.name).strip() in ("", *COLOUR_NAMES)
+        assert tuple(LABEL_COLOURS[label]) in [rgb for _, rgb in COLOURS] + [thing.colour]
+
+
+@pytest.mark.parametrize("thing", THINGS, ids=lambda thing: thing.name)
+def test_a_row_is_complete(thing: Thing) -> None:
+    assert load_art(thing.art)[0].any()
+    assert thing.glyph is None or thing.glyph in GLYPHS
+    # The billboard lies between floor and ceiling, which are half a tile from the eye.
+    assert thing.radius > 0
+    assert abs(thing.drop) + thing.radius <= 0.5
+    assert len(thing.symbols) in (0, len(thing.labels))
+    for character, label in zip(thing.symbols, thing.labels, strict=bool(thing.symbols)):
+        assert (SYMBOLS[character].kind, SYMBOLS[character].label) == (thing.name, label)
+    if thing.spawn_symbol:
+        assert SYMBOLS[thing.spawn_symbol].spawn
+
+
+def test_without_a_detail_the_second_colour_is_a_darker_first() -> None:
+    key, apple = THINGS[0], THINGS[2]
+    assert key.paints(key.labels[2]) == ((52, 96, 236), pytest.approx((28.6, 52.8, 129.8)))
+    assert apple.paints(apple.label) == ((232, 24, 56), (60, 140, 40))

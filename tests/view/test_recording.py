@@ -12,14 +12,7 @@ from PIL import Image
 from jaxenstein.files import OutputError
 from jaxenstein.view import recording
 from jaxenstein.view.episode import Episode, caption, compose_side_by_side
-from jaxenstein.view.recording import (
-    contact_sheet,
-    enlarge,
-    evenly,
-    mosaic,
-    save_gif,
-    scale_to,
-)
+from jaxenstein.view.recording import enlarge, evenly, mosaic, save_gif, save_png, scale_to
 
 
 def frames(count: int, side: int = 16) -> list[np.ndarray]:
@@ -67,7 +60,7 @@ def test_failed_gif_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     with pytest.raises(OutputError, match="no space left"):
         save_gif(frames(2), tmp_path / "a.gif")
     with pytest.raises(OutputError, match="no space left"):
-        contact_sheet(np.stack(frames(2)), 2, tmp_path / "a.png")
+        save_png(mosaic(np.stack(frames(2)), 2), tmp_path / "a.png")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -82,9 +75,9 @@ def test_mosaic_places_images_row_by_row() -> None:
     assert (sheet[6:, 15:] == recording.BACKGROUND).all()
 
 
-def test_contact_sheet_is_a_png_of_the_mosaic(tmp_path: Path) -> None:
+def test_a_mosaic_is_kept_as_png(tmp_path: Path) -> None:
     shots = np.stack(frames(4))
-    contact_sheet(shots, 2, tmp_path / "sheet.png", scale=3)
+    save_png(mosaic(shots, 2, scale=3), tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as png:
         assert png.format == "PNG"
         np.testing.assert_array_equal(np.asarray(png), mosaic(shots, 2, scale=3))

@@ -13,7 +13,7 @@ import pytest
 
 from jaxenstein import SettingError
 from jaxenstein.files import OutputError
-from jaxenstein.view import video
+from jaxenstein.view import recording
 from jaxenstein.view.recording import check_animation, save_animation
 
 
@@ -106,12 +106,12 @@ def test_a_failing_program_leaves_nothing(
     script = tmp_path / "ffmpeg"
     script.write_text(f"#!{sys.executable}\nimport os, sys\n{program}\n")
     script.chmod(0o755)
-    monkeypatch.setattr(video, "find_ffmpeg", lambda: str(script))
+    monkeypatch.setattr(recording, "find_ffmpeg", lambda: str(script))
     folder = tmp_path / "out"
     folder.mkdir()
     big = [np.zeros((400, 400, 3), np.uint8)] * 40
     with pytest.raises(OutputError, match=reason):
-        video.save_mp4(big, folder / "a.mp4")
+        recording.save_mp4(big, folder / "a.mp4")
     assert os.listdir(folder) == []
 
 

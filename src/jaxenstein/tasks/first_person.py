@@ -21,9 +21,9 @@ from ..errors import SettingError
 from ..maps.tilemap import TileMap
 from ..params import number
 from ..spaces import Box, Dict, Space
+from .draws import checked_seeds, sample_seed
 from .levels import read_level
 from .looks import Look, patterned, randomised
-from .seeds import checked_seeds, draw_seed
 from .steering import SteeringParams
 
 ObservationKind = Literal["rgb", "gray", "depth", "labels", "dict"]
@@ -105,7 +105,7 @@ class FirstPerson(Environment[S, P]):
             return state
         # From a key of its own, so that all else is as without it.
         seeds = cast("tuple[int, int] | None", self.look_seeds)
-        return state.replace(look=draw_seed(jax.random.fold_in(key, _LOOKS), seeds))
+        return state.replace(look=sample_seed(jax.random.fold_in(key, _LOOKS), seeds))
 
     def dressed(self, scene: Scene, state: S) -> Scene:
         """A scene of the task in the look of a state."""

@@ -10,8 +10,8 @@ import jax
 from ..about import About
 from ..batching import select, where_few
 from ..environment import Params, State
+from .draws import checked_seeds, sample_seed
 from .first_person import FirstPerson
-from .seeds import checked_seeds, draw_seed
 
 S = TypeVar("S", bound=State)
 P = TypeVar("P", bound=Params)
@@ -53,12 +53,12 @@ class GeneratedTask(FirstPerson[S, P]):
         """
         if self.level_range is None:
             return key
-        seed = draw_seed(key, self.level_range)
+        seed = sample_seed(key, self.level_range)
         # The kind of generator that users may change is not to change the levels.
         return jax.random.key(seed, impl="threefry2x32")
 
     def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
-        """As `Environment.reset_where`; levels are dear, so they are drawn for those alone."""
+        """As `Environment.reset_where`; levels are expensive: only those needed are sampled."""
         fresh = where_few(self.first_state)(over, key, jax.lax.stop_gradient(params))
         return select(over, fresh, state)
 

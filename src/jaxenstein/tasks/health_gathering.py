@@ -24,7 +24,7 @@ from ..maps.things import MEDKIT, RGB
 from ..maps.tilemap import TileMap
 from ..params import number
 from ..players.chance import NO_OP
-from ..players.walking import gait, towards
+from ..players.walking import movement_of, towards
 from .appearance import build_theme
 from .draws import draw_unit
 from .health import FULL_HEALTH, HealthTask, P, S, about_health
@@ -89,7 +89,7 @@ class HealthGatheringState(State):
 
 def greedy_medkits(env: HealthGathering, params: HealthGatheringParams) -> Choose:
     """Go to the nearest medkit, wait there until all of it is needed, then take it."""
-    body = gait(env, params)
+    body = movement_of(env, params)
 
     def choose(key: jax.Array, state: HealthGatheringState) -> jax.Array:
         del key

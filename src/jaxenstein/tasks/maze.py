@@ -25,7 +25,7 @@ from ..maps.tilemap import Cell, TileMap
 from .draws import draw_index
 from .goals import NavigationParams, add_sprites
 from .navigation import Navigation, NavigationState
-from .steering import centres, draw_heading
+from .steering import centres, sample_heading
 
 
 class MazeParams(NavigationParams):
@@ -92,7 +92,7 @@ class Maze(Navigation):
         return (*super().sprite_labels, *((APPLE.label,) if self.apple_cells else ()))
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> MazeState:
-        """Draw the goal, the start, the heading and the apples."""
+        """Sample the goal, the start, the heading and the apples."""
         del params
         bits = jax.random.bits(key, (3 + self.drawn_apples,), jnp.uint32)
         goal = draw_index(bits[0], len(self.tilemap.goals))
@@ -104,7 +104,7 @@ class Maze(Navigation):
             apples = jnp.arange(len(self.apple_cells), dtype=jnp.int32)
         return MazeState(
             position=self._sample_start(bits[1], goal),
-            heading=draw_heading(bits[2], self.heading),
+            heading=sample_heading(bits[2], self.heading),
             goal=goal,
             apples=apples,
             eaten=jnp.zeros(apples.shape, bool),
@@ -129,7 +129,7 @@ class Maze(Navigation):
         bits = jax.random.bits(key, (2,), jnp.uint32)
         anew = state.replace(
             position=self._sample_start(bits[0], state.goal),
-            heading=draw_heading(bits[1], self.heading),
+            heading=sample_heading(bits[1], self.heading),
             eaten=jnp.zeros_like(state.eaten),
             **self.all_left(),
         )

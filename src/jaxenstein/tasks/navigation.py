@@ -21,7 +21,7 @@ from .appearance import CEILING, FLOOR, build_theme, check_rgb
 from .draws import draw_index
 from .first_person import FirstPerson
 from .goals import GoalTask, KeysAndDoorsTask, NavigationParams
-from .steering import centres, draw_heading, heading_range
+from .steering import centres, heading_range, sample_heading
 
 S = TypeVar("S", bound=Any)
 P = TypeVar("P", bound=Params)
@@ -104,7 +104,7 @@ class MapGoalTask(FixedMap[S, NavigationParams], GoalTask[S]):
         spawn = draw_index(bits[0], len(self.tilemap.spawns))
         return {
             "position": centres(self.tilemap.spawns)[spawn],
-            "heading": draw_heading(bits[1], self.heading),
+            "heading": sample_heading(bits[1], self.heading),
             "goal": draw_index(bits[2], len(self.tilemap.goals)),
         }
 

@@ -25,7 +25,7 @@ from jaxenstein.baselines.runs.trained import load_trained
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
-from jaxenstein.interactive.watching import AgentGame
+from jaxenstein.interactive.game import AgentGame
 from tests.baselines.tiny import hardly_trained
 
 

@@ -10,8 +10,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.errors import SettingError
-from jaxenstein.players import player_of
-from jaxenstein.players.playing import play
+from jaxenstein.players import play, player_of
 from jaxenstein.tasks.minigrid.instructions import GoToDoor, Memory
 from jaxenstein.tasks.minigrid.table import PREFIX, WORLDS, build
 from tests.tasks.minigrid.drawn import drawn

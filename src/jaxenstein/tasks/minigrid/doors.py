@@ -14,8 +14,8 @@ from ..draws import draw_index
 from ..key_corridor import corridor_sketch
 from ..steering import INTERACT
 from .sketch import COLOURS, DOWN, LEFT, RIGHT, UP, RoomSketch, Sketch
-from .state import BALL_KIND, BOX_KIND, GOAL_KIND, KEY_KIND, GridState, Subgoal
-from .world import GridParams, GridWorld, PickUpWorld
+from .state import BALL_KIND, BOX_KIND, GOAL_KIND, KEY_KIND, GridState, Step, Subgoal
+from .world import GridWorld, PickUpWorld
 
 RED, GREEN, BLUE, YELLOW, GREY = 0, 1, 2, 4, 5
 
@@ -33,7 +33,7 @@ class DoorKey(GridWorld):
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, GOAL_KIND)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the wall, the door, the start and the key."""
+        """Sample the wall, the door, the start and the key."""
         size = self.size
         sketch = Sketch(key, size, size)
         sketch.thing(GOAL_KIND, 0, (size - 2, size - 2))
@@ -53,7 +53,7 @@ class LockedRoom(GridWorld):
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, GOAL_KIND)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the rooms of the goal and of the key, and the six colours of the doors."""
+        """Sample the rooms of the goal and of the key, and the six colours of the doors."""
         size, left, right = 19, 7, 11
         sketch = Sketch(key, size, size)
         sketch.wall(sketch.area(left, 0, 1, size) | sketch.area(right, 0, 1, size))
@@ -91,7 +91,7 @@ class RedBlueDoors(GridWorld):
     fail_words: ClassVar[str] = "opened the blue door first"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the start and the places of the doors."""
+        """Sample the start and the places of the doors."""
         size, left = self.size, self.size // 2
         sketch = Sketch(key, 2 * size, size)
         for column in (left, left + size - 1):
@@ -101,12 +101,9 @@ class RedBlueDoors(GridWorld):
         sketch.door(left + size - 1, sketch.number(1, size - 1), BLUE)
         return sketch.state()
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether the blue door is open, and whether the red one was before."""
-        del action, params
-        red, blue = before.doors.opened[0], after.doors.opened[1]
+        red, blue = step.before.doors.opened[0], step.after.doors.opened[1]
         return blue & red, blue & ~red
 
     def subgoal(self, state: GridState) -> Subgoal:
@@ -123,19 +120,16 @@ class Unlock(GridWorld):
     aim_words: ClassVar[str] = "opened the door"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the door, its key and the start."""
+        """Sample the door, its key and the start."""
         sketch = RoomSketch(key, 2, 1)
         colour = sketch.colour()
         sketch.door_in((0, 0), RIGHT, colour, locked=True)
         sketch.put(KEY_KIND, colour, (0, 0))
         return sketch.start_room((0, 0)).state()
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether the door is open."""
-        del before, action, params
-        return jnp.any(after.doors.opened), jnp.bool_(False)
+        return jnp.any(step.after.doors.opened), jnp.bool_(False)
 
     def subgoal(self, state: GridState) -> Subgoal:
         """The door."""
@@ -155,7 +149,7 @@ class UnlockPickup(PickUpWorld):
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the box, the door, its key and the start."""
+        """Sample the box, the door, its key and the start."""
         sketch = RoomSketch(key, 2, 1)
         asked, colour = sketch.colour(), sketch.colour()
         sketch.put(BOX_KIND, asked, (1, 0))
@@ -218,7 +212,7 @@ class ObstructedMaze(PickUpWorld):
     aim_words: ClassVar[str] = "picked up the blue ball"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw doors and their colours, what blocks them, the keys, the ball and the start."""
+        """Sample doors and their colours, what blocks them, the keys, the ball and the start."""
         sketch = RoomSketch(key, 3, 3) if self.quarters else RoomSketch(key, 2, 1)
         colours = sketch.shuffled(COLOURS)
         if not self.quarters:

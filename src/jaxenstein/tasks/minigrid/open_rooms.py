@@ -21,6 +21,7 @@ from .state import (
     GOAL_KIND,
     LAVA_KIND,
     GridState,
+    Step,
     around,
     mask_of,
     place_of,
@@ -103,7 +104,7 @@ class Crossing(GridWorld):
         check_whole("crossings", self.crossings, self.size - 3, 1)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw which lines are crossed, an order in which to cross them, and the gaps."""
+        """Sample which lines are crossed, an order in which to cross them, and the gaps."""
         size, count = self.size, self.crossings
         sketch = Sketch(key, size, size)
         places = np.arange(2, size - 2, 2, dtype=np.int32)
@@ -159,7 +160,7 @@ class LavaGap(GridWorld):
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND, LAVA_KIND)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the gap."""
+        """Sample the gap."""
         size = self.size
         sketch = Sketch(key, size, size)
         column, row = sketch.number(2, size - 2), sketch.number(1, size - 1)
@@ -236,14 +237,12 @@ class DynamicObstacles(Empty):
             sketch.thing(BALL_KIND, BLUE, tile)
         return sketch.state()
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """The goal, and whether the agent walked into a ball."""
-        solved, _ = super().judge(before, after, action, params)
-        pace = jnp.where(action == FORWARD, 1.0, jnp.where(action == BACKWARD, -1.0, 0.0))
-        step = forward(after.heading) * (pace * params.move_distance)
-        touched = touched_door(*solid_level(before), before.position, step)
+        solved, _ = super().judge(step)
+        pace = jnp.where(step.action == FORWARD, 1.0, jnp.where(step.action == BACKWARD, -1.0, 0.0))
+        stride = forward(step.after.heading) * (pace * step.params.move_distance)
+        touched = touched_door(*solid_level(step.before), step.before.position, stride)
         return solved, (pace != 0) & jnp.any(touched)
 
     def drift(self, key: jax.Array, state: GridState, params: GridParams) -> GridState:

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from ...about import Choose, Player
 from ...batching import select, varying
 from ...engine.motion import forward, touched_door
-from ...players.walking import FAR, Gait, flood, gait, walk_down
+from ...players.walking import FAR, Movement, flood, movement_of, walk_down
 from ..steering import FORWARD, INTERACT, TURN_LEFT
 from .state import (
     BOX_KIND,
@@ -38,7 +38,7 @@ from .state import (
 _DEEPEST = 12
 # Rows and columns around a tile, in their order, from the east on.
 _RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
-Walk = Callable[[Gait, Any, jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
+Walk = Callable[[Movement, Any, jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
 """How to walk down a field, such as `walk_down`."""
 
 
@@ -68,7 +68,7 @@ def planner(env: Any, params: Any, walk: Walk = walk_down) -> Choose:
         params: its params.
         walk: how to walk down a field; `walk_straight` is for rooms without doors.
     """
-    body = gait(env, params)
+    body = movement_of(env, params)
 
     def choose(key: jax.Array, state: GridState) -> jax.Array:
         floor = _survey(state, hands=env.hands)
@@ -214,7 +214,7 @@ def _spare(floor: jax.Array) -> jax.Array:
     return (pieces == 1) | ((pieces == 0) & beside(floor))
 
 
-def _burns(body: Gait, scene: Any, state: GridState, *, hands: bool) -> jax.Array:
+def _burns(body: Movement, scene: Any, state: GridState, *, hands: bool) -> jax.Array:
     """bool[]: whether walking on would end in lava, or in what moves by itself."""
     arm = forward(state.heading) * jnp.minimum(body.step * body.steps, 0.99)
     touched = touched_door(scene.level, scene.closed, state.position, arm)

@@ -1,7 +1,7 @@
 """Laying out a world inside of a compiled reset: walls, doors, things and the start.
 
-Places are drawn among the tiles that are free, so that no draw is ever rejected. Choosing until a
-free tile comes up, as MiniGrid does, has the same distribution.
+Places are sampled among the tiles that are free, so that no sample is ever rejected. Trying until
+a free tile comes up, as MiniGrid does, has the same distribution.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ class Sketch:
         """Put up the outer walls.
 
         Args:
-            key: of all that is drawn.
+            key: of all that is sampled.
             columns: of the world, walls included.
             rows: likewise.
-            draws: the most numbers that are drawn.
+            draws: the most numbers that are sampled.
         """
         self.columns, self.rows = columns, rows
         self._column, self._row = np.indices((columns, rows), np.int32).transpose(0, 2, 1)
@@ -228,7 +228,7 @@ class RoomSketch(Sketch):
         """Put up all walls, and draw the places of doors.
 
         Args:
-            key: of all that is drawn.
+            key: of all that is sampled.
             across: rooms from west to east.
             down: rooms from north to south.
             size: tiles of a room's side, walls included.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -109,6 +109,15 @@ class GridState(State):
     def cell(self) -> jax.Array:
         """int32[2], (column, row) of the tile that the agent is on."""
         return jnp.floor(self.position).astype(jnp.int32)
+
+
+class Step(NamedTuple):
+    """A step that was taken: the states before and after it, its action int32[], and the params."""
+
+    before: GridState
+    after: GridState
+    action: jax.Array
+    params: Any
 
 
 class Subgoal(NamedTuple):

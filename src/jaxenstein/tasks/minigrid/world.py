@@ -35,6 +35,7 @@ from .state import (
     PICK_UP,
     PORTABLE,
     GridState,
+    Step,
     Subgoal,
     beside,
     handle,
@@ -115,18 +116,15 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
 
     @abc.abstractmethod
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the walls, doors and things, the start and the instruction, from a key alone."""
+        """Sample the walls, doors and things, the start and the instruction, from a key alone."""
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """bool[], bool[]: whether a step solved the world, and whether it spoilt it.
 
         Here the goal is reached by standing on its tile.
         """
-        del before, action, params
-        here = after.things.at(after.cell)
-        return jnp.any(here & after.things.of(GOAL_KIND)), jnp.bool_(False)
+        here = step.after.things.at(step.after.cell)
+        return jnp.any(here & step.after.things.of(GOAL_KIND)), jnp.bool_(False)
 
     def subgoal(self, state: GridState) -> Subgoal:
         """What solves the world from here, whatever may be in the way; here the goal."""
@@ -141,7 +139,7 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         position, heading = steer(*solid_level(state), *pose, action, params)
         state = state.replace(position=position, heading=heading)
         state = handle(state, action, params.interact_distance, hands=self.hands)
-        solved, failed = self.judge(before, state, action, params)
+        solved, failed = self.judge(Step(before, state, action, params))
         burnt = jnp.any(state.things.at(state.cell) & state.things.of(LAVA_KIND))
         solved, failed = solved & ~burnt, (failed | burnt) & ~(solved & ~burnt)
         state = self.drift(key, state, params)
@@ -265,12 +263,9 @@ class PickUpWorld(GridWorld):
 
     aim_words: ClassVar[str] = "picked up what was asked for"
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether it is in the hand."""
-        del before, action, params
-        return jnp.any(after.things.held & self.asked_for(after)), jnp.bool_(False)
+        return jnp.any(step.after.things.held & self.asked_for(step.after)), jnp.bool_(False)
 
     def subgoal(self, state: GridState) -> Subgoal:
         """To pick it up."""

@@ -26,7 +26,7 @@ from ..appearance import build_theme
 from ..draws import draw_unit
 from ..goals import GoalTask, NavigationParams, add_sprites
 from ..navigation import FixedMap
-from ..steering import ACTION_NAMES, centres, draw_heading, heading_range
+from ..steering import ACTION_NAMES, centres, heading_range, sample_heading
 
 Area = tuple[float, float, float, float]
 """Where something may be: least x, least y, most x, most y in tiles."""
@@ -135,7 +135,7 @@ class ReachBox(GoalTask[S]):
         return np.ones(shape, bool)
 
 
-def draw_away(
+def sample_away(
     bits: jax.Array, areas: tuple[Area, ...], goal: jax.Array, radius: Scalar
 ) -> jax.Array:
     """float32[2]: a place in one of the areas that is not within a radius of the goal.
@@ -146,12 +146,12 @@ def draw_away(
         goal: float32[2].
         radius: tiles.
     """
-    places = jax.vmap(functools.partial(draw_place, areas=areas))(bits)
+    places = jax.vmap(functools.partial(sample_place, areas=areas))(bits)
     near = jnp.sum((places - goal[None]) ** 2, axis=-1) <= jnp.square(radius)
     return places[jnp.argmin(near)]
 
 
-def draw_place(bits: jax.Array, areas: tuple[Area, ...]) -> jax.Array:
+def sample_place(bits: jax.Array, areas: tuple[Area, ...]) -> jax.Array:
     """float32[2]: a place in one of the areas, uniform over all, from uint32[3]."""
     table = np.array(areas, np.float32).reshape(-1, 2, 2)
     # An area may be a single place.
@@ -196,12 +196,12 @@ class BoxRooms(FixedMap[BoxState, NavigationParams], ReachBox[BoxState]):
         return self._theme(*look, *([CONE.label] if self.cones else []))
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> BoxState:
-        """Draw the box, and a start from which it is not reached yet."""
+        """Sample the box, and a start from which it is not reached yet."""
         bits = jax.random.bits(key, (_TRIES + 2, 3), jnp.uint32)
-        goal = draw_place(bits[0], self.boxes)
+        goal = sample_place(bits[0], self.boxes)
         return BoxState(
-            position=draw_away(bits[1:-1], self.starts, goal, params.goal_radius),
-            heading=draw_heading(bits[-1, 0], self.heading),
+            position=sample_away(bits[1:-1], self.starts, goal, params.goal_radius),
+            heading=sample_heading(bits[-1, 0], self.heading),
             goal=goal,
         )
 

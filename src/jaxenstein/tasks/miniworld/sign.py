@@ -23,12 +23,21 @@ from ...environment import Info, Scalar
 from ...maps.symbols import LABEL_NAMES
 from ...maps.things import COLOUR_NAMES
 from ...params import number
-from ...players.walking import SHORTEST_PATH, Gait, flood, gait, shortest_path
+from ...players.walking import SHORTEST_PATH, Movement, flood, movement_of, shortest_path
 from ..draws import draw_unit
 from ..minigrid.sketch import Sketch
-from ..minigrid.state import BOX_KIND, DONE, KEY_KIND, NOWHERE, GridState, Subgoal, solid_level
+from ..minigrid.state import (
+    BOX_KIND,
+    DONE,
+    KEY_KIND,
+    NOWHERE,
+    GridState,
+    Step,
+    Subgoal,
+    solid_level,
+)
 from ..minigrid.world import GridParams
-from ..steering import ACTION_NAMES, draw_heading
+from ..steering import ACTION_NAMES, sample_heading
 from .objects import ThingsRoom
 
 # (column, row) of the things: of each kind one in red, green and blue.
@@ -106,7 +115,7 @@ def two_legs(env: Any, params: Any) -> Choose:
     It looks at all ways of two straight legs: some turns, some strides, some turns, some strides.
     It takes the first action of the one with the fewest. Without any it walks on tiles.
     """
-    body, otherwise = gait(env, params), shortest_path(env, params)
+    body, otherwise = movement_of(env, params), shortest_path(env, params)
     numbers = [np.arange(-most, most + 1, dtype=np.float32) for most in (_FIRST, _SECOND)]
 
     def choose(key: jax.Array, state: GridState) -> jax.Array:
@@ -133,7 +142,7 @@ def two_legs(env: Any, params: Any) -> Choose:
 
 
 def _first_action(
-    body: Gait, leg: Leg, then: Leg, first: np.ndarray, second: np.ndarray
+    body: Movement, leg: Leg, then: Leg, first: np.ndarray, second: np.ndarray
 ) -> tuple[jax.Array, jax.Array]:
     """int32[], what to do first on the shortest way that ends at the right thing; bool[], if any.
 
@@ -159,7 +168,7 @@ def _first_action(
     return action, actions.reshape(-1)[chosen] < _NEVER
 
 
-def _leg(body: Gait, room: Surroundings, position: jax.Array, heading: jax.Array) -> Leg:
+def _leg(body: Movement, room: Surroundings, position: jax.Array, heading: jax.Array) -> Leg:
     """Walk straight ahead from a place."""
     step = forward(heading) * body.step
 
@@ -209,7 +218,7 @@ class Sign(ThingsRoom):
     fail_words: ClassVar[str] = "touched something else, or gave up"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the kind, the colour and the start."""
+        """Sample the kind, the colour and the start."""
         sketch = Sketch(key, 12, 15)
         sketch.wall(sketch.area(7, 7, 4, 1))
         for kind, tiles in _TILES.items():
@@ -224,7 +233,7 @@ class Sign(ThingsRoom):
         return state.replace(
             level=state.level.replace(walls=walls),
             position=_START[0] + draw_unit(bits[:2]) * (_START[1] - _START[0]),
-            heading=draw_heading(bits[2], None),
+            heading=sample_heading(bits[2], None),
         )
 
     def target(self, state: GridState) -> jax.Array:
@@ -233,17 +242,14 @@ class Sign(ThingsRoom):
         said = jnp.asarray(_SIGNS)[state.things.colour] == sign
         return state.things.of(state.asked[0, 0]) & said
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether it is touched; or something else is, or the agent gives up."""
-        del before
-        middle = after.things.tile.astype(jnp.float32) + 0.5
-        distance = jnp.sqrt(jnp.sum((middle - after.position[None]) ** 2, axis=-1))
-        touched = distance < cast(SignParams, params).touch_radius
-        right = self.target(after)
+        middle = step.after.things.tile.astype(jnp.float32) + 0.5
+        distance = jnp.sqrt(jnp.sum((middle - step.after.position[None]) ** 2, axis=-1))
+        touched = distance < cast(SignParams, step.params).touch_radius
+        right = self.target(step.after)
         solved = jnp.any(touched & right)
-        return solved, (jnp.any(touched & ~right) | (action == DONE)) & ~solved
+        return solved, (jnp.any(touched & ~right) | (step.action == DONE)) & ~solved
 
     def subgoal(self, state: GridState) -> Subgoal:
         """The tile of what is asked for."""
