@@ -29,7 +29,7 @@ from ..params import number
 from ..players.walking import SHORTEST_PATH, flood
 from .appearance import build_theme
 from .draws import draw_index, draw_unit
-from .generated import GeneratedTask
+from .first_person import GeneratedTask
 from .maze_ways import sample_closed
 from .random_maze import MazePlan, RandomMaze, beside_rooms, sample_in_rooms, sample_maze
 from .steering import ACTION_NAMES, SteeringParams, steer

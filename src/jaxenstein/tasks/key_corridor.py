@@ -27,7 +27,7 @@ from ..params import number
 from ..players.walking import flood
 from .appearance import build_theme
 from .draws import draw_index
-from .generated import GeneratedTask
+from .first_person import GeneratedTask
 from .goals import KeysAndDoorsTask, NavigationParams
 from .levels import read_level
 from .minigrid.sketch import COLOURS, Sketch

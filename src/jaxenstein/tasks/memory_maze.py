@@ -28,7 +28,7 @@ from ..players.walking import SHORTEST_PATH, flood, movement_of, remaining
 from ..spaces import Box
 from .appearance import build_theme
 from .draws import draw_index, draw_unit
-from .generated import GeneratedTask
+from .first_person import GeneratedTask
 from .hud import frame
 from .random_maze import MazePlan, sample_in_rooms, sample_maze
 from .steering import SteeringParams, go

@@ -22,7 +22,7 @@ from ...environment import Info, Scalar
 from ...maps.things import COLOUR_NAMES
 from ...params import number
 from ...spaces import Box
-from ..generated import GeneratedTask
+from ..first_person import GeneratedTask
 from ..steering import ACTION_NAMES, SteeringParams, steer
 from .planner import PLANNER
 from .state import (
@@ -119,7 +119,7 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         """Sample the walls, doors and things, the start and the instruction, from a key alone."""
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """bool[], bool[]: whether a step solved the world, and whether it spoilt it.
+        """bool[], bool[]: whether a step solved the world, and whether it failed.
 
         Here the goal is reached by standing on its tile.
         """
@@ -133,7 +133,7 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
     ) -> tuple[GridState, jax.Array, jax.Array, Info]:
-        """Move, use the hand, let the world move, and look what came of it."""
+        """Move, use the hand, let the world move, and judge what came of it."""
         before = state
         pose = state.position, state.heading
         position, heading = steer(*solid_level(state), *pose, action, params)
@@ -159,10 +159,10 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         """What the task says of itself."""
         return About(
             aim=self.aim_words,
-            ends="where it is solved or spoilt",
+            ends="where it is solved or failed",
             rewards={
                 "goal_reward": "{:+g} if solved",
-                "fail_reward": "{:+g} if spoilt",
+                "fail_reward": "{:+g} if failed",
                 "living_reward": "{:+g} a step",
             },
             events={

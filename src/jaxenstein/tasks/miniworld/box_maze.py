@@ -12,7 +12,7 @@ import numpy as np
 from ...engine.level import Level, level_from_walls
 from ...params import number
 from ..draws import draw_index, draw_unit
-from ..generated import GeneratedTask
+from ..first_person import GeneratedTask
 from ..goals import NavigationParams
 from ..random_maze import carve
 from ..steering import sample_heading
