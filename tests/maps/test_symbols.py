@@ -11,11 +11,11 @@ import pytest
 from jaxenstein.engine.art import load_art
 from jaxenstein.maps import symbols
 from jaxenstein.maps.symbols import (
+    DECAL_LABELS,
     DOOR_LABELS,
     LABEL_COLOURS,
     LABEL_NAMES,
     SYMBOLS,
-    decal_label,
     door_label,
 )
 from jaxenstein.maps.things import (
@@ -54,7 +54,7 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert (symbols.CEILING, symbols.FLOOR, symbols.DEFAULT_WALL) == (0, 1, 2)
     coloured = [SYMBOLS[c].label for c in "123456789ACDFHIJKLMOQTUWXZ"]
     assert coloured == list(range(3, 29))
-    assert [decal_label(number) for number in range(1, 65)] == list(range(29, 93))
+    assert list(DECAL_LABELS) == list(range(29, 93))
     assert [door_label(c, locked=False) for c in range(6)] == list(range(93, 99))
     assert [door_label(c, locked=True) for c in range(6)] == list(range(99, 105))
     assert KEY.labels == range(105, 111)
@@ -87,7 +87,7 @@ def test_symbols_of_the_paper() -> None:
 def test_decals_are_the_characters_after_latin_1() -> None:
     for number in range(1, 65):
         symbol = SYMBOLS[chr(0x100 + number)]
-        assert (symbol.kind, symbol.label) == ("wall", decal_label(number))
+        assert (symbol.kind, symbol.label) == ("wall", DECAL_LABELS[number - 1])
         assert symbol.meaning == LABEL_NAMES[symbol.label] == f"decal {number}"
         assert symbol.label in symbols.DECAL_LABELS
         assert symbol.label in symbols.WALL_LABELS
@@ -108,12 +108,6 @@ def test_ascii_without_a_meaning_stays_unknown() -> None:
     assert free == set("fghjkloqtuvwx0V!$%&()*-/<>?[]^_`{|}~")
     beyond = {character for character in SYMBOLS if ord(character) > 126}
     assert beyond == {chr(0x100 + number) for number in range(1, 65)}
-
-
-@pytest.mark.parametrize("number", [0, 65, -1])
-def test_no_label_for_an_unknown_decal(number: int) -> None:
-    with pytest.raises(ValueError, match=f"decal {number} is not in 1 to 64"):
-        decal_label(number)
 
 
 def test_door_labels_name_their_door() -> None:

@@ -196,9 +196,9 @@ class Sketch:
         """
         assert self._start is not None, "nobody said where the agent starts"
         tile, heading = self._start
-        spots, colours, locks = _columns(self._doors, 3)
-        spots = _stack(spots).reshape(-1, 2)
-        colour, locked = _stack(colours), _stack(locks).astype(bool)
+        spots = _stack([tile for tile, _, _ in self._doors]).reshape(-1, 2)
+        colour = _stack([colour for _, colour, _ in self._doors])
+        locked = _stack([locked for _, _, locked in self._doors]).astype(bool)
         walls = jnp.where(self.walls, DEFAULT_WALL, 0)
         first = jnp.where(locked, door_label(0, locked=True), door_label(0, locked=False))
         if self._doors:
@@ -287,7 +287,3 @@ def _stack(values: object) -> jax.Array:
     """int32, numbers and arrays of them as one array."""
     parts = [jnp.asarray(value, jnp.int32) for value in values]  # type: ignore[attr-defined]
     return jnp.stack(parts) if parts else jnp.zeros(0, jnp.int32)
-
-
-def _columns(rows: list, count: int) -> list[list]:
-    return [[row[i] for row in rows] for i in range(count)]
