@@ -22,7 +22,7 @@ PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || ec
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
 .PHONY: help setup test slow coverage check docs demo bench compare partners lanes fuzz \
-	endurance mutants clean
+	endurance clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
@@ -57,13 +57,13 @@ demo: $(VENV)/.baselines ## train an agent in about 3 minutes: its curve and a G
 
 bench: ## measure all beside its peers, write docs/benchmarks.md (an hour; QUICK=1: some minutes)
 	@$(MAKE) --no-print-directory VENV=$(BENCH)/main $(BENCH)/main/.bench
-	$(BENCH)/main/bin/python -m benchmarks.suites.peers $(if $(QUICK),--quick)
+	$(BENCH)/main/bin/python -m benchmarks.install $(if $(QUICK),--quick)
 	$(BENCH)/main/bin/python -m benchmarks --json $(RESULTS) $(if $(QUICK),--quick) $(ARGS)
 	$(BENCH)/main/bin/python -m benchmarks.report $(RESULTS) \
-		$(if $(QUICK),--out $(RESULTS)/benchmarks.md)
+		$(if $(QUICK),--out $(RESULTS)/pages)
 
 compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
-	$(BIN)/python -m benchmarks compare $(ARGS)
+	$(BIN)/python -m benchmarks peers --only vizdoom-gymnasium vizdoom-raw loop scan $(ARGS)
 
 partners: $(VENV)/.dev ## run the adapters' tests beside their partners, each in an environment of its own
 	$(BIN)/python -m nox -t partners $(ARGS)
@@ -76,9 +76,6 @@ fuzz: $(VENV)/.dev ## try spoilt maps and files; ARGS="--minutes 60 --target asc
 
 endurance: $(VENV)/.dev ## play millions of steps and look at every state; ARGS="--steps 10_000_000"
 	$(BIN)/python -m reliability.endurance $(ARGS)
-
-mutants: $(VENV)/.mutation ## change the engine and the rules a little, and see whether tests fail
-	$(BIN)/python -m reliability.mutants $(ARGS)
 
 clean: ## remove .venv and everything generated
 	rm -rf $(VENV) .nox $(BENCH) $(DEMO) fuzz docs/_build docs/environments docs/commands.md build dist .coverage .pytest_cache .ruff_cache .hypothesis
@@ -113,11 +110,6 @@ $(VENV)/.docs: $(VENV)/.core
 $(VENV)/.baselines: $(VENV)/.core
 	@echo "Installing flax, optax and matplotlib for the baselines ..."
 	@$(PIP) --editable '.[baselines]'
-	@touch $@
-
-$(VENV)/.mutation: $(VENV)/.dev
-	@echo "Installing Cosmic Ray for mutation testing ..."
-	@$(PIP) --editable '.[mutation]'
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.core

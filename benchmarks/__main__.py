@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import functools
+import json
 import os
-import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report.results import Result, suite_rows
-from benchmarks.report.tables import table_of
-from benchmarks.store import earlier, write
-from benchmarks.suites.measure import FORMAT, Groups, Settings, measure
-from benchmarks.suites.parts import NAMED, PARTS
-from benchmarks.suites.peers import FOLDER, find
-from benchmarks.suites.plan import QUICK, Plan
-from benchmarks.suites.processes import cores_allowed
-from benchmarks.suites.worker import tell
+from benchmarks.measure import FORMAT, Groups, Settings, measure
+from benchmarks.parts import NAMED, PARTS, QUICK, Plan
+from benchmarks.tables import rows_of, table_of
+from jaxenstein.cli.arguments import whole
 from jaxenstein.errors import JAXensteinError
-from jaxenstein.files import check_writable, make_folder
+from jaxenstein.files import OutputError, atomic, check_writable, make_folder
 from jaxenstein.machine import describe_machine
 
 # Rounds and seconds of a chunk: of a run for the record, and of a quick one.
@@ -35,85 +29,61 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     if unknown := [name for name in options.parts if name not in PARTS]:
         parser.error(f"unknown part: {', '.join(unknown)}; known: {', '.join(PARTS)}")
-    names = options.parts or [name for name in PARTS if name not in NAMED]
     settings = _settings(options, parser)
-    plan = dataclasses.replace(QUICK if settings.quick else Plan(), cores=cores_allowed())
-    also = {python: _words(python, parser) for python in options.also_python}
     folder = make_folder(options.json) if options.json else None
-    files = {name: folder / f"{name}.json" for name in names} if folder else {}
-    for file in files.values():
-        check_writable(file)
-    known = {
-        "format": FORMAT,
-        "settings": vars(settings),
-        "hardware": describe_machine()["hardware"],
-    }
-    done = [n for n, file in files.items() if not options.again and earlier(file, known)]
-    for name in names:
-        if name in done:
-            print(f"{name}: {files[name]} is there already (--again measures it anew)")
+    for name in options.parts or [name for name in PARTS if name not in NAMED]:
+        file = folder / f"{name}.json" if folder else None
+        if file:
+            check_writable(file)
+        if file and not options.again and is_there(file, settings):
+            print(f"{name}: {file} is there already (--again measures it anew)")
             continue
-        groups = _chosen(_doubled(PARTS[name](plan), also), settings.only)
-        where = functools.partial(find, folder=options.peers.resolve())
-        report = {"part": name, **measure(groups, settings, where)}
-        tell("")
-        shown = table_of(name, Result(report, [*suite_rows(report)]))
-        print(f"{name}\n\n{shown}\n{_troubles(report)}", flush=True)
-        if name in files:
-            write(files[name], report)
-            print(f"wrote {files[name]}", flush=True)
+        groups = PARTS[name](QUICK if settings.quick else Plan())
+        report = {"part": name, **measure(chosen(groups, settings.only), settings)}
+        rows = rows_of(report)
+        print(f"{name}\n\n{table_of(name, rows)}\n", flush=True)
+        for row in rows:
+            if "failed" in row:
+                print(f"  {row['title']}: {row['failed']}", flush=True)
+        if file:
+            with atomic(file) as path:
+                path.write_text(json.dumps(report, indent=1))
+            print(f"wrote {file}", flush=True)
 
 
-def _doubled(groups: Groups, also: Mapping[str, str]) -> Groups:
-    """The same with this project's subjects under further interpreters too."""
-    return [
-        [
-            *group,
-            *(
-                dataclasses.replace(
-                    row, name=f"{row.name} with={told.replace(' ', '')}",
-                    title=f"{row.title}, {told}", python=python,
-                )
-                for python, told in also.items() for row in group
-                if not row.peer and row.flags is not None
-            ),
-        ]
-        for group in groups
-    ]  # fmt: skip
+def is_there(file: Path, settings: Settings) -> bool:
+    """Whether a file has a part that was measured here with these settings.
+
+    Raises:
+        OutputError: it is of something else, of another machine or of other settings.
+    """
+    if not file.exists():
+        return False
+    now: dict[str, Any] = {"format": FORMAT, "settings": dataclasses.asdict(settings)}
+    now["hardware"] = describe_machine()["hardware"]
+    try:
+        report = json.loads(file.read_text())
+        before: Mapping[str, Any] = {name: report[name] for name in now}
+    except (ValueError, KeyError, TypeError) as error:
+        raise OutputError(file, "it is there and no result of this command") from error
+    for name, value in now.items():
+        if before[name] != value:
+            raise OutputError(
+                file, f"it has {name} {before[name]}, not {value}; choose another place"
+            )
+    return True
 
 
-def _chosen(groups: Groups, only: Sequence[str] | None) -> Groups:
+def chosen(groups: Groups, only: Sequence[str] | None) -> Groups:
     """The subjects whose names begin with one of these words, and what they are compared to."""
     if not only:
         return groups
     kept = []
     for group in groups:
-        chosen = [row for row in group if row.name.startswith(tuple(only))]
-        beside = {name for row in chosen for name in row.references.values()}
-        kept.append([row for row in group if row in chosen or row.name in beside])
+        named = [row for row in group if row.name.startswith(tuple(only))]
+        beside = {name for row in named for name in row.references.values()}
+        kept.append([row for row in group if row in named or row.name in beside])
     return [group for group in kept if group]
-
-
-def _words(python: str, parser: argparse.ArgumentParser) -> str:
-    """The versions that an interpreter has, for people."""
-    told = (
-        "import platform, jax; print(f'Python {platform.python_version()}, JAX', jax.__version__)"
-    )
-    try:
-        done = subprocess.run([python, "-c", told], capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        parser.error(f"--also-python: {python} does not run, or has no jax")
-    return done.stdout.strip()
-
-
-def _troubles(report: Mapping[str, Any]) -> str:
-    """What a person should hear at once: what failed, and whether the machine was quiet."""
-    rows = [row for group in report["groups"] for row in group]
-    lines = [f"\n  {row['title']}: {row['failed']}" for row in rows if "failed" in row]
-    disturbed = sum(len(row.get("disturbed", ())) for row in rows)
-    if disturbed:
-        lines.append(f"\n  other processes used the core during {disturbed} chunks: not quiet")
-    return "".join(lines)
 
 
 def _settings(options: argparse.Namespace, parser: argparse.ArgumentParser) -> Settings:
@@ -129,19 +99,6 @@ def _settings(options: argparse.Namespace, parser: argparse.ArgumentParser) -> S
     return Settings(core, rounds, seconds, options.quick, options.only)
 
 
-def _positive(convert: Callable[[str], float]) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        try:
-            value = convert(text)
-        except ValueError:
-            value = 0
-        if not value > 0:
-            raise argparse.ArgumentTypeError(f"a number above 0 is needed, not {text!r}")
-        return value
-
-    return parse
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
@@ -155,14 +112,10 @@ def _parser() -> argparse.ArgumentParser:
     add("--json", type=Path, metavar="DIR", help="folder for the results (default: only shown)")
     add("--quick", action="store_true", help="tiny sizes, only to see it work")
     add("--core", type=int, metavar="N", help="core to use (default: the last)")
-    add("--rounds", type=_positive(int), metavar="N", help="rounds (default 7)")
-    add("--seconds", type=_positive(float), metavar="S", help="length of a chunk (default 1)")
+    add("--rounds", type=whole(), metavar="N", help="rounds (default 7)")
+    add("--seconds", type=float, metavar="S", help="length of a chunk (default 1)")
     only = "of a part only subjects whose names begin so, such as scan-64, and what stands beside"
     add("--only", nargs="+", metavar="NAME", help=only)
-    also = "measure this project under this interpreter too; it needs jax, numpy and pillow"
-    add("--also-python", action="append", default=[], metavar="PATH", help=also)
-    where = "where benchmarks.suites.peers put them"
-    add("--peers", type=Path, default=FOLDER, metavar="DIR", help=where)
     add("--again", action="store_true", help="measure parts that are there anew")
     return parser
 

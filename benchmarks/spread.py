@@ -12,7 +12,7 @@ it does not depend on how many devices there are.
 from __future__ import annotations
 
 import argparse
-import time
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,17 +22,20 @@ import numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
 import jaxenstein
-from benchmarks.report.results import OTHERS, Result
-from benchmarks.report.tables import table_of
-from benchmarks.store import write
+from benchmarks.tables import WHOLE, column, markdown, number
 from jaxenstein.cli.arguments import size, whole
-from jaxenstein.errors import JAXensteinError, SettingError
-from jaxenstein.files import check_writable
+from jaxenstein.errors import SettingError
+from jaxenstein.files import atomic, check_writable
 from jaxenstein.machine import describe_machine
-from jaxenstein.speed.measuring import summarise
+from jaxenstein.speed.measuring import summarise, timed_calls
 from jaxenstein.speed.random_rollout import RolloutCarry, make_random_rollout
 
 AXIS = "env"
+COLUMNS = (
+    column("devices"), column("environments", "batch", form=WHOLE),
+    column("steps/s", "steps_per_second", "median", form=WHOLE),
+    column("x the first row", "times", form=number),
+)  # fmt: skip
 
 
 def make_mesh(devices: Sequence[Any]) -> Mesh:
@@ -88,18 +91,10 @@ def measure_spread(devices: Sequence[Any], options: argparse.Namespace) -> dict[
     batch = options.batch * len(devices)
     rollout, start = make_spread_rollout(env, params, batch, options.steps, make_mesh(devices))
     carry = jax.block_until_ready(rollout(start(np.uint32(0))))
-    rates = []
-    for _ in range(options.repeats):
-        began = time.perf_counter()
-        # A fixed number: all processes must make the same calls.
-        for _ in range(options.calls):
-            carry = jax.block_until_ready(rollout(carry))
-        rates.append(options.calls * options.steps * batch / (time.perf_counter() - began))
-    return {
-        "devices": len(devices),
-        "batch": batch,
-        "steps_per_second": summarise(np.array(rates)),
-    }
+    # One call a repeat, however long it takes: all processes must make the same calls.
+    taken = [each for _, each in timed_calls(rollout, carry, options.repeats)]
+    rates = summarise(options.steps * batch / np.array(taken))
+    return {"devices": len(devices), "batch": batch, "steps_per_second": rates}
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -120,44 +115,37 @@ def main(argv: Sequence[str] | None = None) -> None:
     counts = sorted({1 << power for power in range(len(devices).bit_length())} | {len(devices)})
     if jax.process_count() > 1:
         counts = [len(devices)]
-    rows = []
-    for count in (count for count in counts if count <= len(devices)):
-        rows.append(measure_spread(devices[:count], options))
+    counts = [count for count in counts if count <= len(devices)]
+    rows = [measure_spread(devices[:count], options) for count in counts]
     if jax.process_index():
         return
-    settings = {name: str(value) for name, value in vars(options).items() if name != "json"}
-    kind, processes = devices[0].device_kind, jax.process_count()
-    report = {**describe_machine(), "device": kind, "processes": processes, "settings": settings}
-    report["rows"] = rows
-    print(f"{kind}\n\n{table_of('spread', Result(report, [*OTHERS['spread'](report)]))}")
+    for row in rows:
+        row["times"] = row["steps_per_second"]["median"] / rows[0]["steps_per_second"]["median"]
+    device = devices[0].device_kind
+    print(f"{device}\n\n{markdown(COLUMNS, rows)}")
     if options.json is not None:
-        write(options.json, report)
+        report = {**describe_machine(), "device": device, "processes": jax.process_count()}
+        with atomic(options.json) as path:
+            path.write_text(json.dumps(report | {"rows": rows}, indent=1))
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         description="Steps a second over 1, 2, 4, ... devices, each with the same work."
     )
-    parser.add_argument("--id", default="my-way-home", help="(default my-way-home)")
-    parser.add_argument(
-        "--batch", type=whole(), default=256, help="environments on each device (default 256)"
-    )
-    parser.add_argument("--size", type=size, default=(64, 64), metavar="WxH")
-    parser.add_argument("--steps", type=whole(), default=128, help="in one call (default 128)")
-    parser.add_argument("--calls", type=whole(), default=8, help="in a repeat (default 8)")
-    parser.add_argument("--repeats", type=whole(), default=7, help="(default 7)")
-    parser.add_argument(
-        "--cpu-devices", type=whole(), metavar="N", help="simulate N devices on the processor"
-    )
-    parser.add_argument("--coordinator", metavar="HOST:PORT", help="of several processes, number 0")
-    parser.add_argument("--processes", type=whole(), metavar="N", help="how many there are")
-    parser.add_argument("--process", type=whole(0), metavar="I", help="which one this is, from 0")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every repeat here")
+    add = parser.add_argument
+    add("--id", default="my-way-home", help="(default my-way-home)")
+    add("--batch", type=whole(), default=256, help="environments on each device (default 256)")
+    add("--size", type=size, default=(64, 64), metavar="WxH")
+    add("--steps", type=whole(), default=1024, help="in one call (default 1024)")
+    add("--repeats", type=whole(), default=7, help="calls (default 7)")
+    add("--cpu-devices", type=whole(), metavar="N", help="simulate N devices on the processor")
+    add("--coordinator", metavar="HOST:PORT", help="of several processes, number 0")
+    add("--processes", type=whole(), metavar="N", help="how many there are")
+    add("--process", type=whole(0), metavar="I", help="which one this is, from 0")
+    add("--json", type=Path, metavar="FILE", help="write every repeat here")
     return parser
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except JAXensteinError as error:
-        raise SystemExit(f"benchmarks.spread: {error}") from error
+    main()

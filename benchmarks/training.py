@@ -10,44 +10,29 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
-from benchmarks.report.results import Result
-from benchmarks.report.tables import table_of
-from benchmarks.suites.processes import memory
-from benchmarks.suites.worker import tell
+from benchmarks.measure import tell
+from benchmarks.subjects.common import TRAINED_STEPS
+from benchmarks.tables import WHOLE, column, markdown
 from jaxenstein import make
-from jaxenstein.baselines import Config, Experience, Learner
-from jaxenstein.baselines.learning import ppo
-from jaxenstein.baselines.learning.rollout import final_values, rollout
+from jaxenstein.baselines import Config, Experience, Learner, ppo
+from jaxenstein.baselines.rollout import final_values, rollout
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.machine import describe_machine
+from jaxenstein.speed.measuring import compile_timed, timed_calls
 
-
-def measure(
-    function: Any, *args: Any, repeats: int, seconds: float = 0.0
-) -> tuple[Any, dict[str, Any]]:
-    """The result of a call, and seconds: `compile`, `first_call`, and lists `wall`, `processor`.
-
-    It is called `repeats` times after a call that does not count, and for `seconds` at least.
-    """
-    begin = time.perf_counter()
-    compiled = jax.jit(function).lower(*args).compile()
-    times: dict[str, Any] = {"compile": time.perf_counter() - begin, "wall": [], "processor": []}
-    result = jax.block_until_ready(compiled(*args))
-    times["first_call"] = time.perf_counter() - begin
-    while len(times["wall"]) < repeats or sum(times["wall"]) < seconds:
-        begin, begin_processor = time.perf_counter(), time.process_time()
-        result = jax.block_until_ready(compiled(*args))
-        times["wall"].append(time.perf_counter() - begin)
-        times["processor"].append(time.process_time() - begin_processor)
-    return result, times
+COLUMNS = (
+    column("algorithm", "algo", left=True), column("dtype", left=True),
+    column("environments", "num_envs"), column("steps/s", "steps_per_second", form=WHOLE),
+    column("first call s", "first_call_seconds", form=WHOLE),
+)  # fmt: skip
 
 
 def parts(learner: Learner, repeats: int) -> dict[str, float]:
@@ -58,9 +43,10 @@ def parts(learner: Learner, repeats: int) -> dict[str, float]:
 
     def timed(name: str, function: Any, *args: Any) -> Any:
         tell(f"{config.algo}, {config.num_envs} environments: {name}")
-        result, times = measure(function, *args, repeats=repeats)
-        found[name] = min(times["wall"])
-        return result
+        program, _ = compile_timed(jax.jit(function), *args)
+        calls = [*timed_calls(lambda _: program(*args), program(*args), repeats)]
+        found[name] = min(seconds for _, seconds in calls)
+        return calls[-1][0]
 
     def play(state: Any) -> Any:
         return rollout(
@@ -93,10 +79,10 @@ def parts(learner: Learner, repeats: int) -> dict[str, float]:
             "bonus update", lambda s, e: bonus.update(key, s, numbers, e, rate),
             state.bonus, experience,
         )  # fmt: skip
-    batch = ppo.Batch(steps, state.actors.memory, steps.reward, steps.value)
+    batch = ppo.Batch(steps, state.actors.memory[None], steps.reward, steps.value)
     timed(
         "update",
-        lambda s, b: ppo.train(network, config, key, s.params, s.optimiser, b, numbers, rate),
+        lambda s, b: ppo.train(network, config, key, (s.params, s.optimiser), b, numbers, rate),
         state, batch,
     )  # fmt: skip
     return found
@@ -107,23 +93,21 @@ def measure_training(config: Config, options: argparse.Namespace) -> dict[str, A
     tell(f"{config.algo}, {config.num_envs} environments")
     learner = Learner(*make(options.env, height=options.size, width=options.size), config)
     state = learner.init(jax.random.key(0))
-    numbers = learner.loop.numbers(None)
-
-    def update(state: Any) -> Any:
-        return learner.train_chunk(state, numbers, 1)
-
-    _, times = measure(update, state, repeats=options.repeats, seconds=options.seconds)
+    begin = time.perf_counter()
+    update, _ = compile_timed(jax.jit(lambda s: learner.train_chunk(s, None, 1)[0]), state)
+    state = jax.block_until_ready(update(state))
+    first_call, begin = time.perf_counter() - begin, time.process_time()
+    taken = [seconds for _, seconds in timed_calls(update, state, options.repeats)]
+    processor = (time.process_time() - begin) / options.repeats
     steps = config.steps_per_update
     return {
         "algo": config.algo,
         "num_envs": config.num_envs,
         "dtype": config.dtype,
-        "steps_per_second": steps / min(times["wall"]),
-        "steps_per_processor_second": steps / min(times["processor"]),
-        "rates": [steps / each for each in times["wall"]],
-        "compile_seconds": times["compile"],
-        "first_call_seconds": times["first_call"],
-        "memory_bytes": memory([os.getpid()]),
+        "steps_per_second": steps / min(taken),
+        "steps_per_processor_second": steps / processor,
+        "rates": [steps / each for each in taken],
+        "first_call_seconds": first_call,
         "parameters": sum(leaf.size for leaf in jax.tree.leaves(state.params)),
         "parts": parts(learner, options.repeats) if options.parts else {},
     }
@@ -137,47 +121,41 @@ def _parser() -> argparse.ArgumentParser:
     add("--env", default="simple", help="id (default simple)")
     add("--size", type=int, default=64, help="pixels a side (default 64)")
     add("--dtype", nargs="+", default=["float32"])
-    add("--convolution", default="matmul", choices=["matmul", "lax"])
     add("--rollout", type=int, default=128, help="steps of an update (default 128)")
-    add("--repeats", type=int, default=1, help="at least; the fastest counts (default 1)")
-    add("--seconds", type=float, default=0.0, help="repeat for so long at least (default 0)")
+    add("--repeats", type=int, default=1, help="the fastest counts (default 1)")
     add("--parts", action="store_true", help="also where the time goes")
     add("--json", type=Path, metavar="FILE", help="write everything here")
     return parser
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Measure and print."""
-    args = _parser().parse_args()
-    if args.json is not None:
-        check_writable(args.json)
+    options = _parser().parse_args(argv)
+    if options.json is not None:
+        check_writable(options.json)
     rows = [
         measure_training(
             Config(
                 algo=algo,
                 num_envs=number,
-                rollout=args.rollout,
+                rollout=options.rollout,
                 minibatches=min(4, number),
-                total_steps=max(10_000_000, number * args.rollout),
+                total_steps=max(TRAINED_STEPS, number * options.rollout),
                 dtype=dtype,
-                convolution=args.convolution,
             ),
-            args,
+            options,
         )
-        for dtype in args.dtype for algo in args.algo for number in args.envs
+        for dtype in options.dtype for algo in options.algo for number in options.envs
     ]  # fmt: skip
     tell("")
-    machine, device = describe_machine(), jax.devices()[0]
-    cores = f"{machine['hardware']['cores_allowed']} cores of {machine['hardware']['cpu']}"
-    place = cores if device.platform == "cpu" else device.device_kind
-    report = {"machine": machine, "device": place, "rows": rows}
-    print(f"{place}, JAX {jax.__version__}\n\n{table_of('training', Result(report, rows))}")
+    report, device = describe_machine(), jax.devices()[0].device_kind
+    print(f"{device}, JAX {jax.__version__}\n\n{markdown(COLUMNS, rows)}")
     for row in rows:
         told = [f"{name} {seconds:.3f} s" for name, seconds in row["parts"].items()]
         print(*([f"{row['algo']}, {row['num_envs']}: {', '.join(told)}"] if told else []))
-    if args.json is not None:
-        with atomic(args.json) as path:
-            path.write_text(json.dumps(report, indent=2))
+    if options.json is not None:
+        with atomic(options.json) as path:
+            path.write_text(json.dumps(report | {"device": device, "rows": rows}, indent=1))
 
 
 if __name__ == "__main__":

@@ -15,8 +15,8 @@ sys.path[:0] = [str(HERE.parent), str(HERE.parent / "src")]
 
 import jax  # noqa: E402
 
-from docs.commands import commands_page  # noqa: E402
 from docs.environment_pages import write_pages  # noqa: E402
+from docs.other_pages import commands_page  # noqa: E402
 from docs.page_parts import turned  # noqa: E402
 from jaxenstein.version import __version__  # noqa: E402
 

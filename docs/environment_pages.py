@@ -2,11 +2,9 @@
 
     python -m docs.environment_pages     # writes docs/environments/*.md
 
-Numbers come from the environments themselves, differences to the originals from
-docs/fidelity.md, returns from docs/returns.json (`python -m docs.returns`), trained agents from
-docs/agents.json (`python -m docs.agents`), changes from CHANGELOG.md, pictures from
-docs/images/environments (`python -m docs.gallery`) and docs/images/looks (`python -m docs.looks`),
-and animations from docs/_static/episodes (`python -m docs.episodes`).
+Numbers come from the environments themselves, differences to the originals from docs/fidelity.md,
+changes from CHANGELOG.md, returns and trained agents from docs/returns.json and docs/agents.json
+(`python -m docs.measured`), pictures and animations from `python -m docs.pictures`.
 """
 
 from __future__ import annotations
@@ -19,25 +17,25 @@ import numpy as np
 from PIL import Image
 
 import jaxenstein
-from docs.families import FAMILIES, Family
-from docs.looks import IMAGES as LOOKS
+from docs.other_pages import scoreboard
 from docs.page_parts import (
+    FAMILIES,
     HERE,
+    Family,
     fidelity,
     history,
     info_table,
     returns,
     table,
 )
-from docs.scoreboard import scoreboard
 from jaxenstein.baselines.runs.trained import pretrained, read_config
 from jaxenstein.catalogue import ALIASES, ENTRIES, MAIN_IDS
 from jaxenstein.cli.listing import GENERATED, extent
-from jaxenstein.docstrings import attributes
+from jaxenstein.fields import Option, options_of
 from jaxenstein.tasks.first_person import SETTINGS
 
 OUT = HERE / "environments"
-EPISODES = HERE / "_static" / "episodes"
+EPISODES, LOOKS = HERE / "_static" / "episodes", HERE / "images" / "looks"
 
 
 def write_pages(folder: Path = OUT) -> list[Path]:
@@ -229,16 +227,15 @@ def params_table(family: Family) -> str:
     """The params of a family: their meanings, and their values."""
     values = [built(name)[1] for name in family.ids]
     # The params of one may have more than those of another.
-    own = [attributes(type(params)) for params in values]
-    meanings = {k: v for said in own[::-1] for k, v in said.items()}
-    order = {field: None for said in own for field in said}
+    options: dict[str, Option] = {}
+    for params in values:
+        options = {option.name: option for option in options_of(type(params), "")} | options
     rows = []
-    for field in order:
-        having = [p for p, said in zip(values, own, strict=True) if field in said]
-        numbers = [getattr(params, field) for params in having]
+    for name, option in options.items():
+        numbers = [getattr(params, name) for params in values if hasattr(params, name)]
         shown = {f"{np.asarray(value).item():.6g}": None for value in numbers}
-        rows.append((f"`{field}`", ", ".join(shown), meanings[field]))
-    return table(("param", "default", "meaning"), rows)
+        rows.append((f"`{name}`", ", ".join(shown), option.domain.words, option.help))
+    return table(("param", "default", "values", "meaning"), rows)
 
 
 def own_settings(name: str) -> str:
@@ -247,9 +244,11 @@ def own_settings(name: str) -> str:
     if not own:
         return ""
     env, _ = built(name)
-    meanings = attributes(type(env))
-    rows = [(f"`{key}`", f"`{getattr(env, key)!r}`", meanings[key]) for key in own]
-    listed = table(("setting", "default", "meaning"), rows)
+    rows = [
+        (f"`{option.name}`", f"`{getattr(env, option.name)!r}`", option.domain.words, option.help)
+        for option in options_of(type(env), "", own)
+    ]
+    listed = table(("setting", "default", "values", "meaning"), rows)
     return (
         f"## Settings\n\nBeside [those of all](../concepts.md#settings-and-params):\n\n{listed}\n"
     )

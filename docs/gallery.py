@@ -1,16 +1,12 @@
-"""A contact sheet of all environments: what an agent sees in each, and the map from above.
-
-    python -m docs.gallery                          # all, into docs/images
-    python -m docs.gallery --out all.png key-door   # a sheet of some of them, elsewhere
+"""What an agent sees in an environment, and the map from above: blocks of a contact sheet.
 
 The views come from episodes of a simple player. Of all that it sees, those are taken that show
-most of what there is to see. The same versions of JAX and of this code give the same file.
+most of what there is to see.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -19,18 +15,15 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import jaxenstein
-from docs.command import each, parser_of
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.episodes.recorder import snapshots
-from jaxenstein.files import check_writable, make_folder
 from jaxenstein.maps.symbols import DECAL_LABELS, DOOR_LABELS, FLOOR, LABEL_NAMES, WALL_LABELS
 from jaxenstein.maps.things import THING_OF
 from jaxenstein.tasks.first_person import FirstPerson
 from jaxenstein.tasks.levels import closed_doors
-from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT, save_png
+from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT
 from jaxenstein.view.topdown import draw_map
 
-IMAGES = Path(__file__).parent / "images"
 # Episodes played of each environment, their steps, and how many steps lie between two candidates.
 EPISODES, STEPS, EVERY = 24, 400, 8
 # Views of each environment: columns, rows, and pixels of each; drawn at this size, not enlarged.
@@ -198,25 +191,3 @@ def arrange(blocks: Sequence[Image.Image]) -> Image.Image:
         row, column = divmod(i, columns)
         sheet.paste(picture, (MARGIN + column * (width + MARGIN), MARGIN + row * (height + MARGIN)))
     return sheet
-
-
-def main(argv: Sequence[str] | None = None) -> None:
-    """Draw the sheet and write it."""
-    parser = parser_of("docs.gallery", __doc__)
-    parser.add_argument("--out", type=Path, metavar="FILE.png", help="the sheet alone, elsewhere")
-    options = parser.parse_args(argv)
-    out = options.out or IMAGES / "environments.png"
-    check_writable(out)
-    single = make_folder(IMAGES / "environments") if options.out is None else None
-    blocks = []
-    for name in each(options.ids, "drawing"):
-        blocks.append(block(name))
-        if single is not None:
-            save_png(np.asarray(blocks[-1])[TITLE:], single / f"{name}.png")
-    if options.out is not None or not options.ids:
-        save_png(np.asarray(arrange(blocks)), out)
-        print(f"wrote {out}, {out.stat().st_size / 1000:.0f} kB")
-
-
-if __name__ == "__main__":
-    main()

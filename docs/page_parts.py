@@ -5,19 +5,21 @@ from __future__ import annotations
 import functools
 import json
 import re
-from collections.abc import Iterable, Sequence
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 import jaxenstein
-from docs.families import Family
-from jaxenstein.catalogue import ENTRIES
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from jaxenstein.players import players_of
+from jaxenstein.progress import Progress
 
 HERE = Path(__file__).parent
+RETURNS, AGENTS = HERE / "returns.json", HERE / "agents.json"
 
 OF_ALL = {
     "position": "(x, y) in tiles: x along a row of the map, y down the rows",
@@ -34,6 +36,49 @@ SHOWN = {
     "../benchmarks/README.md": "measuring.md",
 }
 """Files outside of docs that pages of it show."""
+
+
+class Family(NamedTuple):
+    """Environments that are sizes or variants of one task.
+
+    Attributes:
+        name: of the page.
+        title: its heading.
+        original: the word by which a heading of docs/fidelity.md names the task.
+        text: what they are, in Markdown.
+    """
+
+    name: str
+    title: str
+    original: str
+    text: str
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The environments but variants of others, in the order of the catalogue."""
+        return tuple(name for name in MAIN_IDS if ENTRIES[name].family == self.name)
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """The variants among them."""
+        every = (name for name, entry in ENTRIES.items() if entry.family == self.name)
+        return tuple(name for name in every if ENTRIES[name].variant_of)
+
+
+_LISTED = tomllib.loads((HERE / "families.toml").read_text("utf-8"))
+FAMILIES = tuple(Family(name=name, **said) for name, said in _LISTED.items())
+"""Which environments share a page; what it says first is in families.toml."""
+
+
+def each(ids: Sequence[str], doing: str) -> Iterator[str]:
+    """The ids one after another, or all but variants, with a progress bar."""
+    names = ids or MAIN_IDS
+    with Progress(len(names), doing, unit="environments") as progress:
+        for i, name in enumerate(names, 1):
+            progress.label = name
+            progress.show()
+            yield name
+            progress.update(i)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[int] = ()) -> str:
@@ -86,8 +131,8 @@ def meanings_of(env: Any) -> dict[str, str]:
 
 @functools.cache
 def stored_returns() -> dict[str, Any]:
-    """What `docs.returns` has measured."""
-    return json.loads((HERE / "returns.json").read_text("utf-8"))
+    """What `docs.measured returns` has measured."""
+    return json.loads(RETURNS.read_text("utf-8"))
 
 
 def stored_rows(name: str) -> list[dict[str, Any]]:
@@ -97,8 +142,8 @@ def stored_rows(name: str) -> list[dict[str, Any]]:
 
 @functools.cache
 def stored_agents() -> list[dict[str, Any]]:
-    """What `docs.agents` has measured, in the order of the registry."""
-    rows = json.loads((HERE / "agents.json").read_text("utf-8"))
+    """What `docs.measured agent` has measured, in the order of the registry."""
+    rows = json.loads(AGENTS.read_text("utf-8"))
     return sorted(rows, key=lambda row: list(ENTRIES).index(row["id"]))
 
 
@@ -106,7 +151,7 @@ def returns(name: str) -> str:
     """The returns of the scripted players as a table."""
     stored = stored_rows(name)
     if not stored:
-        return f"Returns are not measured yet: `python -m docs.returns {name}`."
+        return f"Returns are not measured yet: `python -m docs.measured returns {name}`."
     players = players_of(jaxenstein.make(name)[0])
     rows = [
         (

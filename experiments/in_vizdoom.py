@@ -29,7 +29,7 @@ from jax.experimental import io_callback
 
 from jaxenstein.adapters.vizdoom import GameSession
 from jaxenstein.baselines import resolve
-from jaxenstein.baselines.learning.learner import Learner
+from jaxenstein.baselines.learner import Learner
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.options import read_file
 from jaxenstein.environment import Environment
@@ -128,7 +128,7 @@ def train(
 ) -> Iterator[dict[str, float]]:
     """Train one run in the game, for so many minutes of a clock; a row for each update."""
     experiment = resolve({**read_file(Path(config)), "seed": seed, "seeds": 1})
-    env, params = experiment.recipe.build()
+    env, params = experiment.environment.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
         yield from _train(games, params, experiment, minutes, clock)
 

@@ -5,7 +5,7 @@
 The network and numbers are those of `benchmarks/subjects/sb3.py`, the paper's, but for what the
 tuned recipe has found for this map: a discount of 0.99 a decision and a constant learning rate;
 frames of 64x64, frame skip 4. FILE gets a row after each rollout, as `experiments.in_vizdoom`
-writes them. Its interpreter is that of `python -m benchmarks.suites.peers training`; nothing of
+writes them. Its interpreter is that of `python -m benchmarks.install training`; nothing of
 this project's environments is used.
 """
 

@@ -25,9 +25,8 @@ from typing import Any
 import numpy as np
 
 from jaxenstein.baselines.runs.folder import RunFolder
-from jaxenstein.baselines.runs.metrics import read_metrics, rows_by_run
+from jaxenstein.baselines.runs.metrics import read_metrics, read_seconds, rows_by_run
 from jaxenstein.baselines.runs.options import read_file, resolve
-from jaxenstein.baselines.runs.timing import read_seconds
 from jaxenstein.baselines.runs.training import train
 from jaxenstein.progress import Progress
 

@@ -24,7 +24,7 @@ import numpy as np
 from PIL import Image
 
 from jaxenstein.baselines import resolve
-from jaxenstein.baselines.learning.learner import Learner
+from jaxenstein.baselines.learner import Learner
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.options import read_file
 from jaxenstein.baselines.runs.trained import load_trained

@@ -1,6 +1,6 @@
 """How monsters fight in Doom's scenarios, here and in the game, beyond what players get.
 
-    python -m fidelity.doom_fights [--episodes N] [--seed N] [--json FILE] [ID ...]
+    python -m fidelity.doom_fights [--episodes N] [--seed N] [ID ...]
 
 Needs the extra `vizdoom`. Episodes of scripted players are watched tic by tic in both: when the
 first damage comes, how often the player is hit and how much that takes, how fast monsters come
@@ -13,10 +13,8 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -24,11 +22,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
-from fidelity.doom_games import play_games
-from fidelity.doom_players import APART, UNSEEN, Mean, apart
+from fidelity.doom_players import APART, UNSEEN, Mean, apart, play_games
 from fidelity.players import mean_and_error
 from jaxenstein.adapters.vizdoom import GameSession
-from jaxenstein.files import atomic, check_writable
 from jaxenstein.players import players_of
 from jaxenstein.tasks.doom.fireballs import DoomFireArena, DoomFireState
 from jaxenstein.tasks.doom.fixed import ONE
@@ -274,25 +270,19 @@ def differs(row: Measure) -> bool:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Play, print the table, write the file; 1 if a difference is beyond the noise."""
+    """Play, print the table; 1 if a difference is beyond the noise."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
     ids = [f"doom-{name}" for name in ("defend-the-center", "defend-the-line", "take-cover")]
     ids.append("doom-deadly-corridor")
     parser.add_argument("ids", nargs="*", metavar="ID", default=ids, help="(default: all of them)")
     parser.add_argument("--episodes", type=int, default=200, help="in each (default %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the draws (default %(default)s)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     options = parser.parse_args(argv)
-    if options.json:
-        check_writable(options.json)
     rows: list[Measure] = []
     for id in options.ids:
         found = measure(id, options.episodes, options.seed)
         print(*map(in_words, found), sep="\n", flush=True)
         rows += found
-    if options.json:
-        with atomic(options.json) as path:
-            path.write_text(json.dumps([row._asdict() for row in rows], indent=1))
     return int(any(map(differs, rows)))
 
 

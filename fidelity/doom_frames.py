@@ -1,6 +1,6 @@
 """What Doom's scenarios show here and in the game, from the poses of random episodes.
 
-    python -m fidelity.doom_frames [--frames N] [--seed N] [--json FILE] [--picture FILE.png]
+    python -m fidelity.doom_frames [--frames N] [--seed N] [--picture FILE.png]
 
 Needs the extra `vizdoom`. The game plays; from each of its states, with its pose and its things,
 our frame is drawn beside its own: the share of pixels whose label agrees, the error of depth where
@@ -10,8 +10,6 @@ the game can tell it, and the difference of the colours, whose textures are one 
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,7 @@ import numpy as np
 
 import jaxenstein
 from jaxenstein.adapters.vizdoom import GameSession
-from jaxenstein.files import atomic, check_writable
+from jaxenstein.files import check_writable
 from jaxenstein.view.recording import mosaic, save_png
 
 IDS = ("doom-my-way-home", "doom-health-gathering", "doom-health-gathering-supreme")
@@ -61,8 +59,6 @@ def compare(id: str, frames: int, seed: int) -> tuple[dict[str, Any], Pairs]:
     near = here < FARTHEST
     error = np.abs(here - there)[near]
     figures = {
-        "id": id,
-        "frames": frames,
         "labels_equal": float(np.mean([np.mean(a == b) for a, b in labels])),
         "depth_within_range": float(near.mean()),
         "depth_error_units": {str(q): float(np.quantile(error, q / 100)) for q in (50, 90, 99)},
@@ -73,21 +69,18 @@ def compare(id: str, frames: int, seed: int) -> tuple[dict[str, Any], Pairs]:
     return figures, pictures
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> None:
     """Play, compare, print and write."""
     parser = argparse.ArgumentParser(description="Compare frames here and in the game.")
     parser.add_argument("--frames", type=int, default=100, help="of each (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="some pairs, ours above")
     options = parser.parse_args(argv)
-    for path in (options.json, options.picture):
-        if path:
-            check_writable(path)
-    rows, shown = [], []
+    if options.picture:
+        check_writable(options.picture)
+    shown = []
     for id in IDS:
         figures, pairs = compare(id, options.frames, options.seed)
-        rows.append(figures)
         shown += pairs[:: max(1, len(pairs) // PICTURES)][:PICTURES]
         errors = ", ".join(f"{q} %: {v:.1f}" for q, v in figures["depth_error_units"].items())
         print(
@@ -96,15 +89,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"colours differ by {figures['colour_difference']:.1f} of 255",
             flush=True,
         )
-    if options.json:
-        with atomic(options.json) as path:
-            path.write_text(json.dumps(rows, indent=1))
     if options.picture:
         ours, theirs = (np.stack(side) for side in zip(*shown, strict=True))
         rowed = [np.concatenate(pair) for pair in zip(ours, theirs, strict=True)]
         save_png(mosaic(np.stack(rowed), PICTURES), options.picture)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,6 +1,6 @@
 """Doom's motion here and in the game, tic by tic: every position, angle and velocity compared.
 
-    python -m fidelity.doom_motion [--episodes N] [--seed N] [--json FILE]
+    python -m fidelity.doom_motion [--episodes N] [--seed N]
 
 Needs the extra `bench`. Random buttons are recorded in the game and then given to our motion
 from the game's first pose. What is printed is how many tics differ in any bit: none should.
@@ -10,11 +10,8 @@ from __future__ import annotations
 
 import argparse
 import functools
-import importlib.metadata
-import json
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -22,10 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from fidelity.doom_recording import Recording, record
-from fidelity.vizdoom_game import complaint
-from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
-from jaxenstein.errors import JAXensteinError
-from jaxenstein.files import atomic, check_writable
 from jaxenstein.tasks.doom.buttons import hold
 from jaxenstein.tasks.doom.geometry import load_geometry
 from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering, DoomHealthGatheringSupreme
@@ -39,18 +32,11 @@ BUTTONS = {scenario.map_name: scenario.button_names for scenario in SCENARIOS}
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Record, compare, print the table, return the exit code: 1 if anything differs."""
-    arguments = _parser().parse_args(argv)
-    try:
-        load_vizdoom()
-        if arguments.json:
-            check_writable(arguments.json)
-        rows = [compare(name, arguments.episodes, arguments.seed) for name in BUTTONS]
-        report = {"vizdoom": importlib.metadata.version("vizdoom"), "motion": rows}
-        if arguments.json:
-            with atomic(arguments.json) as path:
-                path.write_text(json.dumps(report, indent=1))
-    except JAXensteinError as error:
-        return complaint(error)
+    parser = argparse.ArgumentParser(description="Compare Doom's motion here and in the game.")
+    parser.add_argument("--episodes", type=int, default=100, help="of each scenario (default 100)")
+    parser.add_argument("--seed", type=int, default=0, help="of game and buttons (default 0)")
+    options = parser.parse_args(argv)
+    rows = [compare(name, options.episodes, options.seed) for name in BUTTONS]
     return int(any(row["tics_that_differ"] for row in rows))
 
 
@@ -114,14 +100,6 @@ def _play(name: str, first: Body, held: jax.Array) -> Any:
         return body, ((body.position, body.velocity, body.angle), tried.slid)
 
     return jax.lax.scan(step, first, held)[1]
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description="Compare Doom's motion here and in the game.")
-    parser.add_argument("--episodes", type=int, default=100, help="of each scenario (default 100)")
-    parser.add_argument("--seed", type=int, default=0, help="of game and buttons (default 0)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
-    return parser
 
 
 if __name__ == "__main__":

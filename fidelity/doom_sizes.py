@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import collections
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,11 +22,9 @@ import numpy as np
 
 import jaxenstein
 from fidelity.players import mean_and_error
-from fidelity.vizdoom_game import complaint
 from jaxenstein.adapters.vizdoom import GameSession
 from jaxenstein.adapters.vizdoom_buffers import SCREENS, running
 from jaxenstein.engine.art import load_art
-from jaxenstein.errors import JAXensteinError
 from jaxenstein.maps.symbols import LABEL_NAMES
 from jaxenstein.tasks.doom.look import ROW_FOCAL_SHARE, Picture
 
@@ -169,7 +166,7 @@ def in_words(name: str, row: Sequence[float]) -> str:
     return f"{name:36}" + "".join(f"{value:9.2f}" for value in row)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> None:
     """Play and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
     parser.add_argument("ids", nargs="*", metavar="ID", default=IDS, help="(default: %(default)s)")
@@ -177,22 +174,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the draws (default %(default)s)")
     parser.add_argument("--counts", action="store_true", help="pixels of each label as well")
     options = parser.parse_args(argv)
-    try:
-        for id in options.ids:
-            env: Any = jaxenstein.make(id)[0]
-            print(f"{id:36}     left    right    lower    upper     area", flush=True)
-            for name, rows in measured(env, options.episodes, options.seed).items():
-                print(in_words(f"game: {name} ({len(rows)})", np.median(rows, axis=0).tolist()))
-            for picture in env.pictures:
-                print(in_words(f"here: {picture.art}", box(picture)))
-            if options.counts:
-                print(f"{'pixels of a label':36}     here       +-     game       +-")
-                for label, row in counts(id, options.episodes, options.seed).items():
-                    print(in_words(LABEL_NAMES[label], row), flush=True)
-    except JAXensteinError as error:
-        return complaint(error)
-    return 0
+    for id in options.ids:
+        env: Any = jaxenstein.make(id)[0]
+        print(f"{id:36}     left    right    lower    upper     area", flush=True)
+        for name, rows in measured(env, options.episodes, options.seed).items():
+            print(in_words(f"game: {name} ({len(rows)})", np.median(rows, axis=0).tolist()))
+        for picture in env.pictures:
+            print(in_words(f"here: {picture.art}", box(picture)))
+        if options.counts:
+            print(f"{'pixels of a label':36}     here       +-     game       +-")
+            for label, row in counts(id, options.episodes, options.seed).items():
+                print(in_words(LABEL_NAMES[label], row), flush=True)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

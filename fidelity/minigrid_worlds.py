@@ -22,6 +22,7 @@ import jax
 import numpy as np
 
 import jaxenstein
+from fidelity import players
 from fidelity.frequencies import Observation, chances
 from fidelity.minigrid_moves import end_of, fewest_moves
 from jaxenstein.maps.symbols import DOOR_LABELS
@@ -142,12 +143,9 @@ def original(name: str) -> Any:
 
 def first_states(name: str, count: int) -> tuple[Any, Any, Any]:
     """Our environment, its params, and first states on the host."""
-    env: Any
     env, params = jaxenstein.make(f"minigrid-{name}", height=8, width=8)
     params = env.check_params(params)
-    keys = jax.random.split(jax.random.key(1), count)
-    reset = jax.jit(jax.vmap(lambda key: env.init_state(key, params)))
-    return env, params, jax.device_get(reset(keys))
+    return env, params, jax.device_get(players.first_states(env, params, count, seed=1))
 
 
 def by_chance(name: str, episodes: int) -> tuple[float, float]:

@@ -24,7 +24,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import MagicMock
 
+import jax
 import numpy as np
+
+import jaxenstein
+from fidelity import players
+from jaxenstein.players import UNIFORM, play
+from jaxenstein.tasks.miniworld.box_maze import BoxMazeState
+from jaxenstein.tasks.miniworld.collect_health import CollectHealthState
+from jaxenstein.tasks.miniworld.rooms import BoxState
 
 SIGNIFICANCE = 0.05
 # Metres and tiles from one cell of a maze to the next.
@@ -127,10 +135,6 @@ def from_miniworld(name: str, resets: int) -> list[First]:
 
 def from_ours(name: str, resets: int) -> list[First]:
     """Ours."""
-    from jaxenstein.tasks.miniworld.box_maze import BoxMazeState
-    from jaxenstein.tasks.miniworld.collect_health import CollectHealthState
-    from jaxenstein.tasks.miniworld.rooms import BoxState
-
     _, _, states = first_states(name, resets)
     found = []
     for i in range(resets):
@@ -160,15 +164,8 @@ def from_ours(name: str, resets: int) -> list[First]:
 
 def first_states(name: str, count: int) -> tuple[Any, Any, Any]:
     """Our environment, its params, and first states on the host."""
-    import jax
-
-    import jaxenstein
-
-    env: Any
     env, params = jaxenstein.make(f"miniworld-{name}", height=8, width=8)
-    keys = jax.random.split(jax.random.key(0), count)
-    reset = jax.jit(jax.vmap(lambda key: env.init_state(key, params)))
-    return env, params, jax.device_get(reset(keys))
+    return env, params, jax.device_get(players.first_states(env, params, count, seed=0))
 
 
 def numbers(name: str, first: First) -> dict[str, float]:
@@ -235,10 +232,6 @@ def compared(name: str, resets: int, ids: int) -> bool:
 
 def by_chance(name: str, episodes: int) -> str:
     """Share of solved episodes and mean return of players who draw every action, told for both."""
-    import jax
-
-    from jaxenstein.players import UNIFORM, play
-
     ours, params, states = first_states(name, episodes)
     played = play(ours, UNIFORM, params, jax.random.key(2), states)
     env, rng, theirs = original(name), np.random.default_rng(0), []

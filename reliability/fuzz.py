@@ -140,57 +140,41 @@ def fuzz(
     """
     for case in target.seeds:
         assert attempt(target, case) == "", f"a seed is not valid: {attempt(target, case)}"
-    search = _Search(target, keep, time.monotonic() + seconds)
-    for number, done in enumerate(range(0, cases, ROUND)):
-        if time.monotonic() > search.end:
-            break
-        search.round(min(ROUND, cases - done), seed * 1000 + number)
-        jax.clear_caches()
-    return search.reasons
+    later: list[Case] = []
+    reasons, end, failed = Counter[str](), time.monotonic() + seconds, False
 
-
-@dataclasses.dataclass
-class _Search:
-    """What has been found out about a target; `later` are cases to be spoilt further."""
-
-    target: Target
-    keep: Path | None
-    end: float
-    later: list[Case] = dataclasses.field(default_factory=list)
-    reasons: Counter[str] = dataclasses.field(default_factory=Counter)
-    failed: bool = False
-
-    def round(self, cases: int, seed: int) -> None:
-        """Spoil and try some of the cases that there are."""
-        options = hypothesis.settings(
-            max_examples=cases,
-            deadline=None,
-            database=None,
-            suppress_health_check=SLOW,
-            phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink),
-        )
-        pool = strategies.sampled_from([*self.target.seeds, *self.later])
-        spoilt = hypothesis.given(pool, strategies.randoms(), strategies.integers(1, 4))
-        hypothesis.seed(seed)(options(spoilt(self.once)))()
-        del self.later[:-MOST]
-
-    def once(self, case: Case, rng: Rng, changes: int) -> None:
-        """Try a case with some changes, but for when time is over."""
-        if time.monotonic() > self.end and not self.failed:
+    def once(case: Case, rng: Rng, changes: int) -> None:
+        """Try a case with some changes, but for when time is over and no defect is being shrunk."""
+        nonlocal failed
+        if time.monotonic() > end and not failed:
             return
         for _ in range(changes):
-            case = self.target.spoil(case, rng)
+            case = target.spoil(case, rng)
         try:
-            reason = skeleton(attempt(self.target, case))
+            reason = skeleton(attempt(target, case))
         except BaseException:
-            self.failed = True
-            if self.keep is not None:
-                shutil.rmtree(self.keep, ignore_errors=True)
-                case.write(self.keep)
+            failed = True
+            if keep is not None:
+                shutil.rmtree(keep, ignore_errors=True)
+                case.write(keep)
             raise
-        if not reason or reason not in self.reasons:
-            self.later.append(case)
-        self.reasons[reason] += 1
+        if not reason or reason not in reasons:
+            later.append(case)
+        reasons[reason] += 1
+
+    for number, done in enumerate(range(0, cases, ROUND)):
+        if time.monotonic() > end:
+            break
+        pool = strategies.sampled_from([*target.seeds, *later[-MOST:]])
+        spoilt = hypothesis.given(pool, strategies.randoms(), strategies.integers(1, 4))(once)
+        options = hypothesis.settings(
+            max_examples=min(ROUND, cases - done), deadline=None, database=None,
+            suppress_health_check=SLOW,
+            phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink),
+        )  # fmt: skip
+        hypothesis.seed(seed * 1000 + number)(options(spoilt))()
+        jax.clear_caches()
+    return reasons
 
 
 @contextlib.contextmanager

@@ -39,7 +39,6 @@ PARTNERS: dict[str, Partner] = {
     "gymnax": Partner(("gymnax>=1.0.1", "six"), _GYMNAX, ("gymnax",)),
     "rejax": Partner(("rejax>=0.1.3", "gymnax==0.0.9", "six"), _GYMNAX, ("gymnax", "rejax")),
     "stoa": Partner(("stoa-env>=0.1.2",), ("test_stoa.py",), ("stoa",)),
-    "brax": Partner(("brax>=0.14", "jax<0.10"), ("test_brax.py",), ("brax",)),
     "vizdoom": Partner(("vizdoom>=1.3",), ("test_vizdoom.py",), ("vizdoom",)),
     "torch": Partner((_TORCH,), ("test_torch.py",), ("torch",), "3.11"),
     "torchrl": Partner(

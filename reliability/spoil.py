@@ -6,7 +6,6 @@ import copy
 import json
 import random
 import re
-import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -95,12 +94,11 @@ def _spoil_parts(parts: list[str], rng: Rng, known: Sequence[str]) -> None:
         parts[place] = rng.choice(known) + (parts[place] if rng.random() < 0.2 else "")
 
 
-def tree_spoiler(known: Sequence[Any] = (), dump: Callable[[Any], str] = json.dumps) -> Spoil:
-    """A change of the tree of a JSON or TOML text, or of its tokens or bytes where it is none.
+def tree_spoiler(known: Sequence[Any] = ()) -> Spoil:
+    """A change of the tree of a JSON text, or of its tokens or bytes where it is none.
 
     Args:
         known: values that would fit.
-        dump: makes a text of a tree.
     """
     words = text_spoiler(TOKENS, [value for value in known if isinstance(value, str)])
 
@@ -109,9 +107,9 @@ def tree_spoiler(known: Sequence[Any] = (), dump: Callable[[Any], str] = json.du
             deep = rng.choice((100, 5_000, 200_000))
             return b"[" * deep + b"]" * deep
         try:
-            tree = (json.loads if dump is json.dumps else tomllib.loads)(data.decode())
+            tree = json.loads(data.decode())
             if rng.random() < 0.9:
-                spoilt = dump(spoil_tree(tree, rng, known))
+                spoilt = json.dumps(spoil_tree(tree, rng, known))
                 return spoilt.encode("utf-8", "surrogatepass")
         except (ValueError, RecursionError):
             pass
@@ -150,19 +148,3 @@ def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
         for key in list(tree) if isinstance(tree, dict) else range(len(tree)):
             yield tree, key
             yield from _places(tree[key])
-
-
-def to_toml(tree: Any) -> str:
-    """A tree of JSON's values as TOML, but for null, which that has not."""
-    if not isinstance(tree, dict):
-        return _toml_value(tree)
-    return "\n".join(f"{json.dumps(name)} = {_toml_value(value)}" for name, value in tree.items())
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, dict):
-        entries = (f"{json.dumps(name)} = {_toml_value(entry)}" for name, entry in value.items())
-        return "{" + ", ".join(entries) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml_value, value)) + "]"
-    return json.dumps(value).replace("Infinity", "inf").replace("NaN", "nan")

@@ -25,7 +25,7 @@ from jaxenstein.maps.symbols import SYMBOLS
 from tests.reference.labmaps import write_map
 
 from .fuzz import Case, Target
-from .spoil import LINES, SIGNS, TOKENS, text_spoiler, to_toml, tree_spoiler
+from .spoil import LINES, SIGNS, TOKENS, text_spoiler, tree_spoiler
 
 LAB_WORDS = (
     *("classname", "worldspawn", "info_player_start", "goal", "apple_reward", "origin", "light"),
@@ -205,9 +205,8 @@ def configurations() -> Target:
     more = "[", "]", "{", "}", "[[grid]]", "'''", "true", "rnd", "icm", "simple", "!!python/x"
     known = (*all_options(), *more)
     words, lines = text_spoiler(TOKENS, known), text_spoiler(LINES)
-    tree = tree_spoiler((*known, [[4, 4, 4]], {"gamma": [0.9]}, [0.1, 1]), to_toml)
     seeds = [case(c__toml=TOML), case(c__toml=MAP), case(c__yaml=YAML)]
-    ways = {".toml": (tree, tree, tree, words, lines), ".yaml": (words, words, lines)}
+    ways = {".toml": (words, words, lines), ".yaml": (words, words, lines)}
     return Target(seeds, read, ways)
 
 

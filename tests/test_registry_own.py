@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import jaxenstein
-from examples.custom_task import TMaze
+from examples.custom_task import Fruit
 from jaxenstein import SettingError, TrajectoryError, UnknownEnvironmentError, registry
 from jaxenstein.cli import main
 from jaxenstein.environment import Environment
@@ -27,12 +27,12 @@ MODULE = '''
 """Tasks of a user."""
 import dataclasses
 import jaxenstein
-from examples.custom_task import TMaze
+from examples.custom_task import Fruit
 from jaxenstein.errors import SettingError
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Slow(TMaze):
-    """A T-maze with a number."""
+class Slow(Fruit):
+    """A room with a number."""
     number: int = 3
     version: int = 2
 
@@ -88,8 +88,8 @@ def test_a_registered_class_is_made_with_its_settings() -> None:
 
 
 def test_a_function_names_its_own_settings() -> None:
-    def build(*, cue: int, **settings: Any) -> TMaze:
-        return TMaze(final_observation=cue > 3, **settings)
+    def build(*, cue: int, **settings: Any) -> Fruit:
+        return Fruit(final_observation=cue > 3, **settings)
 
     jaxenstein.register("cue", build)
     assert registry.find("cue")[1].settings == (*SETTINGS, "cue")
@@ -104,22 +104,22 @@ def test_a_function_names_its_own_settings() -> None:
 @pytest.mark.parametrize("id", ["", "a b", "-a", "a--b", "a/b", "a:b", "task-v0", None, 3])
 def test_malformed_ids_are_refused(id: Any) -> None:
     with pytest.raises(SettingError, match="an id is letters, digits"):
-        jaxenstein.register(id, TMaze)
+        jaxenstein.register(id, Fruit)
 
 
 def test_taken_ids_are_refused(importable: str) -> None:
     for id in ("simple", "key-corridor-s4r3"):
         with pytest.raises(SettingError, match=f"'{id}' is taken by an environment of the package"):
-            jaxenstein.register(id, TMaze)
+            jaxenstein.register(id, Fruit)
     make(f"{importable}:slow")
     with pytest.raises(SettingError, match=f"'slow' is taken by the module '{importable}'"):
-        jaxenstein.register("slow", TMaze)
-    jaxenstein.register("again", TMaze)
+        jaxenstein.register("slow", Fruit)
+    jaxenstein.register("again", Fruit)
     jaxenstein.register("again", HealthGathering)
     assert isinstance(make("again")[0], HealthGathering)
 
 
-@pytest.mark.parametrize("build", [3, "TMaze", int, FirstPerson, Environment, TMaze(height=8)])
+@pytest.mark.parametrize("build", [3, "Fruit", int, FirstPerson, Environment, Fruit(height=8)])
 def test_what_builds_no_environment_is_refused(build: Any) -> None:
     with pytest.raises(SettingError, match="build must be a subclass"):
         jaxenstein.register("mine", build)
@@ -137,7 +137,7 @@ def test_a_function_that_returns_something_else_is_told() -> None:
 def test_a_version_is_a_whole_number() -> None:
     for version in (-1, 0.5, True, "1"):
         with pytest.raises(SettingError, match="version must be a whole number"):
-            jaxenstein.register("mine", TMaze, version=version)  # pyright: ignore[reportArgumentType]
+            jaxenstein.register("mine", Fruit, version=version)  # pyright: ignore[reportArgumentType]
 
 
 def test_an_id_with_a_module_imports_it(importable: str) -> None:
@@ -192,9 +192,9 @@ def test_a_map_may_have_the_name_of_an_id() -> None:
 
 
 def test_what_an_id_does_not_build_is_kept_by_no_recipe() -> None:
-    jaxenstein.register("mine", TMaze)
-    with pytest.raises(TrajectoryError, match="'t-maze' cannot be kept"):
-        recipe_of(TMaze(), TMaze().default_params)
+    jaxenstein.register("mine", Fruit)
+    with pytest.raises(TrajectoryError, match="'fruit' cannot be kept"):
+        recipe_of(Fruit(), Fruit().default_params)
 
 
 def test_every_command_takes_a_task_of_ones_own(
@@ -202,7 +202,7 @@ def test_every_command_takes_a_task_of_ones_own(
 ) -> None:
     task, view = f"{module}:slow", ["--height", "8", "--width", "8"]
     assert main(["list", task]) == 0
-    assert re.search("^slow +9x6 +100 +0.99 +a slow one$", capsys.readouterr().out, re.MULTILINE)
+    assert re.search("^slow +7x6 +100 +0.99 +a slow one$", capsys.readouterr().out, re.MULTILINE)
     walk = ["--actions", "forward*4", "--out", "a.gif", "--save", "a.json"]
     assert main(["record", task, *view, *walk]) == 0
     assert json.loads((tmp_path / "a.json").read_text())["environment"]["id"] == task
@@ -245,9 +245,9 @@ def test_it_is_trained_resumed_and_evaluated(
 def test_gymnasium_knows_registered_ids(order: str) -> None:
     pytest.importorskip("gymnasium")
     code = (
-        f"{order}\nfrom examples.custom_task import TMaze\n"
-        "jaxenstein.register('my-task', TMaze, version=2)\n"
-        "env = gymnasium.make('jaxenstein/my-task-v2', height=6, width=8, cue_steps=3)\n"
+        f"{order}\nfrom examples.custom_task import Fruit\n"
+        "jaxenstein.register('my-task', Fruit, version=2)\n"
+        "env = gymnasium.make('jaxenstein/my-task-v2', height=6, width=8, reach=0.3)\n"
         "print(env.reset(seed=0)[0].shape)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

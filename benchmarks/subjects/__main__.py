@@ -5,9 +5,8 @@ It prepares the subject, prints one JSON line that describes it, and then answer
 seconds. End of input ends it. Any interpreter can run it that has what the subject needs.
 
 A name is a kind, a number of environments where the kind has one, and options, such as
-`scan-64 id=key-door size=84x84`. The kinds are those of `own.py`, `peers.py` (`vizdoom-...`,
-`envpool-B`, `miniworld`), `adapters.py` (`adapter-KIND-B`), `sb3.py` and `waits.py`, with their
-options. Options that a subject does not know only make its name another one.
+`scan-64 id=key-door size=84x84`. The modules beside this one tell the kinds and their options.
+Options that a subject does not know only make its name another one.
 """
 
 from __future__ import annotations
@@ -22,16 +21,15 @@ import re
 import sys
 import time
 
-from benchmarks.subjects.common import Chunk
+from benchmarks.subjects.common import Chunk, notes
 
 # Of those kinds that are not in `own.py`: the module, by their first word.
 MODULES = {"vizdoom": "peers", "envpool": "peers", "miniworld": "peers"}
-MODULES |= {"adapter": "adapters", "sb3": "sb3"}
-MODULES |= dict.fromkeys(("reset", "start", "training", "products"), "waits")
+MODULES |= {"adapter": "adapters", "sb3": "sb3", "start": "waits", "training": "waits"}
 # Packages whose versions are told where they are loaded: by module.
 PACKAGES = {
     **{name: name for name in ("jax", "jaxlib", "numpy", "gymnasium", "vizdoom", "envpool")},
-    **{name: name for name in ("miniworld", "pyglet", "gymnax", "brax", "torch")},
+    **{name: name for name in ("miniworld", "pyglet", "gymnax", "torch")},
     "cv2": "opencv-python-headless",
     "stoa": "stoa-env",
     "stable_baselines3": "stable-baselines3",
@@ -39,14 +37,14 @@ PACKAGES = {
 }
 
 
-def prepare(name: str) -> tuple[Chunk, dict[str, str]]:
-    """Build the subject called `name`; also what a reader should know of it, such as who draws."""
+def prepare(name: str) -> Chunk:
+    """Build the subject called `name`."""
     head, *words = name.split()
     options = dict(word.split("=", 1) for word in words)
     kind, batch = re.fullmatch(r"(.+?)(?:-(\d+))?", head).groups()  # type: ignore[union-attr]
     module = MODULES.get(kind.partition("-")[0], "own")
-    found = importlib.import_module(f"benchmarks.subjects.{module}")
-    return found.SUBJECTS[kind](int(batch or 1), options), getattr(found, "notes", {})
+    subjects = importlib.import_module(f"benchmarks.subjects.{module}").SUBJECTS
+    return subjects[kind](int(batch or 1), options)
 
 
 def versions() -> dict[str, str]:
@@ -78,12 +76,11 @@ def main() -> None:
     replies = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1)
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     began = time.perf_counter()
-    chunk, notes = prepare(arguments.name)
+    chunk = prepare(arguments.name)
     chunk()
     ready = time.perf_counter() - began
-    print(
-        json.dumps({"versions": versions(), "notes": notes, "ready_seconds": ready}), file=replies
-    )
+    described = {"versions": versions(), "notes": notes, "ready_seconds": ready}
+    print(json.dumps(described), file=replies)
     for line in sys.stdin:
         print(json.dumps(answer(chunk, json.loads(line)["seconds"])), file=replies)
 

@@ -21,37 +21,33 @@ from benchmarks.subjects.common import (
     Chunk,
     Options,
     Subjects,
-    random_actions,
+    random_loop,
 )
 from benchmarks.subjects.own import own_environment, repeat
 
 MIDDLE = SIZE // 2
 
 
-def on_host(build: Callable[[Any, Any, int], tuple[Any, Any, Any]]) -> Builder:
+def on_host(
+    build: Callable[[Any, Any, int], Callable[[Any], Any]], convert: Any = np.asarray
+) -> Builder:
     """The subject of an adapter that is called from Python.
 
     Args:
-        build: of environment, params and B: the first frames, what steps with int32[B] and gives
-            uint8[B, H, W, 3], and what makes NumPy's actions what that takes.
+        build: of environment, params and B; gives what steps with int32[B] and returns
+            uint8[B, H, W, 3].
+        convert: makes of NumPy's actions what that takes.
     """
 
     def prepared(batch: int, options: Options) -> Chunk:
         # Waiting for each frame, one only pays for another thread; JAX must not run before.
         jax.config.update("jax_cpu_enable_async_dispatch", False)
         env, params = own_environment(options)
-        observation, step, turn = build(env, params, batch)
-        drawn = map(turn, random_actions(env.num_actions, batch))
-        calls = max(8, 1024 // batch)
-
-        def chunk() -> int:
-            nonlocal observation
-            for _ in range(calls):
-                action = (next(drawn) + observation[:, MIDDLE, MIDDLE, 0]) % env.num_actions
-                observation = step(action)
-            return calls * batch
-
-        return chunk
+        step, calls = build(env, params, batch), max(8, 1024 // batch)
+        return random_loop(
+            lambda actions: step(actions)[:, MIDDLE, MIDDLE, 0],
+            env.num_actions, calls, batch, batch, convert=convert,
+        )  # fmt: skip
 
     return prepared
 
@@ -67,22 +63,23 @@ def loop(env: Any, params: Any, batch: int) -> Any:
 
     key = jax.random.key(0)
     reset = jax.jit(lambda keys: jax.vmap(env.reset, (0, None))(keys, params))
-    observation, state = reset(jax.random.split(key, batch))
+    _, state = reset(jax.random.split(key, batch))
 
     def advance(actions: np.ndarray) -> np.ndarray:
         nonlocal key, state
         key, observation, state, *_ = step(key, state, actions)
         return np.asarray(observation)
 
-    return np.asarray(observation), advance, np.asarray
+    return advance
 
 
-def gymnasium_vector(env: Any, params: Any, batch: int, mode: str = "SameStep") -> Any:
+def gymnasium_vector(env: Any, params: Any, batch: int, mode: str) -> Any:
     """Gymnasium's vector interface."""
     from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
 
     adapter = GymnasiumVectorEnv(env, params, batch, autoreset_mode=mode)
-    return adapter.reset(seed=0)[0], lambda actions: adapter.step(actions)[0], np.asarray
+    adapter.reset(seed=0)
+    return lambda actions: adapter.step(actions)[0]
 
 
 def gymnasium_single(env: Any, params: Any, batch: int) -> Any:
@@ -98,7 +95,8 @@ def gymnasium_single(env: Any, params: Any, batch: int) -> Any:
             observation, _ = adapter.reset()
         return observation[None]
 
-    return adapter.reset(seed=0)[0][None], step, np.asarray
+    adapter.reset(seed=0)
+    return step
 
 
 def torch(env: Any, params: Any, batch: int) -> Any:
@@ -109,8 +107,15 @@ def torch(env: Any, params: Any, batch: int) -> Any:
 
     package.set_num_threads(1)
     adapter = TorchBatch(env, params, batch)
-    first, _ = adapter.reset(0)
-    return first, lambda actions: adapter.step(actions).observation, package.from_numpy
+    adapter.reset(0)
+    return lambda actions: adapter.step(actions).observation
+
+
+def to_tensor(actions: np.ndarray) -> Any:
+    """Actions as Torch takes them."""
+    import torch as package  # pyright: ignore[reportMissingImports]
+
+    return package.from_numpy(actions)
 
 
 def sb3(env: Any, params: Any, batch: int) -> Any:
@@ -119,15 +124,11 @@ def sb3(env: Any, params: Any, batch: int) -> Any:
 
     adapter = SB3VecEnv(env, params, batch)
     adapter.seed(0)
-    return adapter.reset(), lambda actions: adapter.step(actions)[0], np.asarray
+    adapter.reset()
+    return lambda actions: adapter.step(actions)[0]
 
 
-def scan_over(
-    batch: int,
-    reset: Callable[[jax.Array], tuple[Any, jax.Array]],
-    step: Callable[[jax.Array, Any, jax.Array], tuple[Any, jax.Array, jax.Array]],
-    count: int,
-) -> Chunk:
+def scan_over(batch: int, reset: Any, step: Any, count: int) -> Chunk:
     """A compiled scan over an adapter that lives in JAX, in the manner of `random_rollout`.
 
     Args:
@@ -141,8 +142,8 @@ def scan_over(
     def advance(carry: Any, _: None) -> tuple[Any, None]:
         key, state, image, total = carry
         key, policy_key, step_key = jax.random.split(key, 3)
-        drawn = jax.random.randint(policy_key, (batch,), 0, count, jnp.int32)
-        action = (drawn + image[:, MIDDLE, MIDDLE, 0].astype(jnp.int32)) % count
+        sampled = jax.random.randint(policy_key, (batch,), 0, count, jnp.int32)
+        action = (sampled + image[:, MIDDLE, MIDDLE, 0].astype(jnp.int32)) % count
         state, image, reward = step(jax.random.split(step_key, batch), state, action)
         return (key, state, image, total + reward), None
 
@@ -159,8 +160,7 @@ def gymnax(batch: int, options: Options) -> Chunk:
     env, params = from_env(*own_environment(options))
 
     def reset(keys: jax.Array) -> Any:
-        observation, state = jax.vmap(env.reset, (0, None))(keys, params)
-        return state, observation
+        return jax.vmap(env.reset, (0, None))(keys, params)[::-1]
 
     def step(keys: jax.Array, state: Any, action: jax.Array) -> Any:
         values = jax.vmap(env.step, (0, 0, 0, None))(keys, state, action, params)
@@ -186,33 +186,15 @@ def stoa(batch: int, options: Options) -> Chunk:
     return scan_over(batch, reset, step, env.env.num_actions)
 
 
-def brax(batch: int, options: Options) -> Chunk:
-    """Brax' interface in the wrappers that its training puts around it."""
-    from jaxenstein.adapters.brax import PIXELS, BraxEnvironment, wrap
-
-    inner = BraxEnvironment(*own_environment(options, autoreset=None))
-    env = wrap(inner, episode_length=inner.episode_length)
-
-    def reset(keys: jax.Array) -> Any:
-        # Brax' wrappers know old keys alone.
-        state = env.reset(jax.vmap(jax.random.key_data)(keys))
-        return state, state.obs[PIXELS]
-
-    def step(_: jax.Array, state: Any, action: jax.Array) -> Any:
-        state = env.step(state, action)
-        return state, state.obs[PIXELS], state.reward
-
-    return scan_over(batch, reset, step, inner.action_size)
-
-
 SUBJECTS: Subjects = {
     "adapter-loop": on_host(loop),
     "adapter-gymnasium-single": on_host(gymnasium_single),
-    "adapter-gymnasium-same-step": on_host(gymnasium_vector),
-    "adapter-gymnasium-next-step": on_host(functools.partial(gymnasium_vector, mode="NextStep")),
-    "adapter-torch": on_host(torch),
+    **{
+        f"adapter-gymnasium-{words}": on_host(functools.partial(gymnasium_vector, mode=mode))
+        for words, mode in (("same-step", "SameStep"), ("next-step", "NextStep"))
+    },
+    "adapter-torch": on_host(torch, to_tensor),
     "adapter-sb3": on_host(sb3),
     "adapter-gymnax": gymnax,
     "adapter-stoa": stoa,
-    "adapter-brax": brax,
 }

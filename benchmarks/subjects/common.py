@@ -20,18 +20,57 @@ Subjects = Mapping[str, Builder]
 ENVIRONMENT_ID = "my-way-home"
 SIZE = 64
 STEPS_A_CALL = 2**15
-# Of the whole training, over which learning rates fall; only its beginning is run.
+# How many frames `keep` keeps: 100 MB of 64x64 ones, more than fit into caches.
+FRAMES_KEPT = 2**13
+# Of a whole training, over which learning rates fall; only its beginning is run.
 TRAINED_STEPS = 10_000_000
+SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
+SHOOTING = (
+    "basic", "defend-the-center", "defend-the-line", "deadly-corridor", "predict-position",
+    "take-cover", "deathmatch",
+)  # fmt: skip
+
+# What a reader should know and only the running subject can tell, such as the renderer.
+notes: dict[str, str] = {}
 
 
 def random_actions(count: int, *shape: int) -> Iterator[Any]:
     """Uniform actions below `count`, round and round: int32[shape], or whole numbers without one.
 
-    They are drawn beforehand: drawing belongs to no step.
+    They are sampled beforehand, so that sampling is part of no step.
     """
     rows = max(256, 2**14 // math.prod(shape))
-    drawn = np.random.default_rng(0).integers(count, size=(rows, *shape), dtype=np.int32)
-    return itertools.cycle(drawn if shape else drawn.tolist())
+    sampled = np.random.default_rng(0).integers(count, size=(rows, *shape), dtype=np.int32)
+    return itertools.cycle(sampled if shape else sampled.tolist())
+
+
+def random_loop(
+    step: Callable[[Any], Any],
+    count: int,
+    calls: int,
+    steps: int,
+    *shape: int,
+    convert: Callable[[Any], Any] = lambda action: action,
+) -> Chunk:
+    """A random policy of which a pixel of every frame shifts the next action, so that all are read.
+
+    Args:
+        step: takes actions and gives the pixels of the frames that follow.
+        count: of actions.
+        calls: of `step` in a chunk.
+        steps: of the world in a call.
+        shape: of the actions; none for one whole number.
+        convert: makes of NumPy's actions what `step` takes and its pixels are.
+    """
+    actions, pixel = map(convert, random_actions(count, *shape)), 0
+
+    def chunk() -> int:
+        nonlocal pixel
+        for _ in range(calls):
+            pixel = step((next(actions) + pixel) % count)
+        return calls * steps
+
+    return chunk
 
 
 def middle(frame: np.ndarray) -> int:

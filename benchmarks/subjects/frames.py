@@ -1,4 +1,4 @@
-"""Programs that show where the time of a step goes: frames alone, frames kept, and no frames."""
+"""Programs that show where the time of a step goes: frames alone, and frames kept."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxenstein.speed.random_rollout import make_random_rollout
-
-# How many frames the suite keeps: 100 MB of 64x64 ones, more than fit into caches.
-FRAMES_KEPT = 2**13
 
 
 def make_frames(env: Any, params: Any, steps: int) -> jax.stages.Wrapped:
@@ -79,30 +76,3 @@ def make_keeping_rollout(
         return jax.lax.scan(step, carry, jnp.arange(steps, dtype=jnp.int32))[0]
 
     return jax.jit(rollout, donate_argnums=0), start
-
-
-def make_rules(env: Any, params: Any, batch: int, steps: int) -> tuple[jax.stages.Wrapped, Any]:
-    """A random policy for `steps` steps of a batch, resets included, without any frame.
-
-    Returns:
-        `(rollout, start)`: of a carry, and of a random key. The carry is key, states, and
-        float32[batch] sums of rewards.
-    """
-
-    def start(key: jax.Array) -> Any:
-        first_key, key = jax.random.split(key)
-        states = jax.vmap(lambda k: env.init_state(k, params))(jax.random.split(first_key, batch))
-        return key, states, jnp.zeros(batch, jnp.float32)
-
-    def step(carry: Any, _: None) -> tuple[Any, None]:
-        key, states, total = carry
-        key, action_key, step_key, reset_key = jax.random.split(key, 4)
-        actions = jax.random.randint(action_key, (batch,), 0, env.num_actions, jnp.int32)
-        keys = jax.random.split(step_key, batch), jax.random.split(reset_key, batch)
-        turn = jax.vmap(lambda *args: env.turn(*args, params))(*keys, states, actions)
-        return (key, turn.state, total + turn.reward), None
-
-    def rollout(carry: Any) -> Any:
-        return jax.lax.scan(step, carry, length=steps)[0]
-
-    return jax.jit(rollout, donate_argnums=0), jax.jit(start)

@@ -2,16 +2,14 @@
 
 - `scan-B`: a random policy in one compiled scan; options `id`, or `map` or `sprites` (`maps.py`),
   `size`, and any of `SETTINGS`, which the other kinds take too;
-- `loop`, `loop-async`: one environment, one call a step;
+- `loop`: one environment, one call a step;
 - `frames-B`, `keep-B`, `fill-B`: frames alone, frames kept, and only writing as many bytes;
-- `rules-B`: as `scan-B`, without frames;
-- `stage-B stage=NAME`: one stage of a step (`stages.py`);
+- `reset-B`: resets of a batch in a scan;
 - `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`).
 """
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -23,6 +21,7 @@ import jaxenstein
 from benchmarks.subjects import maps
 from benchmarks.subjects.common import (
     ENVIRONMENT_ID,
+    FRAMES_KEPT,
     SIZE,
     STEPS_A_CALL,
     Chunk,
@@ -31,10 +30,9 @@ from benchmarks.subjects.common import (
     frame_skip,
     image_size,
     middle,
-    random_actions,
+    random_loop,
 )
-from benchmarks.subjects.frames import FRAMES_KEPT, make_frames, make_keeping_rollout, make_rules
-from benchmarks.subjects.stages import make_stage
+from benchmarks.subjects.frames import make_frames, make_keeping_rollout
 from jaxenstein.speed.random_rollout import make_random_rollout
 
 # Options that are settings of the environments, with their types.
@@ -94,13 +92,6 @@ def keep(batch: int, options: Options) -> Chunk:
     return repeat(rollout, start(jax.random.key(0)), batch * steps * frame_skip(options))
 
 
-def rules(batch: int, options: Options) -> Chunk:
-    """As `scan`, and nothing is drawn."""
-    steps = max(1, STEPS_A_CALL // batch)
-    rollout, start = make_rules(*own_environment(options), batch, steps)
-    return repeat(rollout, start(jax.random.key(0)), batch * steps * frame_skip(options))
-
-
 def fill(batch: int, options: Options) -> Chunk:
     """Nothing but writing the bytes of a batch of frames, by NumPy."""
     width, height = image_size(options)
@@ -117,17 +108,21 @@ def fill(batch: int, options: Options) -> Chunk:
     return chunk
 
 
-def stage(batch: int, options: Options) -> Chunk:
-    """One stage of a step, of the same states over and over."""
-    program, given = make_stage(*own_environment(options), batch, options["stage"])
-    calls = max(1, STEPS_A_CALL // batch)
+def reset(batch: int, options: Options) -> Chunk:
+    """Resets of a batch in a compiled scan; a pixel of each frame goes into the next one's key."""
+    env, params = own_environment(options)
+    steps = max(1, STEPS_A_CALL // 8 // batch)
+    resets = jax.vmap(lambda key: env.reset(key, params))
 
-    def chunk() -> int:
-        for _ in range(calls):
-            jax.block_until_ready(program(*given))
-        return calls * batch
+    def again(carry: Any, _: None) -> tuple[Any, None]:
+        key, (obs, _) = carry
+        seen = sum(jnp.sum(leaf[:, -1, -1].astype(jnp.uint32)) for leaf in jax.tree.leaves(obs))
+        key, reset_key = jax.random.split(jax.random.fold_in(key, seen))
+        return (key, resets(jax.random.split(reset_key, batch))), None
 
-    return chunk
+    first = jax.jit(resets)(jax.random.split(jax.random.key(0), batch))
+    program = jax.jit(lambda carry: jax.lax.scan(again, carry, length=steps)[0], donate_argnums=0)
+    return repeat(program, (jax.random.key(1), first), batch * steps)
 
 
 def spread(batch: int, options: Options) -> Chunk:
@@ -142,14 +137,11 @@ def spread(batch: int, options: Options) -> Chunk:
     return repeat(rollout, start(np.uint32(0)), batch * steps)
 
 
-def loop(batch: int, options: Options, asynchronous: bool = False) -> Chunk:
-    """The project as a Python loop: one environment, one jitted call a step, a pixel read.
-
-    With JAX's asynchronous dispatch every call is handed to another thread, which a loop that
-    waits for each frame only pays for.
-    """
+def loop(batch: int, options: Options) -> Chunk:
+    """The project as a Python loop: one environment, one jitted call a step, a pixel read."""
     assert batch == 1
-    jax.config.update("jax_cpu_enable_async_dispatch", asynchronous)
+    # Else every call is handed to another thread, which a loop that waits for each frame pays for.
+    jax.config.update("jax_cpu_enable_async_dispatch", False)
     env, params = own_environment(options)
 
     @jax.jit
@@ -158,27 +150,22 @@ def loop(batch: int, options: Options, asynchronous: bool = False) -> Chunk:
         return key, *env.step(step_key, state, action, params)
 
     key, reset_key = jax.random.split(jax.random.key(0))
-    obs, state = jax.jit(lambda key: env.reset(key, params))(reset_key)
-    drawn, calls = random_actions(env.num_actions), 64
+    _, state = jax.jit(lambda key: env.reset(key, params))(reset_key)
 
-    def chunk() -> int:
-        nonlocal key, obs, state
-        for _ in range(calls):
-            action = (next(drawn) + middle(np.asarray(obs))) % env.num_actions
-            key, obs, state, *_ = step(key, state, np.int32(action))
-        return calls * frame_skip(options)
+    def advance(action: int) -> int:
+        nonlocal key, state
+        key, obs, state, *_ = step(key, state, np.int32(action))
+        return middle(np.asarray(obs))
 
-    return chunk
+    return random_loop(advance, env.num_actions, 64, frame_skip(options))
 
 
 SUBJECTS: Subjects = {
     "scan": scan,
     "loop": loop,
-    "loop-async": functools.partial(loop, asynchronous=True),
     "frames": frames,
     "keep": keep,
-    "rules": rules,
     "fill": fill,
-    "stage": stage,
+    "reset": reset,
     "spread": spread,
 }

@@ -2,8 +2,8 @@
 
 Every one of them reads a pixel of each frame, which shifts the next action, as the project's own
 subjects do. Nothing of JAX or of this project is imported here. Options of all of ViZDoom's:
-`scenario`, one of `SCENARIOS` or `SHOOTING`; `frame_skip`; `frames=no`, of the raw game without its
-screen; `size`, one of ViZDoom's resolutions; `resize`, to 64x64 by `area` or `linear`, or `none`.
+`scenario`, one of `SCENARIOS` or `SHOOTING`; `frame_skip`; `size`, one of ViZDoom's resolutions;
+`resize`, to 64x64 by `area` or `linear`, or `none`.
 """
 
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.subjects.common import (
+    SCENARIOS,
     SIZE,
     Chunk,
     Options,
@@ -24,20 +25,13 @@ from benchmarks.subjects.common import (
     frame_skip,
     image_size,
     middle,
-    random_actions,
+    notes,
+    random_loop,
 )
 
 STEPS = 64
-SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
-SHOOTING = (
-    "basic", "defend-the-center", "defend-the-line", "deadly-corridor", "predict-position",
-    "take-cover", "deathmatch",
-)  # fmt: skip
 # ViZDoom's Gymnasium ids and files that are called otherwise.
 _IDS = {"DefendTheCenter": "DefendCenter", "DefendTheLine": "DefendLine"}
-
-# What a reader should know and only the running peer can tell, such as who draws.
-notes: dict[str, str] = {}
 
 
 def scenario(options: Options, separator: str = "") -> str:
@@ -86,28 +80,15 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
     every = game.get_available_buttons()
     keys = [i for i, button in enumerate(every) if not vizdoom.is_delta_button(button)]
     buttons = [[float(i == key) for i in range(len(every))] for key in (-1, *keys)]
-    count = len(buttons)
-    drawn, resize, pixel = random_actions(count), resizer(options.get("resize", "none")), 0
-    skip = frame_skip(options)
+    resize, skip = resizer(options.get("resize", "none")), frame_skip(options)
 
-    def undrawn() -> int:
-        for _ in range(STEPS):
-            game.set_action(buttons[next(drawn)])
-            game.advance_action(skip, False)
-            if game.is_episode_finished():
-                game.new_episode()
-        return STEPS * skip
+    def step(action: int) -> int:
+        game.make_action(buttons[action], skip)
+        if game.is_episode_finished():
+            game.new_episode()
+        return middle(resize(game.get_state().screen_buffer))
 
-    def chunk() -> int:
-        nonlocal pixel
-        for _ in range(STEPS):
-            game.make_action(buttons[(next(drawn) + pixel) % count], skip)
-            if game.is_episode_finished():
-                game.new_episode()
-            pixel = middle(resize(game.get_state().screen_buffer))
-        return STEPS * skip
-
-    return undrawn if options.get("frames") == "no" else chunk
+    return random_loop(step, len(buttons), STEPS, skip)
 
 
 def envpool(batch: int, options: Options) -> Chunk:
@@ -136,21 +117,18 @@ def envpool(batch: int, options: Options) -> Chunk:
         use_inter_area_resize=options.get("resize", "area") == "area",
         seed=0,
     )
-    count = int(env.action_space.n)
-    drawn, calls = random_actions(count, together), max(1, STEPS // together)
     env.async_reset()
-    obs, *_, info = env.recv()
+    *_, info = env.recv()
 
-    def chunk() -> int:
-        nonlocal obs, info
-        for _ in range(calls):
-            # Frames have their channels first; EnvPool resets by itself.
-            pixels = obs[:, 0, height // 2, width // 2].astype(np.int32)
-            env.send((next(drawn) + pixels) % count, info["env_id"])
-            obs, *_, info = env.recv()
-        return calls * together * skip
+    def step(actions: np.ndarray) -> np.ndarray:
+        nonlocal info
+        env.send(actions, info["env_id"])
+        obs, *_, info = env.recv()
+        # Frames have their channels first; EnvPool resets by itself.
+        return obs[:, 0, height // 2, width // 2].astype(np.int32)
 
-    return chunk
+    calls = max(1, STEPS // together)
+    return random_loop(step, int(env.action_space.n), calls, together * skip, together)
 
 
 def miniworld(batch: int, options: Options) -> Chunk:
@@ -181,19 +159,14 @@ def gymnasium_loop(
 ) -> Chunk:
     """The plain loop over an environment of Gymnasium, of so many steps of the world a call."""
     env.reset(seed=0)
-    count = int(env.action_space.n)
-    drawn, pixel = random_actions(count), 0
 
-    def chunk() -> int:
-        nonlocal pixel
-        for _ in range(STEPS):
-            obs, _, terminated, truncated, _ = env.step((next(drawn) + pixel) % count)
-            if terminated or truncated:
-                obs, _ = env.reset()
-            pixel = middle(resize(image(obs)))
-        return STEPS * skip
+    def step(action: int) -> int:
+        obs, _, terminated, truncated, _ = env.step(action)
+        if terminated or truncated:
+            obs, _ = env.reset()
+        return middle(resize(image(obs)))
 
-    return chunk
+    return random_loop(step, int(env.action_space.n), STEPS, skip)
 
 
 def resizer(kind: str) -> Callable[[np.ndarray], np.ndarray]:

@@ -1,7 +1,7 @@
 """RecurrentPPO of sb3-contrib on ViZDoom's My Way Home as a subject, `sb3-B`: whole updates.
 
 Its interpreter has PyTorch, stable-baselines3, sb3-contrib and ViZDoom (`python -m
-benchmarks.suites.peers training`); nothing of JAX or of this project is imported. Options:
+benchmarks.install training`); nothing of JAX or of this project is imported. Options:
 `rollout`, steps of an update; `vector`, where each ViZDoom is stepped.
 """
 
@@ -14,12 +14,10 @@ import functools
 import os
 from typing import Any
 
-from benchmarks.subjects.common import TRAINED_STEPS, Chunk, Options, Subjects
+from benchmarks.subjects.common import TRAINED_STEPS, Chunk, Options, Subjects, notes
 from benchmarks.subjects.peers import resizer
-from benchmarks.suites.processes import cores_allowed
 
 PRELOADED = ["stable_baselines3.common.vec_env.subproc_vec_env", "vizdoom.gymnasium_wrapper", "cv2"]
-notes: dict[str, str] = {}
 
 
 def make_env(**settings: Any) -> Any:
@@ -44,7 +42,7 @@ def make_vector(count: int, kind: str, **settings: Any) -> Any:
 
     from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
-    if kind == "dummy" or (kind == "auto" and (cores_allowed() == 1 or count == 1)):
+    if kind == "dummy" or (kind == "auto" and (len(os.sched_getaffinity(0)) == 1 or count == 1)):
         return DummyVecEnv([functools.partial(make_env, **settings)] * count)
     # Else every worker would import PyTorch for itself: seconds and 0.2 GB for each.
     multiprocessing.set_forkserver_preload(PRELOADED)
@@ -88,7 +86,7 @@ def sb3(batch: int, options: Options) -> Chunk:
     os.environ["OMP_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
     import torch
 
-    torch.set_num_threads(cores_allowed())
+    torch.set_num_threads(len(os.sched_getaffinity(0)))
     env = make_vector(batch, options.get("vector", "auto"))
     atexit.register(env.close)
     model = make_model(env, int(options.get("rollout", "128")))

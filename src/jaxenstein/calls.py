@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Hashable
@@ -14,7 +13,7 @@ import numpy as np
 
 from .batching import varying
 from .errors import SettingError
-from .params import Params, Range, in_words, range_of
+from .params import Params
 
 Q = ParamSpec("Q")
 R = TypeVar("R")
@@ -108,29 +107,6 @@ def as_static(field: str, value: Any) -> Any:
             "so they must be hashable, as numbers, words and tuples of them are"
         )
     return value
-
-
-def check_whole(field: str, value: Any, highest: float, lowest: float = 1) -> None:
-    """Complain of a setting that is no whole number from `lowest` to `highest`."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not lowest <= value <= highest:
-        raise SettingError(
-            f"{field} must be {in_words('i', Range(lowest, highest))}, not {value!r}"
-        )
-
-
-def check_ranges(settings: Any) -> None:
-    """Complain of a whole number outside of the range that its class declares with `number`.
-
-    And of a switch that is neither true nor false: a word such as "False" would count as true.
-    """
-    for field in dataclasses.fields(settings):
-        if isinstance(field.default, bool) and not isinstance(getattr(settings, field.name), bool):
-            given = getattr(settings, field.name)
-            raise SettingError(f"{field.name} must be True or False, not {given!r}")
-        limits = range_of(type(settings), field.name)
-        if limits != Range() and isinstance(field.default, int):
-            check_whole(field.name, getattr(settings, field.name), limits.most, limits.least)
 
 
 def as_kind(value: Any, default: Any) -> jax.Array:

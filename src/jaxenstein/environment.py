@@ -18,11 +18,11 @@ import jax.numpy as jnp
 
 from .about import About
 from .batching import select, where_any
-from .calls import as_kind, as_static, check_ranges, checked_action, compiled
+from .calls import as_kind, as_static, checked_action, compiled
 from .errors import SettingError, nearest
+from .fields import check, choice, number
 from .params import Params as Params
 from .params import Scalar as Scalar
-from .params import number
 from .spaces import Discrete, Space
 from .turn import Advanced, S, Turn, repeated
 from .turn import Info as Info
@@ -53,7 +53,7 @@ class Environment(abc.ABC, Generic[S, P]):
             after the end goes on with the old episode.
         final_observation: with `"same-step"`, add `info["final_observation"]`, the observation
             before the reset, at every step. It costs a second render a step.
-        frame_skip: steps of the world in one step, 1 to 64: the action is repeated, rewards add
+        frame_skip: steps of the world in one step: the action is repeated, rewards add
             up, `info` has the events of all of them, and only the last one is drawn. The end of
             the episode, by the task or the time limit, ends the step as well. `time`,
             `max_steps_in_episode` and `episode_length` count steps of the world. From 2 on, the
@@ -62,7 +62,7 @@ class Environment(abc.ABC, Generic[S, P]):
 
     name: str = "custom"
     version: int = 0
-    autoreset: Autoreset | None = "same-step"
+    autoreset: Autoreset | None = choice("same-step", (*get_args(Autoreset), None))
     final_observation: bool = False
     frame_skip: int = number(1, 1, MOST_FRAME_SKIP)
 
@@ -94,10 +94,7 @@ class Environment(abc.ABC, Generic[S, P]):
             object.__setattr__(self, field.name, as_static(field.name, value))
         if not isinstance(self.name, str) or not self.name.isprintable():
             raise SettingError(f"name must be a text of one line, not {self.name!r}")
-        if self.autoreset is not None and self.autoreset not in get_args(Autoreset):
-            modes = ", ".join(map(repr, (*get_args(Autoreset), None)))
-            raise SettingError(f"autoreset must be one of {modes}, not {self.autoreset!r}")
-        check_ranges(self)
+        check(self)
         if self.final_observation and self.autoreset != "same-step":
             raise SettingError(
                 f"final_observation=True needs autoreset='same-step': with {self.autoreset!r} "

@@ -12,8 +12,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from .calls import check_whole
 from .errors import SettingError
+from .fields import check_whole
 from .version import __version__
 
 
@@ -45,7 +45,7 @@ def use_cores(count: int | None = None) -> int:
     most = cores_allowed()
     if count is None:
         count = most
-    check_whole("cores", count, most)
+    check_whole("cores", count, 1, most)
     try:
         jax.config.update("jax_num_cpu_devices", count)
     except RuntimeError as error:

@@ -122,11 +122,6 @@ def _candidates(env: Any) -> list[tuple[str | None, dict[str, Any]]]:
     return found
 
 
-def as_tuples(value: Any) -> Any:
-    """The value with tuples for lists, at every depth."""
-    return tuple(map(as_tuples, value)) if isinstance(value, list | tuple) else value
-
-
 def _plain(value: Any) -> Any:
     """A setting in types that files keep: numpy's numbers as Python's, lists as tuples."""
     if isinstance(value, np.generic):

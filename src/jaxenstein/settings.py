@@ -4,159 +4,57 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
-import sys
-import typing
-from collections.abc import Iterable, Mapping
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any
 
 from . import registry
-from .docstrings import attributes
 from .errors import SettingError, nearest
-from .recipe import Recipe, as_tuples
+from .fields import Domain, Option, as_tuples, check_names, check_value, names_of, options_of
+from .recipe import Recipe
 from .tasks.first_person import SEEN, SETTINGS, FirstPerson
+from .tasks.steering import HEADING
 
-Kind = Literal["count", "number", "flag", "choice", "layers", "angle", "text", "table", "seeds"]
-
-KINDS: dict[Kind, str] = {
-    "count": "a whole number",
-    "number": "a number",
-    "flag": "true or false",
-    "choice": "a word",
-    "text": "a text",
-    "layers": "a list of [kernel, stride, features]",
-    "table": "a table of names with values",
-    "angle": "a number or two, in degrees",
-    "seeds": "two whole numbers, the first seed and the one past the last",
-}
 # Texts that come with a map, in files of their own beside it.
 MAP_TEXTS = ("regions", "faces")
 # What names an environment.
 PLACES = ("env", "map", "map_file", "heading", *MAP_TEXTS)
 
 
-@dataclasses.dataclass(frozen=True)
-class Option:
-    """One thing that may be set.
-
-    Attributes:
-        name: as in a file; the flag has hyphens for underscores.
-        group: what it belongs to, for the help.
-        kind: what its values are.
-        default: its value if nothing is said.
-        help: what it does.
-        choices: the values there are, if they are few.
-    """
-
-    name: str
-    group: str
-    kind: Kind
-    default: Any
-    help: str
-    choices: tuple[str, ...] = ()
-
-
-def options_of(
-    cls: type, group: str, names: Iterable[str] | None = None, kind: Kind | None = None
-) -> list[Option]:
-    """The options that the fields of a dataclass are, or those of the names, of a kind if given."""
-    helps, hints = attributes(cls), typing.get_type_hints(cls)
-    fields = {field.name: field for field in dataclasses.fields(cls)}
-    found = []
-    for name in fields if names is None else names:
-        found_kind, choices = (kind, ()) if kind else _kind(hints[name])
-        text = helps.get(name, "(python -OO strips the explanation)")
-        text = text.replace("`", "").rstrip(".")
-        found.append(Option(name, group, found_kind, fields[name].default, text, choices))
-    return found
-
-
-def _kind(hint: Any) -> tuple[Kind, tuple[str, ...]]:
-    if typing.get_origin(hint) is Literal:
-        return "choice", typing.get_args(hint)
-    kinds: dict[Any, Kind] = {bool: "flag", int: "count", float: "number", str: "text"}
-    kinds[tuple[int, int] | range | None] = "seeds"
-    return kinds.get(hint, "layers"), ()
-
-
 @functools.cache
 def environment_options() -> dict[str, Option]:
-    """Every option that says which environment there is, and how it is seen."""
-    place, view = "environment", "what the agent sees"
-    options = (
-        Option("env", place, "text", None, "id of the environment, see 'jaxenstein list'"),
-        Option("map", place, "text", None, "a map as text, instead of env"),
-        Option(
+    """Every field that says which environment there is, and how it is seen."""
+    text, table = Domain("text"), Domain("table")
+    place = (
+        ("env", text, "id of the environment, see 'jaxenstein list'"),
+        ("map", text, "a map as text, instead of env"),
+        (
             "map_file",
-            place,
-            "text",
-            None,
+            text,
             "a file with a map, instead of an id, or samples/NAME; 'jaxenstein list' explains with "
             "--symbols the symbols, and prints with --samples those maps",
         ),
-        Option(
-            "heading",
-            place,
-            "angle",
-            None,
-            "first heading on that map in degrees, 0 east, 90 south, or LOW,HIGH (default: any)",
-        ),
-        Option("horizon", place, "count", None, "most steps of an episode"),
-        Option("settings", place, "table", None, "any other setting of jaxenstein.make"),
-        Option("params", place, "table", None, "any number of the environment's params"),
-        *options_of(FirstPerson, view, SEEN),
+        ("heading", HEADING, "first heading on that map, 0 east, 90 south; else any"),
+        ("horizon", Domain("whole", 1), "most steps of an episode"),
+        ("settings", table, "any other setting of jaxenstein.make"),
+        ("params", table, "any number of the environment's params"),
     )
-    return {option.name: option for option in options}
+    fields = [Option(name, "environment", domain, None, help) for name, domain, help in place]
+    fields += options_of(FirstPerson, "what the agent sees", SEEN)
+    return {field.name: field for field in fields}
 
 
-def check(given: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, Any]:
-    """Check names and kinds of options; whole numbers may be written as 3e6.
+def checked(given: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, Any]:
+    """Values of fields that a file or flags gave, each in its field's own type.
 
     Raises:
-        SettingError: there is no such option, or its value is of another kind.
+        SettingError: there is no such field, or it cannot have the value.
     """
-    checked = {}
+    values = {}
     for name, value in given.items():
-        if name in MAP_TEXTS:
-            checked[name] = value
-        elif name not in known:
+        if name not in (*known, *MAP_TEXTS):
             raise SettingError(f"unknown option {name!r}{nearest(name, known)}")
-        else:
-            checked[name] = coerce(known[name], value)
-    return checked
-
-
-def coerce(option: Option, value: Any) -> Any:
-    """A value of an option from a file, as its kind.
-
-    Raises:
-        SettingError: it is of another kind.
-    """
-    name, kind = option.name, option.kind
-    # A whole number may be too large for a float.
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    number = isinstance(value, float) or (whole and abs(value) <= sys.float_info.max)
-    if kind == "count" and number and math.isfinite(value) and value == int(value):
-        return int(value)
-    if kind == "number" and number:
-        return float(value)
-    table = isinstance(value, dict) and all(isinstance(key, str) for key in value)
-    if (kind == "flag" and isinstance(value, bool)) or (kind == "table" and table):
-        return value
-    if kind in ("text", "choice") and isinstance(value, str):
-        if kind == "choice" and value not in option.choices:
-            close = nearest(value, option.choices)
-            known = ", ".join(map(repr, option.choices))
-            raise SettingError(f"{name} must be one of {known}, not {value!r}{close}")
-        return value
-    listed = isinstance(value, list | tuple)
-    if kind == "layers" and listed and all(isinstance(layer, list | tuple) for layer in value):
-        return as_tuples(value)
-    if kind == "seeds" and listed and len(value) == 2:
-        return as_tuples(value)
-    if kind == "angle" and (number or (listed and len(value) == 2)):
-        return as_tuples(value)
-    raise SettingError(f"{name} must be {KINDS[kind]}, not {value!r}")
+        values[name] = check_value(name, known[name].domain, value) if name in known else value
+    return values
 
 
 def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
@@ -208,8 +106,6 @@ def recipe_from(given: Mapping[str, Any]) -> Recipe:
     settings |= {name: as_tuples(v) for name, v in (given.get("settings") or {}).items()}
     params = dict(given.get("params") or {})
     if "horizon" in given:
-        if given["horizon"] < 1:
-            raise SettingError(f"horizon must be a whole number from 1, not {given['horizon']}")
         params["max_steps_in_episode"] = given["horizon"]
     if "map" in given:
         settings |= {name: given[name] for name in (*MAP_TEXTS, "heading") if name in given}
@@ -226,17 +122,13 @@ def recipe_from(given: Mapping[str, Any]) -> Recipe:
 
 def _check_params(params: Mapping[str, Any], env: Any, defaults: Any) -> None:
     """Tell params that there are not, settings among them."""
-    numbers = [field.name for field in dataclasses.fields(defaults)]
-    settings = {field.name for field in dataclasses.fields(env)}
+    numbers, settings = names_of(defaults), names_of(env)
     for name, value in params.items():
         if name not in numbers and name in settings:
             raise SettingError(
                 f"{name!r} is a setting, not a param: --set {name}={value}, or 'settings' of a file"
             )
-        if name not in numbers:
-            raise SettingError(
-                f"unknown param {name!r}{nearest(name, numbers)}; known: {', '.join(numbers)}"
-            )
+    check_names(params, numbers, "param")
 
 
 def given_by(recipe: Recipe) -> dict[str, Any]:

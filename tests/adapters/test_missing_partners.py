@@ -13,7 +13,6 @@ import pytest
     [
         ("gymnax", "gymnax.environments", "gymnax"),
         ("stoa", "stoa", "stoa-env"),
-        ("brax", "brax.envs", "brax"),
     ],
 )
 def test_a_missing_partner_is_named_with_its_extra(

@@ -36,9 +36,8 @@ def tiny(**changes: Any) -> Experiment:
     return resolve({**OPTIONS, **changes})
 
 
-def hardly_trained(path: Path) -> RunFolder:
+def hardly_trained(path: Path, experiment: Experiment) -> RunFolder:
     """A run before its first update, whose agents act almost at random."""
-    experiment = tiny()
     folder = RunFolder.create(path, experiment)
     state = experiment.learner.many.init(experiment.keys())
     # Larger logits: greedy actions that depend on what is seen, and are not close to a tie.

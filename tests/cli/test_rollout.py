@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 from pathlib import Path
 
@@ -14,8 +13,6 @@ from PIL import Image
 
 import jaxenstein
 from jaxenstein.cli import main, rollout
-from jaxenstein.maps.symbols import LABEL_COLOURS
-from jaxenstein.view.frames import picture
 
 MAP = "######\n#S..G#\n######\n"
 
@@ -25,18 +22,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """The folder and the printed text of one small rollout with pictures."""
     folder = tmp_path_factory.mktemp("rollout")
     (folder / "tiny.txt").write_text(MAP)
-    arguments = [
-        "--envs",
-        "5",
-        "--steps",
-        "30",
-        "--horizon",
-        "10",
-        "--height",
-        "8",
-        "--width",
-        "12",
-    ]
+    arguments = ["--envs=5", "--steps=30", "--horizon=10", "--height=8", "--width=12"]
     with pytest.MonkeyPatch.context() as patch:
         printed: list[str] = []
         patch.setattr("builtins.print", lambda *text, **_: printed.append(" ".join(text)))
@@ -98,23 +84,3 @@ def test_counts_are_those_of_the_environment() -> None:
     assert (tally.episodes, tally.successes, tally.goals) == (ended, reached, reached)
     assert tally.episodes > 0
     assert tally.returns == pytest.approx(returns, rel=1e-5)
-
-
-def test_observations_of_every_kind_become_pictures() -> None:
-    grey = np.array([[0, 200]], np.uint8)
-    assert (picture(grey, "gray") == grey[..., None]).all()
-    assert picture(grey, "gray").shape == (1, 2, 3)
-    depth = picture(np.array([[0.0, 1.0, 8.0, np.inf]], np.float32), "depth")[0, :, 0]
-    assert depth[0] == 255
-    assert (np.diff(depth.astype(int)) < 0).all()
-    assert depth[-1] == 0
-    labels = picture(np.array([[2, 47]], np.uint8), "labels")
-    assert (labels == np.array(LABEL_COLOURS, np.uint8)[[[2, 47]]]).all()
-
-
-def test_options_have_the_documented_defaults() -> None:
-    from jaxenstein.cli import build_parser
-
-    options = build_parser().parse_args(["rollout", "simple"])
-    assert isinstance(options, argparse.Namespace)
-    assert (options.envs, options.steps, options.seed, options.out) == (256, 500, 0, None)

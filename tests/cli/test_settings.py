@@ -69,7 +69,7 @@ def test_flags_become_settings_and_params(command: str) -> None:
         (["--set", "hieght=8"], "unknown setting 'hieght', did you mean 'height'"),
         (["--set", "height"], "--set must be NAME=VALUE, not 'height'"),
         (["--height", "0"], "height"),
-        (["--frame-skip", "x"], "must be a whole number, not 'x'"),
+        (["--frame-skip", "x"], "must be a whole number from 1 to 64, not 'x'"),
     ],
 )
 def test_mistakes_are_told_in_one_line(

@@ -10,7 +10,6 @@ import pytest
 
 pytest.importorskip("flax")
 
-from jaxenstein.baselines import RNDNumbers
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import means
@@ -43,7 +42,7 @@ def test_the_papers_grids_are_65_runs() -> None:
     planned = plan(WITHOUT_SEEDS, swept())
     assert {name: len(e.runs) for name, e in planned.items()} == {"ppo": 5, "rnd": 30, "icm": 30}
     numbers = planned["rnd"].numbers()
-    losses = numbers.bonus_as(RNDNumbers).rnd_loss
+    losses = numbers.bonus["rnd_loss"]
     pairs = set(zip(numbers.bonus_reward.tolist(), losses.tolist(), strict=True))
     assert len(pairs) == 6
     assert planned["icm"].config.algo == "icm"
@@ -63,7 +62,7 @@ def test_parts_of_a_grid_are_the_whole_grid() -> None:
 
     def runs(experiment: Experiment) -> set[tuple[float, ...]]:
         numbers = experiment.numbers()
-        columns = np.broadcast_arrays(numbers.bonus_reward, numbers.bonus_as(RNDNumbers).rnd_loss)
+        columns = np.broadcast_arrays(numbers.bonus_reward, numbers.bonus["rnd_loss"])
         seeds = [run["seed"] for run in experiment.runs]
         rows = np.array([*columns, seeds], np.float32).T
         return set(map(tuple, rows.tolist()))

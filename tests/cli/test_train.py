@@ -20,8 +20,8 @@ from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import read_metrics
 from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import build_parser, main
+from jaxenstein.cli.opening import given_training
 from jaxenstein.cli.train import note_of
-from jaxenstein.cli.training import given_training
 from tests.baselines.tiny import OPTIONS, UPDATES, tiny
 
 ROOT = Path(__file__).parents[2]
@@ -100,35 +100,6 @@ def test_flags_of_tables_and_numbers() -> None:
     }
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--leraning-rate=1"], "unrecognized argument: --leraning-rate=1, did you mean '--lear"),
-        (["--algo=rdn"], "argument --algo: invalid choice: 'rdn'"),
-        (["--num-envs=many"], "argument --num-envs: must be a whole number, not 'many'"),
-        (["--num-envs=nan"], "must be a whole number, not 'nan'"),
-        (["--clip=x"], "argument --clip: must be a number, not 'x'"),
-        (["--convolutions=4x4"], "must be KERNELxSTRIDExFEATURES of each layer"),
-        (["--set=fov"], "--set must be NAME=VALUE, not 'fov'"),
-        (["--env=simple", "--num-envs=6"], "num_envs must be a multiple of minibatches"),
-        (["--config=none.toml"], "cannot read none.toml: no such file"),
-        (["--map-file=none.txt"], "cannot read the map none.txt: no such file"),
-        (["--resume"], "there is no run in"),
-        (["--seeds=2"], "jaxenstein train: give an environment, --env ID"),
-        (["simple"], "unrecognized argument: simple; an environment is given as --env ID"),
-        (["--save-every=-1"], "must be a number from 0"),
-    ],
-)
-def test_mistakes_are_told_in_one_line(
-    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["train", "--out", str(tmp_path / "run"), *arguments]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.count("\n") == 1
-    assert not (tmp_path / "run").exists()
-
-
 def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
     flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -185,7 +156,7 @@ def test_help_of_the_whole_imports_nothing_of_the_extra() -> None:
 def test_the_demos_configuration_is_one() -> None:
     experiment = resolve(parse("--config", str(ROOT / "examples" / "demo.toml")))
     assert (experiment.config.updates, len(experiment.runs)) == (30, 2)
-    assert experiment.recipe.settings["frame_skip"] == 6
+    assert experiment.environment.settings["frame_skip"] == 6
 
 
 def test_note_is_over_all_episodes() -> None:

@@ -4,17 +4,17 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from examples.custom_task import TMaze
+from examples.custom_task import Fruit
 
 
 @pytest.mark.parametrize(
-    ("arm", "there", "success"), [(0, True, True), (1, True, False), (0, False, False)]
+    ("apple", "there", "success"), [(0, True, True), (1, True, False), (0, False, False)]
 )
-def test_an_end_with_a_reward_is_success(arm, there, success):
-    """The western end pays +1 where the arm is 0, -1 where it is 1."""
-    env = TMaze(height=8, width=8)
+def test_an_end_with_a_reward_is_success(apple, there, success):
+    """The western place pays +1 where the apple lies there, else -1."""
+    env = Fruit(height=8, width=8)
     params = env.check_params()
-    state = env.init_state(jax.random.key(0), params).replace(arm=jnp.int32(arm))
+    state = env.init_state(jax.random.key(0), params).replace(apple=jnp.int32(apple))
     if there:
         state = state.replace(position=jnp.array([1.5, 1.5], jnp.float32))
     _, reward, terminated, info = env.advance(jax.random.key(0), state, -1, params)

@@ -22,8 +22,3 @@ def test_examples(path: Path) -> None:
     result = doctest.testmod(module, optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     assert result.attempted > 0
     assert result.failed == 0
-
-
-def test_what_most_users_call_has_an_example() -> None:
-    for name in ("make", "from_ascii", "environment_ids", "record", "show", "Session"):
-        assert ">>> " in (getattr(jaxenstein, name).__doc__ or ""), name

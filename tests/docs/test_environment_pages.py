@@ -6,17 +6,14 @@ import dataclasses
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
 import jaxenstein
-from docs import agents, commands, environment_pages, episodes, looks, page_parts, returns
-from docs.families import FAMILIES
+from docs import environment_pages, measured, other_pages, page_parts, pictures
+from docs.page_parts import FAMILIES
 from jaxenstein.baselines.runs import options
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
-from jaxenstein.docstrings import attributes
-from jaxenstein.view.episode import compose_side_by_side
+from jaxenstein.fields import attributes
 
 DOCS = Path(__file__).parents[2] / "docs"
 IDS = MAIN_IDS
@@ -52,29 +49,10 @@ def test_pictures_and_animations_exist(pages) -> None:
 
 def test_families_with_other_looks_show_them(pages) -> None:
     drawn = {path.stem for path in (DOCS / "images" / "looks").iterdir()}
-    assert drawn == set(looks.IDS)
+    assert drawn == set(pictures.WITH_LOOKS)
     assert drawn == {f.ids[0] for f in FAMILIES if not f.name.startswith("doom")}
     for family in FAMILIES:
         assert ("\n## Looks\n" in pages[family.name]) == (family.ids[0] in drawn)
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_animations_move(name) -> None:
-    with Image.open(DOCS / "_static" / "episodes" / f"{name}.webp") as animation:
-        assert getattr(animation, "n_frames", 1) > 10
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_the_films_have_room_to_say_why_the_expert_waits(name) -> None:
-    about = jaxenstein.make(name)[0].about()
-    if waits := about.expert and about.players[about.expert].waits:
-        view, beside = np.zeros((*episodes.VIEW, 3), np.uint8), episodes.BESIDE
-        page = Image.new("RGB", (beside, beside))
-        facts = ["step 480", "return 480", "health 100"]
-        without, told = (
-            compose_side_by_side(view, page, [*facts, event], scale=1) for event in ("", waits)
-        )
-        assert (without != told).any()
 
 
 def test_numbers_are_those_of_the_tasks() -> None:
@@ -103,78 +81,14 @@ def test_every_param_and_every_entry_of_info_is_explained(family, pages) -> None
     assert len(rows) == info.count("\n| `")
 
 
-def test_attributes_of_a_class_come_with_those_of_its_bases() -> None:
-    class Base:
-        """A base.
-
-        Attributes:
-            one: the first, over
-                two lines.
-            two: another.
-        """
-
-    class Derived(Base):
-        """More.
-
-        Attributes:
-            two: another one.
-
-        Raises:
-            ValueError: never.
-        """
-
-    assert attributes(Derived) == {
-        "one": "the first, over two lines.",
-        "two": "another one.",
-    }
-
-
 def test_stored_returns_are_of_these_versions() -> None:
     rows = page_parts.stored_returns()["players"]
-    measured = [(row["id"], row["player"]) for row in rows]
-    assert measured == [(name, player) for name in IDS for player in returns.players_of(name)]
+    found = [(row["id"], row["player"]) for row in rows]
+    assert found == [(name, player) for name in IDS for player in measured.players_of(name)]
     assert [row["version"] for row in rows] == [ENTRIES[row["id"]].version for row in rows]
-    assert {row["episodes"] for row in rows} == {returns.EPISODES}
+    assert {row["episodes"] for row in rows} == {measured.PLAYED}
     for row in rows:
         assert row["least"] <= row["mean"] <= row["most"]
-
-
-def test_a_stored_return_can_be_had_again() -> None:
-    stored = page_parts.stored_returns()["players"]
-    row = next(row for row in stored if (row["id"], row["player"]) == ("simple", "shortest_path"))
-    again = returns.rows_of("simple", 8)[1]
-    assert (again["mean"], again["success"]) == (row["mean"], row["success"]) == (1, 1)
-    assert again["length"] == row["length"] == 64
-
-
-def test_pages_take_their_part_of_the_fidelity_tables(pages) -> None:
-    assert "| motion |" in pages["my-way-home"]
-    assert "MiniGrid" in pages["key-corridor"].partition("## How it differs")[2]
-    assert "medkits" not in pages["dmlab-static"]
-
-
-def test_versions_come_with_the_changes_that_name_the_id(pages) -> None:
-    text = pages["dmlab-static"].partition("## Versions")[2]
-    assert "`dmlab-static-*`" in text
-    assert page_parts._names("see `key-corridor-*`", "key-corridor-s3r1")
-    assert not page_parts._names("see `key-corridor`", "key-corridor-s3r1")
-
-
-def test_pages_that_stay_the_same_are_left_alone_and_old_ones_go(tmp_path) -> None:
-    paths = environment_pages.write_pages(tmp_path)
-    (tmp_path / "gone.md").write_text("old")
-    before = {path: path.stat().st_mtime_ns for path in paths}
-    environment_pages.write_pages(tmp_path)
-    assert {path: path.stat().st_mtime_ns for path in paths} == before
-    assert not (tmp_path / "gone.md").exists()
-
-
-def test_cells_with_bars_stay_cells() -> None:
-    assert page_parts.table(("a", "b"), [("x|y", "z")], right=(1,)).splitlines() == [
-        "| a | b |",
-        "| --- | ---: |",
-        "| x\\|y | z |",
-    ]
 
 
 def test_links_to_pages_outside_of_the_site_lead_to_those_that_show_them() -> None:
@@ -212,15 +126,9 @@ def test_the_scoreboard_names_what_trained_its_agents(pages) -> None:
     assert "%" in shown["doom-basic"]
 
 
-def test_agents_of_another_configuration_get_no_row() -> None:
-    config = str(DOCS.parent / "experiments" / "simple-skip6.toml")
-    with pytest.raises(SystemExit, match=r"was not trained by .*: its recipe is another"):
-        agents.row_of(config, Path("pretrained/key-door"), 1)
-
-
 def test_the_page_of_the_command_line_has_every_command(monkeypatch) -> None:
     monkeypatch.setenv("COLUMNS", "40")
-    text = commands.commands_page()
+    text = other_pages.commands_page()
     told = re.findall(r"^## `jaxenstein (.+)`$", text, re.M)
     assert {"list", "play", "record", "train", "evaluate"} <= set(told)
     assert text.count("\nusage: jaxenstein ") == len(told)

@@ -83,8 +83,3 @@ def test_their_links_lead_to_files() -> None:
         targets = [part.partition(")")[0] for part in text.split("](")[1:]]
         assert targets
         assert [target for target in targets if not (path.parent / target).exists()] == []
-
-
-def test_what_is_made_smaller_is_there() -> None:
-    text = "\n".join(code for path in NOTEBOOKS for code in cells(path, "code"))
-    assert [given for given in SMALLER if given not in text] == []

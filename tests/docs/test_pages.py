@@ -16,8 +16,6 @@ from tests.docs.samples import PAGES, ROOT, Sample, commands, links, samples
 
 SAMPLES = [sample for page in PAGES for sample in samples(page)]
 WITH_PARTNERS = [sample for sample in SAMPLES if sample.partners]
-# Its learning takes minutes, and its package excludes current versions of JAX.
-NOT_RUN = ("brax",)
 # Written when the site is built.
 GENERATED = ("environments/", "commands.md")
 # Commands whose options come from the extra baselines.
@@ -49,8 +47,6 @@ def test_the_samples_of_a_page_run_in_order(page: Path, tmp_path, monkeypatch) -
 @pytest.mark.filterwarnings("default")  # partners and what they import warn of their own
 def test_a_sample_with_a_partner_runs_by_itself(sample: Sample, tmp_path, monkeypatch) -> None:
     for name in sample.partners:
-        if name in NOT_RUN:
-            pytest.skip(f"{name} is run by `make partners`")
         pytest.importorskip(name)
     monkeypatch.chdir(tmp_path)
     sample.run({"__name__": "sample"})

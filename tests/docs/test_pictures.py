@@ -1,64 +1,95 @@
-"""The pictures of the site show what the engine does, and are written whole."""
+"""The pictures of the site show what the engine does, and the command that draws them works."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from docs import engine_world, episodes
-from docs.engine_world import View
-from jaxenstein.engine.art import load_art
-from jaxenstein.files import OutputError
+import jaxenstein
+from docs import measured, pictures
+from jaxenstein.catalogue import MAIN_IDS
+from jaxenstein.view.episode import compose_side_by_side
 
 ENGINE = Path(__file__).parents[2] / "docs" / "images" / "engine"
 
 
-def test_crossings_by_geometry_find_the_walls_that_the_engine_finds() -> None:
-    view = View(width=12, height=8)
+def test_the_engine_finds_the_walls_that_geometry_finds(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from docs import engine_pictures
+
+    view = engine_pictures.View(width=12, height=8)
     for column in range(12):
         first = [next(place for place, solid in line if solid) for line in view.crossings(column)]
         nearest = min(first, key=lambda place: place[2])
         assert nearest[2] == pytest.approx(view.hits.depth[column], abs=1e-4)
         assert view.hits.horizontal[column] == (first[1][2] < first[0][2])
-        np.testing.assert_allclose(view.ends()[column], nearest[:2], atol=1e-4)
+    names = {
+        f"{name}-{page}.png" for name in engine_pictures.PICTURES for page in ("light", "dark")
+    }
+    assert {path.name for path in ENGINE.iterdir()} == names
+    engine_pictures.draw_all(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == names
 
 
-def test_the_word_of_the_fifth_column_is_that_of_the_map() -> None:
-    column = "".join(line[5] for line in engine_world.WORLD.split())
-    for closed in (False, True):
-        word = int(engine_world.bits(closed=closed)[5])
-        solid = [mark in "#2" or (mark == "R" and closed) for mark in column]
-        assert [bool(word >> row & 1) for row in range(len(column))] == solid
+@pytest.mark.slow
+def test_each_picture_of_an_environment_is_drawn(tmp_path: Path, monkeypatch) -> None:
+    pytest.importorskip("flax")
+    monkeypatch.setattr(pictures, "IMAGES", tmp_path / "images")
+    monkeypatch.setattr(pictures, "EPISODES", tmp_path / "episodes")
+    for what in ("episodes", "sheets", "looks"):
+        pictures.main([what, "t-maze"])
+    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*")}
+    assert found == {
+        "episodes/t-maze.webp", "episodes/t-maze-still.webp", "images/looks/t-maze.png",
+        "images/environments/t-maze-map.png", "images/environments/t-maze.png",
+    }  # fmt: skip
+    for name in ("looks", "environments"):
+        committed = ENGINE.parent / name / "t-maze.png"
+        with (
+            Image.open(committed) as old,
+            Image.open(tmp_path / "images" / name / "t-maze.png") as new,
+        ):
+            assert (np.asarray(old) != np.asarray(new)).mean() < 0.02
 
 
-def test_the_column_of_the_key_is_the_one_that_the_image_shows() -> None:
-    view = View(width=96, height=72, near=True)
-    image, bare = view.image("labels"), view.image("labels", things=False)
-    shape, _ = load_art("key")
-    shown = (image != bare).any(axis=0)
-    texels = [view.texel(column) for column in range(96)]
-    expected = [0 <= texel < 32 and bool(shape[texel]) for texel in texels]
-    # A column at an edge may be rounded either way.
-    assert (shown != expected).sum() <= 2
-    assert shown.sum() > 20
+def test_returns_can_be_had_again(tmp_path: Path, monkeypatch) -> None:
+    stored = json.loads(measured.RETURNS.read_text("utf-8"))
+    file = tmp_path / "returns.json"
+    file.write_text(json.dumps(stored))
+    monkeypatch.setattr(measured, "RETURNS", file)
+    measured.main(["returns", "simple", "--episodes", "8"])
+    told, before = json.loads(file.read_text())["players"], stored["players"]
+    assert [(row["id"], row["player"]) for row in told] == [
+        (row["id"], row["player"]) for row in before
+    ]
+    again, row = (
+        next(r for r in rows if r["player"] == "shortest_path") for rows in (told, before)
+    )
+    assert [again[key] for key in ("mean", "success", "length")] == [1, 1, 64]
+    assert [row[key] for key in ("mean", "success", "length")] == [1, 1, 64]
 
 
-def test_pictures_of_the_engine_exist_for_light_and_dark_pages() -> None:
-    names = {path.stem for path in ENGINE.glob("*.png")}
-    kinds = {name.rpartition("-")[0] for name in names}
-    assert kinds == {"rays", "lines", "words", "sprites", "layers"}
-    assert names == {f"{kind}-{page}" for kind in kinds for page in ("light", "dark")}
+def test_agents_of_another_configuration_get_no_row() -> None:
+    pytest.importorskip("flax")
+    config = str(ENGINE.parents[2] / "experiments" / "simple-skip6.toml")
+    with pytest.raises(SystemExit, match=r"was not trained by .*: its environment is another"):
+        measured.row_of(config, Path("pretrained/key-door"), 1)
 
 
-def test_an_animation_is_written_whole_or_not_at_all(tmp_path) -> None:
-    pictures = [np.full((8, 12, 3), 40 * i, np.uint8) for i in range(5)]
-    episodes.save_webp(pictures, tmp_path / "five.webp")
-    with Image.open(tmp_path / "five.webp") as animation:
-        assert getattr(animation, "n_frames", 1) == 5
-        assert animation.size == (12, 8)
-    with pytest.raises(OutputError, match="no folder"):
-        episodes.save_webp(pictures, tmp_path / "none" / "five.webp")
-    assert [path.name for path in tmp_path.iterdir()] == ["five.webp"]
+@pytest.mark.parametrize("name", MAIN_IDS)
+def test_animations_move_and_have_room_to_say_why_the_expert_waits(name) -> None:
+    with Image.open(pictures.EPISODES / f"{name}.webp") as animation:
+        assert getattr(animation, "n_frames", 1) > 10
+    about = jaxenstein.make(name)[0].about()
+    if waits := about.expert and about.players[about.expert].waits:
+        view, beside = np.zeros((*pictures.VIEW, 3), np.uint8), pictures.BESIDE
+        page = Image.new("RGB", (beside, beside))
+        facts = ["step 480", "return 480", "health 100"]
+        without, told = (
+            compose_side_by_side(view, page, [*facts, event], scale=1) for event in ("", waits)
+        )
+        assert (without != told).any()

@@ -70,7 +70,7 @@ def test_a_newer_format_names_who_made_it(table: dict[str, Any], tmp_path: Path)
 
 
 WRONG: list[tuple[str, Any, str]] = [
-    ("format_version", 0, "'format_version' must be a whole number of at least 1, not 0"),
+    ("format_version", 0, "'format_version' must be a whole number from 1 on, not 0"),
     ("format_version", "1", "'format_version' must be a whole number"),
     ("made_by", 3, "'made_by' must be an object"),
     ("made_by.jax", 3, "'made_by.jax' must be a text of one line, not 3"),
@@ -97,9 +97,9 @@ WRONG: list[tuple[str, Any, str]] = [
     ("environment.params.gravity", 1, "has no 'gravity'"),
     ("environment.params.discount", "high", "'environment.params.discount' must be a finite"),
     ("environment.params.discount", True, "discount must be a finite number from 0 to 1, not True"),
-    ("environment.params.discount", 1e300, "discount must be a finite number from 0 to 1, not 1e"),
+    ("environment.params.discount", 1e300, "1e\\+300, which is inf in float32"),
     ("environment.params.max_steps_in_episode", 2.5, "a whole number from 1 .*, not 2.5"),
-    ("environment.params.max_steps_in_episode", 2**31, "at most 2147483647, not 2147483648"),
+    ("environment.params.max_steps_in_episode", 2**31, "from 1 to 2147483647, not 2147483648"),
     ("seed", -1, "'seed' must be a whole number from 0 to 4294967295, not -1"),
     ("seed", 2**32, "'seed' must be"),
     ("seed", True, "'seed' must be"),
@@ -117,8 +117,8 @@ WRONG: list[tuple[str, Any, str]] = [
     ("checks.rewards", [["a", 1]], r"'checks.rewards\[0\]' must be a finite number"),
     ("checks.rewards", [[10**400, 1]], r"'checks.rewards\[0\]' must be a finite number"),
     ("made_by.jax", "1\x1b[2J", "'made_by.jax' must be a text of one line"),
-    ("checks.terminated", 1, "'checks.terminated' must be true or false, not 1"),
-    ("checks.truncated", None, "'checks.truncated' must be true or false"),
+    ("checks.terminated", 1, "'checks.terminated' must be True or False, not 1"),
+    ("checks.truncated", None, "'checks.truncated' must be True or False"),
     ("checks.every", 0, "'checks.every' must be"),
     ("checks.every", 1000, "'checks.every' must be 1 for 55 actions, not 1000"),
     ("checks.states", ["0" * 16], "'checks.states' has 1 values"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -17,12 +16,6 @@ ppo = pytest.importorskip("examples.gymnasium_ppo")
 vector = pytest.importorskip("jaxenstein.adapters.gymnasium_vector")
 
 MAP = "######\n#S..G#\n######"
-
-
-@pytest.fixture(autouse=True)
-def promotion_as_users_have_it() -> Iterator[None]:
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,6 @@ import pytest
 from examples import ppo
 
 
-@pytest.fixture(autouse=True)
-def promotion_as_users_have_it():
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        yield
-
-
 def by_definition(values, reward, terminated, ended, discount, gae_lambda):
     """float64[T, N]: weighted sums of the n-step advantages, each written out.
 
@@ -51,42 +45,6 @@ def test_advantages_are_those_of_the_definition(gae_lambda):
     values, reward, terminated, ended = map(jnp.asarray, (values, reward, terminated, ended))
     found = ppo.advantages(values, reward, terminated, ended, 0.97, gae_lambda)
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
-
-
-def test_the_time_limit_is_not_the_end_of_the_task():
-    """One step, reward 0, value 1 before and after: only a true end is a loss."""
-    numbers = jnp.ones((2, 3)), jnp.zeros((1, 3))
-    flags = jnp.array([[False, False, True]]), jnp.array([[False, True, True]])
-    found = ppo.advantages(*numbers, *flags, 1.0, 0.95)
-    np.testing.assert_array_equal(found, [[0, 0, -1]])
-
-
-def test_windows():
-    images = np.arange(2 * 5 * 7 * 3, dtype=np.float32).reshape(2, 5, 7, 3)
-    found = np.asarray(ppo.windows(jnp.asarray(images), 4))
-    padded = np.pad(images, ((0, 0), (0, 3), (0, 1), (0, 0)))
-    assert found.shape == (2, 2, 2, 48)
-    for row in range(2):
-        for column in range(2):
-            cut = padded[:, 4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
-            np.testing.assert_array_equal(found[:, row, column], cut.reshape(2, -1))
-
-
-def test_adam_against_its_definition():
-    rng = np.random.default_rng(1)
-    settings = ppo.Settings(learning_rate=0.1, largest_gradient=1e9)
-    weights = {"a": rng.normal(size=3).astype(np.float32)}
-    zeros = jax.tree.map(np.zeros_like, weights)
-    adam = ppo.Adam(zeros, zeros, jnp.int32(0))
-    expected, mean, square = weights["a"].astype(np.float64), np.zeros(3), np.zeros(3)
-    for t in range(1, 6):
-        gradient = rng.normal(size=3).astype(np.float32)
-        weights, adam = ppo.descend(weights, adam, {"a": gradient}, settings)
-        mean = 0.9 * mean + 0.1 * gradient
-        square = 0.999 * square + 0.001 * gradient.astype(np.float64) ** 2
-        correct = mean / (1 - 0.9**t), square / (1 - 0.999**t)
-        expected = expected - 0.1 * correct[0] / (np.sqrt(correct[1]) + 1e-5)
-    np.testing.assert_allclose(weights["a"], expected, rtol=1e-3, atol=1e-3)
 
 
 def test_a_short_training(capsys):

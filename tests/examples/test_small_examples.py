@@ -1,18 +1,9 @@
 """The custom map runs and does what it says."""
 
-import jax
 import numpy as np
-import pytest
 from PIL import Image
 
 from examples import custom_map
-from jaxenstein.files import OutputError
-
-
-@pytest.fixture(autouse=True)
-def promotion_as_users_have_it():
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        yield
 
 
 def test_custom_map(tmp_path, capsys):
@@ -26,10 +17,3 @@ def test_custom_map(tmp_path, capsys):
         walk.seek(frames - 1)
         assert (np.asarray(walk.convert("RGB")) != first).any()
     assert frames > 40
-
-
-def test_custom_map_where_nothing_can_be_written(tmp_path):
-    taken = tmp_path / "taken"
-    taken.write_text("")
-    with pytest.raises(OutputError, match="taken"):
-        custom_map.main(["--out", str(taken)])

@@ -2,19 +2,11 @@
 
 import math
 
-import jax
 import pytest
 
 pytest.importorskip("torch")
 
 from examples import torch_loop
-
-
-@pytest.fixture(autouse=True)
-def settings_as_users_have_them():
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        yield
-    jax.config.update("jax_cpu_enable_async_dispatch", True)
 
 
 def test_a_short_training(capsys):

@@ -10,7 +10,7 @@ pytest.importorskip("flax")
 
 from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import build_parser
-from jaxenstein.cli.training import given_training
+from jaxenstein.cli.opening import given_training
 
 FILES = (Path(__file__).parents[2] / "experiments").rglob("*.toml")
 CONFIGS = sorted(path for path in FILES if path.parent.name != "studies")
@@ -26,9 +26,5 @@ def test_the_files_are_experiments(config: Path, algo: str) -> None:
         # What the paper says.
         found = experiment.config
         assert len(experiment.runs) == 5
-        assert experiment.recipe.settings == {"height": 64, "width": 64}
+        assert experiment.environment.settings == {"height": 64, "width": 64}
         assert (found.rollout, found.epochs, found.hidden, found.features) == (128, 4, 256, 256)
-
-
-def test_there_are_files() -> None:
-    assert CONFIGS

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 pytest.importorskip("flax")
@@ -30,12 +29,6 @@ def test_learned_is_three_updates_together() -> None:
     # Only the successful ones have ended yet.
     assert study.solved_at([row(1, 1), row(2, 2), row(0, 0), row(1, 64)], 0.9) == float("inf")
     assert study.solved_at(lucky[:2], 0.9) == float("inf")
-
-
-def test_the_end_is_the_last_tenth_and_every_episode_counts_alike() -> None:
-    assert study.at_the_end([row(10, 10)] * 18 + [row(0, 30), row(10, 10)]) == 0.25
-    assert study.at_the_end([row(10, 10), row(1, 2)]) == 0.5
-    assert np.isnan(study.at_the_end([row(0, 0)]))
 
 
 @pytest.mark.parametrize("file", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)

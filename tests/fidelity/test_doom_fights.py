@@ -12,19 +12,16 @@ import pytest
 from fidelity.doom_fights import (
     Measure,
     Seen,
-    damage,
     differs,
     distances,
-    first_damage,
     likeness,
     shots,
     thrown,
 )
-from fidelity.doom_players import apart
 
 pytest.importorskip("gymnasium")
 
-from fidelity import doom_games
+from fidelity import doom_players
 
 
 def trace(tics: int, **fields: Any) -> Seen:
@@ -40,13 +37,6 @@ def trace(tics: int, **fields: Any) -> Seen:
         "flies": np.zeros((tics, 0), bool),
     }
     return Seen(**nothing | fields)
-
-
-def test_damage_and_when_it_comes_first() -> None:
-    hurt = trace(6, health=np.array([100, 100, 88, 88, 94, 60]))
-    assert first_damage(hurt) == [2]
-    assert damage(hurt) == [12, 34]
-    assert first_damage(trace(3)) == damage(trace(3)) == []
 
 
 def test_a_fireball_counts_in_the_tic_in_which_it_appears() -> None:
@@ -74,9 +64,9 @@ def test_samples_of_one_distribution_and_of_two() -> None:
 
 
 def test_what_counts_as_apart() -> None:
-    assert apart((3.0, 0.3), (4.0, 0.4)) == pytest.approx(2)
-    assert apart((3.0, 0.0), (3.0001, 0.0)) == 0
-    assert apart((3.0, 0.0), (4.0, 0.0)) == math.inf
+    assert doom_players.apart((3.0, 0.3), (4.0, 0.4)) == pytest.approx(2)
+    assert doom_players.apart((3.0, 0.0), (3.0001, 0.0)) == 0
+    assert doom_players.apart((3.0, 0.0), (4.0, 0.0)) == math.inf
     row = Measure("id", "idle", "what", (3.0, 0.3), (3.5, 0.4))
     assert not differs(row)
     assert differs(row._replace(chance=0.01))
@@ -116,15 +106,17 @@ class Counting:
 
 
 def test_games_side_by_side_are_episodes_by_their_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doom_games, "GameSession", Counting)
-    monkeypatch.setattr(doom_games, "_chooser", lambda *_: lambda key, told: [int(t) for t in told])
+    monkeypatch.setattr(doom_players, "GameSession", Counting)
+    monkeypatch.setattr(
+        doom_players, "_chooser", lambda *_: lambda key, told: [int(t) for t in told]
+    )
     watched: list[tuple[int, int]] = []
 
     def watch(number: int, session: Any) -> None:
         watched.append((number, len(session.actions)))
 
     none: Any = SimpleNamespace()
-    games = doom_games.play_games(none, None, "idle", episodes=5, games=3, watch=watch)
+    games = doom_players.play_games(none, None, "idle", episodes=5, games=3, watch=watch)
     assert games.lengths.tolist() == [1, 2, 3, 4, 5]
     assert games.returns.tolist() == [0, 2, 6, 12, 20]
     assert games.successes.tolist() == [False, True, False, True, False]

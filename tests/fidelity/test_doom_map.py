@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fidelity.doom_map import parse_udmf, read_lump, read_map
+from fidelity.doom_map import read_lump, read_map
 from jaxenstein.errors import MapError
 from jaxenstein.tasks.doom.walls import MAP_SPOT, Line, Thing, load_map
 
@@ -64,11 +64,6 @@ def test_a_map_is_read() -> None:
 def test_maps_that_we_cannot_hold_are_refused(text: str, message: str) -> None:
     with pytest.raises(MapError, match=message):
         read_map(text)
-
-
-def test_fields_are_named_in_lower_case() -> None:
-    (thing,) = parse_udmf('thing { Type = 42; Comment = "a, b"; single = true; }')["thing"]
-    assert thing == {"type": "42", "comment": "a, b", "single": "true"}
 
 
 def test_a_lump_is_found_by_name(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fidelity.minigrid_moves import end_of, fewest_moves
+from fidelity.minigrid_moves import fewest_moves
 
 KINDS = {"k": "key", "G": "goal", "~": "lava", "o": "ball", "x": "box"}
 DOORS = {"D": "door", "L": "locked"}
@@ -45,10 +45,3 @@ def shown(text: str, heading: int = 0) -> dict[str, list[str]]:
 )
 def test_moves(text: str, heading: int, end: str, moves: int) -> None:
     assert fewest_moves(shown(text, heading), end) == moves
-
-
-def test_ends_by_name() -> None:
-    assert end_of("unlock-pickup") == "box"
-    assert end_of("unlock") == "locked"
-    assert end_of("lava-gap-s5") == "goal"
-    assert end_of("obstructed-maze-full") == ""

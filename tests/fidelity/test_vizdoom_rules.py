@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-
 import pytest
 
-from fidelity import doom_map, vizdoom_rules
-from fidelity.players import mean_and_error
-from fidelity.vizdoom_rules import Snapshot, single_buttons, towards_nearest, uniform
+from fidelity.vizdoom_rules import Snapshot, towards_nearest, uniform
 
 
 def test_chances_of_chi_square_as_in_tables(capsys: pytest.CaptureFixture[str]) -> None:
@@ -21,15 +17,6 @@ def test_chances_of_chi_square_as_in_tables(capsys: pytest.CaptureFixture[str]) 
     )
 
 
-def test_mean_and_its_error() -> None:
-    assert mean_and_error([1.0, 2.0, 3.0, 4.0]) == (2.5, pytest.approx((5 / 12) ** 0.5))
-
-
-def test_actions_of_one_button() -> None:
-    assert single_buttons(2, idle=True) == [[0, 0], [1, 0], [0, 1]]
-    assert single_buttons(2, idle=False) == [[1, 0], [0, 1]]
-
-
 @pytest.mark.parametrize(
     ("angle", "button"),
     [(0, 2), (7, 2), (-7 % 360, 2), (90, 1), (270, 0), (179, 1), (181, 0), (350, 0), (10, 1)],
@@ -38,17 +25,3 @@ def test_the_greedy_player_turns_the_short_way(angle: float, button: int) -> Non
     state = Snapshot(50, 100, 100, angle, {1: (200.0, 100.0), 2: (400.0, 100.0)})
     assert towards_nearest(state).index(1) == button
     assert towards_nearest(Snapshot(50, 0, 0, 0, {})) == [0, 0, 0]
-
-
-@pytest.mark.parametrize("main", [lambda: vizdoom_rules.main([]), doom_map.main])
-def test_without_vizdoom_a_script_says_what_to_install(main, monkeypatch, capsys) -> None:
-    real = importlib.import_module
-
-    def missing(name: str, package: str | None = None):
-        if name == "vizdoom":
-            raise ImportError(f"No module named {name!r}")
-        return real(name, package)
-
-    monkeypatch.setattr(importlib, "import_module", missing)
-    assert main() == 2
-    assert "pip install 'jaxenstein[vizdoom]'" in capsys.readouterr().err

@@ -66,15 +66,3 @@ def test_a_step_into_a_wall_and_a_nan_are_seen(monkeypatch: pytest.MonkeyPatch) 
     problems = endurance.endure("simple", 2000, batch=10).problems
     assert any("on an open tile" in problem for problem in problems)
     assert any("reward and info are finite" in problem for problem in problems)
-
-
-def test_problems_are_told() -> None:
-    report = endurance.Report(steps=5, broken={"a": 0, "b": 2}, grown=2**30)
-    assert report.problems == ["NOT SO in 2 steps: b", "memory grew by 1024 MiB"]
-    assert "NOT SO in 2 steps: b" in endurance.table({"x": report})
-
-
-def test_unknown_ids_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        endurance.main(["nowhere"])
-    assert "unknown: nowhere" in capsys.readouterr().err

@@ -84,17 +84,3 @@ def test_variables_are_not_called_as_functions_of_dictionaries(name: str) -> Non
 
     with pytest.raises(SettingError, match=f"may not be called '{name}'"):
         Named(observation="dict").observation_space()
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"height": 0}, "height must be a whole number from 1 to 4096"),
-        ({"sprite_layers": 65}, "sprite_layers must be a whole number from 1 to 64"),
-        ({"field_of_view": 20}, "field_of_view must be"),
-        ({"observation": "sonar"}, "observation must be one of .*, not 'sonar'"),
-    ],
-)
-def test_settings_out_of_range_are_named(settings: dict[str, Any], message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        Bare(**settings)

@@ -67,27 +67,6 @@ def test_equal_levels_make_equal_environments_and_recipes():
     assert recipe_of(one, params).build()[0] == dataclasses.replace(one, autoreset=None)
 
 
-@pytest.mark.parametrize(
-    "levels",
-    [
-        3,
-        (1,),
-        (1, 1),
-        (5, 2),
-        (-1, 3),
-        (0, 2**33),
-        (0, 2**25),
-        (0.0, 2),
-        (False, True),
-        "ab",
-        range(0, 9, 2),
-    ],
-)
-def test_bad_levels_are_refused(levels):
-    with pytest.raises(SettingError, match="levels must be None or two whole numbers"):
-        jaxenstein.make(NAME, levels=levels)
-
-
 def test_closed_doors_are_found_by_their_places() -> None:
     tilemap = parse_ascii("######\n#SrRb#\n#..BG#\n######", "doors", goal_required=False)
     places = [(door.column, door.row) for door in tilemap.doors]

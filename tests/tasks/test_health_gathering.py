@@ -348,8 +348,3 @@ def test_strip_of_grays():
 def test_hud_is_refused_where_it_cannot_be_drawn(settings, message):
     with pytest.raises(SettingError, match=message):
         jaxenstein.make("health-gathering", hud=True, **settings)
-
-
-def test_hud_must_be_a_boolean():
-    with pytest.raises(SettingError, match="hud must be True or False, not 1"):
-        jaxenstein.make("health-gathering", hud=1)

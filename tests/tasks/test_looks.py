@@ -140,20 +140,6 @@ def test_an_episode_keeps_its_look_and_the_next_has_another(id: str) -> None:
         assert ((before == after) == (number % 3 != 0)).all()
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"look": "pretty"}, "look must be one of 'plain', 'patterned', 'random', not 'pretty'"),
-        ({"look": "random", "look_range": 2}, "look_range must be a number from 0 to 1, not 2"),
-        ({"look": "random", "look_range": True}, "look_range must be a number from 0 to 1"),
-        ({"look": "random", "look_seeds": (3, 3)}, "look_seeds must be None or two whole numbers"),
-    ],
-)
-def test_wrong_looks_are_told(settings: dict[str, Any], message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        made(**settings)
-
-
 def test_doom_has_one_look() -> None:
     with pytest.raises(SettingError, match="look must be 'plain' in Doom's scenarios"):
         made("doom-basic", look="random")

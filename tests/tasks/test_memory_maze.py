@@ -137,5 +137,5 @@ def test_the_frame_has_the_colour_of_what_is_asked_for(kind):
 
 
 def test_more_things_than_rooms_are_refused():
-    with pytest.raises(SettingError, match="things must be 2 to 3"):
+    with pytest.raises(SettingError, match="things must be a whole number from 2 to 3"):
         MemoryMaze(things=4)

@@ -146,7 +146,7 @@ def test_straightening_is_the_slow_rule():
         ((10, 4), "must be odd"),
         ((11, 4, 5, 3), "least <= most"),
         ((11, 4, 3, 11), "size - 2"),
-        ((11, 4, 3, 5, 5), "fewest must be 1 to 4"),
+        ((11, 4, 3, 5, 5), "fewest must be a whole number from 1 to 4"),
     ],
 )
 def test_plans_without_mazes_are_refused(numbers, message):

@@ -33,10 +33,3 @@ def first_info(env: AnyEnvironment, key: jax.Array, state: Any, params: Any) -> 
     shapes = jax.eval_shape(env.step_env, key, state, action, params)[-1]
     zeros = {name: jnp.zeros(leaf.shape, leaf.dtype) for name, leaf in shapes.items()}
     return zeros | env.describe(state, params)
-
-
-def event_names(env: AnyEnvironment, key: jax.Array, state: Any, params: Any) -> list[str]:
-    """The entries of `info` that tell of a step rather than of a state, sorted."""
-    of_step = jax.eval_shape(env.step_env, key, state, jnp.int32(0), params)[-1]
-    of_state = jax.eval_shape(env.describe, state, params)
-    return sorted(of_step.keys() - of_state.keys())

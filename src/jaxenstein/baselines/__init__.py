@@ -22,25 +22,17 @@ except ImportError as error:
         f"jaxenstein.baselines needs flax and optax ({error}): pip install 'jaxenstein[baselines]'"
     ) from error
 
-from .bonuses.e3b import E3B, E3BNumbers, E3BSettings
-from .bonuses.icm import ICM, ICMNumbers, ICMSettings
-from .bonuses.none import NoBonus
-from .bonuses.rnd import RND, RNDNumbers, RNDSettings
-from .bonuses.table import register_bonus
-from .learning.algorithms import BonusNumbers, BonusSettings
-from .learning.axes import PER_ENVIRONMENT
-from .learning.bonus import Bonus, Experience
-from .learning.config import Config
-from .learning.evaluation import Evaluation
-from .learning.hparams import HParams
-from .learning.learner import Learner, PolicyCarry
-from .learning.many import ManyRuns
-from .learning.state import TrainState
+from .bonus import PER_ENVIRONMENT, Bonus, Experience
+from .bonuses import E3B, ICM, RND, NoBonus
+from .config import Config, HParams, register_bonus
+from .evaluation import Evaluation
+from .learner import Learner, ManyRuns, PolicyCarry
 from .runs.agents import export_policy, load_policy
 from .runs.experiment import Experiment
 from .runs.folder import RunFolder
 from .runs.options import resolve
 from .runs.training import train
+from .state import TrainState
 
 __all__ = [
     "E3B",
@@ -48,23 +40,15 @@ __all__ = [
     "PER_ENVIRONMENT",
     "RND",
     "Bonus",
-    "BonusNumbers",
-    "BonusSettings",
     "Config",
-    "E3BNumbers",
-    "E3BSettings",
     "Evaluation",
     "Experience",
     "Experiment",
     "HParams",
-    "ICMNumbers",
-    "ICMSettings",
     "Learner",
     "ManyRuns",
     "NoBonus",
     "PolicyCarry",
-    "RNDNumbers",
-    "RNDSettings",
     "RunFolder",
     "TrainState",
     "export_policy",

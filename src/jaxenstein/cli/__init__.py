@@ -27,8 +27,8 @@ from . import (
     train,
 )
 from .arguments import Parser, UsageError
+from .compile_cache import keep_programs
 from .opening import IMPORT, import_modules, named_modules
-from .programs import keep_programs
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
 

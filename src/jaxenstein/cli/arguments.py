@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 from ..errors import nearest
-
-if TYPE_CHECKING:
-    from ..settings import Option
+from ..fields import Domain, Option
 
 
 class UsageError(Exception):
@@ -61,37 +61,42 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{self.prog}: {message} (see '{self.prog} --help')")
 
 
-def whole(least: int = 1, most: int | None = None) -> Callable[[str], int]:
+def plain_value(text: str) -> Any:
+    """What a text stands for: a number, true, false, none, a list with commas, or the text."""
+    if "," in text:
+        return [plain_value(part) for part in text.split(",")]
+    words: dict[str, Any] = {"true": True, "false": False, "none": None}
+    if text.strip() in words:
+        return words[text.strip()]
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return kind(text)
+    return text.strip()
+
+
+def reader(domain: Domain) -> Callable[[str], Any]:
+    """An argument type: the values of a field, which are checked as those of a file are."""
+
+    def read(text: str) -> Any:
+        value: Any = text if domain.form in ("text", "choice") else plain_value(text)
+        if domain.form == "layers" and re.fullmatch(r"\d+x\d+x\d+(,\d+x\d+x\d+)*", text.lower()):
+            value = [[int(n) for n in part.split("x")] for part in text.lower().split(",")]
+        value = domain.converted(value)
+        if fault := domain.fault(value):
+            raise argparse.ArgumentTypeError(fault)
+        return value
+
+    return read
+
+
+def whole(least: int = 1, most: float = math.inf) -> Callable[[str], int]:
     """An argument type: a whole number of at least `least` and at most `most`."""
-
-    def convert(text: str) -> int:
-        try:
-            number = int(text)
-        except ValueError:
-            number = None
-        if number is None or number < least or (most is not None and number > most):
-            bounds = f"at least {least}" if most is None else f"from {least} to {most}"
-            raise argparse.ArgumentTypeError(f"must be a whole number {bounds}, not {text!r}")
-        return number
-
-    return convert
+    return reader(Domain("whole", least, most))
 
 
 def real(least: float, most: float) -> Callable[[str], float]:
     """An argument type: a number from `least` to `most`."""
-
-    def convert(text: str) -> float:
-        try:
-            number = float(text)
-        except ValueError:
-            number = float("nan")
-        if not least <= number <= most:
-            raise argparse.ArgumentTypeError(
-                f"must be a number from {least:g} to {most:g}, not {text!r}"
-            )
-        return number
-
-    return convert
+    return reader(Domain("number", least, most))
 
 
 def size(text: str) -> tuple[int, int]:
@@ -102,65 +107,6 @@ def size(text: str) -> tuple[int, int]:
     raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels like 64x64, not {text!r}")
 
 
-def heading(text: str) -> float | tuple[float, float]:
-    """An argument type: DEGREES, or LOW,HIGH with LOW no larger than HIGH."""
-    try:
-        parts = [float(part) for part in text.split(",")]
-    except ValueError:
-        parts = []
-    if len(parts) == 1 and math.isfinite(parts[0]):
-        return parts[0]
-    if len(parts) == 2 and -math.inf < parts[0] <= parts[1] < math.inf:
-        return parts[0], parts[1]
-    raise argparse.ArgumentTypeError(f"must be DEGREES, or LOW,HIGH like -45,45, not {text!r}")
-
-
-def count(text: str) -> int:
-    """An argument type: a whole number, also as 3e6 or 3_000_000."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if value != value or abs(value) >= 2**53 or value != int(value):
-        raise argparse.ArgumentTypeError(f"must be a whole number, not {text!r}")
-    return int(value)
-
-
-def number(text: str) -> float:
-    """An argument type: a number; its range is checked with the others."""
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be a number, not {text!r}") from None
-
-
-def layers(text: str) -> list[list[int]]:
-    """An argument type: convolutions like 8x4x32,4x2x64, kernel, stride and features of each."""
-    parts = [part.split("x") for part in text.lower().split(",")]
-    if not all(len(part) == 3 and all(n.isdecimal() for n in part) for part in parts):
-        raise argparse.ArgumentTypeError(
-            f"must be KERNELxSTRIDExFEATURES of each layer, like 8x4x32,4x2x64, not {text!r}"
-        )
-    return [[int(n) for n in part] for part in parts]
-
-
-def seeds(text: str) -> tuple[int, int]:
-    """An argument type: FIRST,STOP, two whole numbers."""
-    parts = text.split(",")
-    if len(parts) == 2 and all(part.strip().isdecimal() for part in parts):
-        return int(parts[0]), int(parts[1])
-    raise argparse.ArgumentTypeError(f"must be FIRST,STOP like 0,200, not {text!r}")
-
-
-# How arguments of each kind are read, and what the help calls them.
-CONVERT: dict[str, tuple[Callable[[str], Any], str]] = {
-    "count": (count, "N"),
-    "number": (number, "X"),
-    "layers": (layers, "KxSxF,..."),
-    "angle": (heading, "DEGREES"),
-    "text": (str, "TEXT"),
-    "seeds": (seeds, "FIRST,STOP"),
-}
 # Flags of options that are tables, and what one entry looks like; other names of others.
 TABLES = {
     "settings": ("--set", "NAME=VALUE"),
@@ -215,23 +161,19 @@ def add_options(
 
 def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
     flags = (f"--{option.name.replace('_', '-')}", *ALIASES.get(option.name, ()))
-    default = f"{option.default:g}" if isinstance(option.default, float) else option.default
-    shown = "" if default is None else f" (default {default})"
     common: dict[str, Any] = {
         "dest": f"{PREFIX}{option.name}",
         "default": argparse.SUPPRESS,
-        "help": (option.help + shown).replace("%", "%%"),
+        "help": option.described.replace("%", "%%"),
     }
-    if option.kind == "table":
+    if option.domain.form == "table":
         flag, metavar = TABLES[option.name]
         group.add_argument(flag, action="append", metavar=metavar, **common)
-    elif option.kind == "flag":
+    elif option.domain.form == "switch":
         group.add_argument(*flags, action=argparse.BooleanOptionalAction, **common)
-    elif option.kind == "choice":
-        group.add_argument(*flags, choices=option.choices, metavar="NAME", **common)
     else:
-        convert, metavar = CONVERT[option.kind]
-        group.add_argument(*flags, type=convert, metavar=metavar, **common)
+        read, metavar = reader(option.domain), option.domain.metavar
+        group.add_argument(*flags, type=read, metavar=metavar, **common)
 
 
 def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()) -> None:

@@ -14,13 +14,11 @@ from ..view.episode import Pictures
 from ..view.recording import check_animation, save_animation
 from .arguments import Parser, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
-from .opening import given_options, with_map
+from .opening import baselines, given_options, with_map
 from .record import play_shown
-from .training import baselines
 
 if TYPE_CHECKING:
-    from ..baselines.runs.result import Result
-    from ..baselines.runs.trained import Trained
+    from ..baselines.runs.trained import Result, Trained
 
 HELP = "evaluate trained agents, and record one"
 DESCRIPTION = """\
@@ -124,7 +122,7 @@ def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
     if not given:
         return trained
     before = trained.experiment
-    after = dataclasses.replace(before, recipe=changed(before.recipe, given))
+    after = dataclasses.replace(before, environment=changed(before.environment, given))
     learner = after.learner
     baselines("agents").TrainedPolicy(trained, 0, False).check(learner.env, learner.env_params)
     return dataclasses.replace(trained, experiment=after)

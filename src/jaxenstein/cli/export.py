@@ -8,7 +8,7 @@ from pathlib import Path
 from ..progress import Progress
 from .arguments import Parser, add_run, add_seed, flag, whole
 from .evaluate import table
-from .training import baselines
+from .opening import baselines
 
 HELP = "write a trained agent into a small file"
 DESCRIPTION = """\

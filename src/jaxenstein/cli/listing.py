@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> None:
 
 def pretrained_agents() -> str:
     """The trained agents of this package, with what their files say of them."""
-    from .training import baselines
+    from .opening import baselines
 
     trained = baselines("trained")
     table: list[tuple[str, ...]] = [

@@ -1,4 +1,4 @@
-"""What becomes of parsed arguments: options, environments, and what is told on the way."""
+"""What becomes of parsed arguments: options, environments, trainings, and warnings."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import MapWarning, one_line
-from .arguments import PREFIX, TABLES, UsageError
-from .programs import forget
+from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, plain_value
+from .compile_cache import forget
 
 IMPORT = "--import"
 """The flag that names a module of tasks or bonuses of one's own."""
@@ -47,17 +47,10 @@ def _entry(option: str, text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals or not name or not value:
         raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {text!r}")
-    parts = [_value(part.strip()) for part in value.split(",")]
-    return name.replace("-", "_"), parts if option == "grid" or len(parts) > 1 else parts[0]
-
-
-def _value(text: str) -> Any:
-    if text in ("true", "false", "none"):
-        return {"true": True, "false": False, "none": None}[text]
-    for kind in (int, float):
-        with contextlib.suppress(ValueError):
-            return kind(text)
-    return text
+    values = plain_value(value)
+    if option == "grid" and not isinstance(values, list):
+        values = [values]
+    return name.replace("-", "_"), values
 
 
 def open_environment(
@@ -167,3 +160,50 @@ def import_module_of(id: str | None) -> None:
     """Import the module of an ID such as my_module:my-task; of others there is none."""
     module, colon, _ = (id or "").rpartition(":")
     import_modules([module] * bool(colon))
+
+
+def baselines(module: str) -> Any:
+    """A module of `jaxenstein.baselines.runs`.
+
+    Raises:
+        UsageError: the extra is not installed.
+    """
+    hint = "pip install 'jaxenstein[baselines]'"
+    try:
+        return importlib.import_module(f"jaxenstein.baselines.runs.{module}")
+    except ImportError as error:
+        text = str(error)
+        if hint not in text and not isinstance(error, ModuleNotFoundError):
+            raise
+        raise UsageError(f"jaxenstein: {text if hint in text else f'{text}: {hint}'}") from error
+
+
+def add_training_options(parser: Parser, without: Sequence[str] = ()) -> None:
+    """Add a flag for every option of a training, but for those named."""
+    add_options(parser, baselines("options").all_options(), without)
+
+
+def named(given: dict[str, Any], command: str) -> dict[str, Any]:
+    """The options of a new training, which must say where.
+
+    Raises:
+        UsageError: they name neither an environment nor a map.
+    """
+    if not {"env", "map"} & set(given):
+        raise UsageError(
+            f"jaxenstein {command}: give an environment, --env ID ('jaxenstein list' shows them), "
+            "or a map, --map-file FILE"
+        )
+    return given
+
+
+def given_training(options: argparse.Namespace) -> dict[str, Any]:
+    """The options of the file and of the flags together."""
+    from ..settings import checked, merge
+
+    parsing = baselines("options")
+    file: dict[str, Any] = {}
+    if options.config is not None:
+        file = with_map(parsing.read_file(options.config), options.config.parent)
+    flags = checked(given_options(options), parsing.all_options())
+    return merge(file, with_map(flags))

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from .arguments import Parser, flag, whole
-from .training import baselines
+from .opening import baselines
 
 HELP = "draw learning curves of runs that 'jaxenstein train' made"
 DESCRIPTION = """\

@@ -24,7 +24,7 @@ from .arguments import (
     real,
     whole,
 )
-from .opening import given_options, open_environment
+from .opening import baselines, given_options, open_environment
 
 if TYPE_CHECKING:
     from ..baselines.runs.agents import TrainedPolicy
@@ -152,8 +152,6 @@ def load_agent(path: Path | None, options: argparse.Namespace) -> TrainedPolicy 
         if options.greedy or options.number is not None:
             raise UsageError("jaxenstein: --run and --greedy go with the run directory of --policy")
         return None
-    from .training import baselines
-
     return baselines("agents").load_policy(path, options.number, greedy=options.greedy)
 
 
@@ -171,7 +169,7 @@ def open_for(
         return open_environment(given)
     if not given:
         return agent.env, agent.params, agent.name
-    env, params, name = open_environment(given, agent.recipe)
+    env, params, name = open_environment(given, agent.environment)
     agent.check(env, params)
     return env, params, name if {"env", "map_file"} & set(given) else agent.name
 

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 
 from ..errors import SettingError
 from ..files import check_links
-from .arguments import Parser, UsageError, flag, whole
+from .arguments import Parser, UsageError, flag, reader, whole
 from .listing import format_table
-from .opening import telling_warnings
+from .opening import add_training_options, baselines, given_training, named, telling_warnings
 from .train import add_training, carry_out, spread
-from .training import add_training_options, baselines, given_training, named
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
@@ -47,8 +46,8 @@ def fill(parser: Parser) -> None:
     flag(out, "--resume", "go on with the sweep in DIR")
     flag(out, "--config FILE", "options from a file", Path)
     which = f"the algorithms (default {' '.join(baselines('sweeps').swept())})"
-    choices = baselines("options").all_options()["algo"].choices
-    flag(out, "--algo NAME", which, str, nargs="+", choices=choices)
+    algorithms = baselines("options").all_options()["algo"].domain
+    flag(out, "--algo NAME", which, reader(algorithms), nargs="+")
     few = "train at most N runs side by side, where memory is short (default: all of a grid)"
     flag(out, "--at-once N", few, whole())
     flag(out, "--no-grid", "only the numbers given, or else the defaults")

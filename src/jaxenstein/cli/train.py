@@ -18,8 +18,15 @@ from ..errors import SettingError
 from ..machine import use_cores
 from ..progress import Progress
 from .arguments import Parser, flag, real, whole
-from .opening import IMPORT, handling, telling_warnings
-from .training import add_training_options, baselines, given_training, named
+from .opening import (
+    IMPORT,
+    add_training_options,
+    baselines,
+    given_training,
+    handling,
+    named,
+    telling_warnings,
+)
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
@@ -140,13 +147,13 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
         Progress(total * many, folder.path.name, compiles=True) as progress,
         stopping() as stop,
     ):
-        watch = baselines("stalled").StallWatch(len(experiment.runs))
+        watch = baselines("training").StallWatch(len(experiment.runs))
 
         def notify(update: int, rows: Sequence[Row]) -> None:
             recent.extend(rows)
             # A run that goes on has rows of before.
             seen = rows or (baselines("metrics").read_metrics(folder.path) if update else [])
-            if (warning := watch.look(seen)) is not None:
+            if (warning := watch.check(seen)) is not None:
                 progress.say(f"jaxenstein: warning: {warning}")
             if rows or update == total:
                 progress.note = note_of(recent)
@@ -165,7 +172,7 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     where = f"{folder.path}: {done} of {total} updates"
     print("  ".join(filter(None, [where, note_of(recent)])))
     if done < total:
-        module, colon, _ = (experiment.recipe.id or "").rpartition(":")
+        module, colon, _ = (experiment.environment.id or "").rpartition(":")
         modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])
         again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]
         again += [word for module in modules for word in (IMPORT, module)]

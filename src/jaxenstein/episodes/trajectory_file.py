@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import math
 import string
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..environment import AnyEnvironment
 from ..errors import JAXensteinError, TrajectoryError
+from ..fields import Domain, names_of
 from ..files import reason_of
 from ..recipe import TEXTS, Recipe
 from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory, digest_spacing
@@ -55,13 +53,13 @@ def _read(table: Any) -> Trajectory:
     if not isinstance(table, dict) or table.get("format") != FORMAT:
         raise TrajectoryError(f"no trajectory: 'format' is not {FORMAT!r}")
     made_by = _made_by(table)
-    version = _take(table, "format_version", _whole(1, None))
+    version = _take(table, "format_version", Domain("whole", 1))
     if version > FORMAT_VERSION:
         raise TrajectoryError(
             f"its format is version {version}, made by jaxenstein {made_by.get('jaxenstein')}; "
             f"this version reads up to {FORMAT_VERSION}: a newer jaxenstein is needed"
         )
-    _only(table, "", ("format", "format_version", *_names(Trajectory)))
+    _only(table, "", ("format", "format_version", *names_of(Trajectory)))
     recipe = _recipe(_take(table, "environment", _object))
     try:
         env, _ = recipe.try_out()
@@ -70,7 +68,7 @@ def _read(table: Any) -> Trajectory:
     actions = _actions(table, env)
     return Trajectory(
         environment=recipe,
-        seed=_take(table, "seed", _whole(0, 2**32 - 1)),
+        seed=_take(table, "seed", Domain("whole", 0, 2**32 - 1)),
         actions=actions,
         checks=_checks(_take(table, "checks", _object), len(actions)),
         made_by=made_by,
@@ -84,7 +82,7 @@ def _made_by(table: Table) -> dict[str, str]:
 
 def _recipe(table: Table) -> Recipe:
     within = "environment."
-    _only(table, within, _names(Recipe))
+    _only(table, within, names_of(Recipe))
     settings = dict(_take(table, "settings", _object, within))
     id = _take(table, "id", lambda value: None if value is None else _text(value), within)
     for name in ("autoreset", "final_observation"):
@@ -100,14 +98,19 @@ def _recipe(table: Table) -> Recipe:
     params = _take(table, "params", _object, within)
     return Recipe(
         id=id,
-        version=_take(table, "version", _whole(0, None), within),
+        version=_take(table, "version", Domain("whole", 0), within),
         settings={name: _frozen(value) for name, value in settings.items()},
-        params={name: _take(params, name, _number, f"{within}params.") for name in params},
+        params={
+            name: value
+            if isinstance(value, bool | int)
+            else _take(params, name, Domain("number"), f"{within}params.")
+            for name, value in params.items()
+        },
     )
 
 
 def _actions(table: Table, env: AnyEnvironment) -> tuple[int, ...]:
-    actions = _runs(table, "actions", "", _whole(None, None))
+    actions = _runs(table, "actions", "", Domain("whole"))
     for index, action in enumerate(actions):
         if not NO_OP <= action < env.num_actions:
             raise TrajectoryError(
@@ -119,15 +122,15 @@ def _actions(table: Table, env: AnyEnvironment) -> tuple[int, ...]:
 
 def _checks(table: Table, steps: int) -> Checks:
     within = "checks."
-    _only(table, within, _names(Checks))
-    every = _take(table, "every", _whole(1, None), within)
+    _only(table, within, names_of(Checks))
+    every = _take(table, "every", Domain("whole", 1), within)
     if every != (right := digest_spacing(steps + 1)):
         raise TrajectoryError(f"'{within}every' must be {right} for {steps} actions, not {every}")
     wanted = -(-(steps + 1) // every)
     checks = Checks(
-        rewards=_runs(table, "rewards", within, _real),
-        terminated=_take(table, "terminated", _flag, within),
-        truncated=_take(table, "truncated", _flag, within),
+        rewards=tuple(map(float, _runs(table, "rewards", within, Domain("number")))),
+        terminated=_take(table, "terminated", Domain("switch"), within),
+        truncated=_take(table, "truncated", Domain("switch"), within),
         every=every,
         states=_take(table, "states", _digests, within),
         observations=_take(table, "observations", _digests, within),
@@ -144,10 +147,6 @@ def _checks(table: Table, steps: int) -> Checks:
     return checks
 
 
-def _names(kind: type) -> tuple[str, ...]:
-    return tuple(field.name for field in dataclasses.fields(kind))
-
-
 def _only(table: Table, within: str, names: tuple[str, ...]) -> None:
     """Raise unless all entries are known."""
     for name in table:
@@ -155,10 +154,14 @@ def _only(table: Table, within: str, names: tuple[str, ...]) -> None:
             raise TrajectoryError(f"unknown entry '{within}{name}'")
 
 
-def _take(table: Table, name: str, kind: Callable[[Any], Any], within: str = "") -> Any:
-    """An entry as `kind` converts it; `kind` raises ValueError with what would be right."""
+def _take(table: Table, name: str, kind: Domain | Callable[[Any], Any], within: str = "") -> Any:
+    """An entry of a domain, or as `kind` converts it, which may raise ValueError."""
     if name not in table:
         raise TrajectoryError(f"the entry '{within}{name}' is missing")
+    if isinstance(kind, Domain):
+        if fault := kind.fault(table[name]):
+            raise TrajectoryError(f"'{within}{name}' {fault}")
+        return table[name]
     try:
         return kind(table[name])
     except JAXensteinError:
@@ -169,7 +172,7 @@ def _take(table: Table, name: str, kind: Callable[[Any], Any], within: str = "")
         raise TrajectoryError(f"'{within}{name}' must be {error}, not {shown}") from error
 
 
-def _runs(table: Table, name: str, within: str, kind: Callable[[Any], Any]) -> tuple[Any, ...]:
+def _runs(table: Table, name: str, within: str, kind: Domain) -> tuple[Any, ...]:
     """The values of a list of runs [value, how often]."""
 
     def convert(value: Any) -> tuple[Any, ...]:
@@ -180,43 +183,11 @@ def _runs(table: Table, name: str, within: str, kind: Callable[[Any], Any]) -> t
             where = dict(enumerate(run))
             label = f"{within}{name}[{i}]"
             one = _take({label: where[0]}, label, kind)
-            count = _take({label: where[1]}, label, _whole(1, MOST_ACTIONS - len(values)))
+            count = _take({label: where[1]}, label, Domain("whole", 1, MOST_ACTIONS - len(values)))
             values += [one] * count
         return tuple(values)
 
     return _take(table, name, convert, within)
-
-
-def _whole(least: int | None, most: int | None) -> Callable[[Any], int]:
-    def convert(value: Any) -> int:
-        number = isinstance(value, int) and not isinstance(value, bool)
-        if not number or not (-math.inf if least is None else least) <= value <= (
-            math.inf if most is None else most
-        ):
-            low = "" if least is None else f" of at least {least}"
-            bounds = low if most is None else f" from {least} to {most}"
-            raise ValueError(f"a whole number{bounds}")
-        return value
-
-    return convert
-
-
-def _real(value: Any) -> float:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    # A whole number may be too large for a float; NaN is equal to nothing.
-    if not number or not abs(value) <= sys.float_info.max:
-        raise ValueError("a finite number")
-    return float(value)
-
-
-def _number(value: Any) -> bool | int | float:
-    return value if isinstance(value, bool | int) else _real(value)
-
-
-def _flag(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise ValueError("true or false")
-    return value
 
 
 def _text(value: Any) -> str:

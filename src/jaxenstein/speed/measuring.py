@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +89,8 @@ def measure(settings: Settings) -> dict[str, Any]:
     import jax
 
     from .. import registry
-    from ..recipe import Recipe, as_tuples
+    from ..fields import as_tuples
+    from ..recipe import Recipe
     from ..tasks.first_person import SETTINGS
     from .random_rollout import make_random_rollout
 
@@ -101,15 +102,11 @@ def measure(settings: Settings) -> dict[str, Any]:
     compiling = _compile_times(env, params, settings.batch)
     rollout, start = make_random_rollout(env, params, settings.batch, settings.steps)
     carry = jax.block_until_ready(start(jax.random.key(settings.seed)))
-    begin = time.perf_counter()
-    compiled = rollout.lower(carry).compile()
-    compiling["rollout"] = time.perf_counter() - begin
-    carry = jax.block_until_ready(compiled(carry))
-    seconds, counts = [], [_count(carry)]
-    for _ in range(settings.repeats):
-        begin = time.perf_counter()
-        carry = jax.block_until_ready(compiled(carry))
-        seconds.append(time.perf_counter() - begin)
+    program, compiling["rollout"] = compile_timed(rollout, carry)
+    first = program(carry)
+    seconds, counts = [], [_count(first)]
+    for carry, taken in timed_calls(program, first, settings.repeats):
+        seconds.append(taken)
         counts.append(_count(carry))
     device = jax.devices()[0]
     return {
@@ -137,18 +134,42 @@ def _compile_times(env: Any, params: Any, batch: int) -> dict[str, float]:
     import jax.numpy as jnp
 
     keys = jax.random.split(jax.random.key(0), batch)
-    times = {}
-    begin = time.perf_counter()
     reset = jax.jit(jax.vmap(lambda key: env.reset(key, params)))
-    reset.lower(keys).compile()
-    times["reset"] = time.perf_counter() - begin
-    _, states = jax.eval_shape(reset, keys)
-    actions = jnp.zeros(batch, jnp.int32)
     step = jax.jit(jax.vmap(lambda key, state, action: env.step(key, state, action, params)))
+    _, reset_seconds = compile_timed(reset, keys)
+    _, states = jax.eval_shape(reset, keys)
+    _, step_seconds = compile_timed(step, keys, states, jnp.zeros(batch, jnp.int32))
+    return {"reset": reset_seconds, "step": step_seconds}
+
+
+def compile_timed(program: Any, *args: Any) -> tuple[Any, float]:
+    """A jitted function compiled for these arguments, and the seconds that took."""
     begin = time.perf_counter()
-    step.lower(keys, states, actions).compile()
-    times["step"] = time.perf_counter() - begin
-    return times
+    compiled = program.lower(*args).compile()
+    return compiled, time.perf_counter() - begin
+
+
+def timed_calls(
+    program: Callable[[Any], Any], carry: Any, repeats: int, seconds: float = 0.0
+) -> Iterator[tuple[Any, float]]:
+    """Call a program again and again on what it gave last.
+
+    Args:
+        program: takes a carry and gives the next one.
+        carry: the first one; its buffers may be used up.
+        repeats: how many times to measure.
+        seconds: how long a repeat lasts at least; it makes one call at least.
+
+    Yields:
+        After each repeat the carry, and the seconds that a call took.
+    """
+    import jax
+
+    for _ in range(repeats):
+        begin, calls = time.perf_counter(), 0
+        while not calls or time.perf_counter() - begin < seconds:
+            carry, calls = jax.block_until_ready(program(carry)), calls + 1
+        yield carry, (time.perf_counter() - begin) / calls
 
 
 def summarise(rates: np.ndarray) -> dict[str, Any]:

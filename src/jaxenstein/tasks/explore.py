@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
@@ -18,14 +18,13 @@ import numpy as np
 
 from ..about import About, Event
 from ..batching import select, where_few
-from ..calls import check_whole
 from ..engine.level import Level, level_from_walls
 from ..engine.scene import Scene, Sprites, Theme
 from ..environment import Info, Scalar, State
 from ..errors import SettingError
+from ..fields import choice, number
 from ..maps.symbols import DEFAULT_WALL, door_label
 from ..maps.things import APPLE, BALL, BOX, COLOUR_NAMES, GOAL, RGB
-from ..params import number
 from ..players.walking import SHORTEST_PATH, flood
 from .appearance import build_theme
 from .draws import draw_index, draw_unit
@@ -115,11 +114,11 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         defaults: the params that `params=None` stands for.
     """
 
-    kind: Kind = "goal"
+    kind: Kind = choice("goal", Kind)
     plan: MazePlan = PLAN
     starts: int = 5
     places: int = 4
-    doors: int = 0
+    doors: int = number(0, 0, 256)
     defaults: ExploreParams = DEFAULTS
     field_of_view: float = 90.0
     sprite_layers: int = 2
@@ -130,18 +129,14 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        if self.kind not in get_args(Kind):
-            raise SettingError(f"kind must be one of {get_args(Kind)}, not {self.kind!r}")
         most = self.plan.least**2 - 1
         if not (self.starts >= 1 and self.places >= 2 and self.starts + self.places <= most + 1):
             raise SettingError(
                 f"starts, at least 1, and places, at least 2, must be {most + 1} at most together, "
                 f"the tiles of a room, not {self.starts!r} and {self.places!r}"
             )
-        if self.doors:
-            check_whole("doors", self.doors, 256)
-            if self.kind != "goal":
-                raise SettingError("doors, whose ways lead to a goal, need kind='goal'")
+        if self.doors and self.kind != "goal":
+            raise SettingError("doors, whose ways lead to a goal, need kind='goal'")
 
     @property
     def default_params(self) -> ExploreParams:

@@ -6,7 +6,7 @@ import abc
 import dataclasses
 import functools
 import math
-from typing import Any, Literal, TypeVar, cast, get_args
+from typing import Any, Literal, TypeVar, cast
 
 import jax
 import numpy as np
@@ -20,17 +20,15 @@ from ..engine.scene import Scene
 from ..engine.shade import ImageKind
 from ..environment import Environment, Params, State
 from ..errors import SettingError
+from ..fields import choice, number, of_form
 from ..maps.tilemap import TileMap
-from ..params import number
 from ..spaces import Box, Dict, Space
-from .draws import checked_seeds, sample_seed
+from .draws import sample_seed
 from .levels import read_level
 from .looks import Look, patterned, randomised
 from .steering import SteeringParams
 
 ObservationKind = Literal["rgb", "gray", "depth", "labels", "dict"]
-MAX_PIXELS = 4096
-FIELD_OF_VIEW = (30.0, 120.0)
 # What the key of a reset is folded with for that of the look.
 _LOOKS = 0x100C
 
@@ -43,9 +41,9 @@ class FirstPerson(Environment[S, P]):
     """Base of tasks that are seen in first person.
 
     Attributes:
-        height: image rows in pixels, 1 to 4096. Every size is drawn natively.
-        width: image columns in pixels, 1 to 4096.
-        field_of_view: horizontal angle of view in degrees, 30 to 120; pixels are square.
+        height: image rows in pixels. Every size is drawn natively.
+        width: image columns in pixels.
+        field_of_view: horizontal angle of view in degrees; pixels are square.
         observation: `"rgb"` uint8[height, width, 3]; `"gray"` uint8[height, width]; `"depth"`
             float32[height, width], perpendicular distance in tiles; `"labels"` uint8[height,
             width], ids of what each pixel shows, named by `jaxenstein.maps.symbols.LABEL_NAMES`;
@@ -58,36 +56,18 @@ class FirstPerson(Environment[S, P]):
         look_seeds: of random looks, None for all of them, or those of some seeds: (first, stop).
     """
 
-    height: int = number(64, 1, MAX_PIXELS)
-    width: int = number(64, 1, MAX_PIXELS)
-    field_of_view: float = 60.0
-    observation: ObservationKind = "rgb"
+    height: int = number(64, 1, 4096)
+    width: int = number(64, 1, 4096)
+    field_of_view: float = number(60.0, 30, 120)
+    observation: ObservationKind = choice("rgb", ObservationKind)
     sprite_layers: int = number(4, 1, 64)
-    look: Look = "plain"
-    look_range: float = 1.0
-    look_seeds: tuple[int, int] | range | None = None
+    look: Look = choice("plain", Look)
+    look_range: float = number(1.0, 0, 1)
+    look_seeds: tuple[int, int] | range | None = of_form(None, "seeds")
 
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        low, high = FIELD_OF_VIEW
-        angle = self.field_of_view
-        if not isinstance(angle, int | float | np.number) or not low <= float(angle) <= high:
-            raise SettingError(f"field_of_view must be {low:g} to {high:g} degrees, not {angle!r}")
-        if self.observation not in get_args(ObservationKind):
-            kinds = ", ".join(map(repr, get_args(ObservationKind)))
-            raise SettingError(f"observation must be one of {kinds}, not {self.observation!r}")
-        self._check_look()
-
-    def _check_look(self) -> None:
-        object.__setattr__(self, "look_seeds", checked_seeds("look_seeds", self.look_seeds))
-        if self.look not in get_args(Look):
-            looks = ", ".join(map(repr, get_args(Look)))
-            raise SettingError(f"look must be one of {looks}, not {self.look!r}")
-        share = self.look_range
-        number = isinstance(share, int | float | np.number) and not isinstance(share, bool)
-        if not number or not 0 <= float(share) <= 1:
-            raise SettingError(f"look_range must be a number from 0 to 1, not {share!r}")
         for name in ("look_seeds", "look_range"):
             given = getattr(self, name)
             if self.look != "random" and given != getattr(FirstPerson, name):
@@ -215,16 +195,11 @@ class GeneratedTask(FirstPerson[S, P]):
 
     Attributes:
         levels: None for levels without end, or seeds of levels: `range(first, stop)` or (first,
-            stop), whole numbers from 0 to 2**32 and at most 2**24 of them. Every episode has one
-            of these levels, each equally likely. A seed is the same level on every machine.
+            stop). Every episode has one of these levels, each equally likely. A seed is the same
+            level on every machine.
     """
 
-    levels: tuple[int, int] | range | None = None
-
-    def __post_init__(self) -> None:
-        """Check the settings."""
-        object.__setattr__(self, "levels", checked_seeds("levels", self.levels))
-        super().__post_init__()
+    levels: tuple[int, int] | range | None = of_form(None, "seeds")
 
     @property
     def level_range(self) -> tuple[int, int] | None:

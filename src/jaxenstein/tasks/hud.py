@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -25,8 +23,8 @@ LEVELS: Levels = (
 AMMUNITION: Levels = ((0.2, (206, 60, 190)), (1.0, (84, 138, 240)))
 
 
-def check_overlay(name: str, wanted: Any, observation: str) -> None:
-    """Raise unless a setting is a bool that adds to the picture, and false if there is none.
+def check_overlay(name: str, wanted: bool, observation: str) -> None:
+    """Raise if a setting adds to a picture that has neither colours nor grays.
 
     Args:
         name: of the setting.
@@ -34,17 +32,15 @@ def check_overlay(name: str, wanted: Any, observation: str) -> None:
         observation: the kind of observation.
 
     Raises:
-        SettingError: it is something else, or the observation has neither colours nor grays.
+        SettingError: it is true, and the observation has neither colours nor grays.
     """
-    if not isinstance(wanted, bool):
-        raise SettingError(f"{name} must be True or False, not {wanted!r}")
     if wanted and observation not in ("rgb", "gray", "dict"):
         raise SettingError(
             f"{name}=True needs observation 'rgb', 'gray' or 'dict', not {observation!r}"
         )
 
 
-def check_strip(hud: Any, observation: str, height: int) -> None:
+def check_strip(hud: bool, observation: str, height: int) -> None:
     """Raise unless a strip can be drawn where it is wanted, in an image of a height in pixels."""
     check_overlay("hud", hud, observation)
     if hud and strip_rows(height) * 2 > height:

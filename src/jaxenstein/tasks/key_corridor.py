@@ -75,18 +75,12 @@ class KeyCorridor(
 
     room_size: int = number(4, 3, 16)
     room_rows: int = number(3, 1, 3)
-    layout_seed: int | None = None
+    layout_seed: int | None = number(None, 0, 2**32 - 1, whole=True)
 
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        seed = self.layout_seed
-        whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-        if seed is not None and not (whole and 0 <= seed < 2**32):
-            raise SettingError(
-                f"layout_seed must be None or a whole number from 0 to 2**32 - 1, not {seed!r}"
-            )
-        if seed is not None and self.levels is not None:
+        if self.layout_seed is not None and self.levels is not None:
             raise SettingError("give either levels or layout_seed, which is a range of one level")
 
     @property

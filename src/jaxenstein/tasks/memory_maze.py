@@ -20,10 +20,9 @@ from ..engine.motion import forward, walk
 from ..engine.scene import Scene, Sprites, Theme
 from ..engine.shade import ImageKind
 from ..environment import Info, Scalar, State
-from ..errors import SettingError
+from ..fields import check_whole, number
 from ..maps.symbols import LABEL_NAMES
 from ..maps.things import BALL, DETAIL_SHADE, RGB
-from ..params import number
 from ..players.walking import SHORTEST_PATH, flood, movement_of, remaining
 from ..spaces import Box
 from .appearance import build_theme
@@ -144,11 +143,8 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        if not 2 <= self.things <= min(self.plan.fewest, len(COLOURS)):
-            raise SettingError(
-                f"things must be 2 to {min(self.plan.fewest, len(COLOURS))}, as many as there are "
-                f"rooms at least, not {self.things!r}"
-            )
+        # Each has a room and a colour of its own.
+        check_whole("things", self.things, 2, min(self.plan.fewest, len(COLOURS)))
 
     @property
     def default_params(self) -> MemoryMazeParams:

@@ -18,8 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..batching import varying
-from ..calls import check_whole
 from ..errors import SettingError
+from ..fields import check_whole
 from ..pytree import PyTreeNode
 from .draws import draw_index
 from .maze_ways import shift, straighten
@@ -66,16 +66,15 @@ class MazePlan:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_whole("size", self.size, 63)
-        check_whole("rooms", self.rooms, 64)
+        check_whole("size", self.size, 1, 63)
+        check_whole("rooms", self.rooms, 1, 64)
         odd = self.size % 2 and self.least % 2 and self.most % 2
         if not (odd and 3 <= self.least <= self.most <= self.size - 2):
             raise SettingError(
                 "size, least and most of a MazePlan must be odd, with 3 <= least <= most <= "
                 f"size - 2, not {self.size}, {self.least} and {self.most}"
             )
-        if not 1 <= self.fewest <= self.rooms:
-            raise SettingError(f"fewest must be 1 to {self.rooms}, not {self.fewest!r}")
+        check_whole("fewest", self.fewest, 1, self.rooms)
 
     @property
     def lattice(self) -> int:

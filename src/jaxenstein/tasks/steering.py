@@ -12,13 +12,13 @@ import numpy as np
 from ..engine.level import Level
 from ..engine.motion import forward, turn, walk
 from ..environment import Params, Scalar
-from ..errors import SettingError
+from ..fields import Domain, check_value
 from ..params import number
 from .draws import draw_unit
 
 TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
-# Degrees of a heading setting either way; far beyond, float32 holds no degrees any more.
-WIDEST = 3600
+# Far beyond, float32 holds no degrees any more.
+HEADING = Domain("angle", -3600, 3600, optional=True)
 ACTION_NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 
 
@@ -97,16 +97,8 @@ def heading_range(heading: Any) -> tuple[float, float]:
     Raises:
         SettingError: it is none of these.
     """
+    heading = check_value("heading", HEADING, heading)
     if heading is None:
         return 0.0, 2 * math.pi
-    try:
-        low, high = (heading, heading) if np.ndim(heading) == 0 else heading
-        low, high = float(low), float(high)
-    except (TypeError, ValueError, OverflowError):
-        low, high = math.nan, math.nan
-    if not -WIDEST <= low <= high <= WIDEST:
-        raise SettingError(
-            "heading must be None, degrees, or (lowest, highest) degrees, from "
-            f"{-WIDEST} to {WIDEST}, not {heading!r}"
-        )
+    low, high = heading if isinstance(heading, tuple) else (heading, heading)
     return math.radians(low), math.radians(high)

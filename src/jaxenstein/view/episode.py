@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from ..errors import SettingError
+from ..fields import check_whole
 from ..maps.tilemap import TileMap
 from ..trajectory import Trajectory
 from .recording import (
@@ -184,8 +185,7 @@ class Pictures(Sequence[np.ndarray]):
         Raises:
             SettingError: `every` is below 1.
         """
-        if every < 1:
-            raise SettingError(f"every must be at least 1, not {every!r}")
+        check_whole("every", every)
         self._episode = episode
         self._scale = scale or scale_to(episode.frames.shape[1:3], VIEW_HEIGHT)
         self._notify = notify

@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from ..errors import SettingError
+from ..fields import check_whole
 from ..maps.symbols import LABEL_COLOURS
 from .recording import enlarge, evenly, mosaic, save_png, scale_to
 
@@ -102,8 +103,8 @@ def show(observation: Any, kind: str | None = None, *, scale: int | None = None)
     image = np.asarray(image_of(observation))
     kind = _kind_of(image) if kind in (None, "dict") else kind
     _check(image, kind)
-    if scale is not None and (not isinstance(scale, int) or not 1 <= scale <= 64):
-        raise SettingError(f"scale must be a whole number from 1 to 64, not {scale!r}")
+    if scale is not None:
+        check_whole("scale", scale, 1, 64)
     frames = picture(image, kind)
     if frames.ndim == 3:
         return Frame(frames, scale or scale_to(frames.shape[:2], SHOWN_HEIGHT))

@@ -18,6 +18,7 @@ import numpy as np
 from PIL import Image
 
 from ..errors import SettingError
+from ..fields import Domain, check_value
 from ..files import atomic, check_writable
 
 BACKGROUND = (24, 26, 30)
@@ -118,8 +119,7 @@ def save_animation(
         OutputError: if `path` cannot be written.
     """
     check_animation(path)
-    if not 0.1 <= fps <= 1000:
-        raise SettingError(f"fps must be a number from 0.1 to 1000, not {fps!r}")
+    check_value("fps", Domain("number", 0.1, 1000), fps)
     if len(frames) == 0:
         raise SettingError("an animation needs at least one frame")
     save = ANIMATIONS[Path(path).suffix.lower()]

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxenstein.baselines import Bonus, Config, Experience, HParams
-from jaxenstein.baselines.learning.algorithms import algorithm
-from jaxenstein.baselines.learning.loop import Loop
-from jaxenstein.baselines.learning.observations import ObservationSpec, Part
+from jaxenstein.baselines.config import algorithm
+from jaxenstein.baselines.loop import Loop
+from jaxenstein.baselines.observations import ObservationSpec, Part
 
 KEY = jax.random.key(0)
 SPEC = ObservationSpec((Part((8, 8), True, "bounds", 0, 255), Part((2,), False, "bounds")))
@@ -75,7 +75,7 @@ def bonus_of(algo: str, **settings: Any) -> Any:
 
 
 def numbers_of(algo: str, **values: Any) -> HParams:
-    return loop_of(algo).numbers(HParams.of(algorithm(algo), {"bonus_gamma": 0.9} | values))
+    return loop_of(algo).numbers(HParams.of(algo, {"bonus_gamma": 0.9} | values))
 
 
 def leaves(tree: Any) -> list[np.ndarray[Any, Any]]:

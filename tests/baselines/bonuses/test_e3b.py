@@ -7,10 +7,10 @@ import pytest
 
 pytest.importorskip("flax")
 
-from jaxenstein.baselines.bonuses.temporal import (
+from jaxenstein.baselines.bonuses.e3b import (
     STRIDE,
     TEMPERATURE,
-    drawn_offsets,
+    sample_offsets,
     temporal_loss,
 )
 from tests.baselines.bonuses.rollouts import (
@@ -66,15 +66,6 @@ def test_embeddings_are_centred_and_of_length_one():
     assert np.std(phi, axis=(0, 1)).min() > 1e-3
 
 
-def test_what_was_seen_n_times_is_worth_one_over_lambda_and_n():
-    bonus, data = bonus_of("e3b"), experience()
-    same = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf[:1], leaf.shape), data.obs)
-    still = data.replace(obs=same, ended=jnp.zeros_like(data.ended))
-    result, _, _ = jax.jit(bonus.reward)(bonus.init(KEY), numbers_of("e3b"), still)
-    expected = 1 / (0.1 + np.arange(STEPS))
-    np.testing.assert_allclose(result, np.tile(expected[:, None], BATCH), rtol=1e-4)
-
-
 @BOTH
 def test_training_moves_the_networks_and_not_the_matrices(embedding):
     bonus = bonus_of("e3b", e3b_embedding=embedding)
@@ -105,28 +96,28 @@ def test_the_temporal_loss_tells_neighbours_from_those_of_other_steps():
         scores = np.array([now @ near / TEMPERATURE for _, near in pairs])
         losses.append(np.log(np.exp(scores).sum()) - scores[index])
         right.append(scores[index] >= scores.max())
-    loss, metrics = temporal_loss("e3b", jnp.asarray(phi), jnp.asarray(ended), jnp.asarray(offset))
+    loss, metrics = temporal_loss(jnp.asarray(phi), jnp.asarray(ended), jnp.asarray(offset))
     np.testing.assert_allclose(loss, np.mean(losses), rtol=1e-5)
     np.testing.assert_allclose(metrics["e3b_temporal_accuracy"], np.mean(right), rtol=1e-6)
 
 
 def test_an_embedding_that_is_the_same_for_all_tells_nothing():
     phi, offset = jnp.ones((STRIDE + 1, 3, 1)), jnp.ones((STRIDE, 3), jnp.int32)
-    loss, metrics = temporal_loss("e3b", phi, jnp.zeros((STRIDE, 3), bool), offset)
+    loss, metrics = temporal_loss(phi, jnp.zeros((STRIDE, 3), bool), offset)
     np.testing.assert_allclose(loss, np.log(3), rtol=1e-6)
     np.testing.assert_allclose(metrics["e3b_temporal_accuracy"], 1 / 3, rtol=1e-6)
 
 
 def test_the_temporal_loss_of_a_rollout_full_of_ends_is_nothing():
     phi, ended = jnp.ones((5, 2, 3)), jnp.ones((4, 2), bool)
-    total = lambda phi: temporal_loss("e3b", phi, ended, jnp.ones((4, 2), jnp.int32))[0]  # noqa: E731
+    total = lambda phi: temporal_loss(phi, ended, jnp.ones((4, 2), jnp.int32))[0]  # noqa: E731
     loss, gradient = jax.value_and_grad(total)(phi)
     assert loss == 0
     np.testing.assert_array_equal(gradient, jnp.zeros_like(phi))
 
 
 def test_offsets_are_all_from_one_to_the_reach():
-    assert set(np.unique(drawn_offsets(KEY, (64, 8), 3))) == {1, 2, 3}
+    assert set(np.unique(sample_offsets(KEY, (64, 8), 3))) == {1, 2, 3}
 
 
 def test_what_is_near_in_time_grows_alike_and_the_rest_does_not():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import shutil
 import signal
 import subprocess
@@ -77,25 +76,12 @@ def test_the_newest_two_are_kept(store: Checkpoints) -> None:
     assert (restored.update, int(restored.state["count"])) == (11, 5)
 
 
-def half(data: bytes) -> bytes:
-    return data[: len(data) // 2]
-
-
-def flipped(data: bytes) -> bytes:
-    """One bit of the frames is another one."""
-    place = data.index(np.asarray(state_of(2)["frames"]).tobytes())
-    return data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
-
-
-DAMAGE = {"half": half, "flipped": flipped, "empty": lambda _: b"", "text": lambda _: b"[" * 9999}
-
-
-@pytest.mark.parametrize("damage", DAMAGE)
-def test_a_damaged_checkpoint_is_passed_over(store: Checkpoints, damage: str) -> None:
+@pytest.mark.parametrize("damaged", [b"", b"[" * 9999, None])
+def test_a_damaged_checkpoint_is_skipped(store: Checkpoints, damaged: bytes | None) -> None:
     store.save(1, state_of(1))
     store.save(2, state_of(2))
     path = store.folder / "2.npz"
-    path.write_bytes(DAMAGE[damage](path.read_bytes()))
+    path.write_bytes(path.read_bytes()[:999] if damaged is None else damaged)
     restored = store.restore(state_of(0))
     assert restored is not None
     assert restored.update == 1
@@ -120,12 +106,6 @@ def test_every_single_damaged_byte_is_noticed_or_harmless(store: Checkpoints) ->
             assert restored is not None
             assert restored.state["a"].tolist() == [0, 1, 2, 3, 4]
     assert told > len(whole) / 2
-
-
-def test_a_checkpoint_opens_with_numpy_alone(store: Checkpoints) -> None:
-    store.save(1, state_of(1))
-    with np.load(store.folder / "1.npz") as arrays:
-        np.testing.assert_array_equal(arrays["['frames']"], state_of(1)["frames"])
 
 
 def test_a_file_that_promises_too_much_costs_nothing(store: Checkpoints) -> None:
@@ -184,38 +164,6 @@ store.save(2, {{"a": np.arange(9, dtype=np.int32)}})
     assert len(list(store.folder.iterdir())) == 2
     store.save(3, {"a": np.arange(9, dtype=np.int32)})
     assert sorted(path.name for path in store.folder.iterdir()) == ["1.npz", "3.npz"]
-
-
-def test_a_full_disk_is_told_and_leaves_the_old_ones(tmp_path: Path) -> None:
-    """A limit of the system on the size of files stands for the disk."""
-    code = f"""
-import resource
-import numpy as np
-from jaxenstein.baselines.runs.checkpoints import Checkpoints
-from jaxenstein.files import OutputError
-store = Checkpoints({str(tmp_path)!r})
-store.save(1, {{"a": np.arange(9, dtype=np.int32)}})
-resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, resource.RLIM_INFINITY))
-noise = np.random.default_rng(0).integers(0, 256, 10**6).astype(np.uint8)
-try:
-    store.save(2, {{"a": noise}})
-except OutputError as error:
-    print(error)
-assert store.updates() == [1]
-assert np.array_equal(store.restore({{"a": np.zeros(9, np.int32)}}).state["a"], range(9))
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.strip() == f"cannot write {tmp_path / '2.npz'}: file too large"
-    assert sorted(os.listdir(tmp_path)) == ["1.npz"]
-
-
-def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match=r"not a directory|exists and is not a folder"):
-        Checkpoints(tmp_path / "file").save(1, state_of(1))
 
 
 def test_too_little_space_is_told_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

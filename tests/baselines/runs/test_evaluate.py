@@ -20,18 +20,11 @@ import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.baselines.runs.agents import best_run, evaluate, load_policy
 from jaxenstein.baselines.runs.folder import RunFolder
-from jaxenstein.baselines.runs.result import Result
-from jaxenstein.baselines.runs.trained import load_trained
+from jaxenstein.baselines.runs.trained import Result, load_trained
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.game import AgentGame
-from tests.baselines.tiny import hardly_trained
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
-    return hardly_trained(tmp_path_factory.mktemp("runs") / "tiny")
 
 
 def test_greedy_policy_is_what_the_network_says_of_the_whole_sequence(folder: RunFolder) -> None:
@@ -94,14 +87,12 @@ def test_evaluation_counts_whole_episodes(folder: RunFolder) -> None:
     assert plain["length"]["mean"] == pytest.approx(result.lengths.mean())
 
 
-def test_intervals_of_a_result_are_of_its_runs() -> None:
-    returns = np.repeat([[0.0], [1.0]], 50, axis=1).astype(np.float32)
-    result = Result(True, returns, returns.astype(np.int32), returns > 0)
-    interval = result.interval(result.returns)
-    assert (interval.low, interval.mean, interval.high) == (0, 0.5, 1)
-    assert result.best == 1
+def test_the_best_run_of_a_result_has_the_highest_return_then_the_shortest_episodes() -> None:
     lengths = np.array([[9, 9], [3, 4], [5, 5]], np.int32)
-    assert Result(True, np.ones((3, 2), np.float32), lengths, lengths > 0).best == 1
+    returns = np.ones((3, 2), np.float32)
+    assert Result(True, returns, lengths, lengths > 0).best == 1
+    returns[2] = 2
+    assert Result(True, returns, lengths, lengths > 0).best == 2
 
 
 def test_command_evaluates_and_films(

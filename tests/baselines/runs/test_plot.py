@@ -14,11 +14,16 @@ pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
 from jaxenstein import SettingError
-from jaxenstein.baselines.runs.bootstrap import band, mean_interval
-from jaxenstein.baselines.runs.curves import Curve, curves_of, draw, save_plot
+from jaxenstein.baselines.runs.curves import (
+    Curve,
+    band,
+    curves_of,
+    mean_interval,
+    plot,
+    save_plot,
+)
 from jaxenstein.baselines.runs.folder import RunFolder
-from jaxenstein.baselines.runs.metrics import means
-from jaxenstein.baselines.runs.timing import read_seconds
+from jaxenstein.baselines.runs.metrics import means, read_seconds
 from jaxenstein.files import OutputError
 from tests.baselines.tiny import UPDATES, tiny
 
@@ -150,7 +155,7 @@ def test_minutes_go_on_over_sessions(folder: Path) -> None:
     np.testing.assert_allclose(read_seconds(folder, 6), [30, 45, 60, 105, 135, 165])
     (curve,) = curves_of(folder, "success", points=3, over="minutes")
     np.testing.assert_allclose(curve.at, [0.75, 1.75, 2.75])
-    assert draw([curve], "success").axes[0].get_xlabel() == "minutes"
+    assert plot([curve], "success").axes[0].get_xlabel() == "minutes"
 
 
 def test_times_that_cannot_be_read_are_told(folder: Path) -> None:
@@ -164,7 +169,7 @@ def test_times_that_cannot_be_read_are_told(folder: Path) -> None:
 
 def test_the_figure_shows_what_was_measured(folder: Path) -> None:
     lone = Curve("lone", np.array([10.0, 20.0]), np.array([[np.nan, 0.5]]))
-    figure = draw([*curves_of(folder, "success", points=3), lone], "success")
+    figure = plot([*curves_of(folder, "success", points=3), lone], "success")
     (axes,) = figure.axes
     first, second = axes.lines
     np.testing.assert_allclose(np.asarray(first.get_xydata()), [[64, 0.15], [128, 0.825], [192, 1]])

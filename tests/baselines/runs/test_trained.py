@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import zipfile
 from collections.abc import Callable
@@ -14,6 +15,7 @@ import pytest
 
 pytest.importorskip("flax")
 
+import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.baselines import export_policy, load_policy
 from jaxenstein.baselines.runs import trained as files
@@ -21,14 +23,8 @@ from jaxenstein.baselines.runs.agents import evaluate
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.trained import load_trained, pretrained, read_config
 from jaxenstein.cli import main
-from tests.baselines.tiny import hardly_trained
 
 LARGEST = 300_000
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
-    return hardly_trained(tmp_path_factory.mktemp("runs") / "tiny")
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +52,8 @@ def test_a_file_holds_one_run_rounded_with_its_score(folder: RunFolder, file: Pa
         assert other.dtype == np.float32
     experiment = trained.experiment
     assert experiment.runs == ({"seed": 1},)
-    assert (experiment.config, experiment.recipe) == (
-        folder.experiment.config, folder.experiment.recipe
+    assert (experiment.config, experiment.environment) == (
+        folder.experiment.config, folder.experiment.environment
     )  # fmt: skip
     score = read_config(file)["agent"]["score"]
     for greedy, name in ((True, "greedy"), (False, "sampled")):
@@ -72,8 +68,6 @@ def test_a_file_holds_one_run_rounded_with_its_score(folder: RunFolder, file: Pa
 
 
 def test_the_point_of_a_grid_becomes_the_numbers_of_the_run(folder: RunFolder) -> None:
-    import dataclasses
-
     grid = (("clip", (0.1, 0.3)), ("entropy", (0.0, 0.5)))
     experiment = dataclasses.replace(folder.experiment, grid=grid)
     assert experiment.runs[3] == {"clip": 0.1, "entropy": 0.5, "seed": 1}
@@ -174,3 +168,17 @@ def test_the_agents_of_the_package_are_small_and_whole(name: str) -> None:
     assert policy.env.num_actions >= 2
     score = read_config(path)["agent"]["score"]
     assert score["sampled"]["episodes"] == score["greedy"]["episodes"] >= 100
+
+
+def test_one_fetches_the_key() -> None:
+    policy = load_policy("pretrained/key-door")
+    episode = jaxenstein.record(policy.env, policy.params, policy, seed=0)
+    assert (episode.ending, episode.returns[-1], episode.steps) == ("terminated", 1, 10)
+
+
+def test_one_finds_the_armour() -> None:
+    policy = load_policy("pretrained/doom-my-way-home", greedy=True)
+    for seed in (0, 1, 2):
+        episode = jaxenstein.record(policy.env, policy.params, policy, seed=seed)
+        assert (episode.ending, episode.steps < 200) == ("terminated", True)
+        assert episode.returns[-1] > 0.9

@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.errors import SettingError
 from jaxenstein.maps.reach import open_tiles, walking_distances
 from jaxenstein.players import play, player_of
-from jaxenstein.tasks.miniworld.box_maze import BoxMaze
 from jaxenstein.tasks.miniworld.rooms import ROOMS
 
 # Tiles inside the walls, and T of the reward.
@@ -228,8 +226,3 @@ def check_player(name, count=64, fewest=1.0) -> np.ndarray:
         out.returned, np.where(reached, 1 - 0.2 * lengths / steps, 0), atol=1e-6
     )
     return reached
-
-
-def test_bad_settings_are_refused() -> None:
-    with pytest.raises(SettingError, match="cells must be a whole number from 1 to 15"):
-        BoxMaze(cells=16)

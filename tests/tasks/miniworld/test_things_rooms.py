@@ -213,8 +213,6 @@ def test_touching_what_is_asked_for_pays() -> None:
 def test_bad_settings_are_refused() -> None:
     with pytest.raises(SettingError, match="objects must be a whole number from 1 to 30"):
         PickupObjects(objects=31)
-    with pytest.raises(SettingError, match="size must be a whole number from 1 to 60"):
-        PickupObjects(size=0)
 
 
 def test_what_lies_open_as_points_along_the_way_say():

@@ -9,48 +9,42 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 
+from ...fields import choice, number
 from ...pytree import PyTreeNode
-from ..learning import optimiser
-from ..learning.algorithms import BonusNumbers, BonusSettings
-from ..learning.axes import PER_ENVIRONMENT
-from ..learning.bonus import Experience, Metrics
-from ..learning.config import Config
-from ..learning.fields import positive
-from ..learning.hparams import HParams
-from ..learning.observations import ObservationSpec
-from .parts import Embedding, InverseModel, inverse_loss, train
-from .temporal import drawn_offsets, temporal_loss
+from .. import optimiser
+from ..bonus import PER_ENVIRONMENT, Experience, Metrics
+from ..config import Config, HParams
+from ..observations import ObservationSpec
+from .parts import Embedding, mean
+
+# The temporal loss divides inner products by this, and uses one step of so many as an anchor: with
+# all steps the products would cost more than the rest of the training.
+TEMPERATURE, STRIDE = 0.1, 4
+
+Learned = Literal["inverse", "temporal"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class E3BSettings(BonusSettings):
-    """Static settings of E3B.
+class E3BOptions:
+    """The options of E3B.
 
     Attributes:
-        e3b_embedding: what E3B's embedding learns: `"inverse"`: to tell the action between two
-            steps, as in Henaff et al.; `"temporal"`: to tell steps that are near in time from
-            others.
-        e3b_reach: how many steps apart is near, at most, for `"temporal"`.
+        e3b_embedding: what E3B's embedding learns: `"inverse"`: to predict the action between two
+            steps, as in Henaff et al.; `"temporal"`: to distinguish steps that are near in time
+            from others.
+        e3b_reach: the largest number of steps between two that count as near, for `"temporal"`.
         e3b_latent: size of the embedding.
         e3b_hidden: width of its image features, and of the hidden layers of the inverse model.
         e3b_layers: the number of these.
+        e3b_lambda: weight of the ridge in E3B's matrix at the start of an episode.
     """
 
-    e3b_embedding: Literal["inverse", "temporal"] = "inverse"
-    e3b_reach: int = 8
-    e3b_latent: int = 32
-    e3b_hidden: int = 256
-    e3b_layers: int = 2
-
-
-class E3BNumbers(BonusNumbers):
-    """Numbers of E3B.
-
-    Attributes:
-        e3b_lambda: weight of the ridge that E3B's matrix begins an episode with.
-    """
-
-    e3b_lambda: Any = positive(0.1)
+    e3b_embedding: Learned = choice("inverse", Learned)
+    e3b_reach: int = number(8, 1)
+    e3b_latent: int = number(32, 1)
+    e3b_hidden: int = number(256, 1)
+    e3b_layers: int = number(2, 1)
+    e3b_lambda: Any = number(0.1, above=0)
 
 
 class E3BState(PyTreeNode):
@@ -59,7 +53,7 @@ class E3BState(PyTreeNode):
     Attributes:
         params: of the embedding and, where there is one, the inverse model.
         optimiser: state of their Adam.
-        inverse: float32[N, L, L], lambda C^-1 of the episodes that go on.
+        inverse: float32[N, L, L], lambda C^-1 of the current episodes.
     """
 
     params: Any
@@ -71,14 +65,14 @@ class E3BState(PyTreeNode):
 class E3B:
     """The bonus phi^T C^-1 phi, where C = lambda I + the episode's phi phi^T before this step.
 
-    phi is an embedding of what a step led to, of length one: with free lengths, which grow while
-    it learns, only the first steps of episodes would count. The first observation of an episode
-    counts as seen. The bonus is added to the reward, or has a value of its own.
+    phi is an embedding of what a step led to, of length one: with free lengths, which grow in
+    training, only the first steps of episodes would count. The first observation of an episode
+    counts as seen. The bonus is added to the reward, or has a value head of its own.
 
     Attributes:
         spec: what observations are.
         actions: their number.
-        config: with `E3BSettings`.
+        config: with the settings of `E3BOptions`.
     """
 
     spec: ObservationSpec
@@ -91,11 +85,10 @@ class E3B:
         return 1 + self.config.bonus_values
 
     def init(self, key: jax.Array) -> E3BState:
-        """Draw the networks; every environment begins an episode."""
-        eye, latent, inverse_key = jax.random.split(key, 3)
-        params = self._embedding.init(eye, latent)
-        if not self._temporal:
-            params |= {"inverse": self._inverse.init(inverse_key)}
+        """Initialise the networks; every environment begins an episode."""
+        encoder, latent, inverse_key = jax.random.split(key, 3)
+        inverse_key = None if self._temporal else inverse_key
+        params = self._embedding.init(encoder, latent, inverse_key)
         start = jnp.eye(self._embedding.latent, dtype=jnp.float32)
         inverse = jnp.repeat(start[None], self.config.num_envs, axis=0)
         return E3BState(params, optimiser.init(params), inverse)
@@ -103,13 +96,13 @@ class E3B:
     def reward(
         self, state: E3BState, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, E3BState, Metrics]:
-        """Go through the rollout, with the inverse updated as of Sherman and Morrison."""
-        ridge = hparams.bonus_as(E3BNumbers).e3b_lambda
+        """Scan the rollout, and update the inverse by the formula of Sherman and Morrison."""
+        ridge = hparams.bonus["e3b_lambda"]
         start = jnp.eye(self._embedding.latent, dtype=jnp.float32)
 
         def step(inverse: jax.Array, inputs: Any) -> tuple[jax.Array, jax.Array]:
             phi, ended = inputs
-            # What a step that ended an episode led to begins the next one.
+            # The observation after the end of an episode is the first of the next one.
             inverse = jnp.where(ended[:, None, None], start, inverse)
             # A sum of products: a matrix product may be of less precision on an accelerator.
             u = jnp.sum(inverse * phi[:, None], axis=-1)
@@ -129,41 +122,65 @@ class E3B:
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[E3BState, Metrics]:
-        """Train the embedding, ends of episodes left out."""
-        # A seed means what it did before there was another embedding.
+        """Train the embedding, without ends of episodes."""
+        # Published seeds of the inverse embedding were trained without this split.
         pass_key, offset_key = jax.random.split(key) if self._temporal else (key, key)
-        offsets = drawn_offsets(offset_key, experience.action.shape, self._settings.e3b_reach)
+        reach = self.config.bonus["e3b_reach"]
+        offsets = sample_offsets(offset_key, experience.action.shape, reach)
 
         def loss(params: Any, part: tuple[Experience, jax.Array]) -> tuple[jax.Array, Metrics]:
             seen, offset = part
             phi = self._embedding.embed(params, seen.obs)
             if self._temporal:
-                return temporal_loss("e3b", phi, seen.ended, offset)
-            logits = self._inverse.logits(params["inverse"], phi[:-1], phi[1:])
-            return inverse_loss("e3b", logits, seen.action, ~seen.ended)
+                return temporal_loss(phi, seen.ended, offset)
+            return self._embedding.inverse_loss("e3b", params, phi, seen.action, ~seen.ended)
 
-        params, adam, metrics = train(
-            "e3b", pass_key, self.config, hparams, rate, loss, (experience, offsets),
-            state.params, state.optimiser,
+        params, adam, metrics = optimiser.train(
+            pass_key, self.config, self.config.bonus_epochs, loss, (experience, offsets),
+            (state.params, state.optimiser), rate, hparams.gradient_norm, "e3b_",
         )  # fmt: skip
         return state.replace(params=params, optimiser=adam), metrics
 
     @property
-    def _settings(self) -> E3BSettings:
-        return self.config.bonus_as(E3BSettings)
-
-    @property
     def _temporal(self) -> bool:
-        return self._settings.e3b_embedding == "temporal"
+        return self.config.bonus["e3b_embedding"] == "temporal"
 
     @functools.cached_property
     def _embedding(self) -> Embedding:
-        own = self._settings
+        own = self.config.bonus
         return Embedding(
-            spec=self.spec, config=self.config, hidden=own.e3b_hidden, latent=own.e3b_latent,
-            unit=True,
+            spec=self.spec, actions=self.actions, config=self.config, hidden=own["e3b_hidden"],
+            layers=own["e3b_layers"], latent=own["e3b_latent"], unit=True,
         )  # fmt: skip
 
-    @functools.cached_property
-    def _inverse(self) -> InverseModel:
-        return InverseModel(self._embedding, self.actions, self._settings.e3b_layers)
+
+def sample_offsets(key: jax.Array, shape: tuple[int, ...], reach: int) -> jax.Array:
+    """int32[T, N], how far ahead of each step its neighbour is: from 1 to `reach`."""
+    return jax.random.randint(key, shape, 1, reach + 1, jnp.int32)
+
+
+def temporal_loss(phi: jax.Array, ended: jax.Array, offset: jax.Array) -> tuple[jax.Array, Metrics]:
+    """Cross-entropy of finding a step's neighbour in time among the neighbours of other steps.
+
+    InfoNCE (van den Oord et al. 2018) with the inner products of embeddings of length one. Steps
+    whose episode ends before their neighbour are left out on both sides.
+
+    Args:
+        phi: float32[T + 1, N, L], of the observations in their order.
+        ended: bool[T, N], whether the step ended its episode.
+        offset: int32[T, N], as in `sample_offsets`; those beyond the last step are cut to it.
+    """
+    steps, number = ended.shape
+    episode = jnp.concatenate([jnp.zeros((1, number), jnp.int32), jnp.cumsum(ended, 0, jnp.int32)])
+    time = jnp.arange(0, steps, STRIDE, dtype=jnp.int32)[:, None]
+    row = jnp.arange(number, dtype=jnp.int32)[None]
+    then = jnp.minimum(time + offset[::STRIDE], steps)
+    wanted = (episode[then, row] == episode[time, row]).reshape(-1)
+    flat = (wanted.size, phi.shape[-1])
+    now, near = phi[time, row].reshape(flat), phi[then, row].reshape(flat)
+    logits = jnp.where(wanted, now @ near.T / TEMPERATURE, -1e9)
+    # Equal logits share the point: an embedding that is the same for all frames tells nothing.
+    best = (logits >= jnp.max(logits, axis=-1, keepdims=True)).astype(jnp.float32)
+    right = jnp.diagonal(best) / jnp.sum(best, axis=-1)
+    loss = mean(-jnp.diagonal(jax.nn.log_softmax(logits)), wanted)
+    return loss, {"e3b_temporal_loss": loss, "e3b_temporal_accuracy": mean(right, wanted)}

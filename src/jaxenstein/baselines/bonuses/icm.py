@@ -1,6 +1,6 @@
 """The intrinsic curiosity module (Pathak et al. 2017): the error in predicting what follows."""
 
-# flax' `apply` is typed as if it might return variables as well, which ours never do.
+# The type of flax' `apply` allows it to return variables too, which ours never do.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from __future__ import annotations
@@ -12,19 +12,18 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ...fields import number
 from ...pytree import PyTreeNode
-from ..learning import optimiser
-from ..learning.algorithms import BonusNumbers, BonusSettings
-from ..learning.bonus import Experience, Metrics
-from ..learning.config import Config
-from ..learning.hparams import HParams
-from ..learning.observations import ObservationSpec
-from .parts import Embedding, InverseModel, Layers, inverse_loss, mean, train
+from .. import optimiser
+from ..bonus import Experience, Metrics
+from ..config import Config, HParams
+from ..observations import ObservationSpec
+from .parts import Embedding, Layers, mean
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ICMSettings(BonusSettings):
-    """Static settings of ICM.
+class ICMOptions:
+    """The options of ICM.
 
     Attributes:
         icm_latent: size of ICM's embedding.
@@ -32,24 +31,16 @@ class ICMSettings(BonusSettings):
         icm_layers: their number.
         icm_forward_trains_encoder: let the forward model's loss train the embedding too, as in
             the original; if false the inverse model alone does.
-    """
-
-    icm_latent: int = 128
-    icm_hidden: int = 256
-    icm_layers: int = 2
-    icm_forward_trains_encoder: bool = False
-
-
-class ICMNumbers(BonusNumbers):
-    """Numbers of ICM.
-
-    Attributes:
         icm_inverse: coefficient of the inverse model's loss.
         icm_forward: coefficient of the forward model's loss.
     """
 
-    icm_inverse: Any = 1.0
-    icm_forward: Any = 1.0
+    icm_latent: int = number(128, 1)
+    icm_hidden: int = number(256, 1)
+    icm_layers: int = number(2, 1)
+    icm_forward_trains_encoder: bool = False
+    icm_inverse: Any = number(1.0, 0)
+    icm_forward: Any = number(1.0, 0)
 
 
 class ICMState(PyTreeNode):
@@ -68,13 +59,13 @@ class ICMState(PyTreeNode):
 class ICM:
     """The bonus mean_j (phi_j(o') - chi_j(phi(o), a))^2.
 
-    The forward model chi learns to predict phi(o'), an embedding that an `InverseModel` trains. The
-    bonus is added to the reward, or has a value of its own.
+    The forward model chi learns to predict phi(o'), an `Embedding` that its inverse model trains.
+    The bonus is added to the reward, or has a value head of its own.
 
     Attributes:
         spec: what observations are.
         actions: their number.
-        config: with `ICMSettings`.
+        config: with the settings of `ICMOptions`.
     """
 
     spec: ObservationSpec
@@ -87,14 +78,12 @@ class ICM:
         return 1 + self.config.bonus_values
 
     def init(self, key: jax.Array) -> ICMState:
-        """Draw the networks."""
-        eye, latent, inverse, forward = jax.random.split(key, 4)
-        width = self._settings.icm_latent + self.actions
+        """Initialise the networks."""
+        encoder, latent, inverse, forward = jax.random.split(key, 4)
+        width = self._embedding.latent + self.actions
         inputs = jnp.zeros((1, width), self.config.compute_dtype)
-        params = self._embedding.init(eye, latent) | {
-            "inverse": self._inverse.init(inverse),
-            "forward": self._forward.init(forward, inputs),
-        }
+        params = self._embedding.init(encoder, latent, inverse)
+        params["forward"] = self._forward.init(forward, inputs)
         return ICMState(params, optimiser.init(params))
 
     def reward(
@@ -113,20 +102,22 @@ class ICM:
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[ICMState, Metrics]:
-        """Train all three networks, ends of episodes left out."""
-        numbers = hparams.bonus_as(ICMNumbers)
+        """Train all three networks, without ends of episodes."""
+        weights = hparams.bonus
 
         def loss(params: Any, part: Experience) -> tuple[jax.Array, Metrics]:
             latent, wanted = self._embedding.embed(params, part.obs), ~part.ended
-            logits = self._inverse.logits(params["inverse"], latent[:-1], latent[1:])
-            inverse, metrics = inverse_loss("icm", logits, part.action, wanted)
+            inverse, metrics = self._embedding.inverse_loss(
+                "icm", params, latent, part.action, wanted
+            )
             forward = mean(self.forward_error(params, latent, part.action), wanted)
-            total = numbers.icm_inverse * inverse + numbers.icm_forward * forward
+            total = weights["icm_inverse"] * inverse + weights["icm_forward"] * forward
             return total, metrics | {"icm_forward_loss": forward}
 
-        params, adam, metrics = train(
-            "icm", key, self.config, hparams, rate, loss, experience, state.params, state.optimiser
-        )
+        params, adam, metrics = optimiser.train(
+            key, self.config, self.config.bonus_epochs, loss, experience,
+            (state.params, state.optimiser), rate, hparams.gradient_norm, "icm_",
+        )  # fmt: skip
         return ICMState(params, adam), metrics
 
     def forward_error(self, params: Any, latent: jax.Array, action: jax.Array) -> jax.Array:
@@ -134,7 +125,7 @@ class ICM:
 
         Unless `icm_forward_trains_encoder`, it has no gradient in the embeddings.
         """
-        if not self._settings.icm_forward_trains_encoder:
+        if not self.config.bonus["icm_forward_trains_encoder"]:
             latent = jax.lax.stop_gradient(latent)
         taken = jax.nn.one_hot(action, self.actions, dtype=latent.dtype)
         inputs = jnp.concatenate([latent[:-1], taken], axis=-1)
@@ -142,22 +133,17 @@ class ICM:
         error = predicted.astype(jnp.float32) - latent[1:].astype(jnp.float32)
         return jnp.mean(error**2, axis=-1)
 
-    @property
-    def _settings(self) -> ICMSettings:
-        return self.config.bonus_as(ICMSettings)
-
     @functools.cached_property
     def _embedding(self) -> Embedding:
-        own = self._settings
+        own = self.config.bonus
         return Embedding(
-            spec=self.spec, config=self.config, hidden=own.icm_hidden, latent=own.icm_latent
-        )
-
-    @functools.cached_property
-    def _inverse(self) -> InverseModel:
-        return InverseModel(self._embedding, self.actions, self._settings.icm_layers)
+            spec=self.spec, actions=self.actions, config=self.config, hidden=own["icm_hidden"],
+            layers=own["icm_layers"], latent=own["icm_latent"],
+        )  # fmt: skip
 
     @functools.cached_property
     def _forward(self) -> Layers:
-        own = self._settings
-        return Layers(own.icm_hidden, own.icm_layers, own.icm_latent, self.config.compute_dtype)
+        own = self.config.bonus
+        return Layers(
+            own["icm_hidden"], own["icm_layers"], own["icm_latent"], self.config.compute_dtype
+        )

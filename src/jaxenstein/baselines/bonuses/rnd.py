@@ -1,6 +1,6 @@
 """Random network distillation (Burda et al. 2018): the error in predicting a random network."""
 
-# flax' `apply` is typed as if it might return variables as well, which ours never do.
+# The type of flax' `apply` allows it to return variables too, which ours never do.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from __future__ import annotations
@@ -12,40 +12,31 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ...fields import number
 from ...pytree import PyTreeNode
-from ..learning import optimiser
-from ..learning.algorithms import BonusNumbers, BonusSettings
-from ..learning.bonus import Experience, Metrics
-from ..learning.config import Config
-from ..learning.hparams import HParams
-from ..learning.networks import Eye
-from ..learning.observations import ObservationSpec
-from .parts import Layers, number, train
+from .. import optimiser
+from ..bonus import Experience, Metrics
+from ..config import Config, HParams
+from ..networks import ImageEncoder
+from ..observations import ObservationSpec
+from .parts import Layers, count_of
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class RNDSettings(BonusSettings):
-    """Static settings of RND.
+class RNDOptions:
+    """The options of RND.
 
     Attributes:
         rnd_hidden: width of RND's hidden layers.
         rnd_output: size of RND's embedding.
-        rnd_layers: number of RND's hidden layers behind its image features.
-    """
-
-    rnd_hidden: int = 128
-    rnd_output: int = 128
-    rnd_layers: int = 2
-
-
-class RNDNumbers(BonusNumbers):
-    """Numbers of RND.
-
-    Attributes:
+        rnd_layers: number of RND's hidden layers after its image features.
         rnd_loss: coefficient of RND's loss.
     """
 
-    rnd_loss: Any = 0.1
+    rnd_hidden: int = number(128, 1)
+    rnd_output: int = number(128, 1)
+    rnd_layers: int = number(2, 1)
+    rnd_loss: Any = number(0.1, 0)
 
 
 class RNDState(PyTreeNode):
@@ -53,7 +44,7 @@ class RNDState(PyTreeNode):
 
     Attributes:
         target: parameters of the random network; never trained.
-        predictor: parameters of the one that learns to predict it.
+        predictor: parameters of the network that learns to predict it.
         optimiser: state of the predictor's Adam.
     """
 
@@ -71,8 +62,8 @@ class RND:
 
     Attributes:
         spec: what observations are.
-        actions: their number, which it has no use for.
-        config: with `RNDSettings`.
+        actions: their number, which is not used.
+        config: with the settings of `RNDOptions`.
     """
 
     spec: ObservationSpec
@@ -81,7 +72,7 @@ class RND:
     value_heads: int = 2
 
     def init(self, key: jax.Array) -> RNDState:
-        """Draw both networks."""
+        """Initialise both networks."""
         target_key, predictor_key = jax.random.split(key)
         predictor = self._init_network(predictor_key)
         return RNDState(self._init_network(target_key), predictor, optimiser.init(predictor))
@@ -101,21 +92,21 @@ class RND:
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[RNDState, Metrics]:
-        """Train the predictor on what the steps led to, ends left out."""
-        weight = hparams.bonus_as(RNDNumbers).rnd_loss
-        # A seed means what it did when a second key was drawn with this one.
+        """Train the predictor on what the steps led to, without ends of episodes."""
+        weight = hparams.bonus["rnd_loss"]
+        # Published seeds were trained with this split.
         pass_key, _ = jax.random.split(key)
-        data = (experience.led_to, ~experience.ended)
 
         def loss(predictor: Any, part: Any) -> tuple[jax.Array, Metrics]:
             obs, wanted = part
             error = self.error(state.replace(predictor=predictor), obs)
-            value = weight * jnp.sum(jnp.where(wanted, error, 0)) / number(wanted)
+            value = weight * jnp.sum(jnp.where(wanted, error, 0)) / count_of(wanted)
             return value, {"rnd_loss": value}
 
-        predictor, adam, metrics = train(
-            "rnd", pass_key, self.config, hparams, rate, loss, data, state.predictor,
-            state.optimiser,
+        predictor, adam, metrics = optimiser.train(
+            pass_key, self.config, self.config.bonus_epochs, loss,
+            (experience.led_to, ~experience.ended), (state.predictor, state.optimiser),
+            rate, hparams.gradient_norm, "rnd_",
         )  # fmt: skip
         return state.replace(predictor=predictor, optimiser=adam), metrics
 
@@ -123,7 +114,7 @@ class RND:
         """float32[T, N], e of observations with leading axes [T, N]."""
 
         def embed(params: Any) -> jax.Array:
-            features = self._eye.encode_sequence(params["encoder"], obs)
+            features = self._encoder.encode_sequence(params["encoder"], obs)
             return self._layers.apply(params["embedding"], features).astype(jnp.float32)
 
         target = jax.lax.stop_gradient(embed(state.target))
@@ -131,22 +122,20 @@ class RND:
 
     def _init_network(self, key: jax.Array) -> dict[str, Any]:
         encoder_key, embedding_key = jax.random.split(key)
-        features = jnp.zeros((1, self._settings.rnd_hidden), self.config.compute_dtype)
+        features = jnp.zeros((1, self.config.bonus["rnd_hidden"]), self.config.compute_dtype)
         return {
-            "encoder": self._eye.init(encoder_key),
+            "encoder": self._encoder.init(encoder_key),
             "embedding": self._layers.init(embedding_key, features),
         }
 
-    @property
-    def _settings(self) -> RNDSettings:
-        return self.config.bonus_as(RNDSettings)
-
     @functools.cached_property
-    def _eye(self) -> Eye:
+    def _encoder(self) -> ImageEncoder:
         config = self.config
-        return Eye(self.spec, self._settings.rnd_hidden, config, config.compute_dtype)
+        return ImageEncoder(self.spec, config.bonus["rnd_hidden"], config, config.compute_dtype)
 
     @functools.cached_property
     def _layers(self) -> Layers:
-        own = self._settings
-        return Layers(own.rnd_hidden, own.rnd_layers, own.rnd_output, self.config.compute_dtype)
+        own = self.config.bonus
+        return Layers(
+            own["rnd_hidden"], own["rnd_layers"], own["rnd_output"], self.config.compute_dtype
+        )

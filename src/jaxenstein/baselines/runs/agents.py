@@ -1,8 +1,9 @@
-"""Trained agents: out of a run directory, into episodes and tables."""
+"""Trained agents: loaded, exported, and evaluated over episodes."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,34 +15,29 @@ from jax.typing import ArrayLike
 
 from ...errors import SettingError
 from ...files import check_writable
-from ..learning.observations import observation_spec
+from ..observations import observation_spec
 from .folder import RunFolder, run_names
 from .metrics import METRICS, read_metrics, rows_by_run
-from .result import Result
-from .trained import SUFFIX, Trained, Weights, load_trained, write_trained
+from .trained import SUFFIX, Result, Trained, Weights, load_trained, write_trained
 
 if TYPE_CHECKING:
     from ...environment import AnyEnvironment
     from ...episodes.session import Session
-    from ..learning.learner import PolicyCarry
 
-    Act = Callable[[Any, PolicyCarry, jax.Array | None], tuple[jax.Array, PolicyCarry]]
-
+Notify = Callable[[float], object]
 WAYS = {"greedy": True, "sampled": False}
 """Ways of acting, and whether they take the most likely action."""
 
 
 class TrainedPolicy:
-    """Acts as an agent that was trained; a policy of `jaxenstein.episodes`.
-
-    Its memory begins anew where an episode does.
+    """A trained agent as a policy of `jaxenstein.episodes`, with an empty memory at each start.
 
     Attributes:
         env: the environment that it was trained in.
         params: its params.
-        recipe: how that environment is built.
-        name: which agent it is, for people.
-        greedy: whether it takes the most likely action instead of drawing one.
+        environment: how that environment is built.
+        name: of the agent, to show.
+        greedy: whether it takes the most likely action instead of sampling one.
     """
 
     def __init__(self, trained: Trained, run: int, greedy: bool) -> None:
@@ -51,7 +47,7 @@ class TrainedPolicy:
         self._weights = jax.device_put(one)
         self._carry = self._learner.initial_carry()
         self.env, self.params = self._learner.env, self._learner.env_params
-        self.recipe = trained.experiment.recipe
+        self.environment = trained.experiment.environment
         self.name = f"{trained.name} {run_names(trained.experiment)[run]}"
         self.greedy = greedy
 
@@ -78,17 +74,12 @@ class TrainedPolicy:
         """The same agent for several environments at once, each with a memory of its own.
 
         Args:
-            size: how many.
-            seed: of the actions, if they are drawn.
+            size: number of environments.
+            seed: of sampled actions.
         """
-
-        def act(
-            obs: Any, carry: PolicyCarry, key: jax.Array | None
-        ) -> tuple[jax.Array, PolicyCarry]:
-            return self._learner.act(self._weights, obs, carry, key)
-
         key = None if self.greedy else jax.random.key(seed, impl="threefry2x32")
-        return BatchPolicy(act, self._learner.initial_carry(), size, key)
+        carry = jax.tree.map(lambda leaf: jnp.stack([leaf] * size), self._learner.initial_carry())
+        return BatchPolicy(functools.partial(self._learner.act, self._weights), carry, key)
 
     def __call__(self, session: Session) -> int:
         """The next action."""
@@ -102,12 +93,11 @@ class TrainedPolicy:
 
 
 class BatchPolicy:
-    """Acts as a trained agent in several environments at once; see `TrainedPolicy.batch`."""
+    """A trained agent in several environments at once; see `TrainedPolicy.batch`."""
 
-    def __init__(self, act: Act, carry: PolicyCarry, size: int, key: jax.Array | None) -> None:
-        """Take what acts, the memory at the beginning of an episode, and how many there are."""
-        self._act, self._key, self._steps = act, key, 0
-        self._carry = jax.tree.map(lambda leaf: jnp.stack([leaf] * size), carry)
+    def __init__(self, act: Callable[..., Any], carry: Any, key: jax.Array | None) -> None:
+        """Take `Learner.act` with its weights, its first carry, and a key to sample actions."""
+        self._act, self._carry, self._key, self._steps = act, carry, key, 0
 
     def act(self, observations: Any, first: ArrayLike) -> np.ndarray:
         """The next actions.
@@ -127,13 +117,13 @@ class BatchPolicy:
 
 
 def load_policy(path: str | Path, run: int | None = None, *, greedy: bool = False) -> TrainedPolicy:
-    """The agent of a run directory, as its newest checkpoint has it, or of a file.
+    """The agent of a run directory, from its newest checkpoint, or of a file.
 
     Args:
-        path: the run directory, a file of `export_policy`, or `pretrained/NAME`, an agent that
-            comes with this package; `jaxenstein list --pretrained` names them.
+        path: the run directory, a file of `export_policy`, or `pretrained/NAME`, an agent of this
+            package; `jaxenstein list --pretrained` names them.
         run: which of its runs, from 0, in the order of seeds and grid; None: the best one.
-        greedy: take the most likely action instead of drawing one.
+        greedy: take the most likely action instead of sampling one.
 
     Raises:
         SettingError: there is no such run or agent, or it cannot be read.
@@ -150,24 +140,24 @@ def export_policy(
     weights: Weights = "float16",
     episodes: int = 100,
     seed: int = 0,
-    notify: Callable[[float], object] = lambda done: None,
+    notify: Notify = lambda done: None,
 ) -> dict[str, Result]:
-    """Write one agent of a run directory into a file of its own, with what it achieves.
+    """Write one agent of a run directory into a file of its own, with its score.
 
     Args:
-        path: as of `load_policy`.
+        path: as in `load_policy`.
         out: the file, which ends in `.npz`.
-        run: as of `load_policy`.
-        weights: precision of its numbers; the agent of the file is the one that is evaluated.
-        episodes: to evaluate it by, greedy and sampled.
-        seed: of their draws.
+        run: as in `load_policy`.
+        weights: precision of the numbers; the rounded agent is evaluated.
+        episodes: of the evaluation, greedy and sampled.
+        seed: of the evaluation.
         notify: called with the number of episodes played so far, of `2 * episodes`.
 
     Returns:
-        How it did, by `"greedy"` and `"sampled"`.
+        Its episodes, by `"greedy"` and `"sampled"`.
 
     Raises:
-        SettingError: as of `load_policy`, or the file is called otherwise.
+        SettingError: as in `load_policy`, or the file has another suffix.
         OutputError: it cannot be written.
     """
     out = Path(out)
@@ -186,11 +176,7 @@ def export_policy(
 
 
 def chosen_run(trained: Trained, run: int | None) -> int:
-    """The run of that number, by default the best one.
-
-    Raises:
-        SettingError: there is none.
-    """
+    """The given run, by default the best one; a `SettingError` if there is none."""
     if run is None:
         return best_run(trained.folder) if trained.folder else 0
     many = len(trained.experiment.runs)
@@ -202,40 +188,36 @@ def chosen_run(trained: Trained, run: int | None) -> int:
 def best_run(folder: RunFolder) -> int:
     """The run with the highest mean return over the last tenth of its updates so far.
 
-    Of equal ones it is that with the shortest episodes; the first one where there are no metrics.
+    Among equal runs it is the one with the shortest episodes; without metrics the first one.
     """
     if not (folder.path / METRICS).exists():
         return 0
     by_run = rows_by_run(read_metrics(folder.path), len(folder.experiment.runs))
     last = max(1, len(by_run[0]) // 10)
-    sums = {
-        name: np.array([sum(row.get(name) or 0 for row in rows[-last:]) for rows in by_run])
+    episodes, returns, lengths = (
+        np.array([sum(row.get(name) or 0 for row in rows[-last:]) for rows in by_run])
         for name in ("episodes", "return_sum", "length_sum")
-    }
+    )
     with np.errstate(invalid="ignore", divide="ignore"):
-        returns, lengths = (sums[name] / sums["episodes"] for name in ("return_sum", "length_sum"))
+        returns, lengths = returns / episodes, lengths / episodes
     return int(np.lexsort((lengths, -np.nan_to_num(returns, nan=-np.inf)))[0])
 
 
 def evaluate_both(
-    trained: Trained,
-    *,
-    episodes: int = 100,
-    seed: int = 0,
-    notify: Callable[[float], object] = lambda done: None,
+    trained: Trained, *, episodes: int = 100, seed: int = 0, notify: Notify = lambda done: None
 ) -> dict[str, Result]:
     """As `evaluate`, `"greedy"` and then `"sampled"`."""
-    results = {}
-    for name, greedy in WAYS.items():
-        before = len(results) * episodes * len(trained.experiment.runs)
-        results[name] = evaluate(
+    half = episodes * len(trained.experiment.runs)
+    return {
+        name: evaluate(
             trained,
             episodes=episodes,
             seed=seed,
             greedy=greedy,
-            notify=lambda done, before=before: notify(before + done),
+            notify=lambda done, before=half * number: notify(before + done),
         )
-    return results
+        for number, (name, greedy) in enumerate(WAYS.items())
+    }
 
 
 def evaluate(
@@ -244,24 +226,23 @@ def evaluate(
     episodes: int = 100,
     seed: int = 0,
     greedy: bool = False,
-    notify: Callable[[float], object] = lambda done: None,
+    notify: Notify = lambda done: None,
 ) -> Result:
-    """Play whole episodes with all agents, on the same draws.
+    """Play whole episodes with all agents, with the same random numbers.
 
     Args:
         trained: their networks.
         episodes: of each run.
-        seed: of the draws.
-        greedy: take the most likely action instead of drawing one.
-        notify: called with the number of episodes played so far, over all runs; one that goes on
+        seed: of the random numbers.
+        greedy: take the most likely action instead of sampling one.
+        notify: called with the number of episodes played so far, over all runs; an unfinished one
             counts as its part of the time limit.
     """
-    key = jax.random.key(seed, impl="threefry2x32")
     learner = trained.experiment.learner
     longest = np.asarray(learner.env.most_steps(learner.env_params))
     played = learner.many.evaluate(
         trained.params,
-        key,
+        jax.random.key(seed, impl="threefry2x32"),
         episodes,
         greedy,
         lambda running, length: notify(float(np.where(running, length / longest, 1).sum())),
@@ -278,36 +259,24 @@ def evaluate_in_game(
     greedy: bool = False,
     notify: Callable[[int], object] = lambda done: None,
 ) -> Result:
-    """As `evaluate` in the running ViZDoom, whose scenario the environment is.
-
-    Args:
-        trained: their networks.
-        episodes: of each run.
-        seed: of the draws.
-        greedy: take the most likely action instead of drawing one.
-        notify: called with the number of episodes played so far, over all runs.
+    """As `evaluate`, in the running ViZDoom whose scenario the environment is.
 
     Raises:
         SettingError: ViZDoom has no such scenario.
     """
     from ...adapters.vizdoom import play_game
 
-    games = []
-    for number in range(len(trained.experiment.runs)):
-        policy = TrainedPolicy(trained, number, greedy)
-        before = number * episodes
-        games.append(
-            play_game(
-                policy.env,
-                policy.params,
-                policy,
-                episodes=episodes,
-                seed=seed,
-                notify=lambda done, before=before: notify(before + done),
-            )
+    policies = [TrainedPolicy(trained, run, greedy) for run in range(len(trained.experiment.runs))]
+    games = [
+        play_game(
+            policy.env,
+            policy.params,
+            policy,
+            episodes=episodes,
+            seed=seed,
+            notify=lambda done, before=number * episodes: notify(before + done),
         )
-    returns, lengths, successes = (
-        np.stack([getattr(game, field) for game in games])
-        for field in ("returns", "lengths", "successes")
-    )
-    return Result(greedy, returns, lengths, successes)
+        for number, policy in enumerate(policies)
+    ]
+    names = ("returns", "lengths", "successes")
+    return Result(greedy, *(np.stack([getattr(game, name) for game in games]) for name in names))

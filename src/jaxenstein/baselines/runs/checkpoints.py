@@ -1,7 +1,7 @@
-"""Checkpoints: whole states of a run on disk, each complete or not there at all.
+"""Checkpoints: states of a run on disk, each complete or absent.
 
 A checkpoint is an .npz file with an array for every leaf, named by the leaf's path. It is written
-under another name and checked in by one rename; the checksums in it tell a damaged one.
+under another name and then renamed; its checksums reveal damage.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SUFFIX = ".npz"
 
 
 class CheckpointError(SettingError):
-    """A checkpoint that cannot be read, or is of another state."""
+    """A checkpoint cannot be read, or is of another state."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Restored:
     Attributes:
         update: updates up to it.
         state: the state, with the structure and dtypes of the one asked for.
-        damaged: newer checkpoints that were passed over, each with the reason.
+        damaged: newer checkpoints that were skipped, each with the reason.
     """
 
     update: int
@@ -57,31 +57,35 @@ class Checkpoints:
         return sorted(int(name) for name in names if name.isdecimal())
 
     def save(self, update: int, state: Any) -> None:
-        """Write a checkpoint, then remove the oldest ones and what interrupted writers left.
+        """Write a checkpoint, then remove the oldest ones and leftovers of interrupted writers.
 
         Args:
             update: updates so far; a checkpoint of that update is replaced.
-            state: any pytree of arrays; typed keys are kept as their data.
+            state: any pytree of arrays; typed keys are stored as their data.
 
         Raises:
-            OutputError: it cannot be written; those before it stay what they were.
+            OutputError: it cannot be written; earlier checkpoints are unchanged.
         """
         make_folder(self.folder)
         for left in self.folder.glob(f".*{PART}"):
             left.unlink(missing_ok=True)
+        leaves = jax.tree_util.tree_flatten_with_path(state)[0]
+        arrays: dict[str, Any] = {
+            jax.tree_util.keystr(path): np.asarray(_data(leaf), order="C") for path, leaf in leaves
+        }
         with atomic(self._path(update)) as temporary, temporary.open("wb") as file:
-            np.savez(file, **_arrays(state))
+            np.savez(file, **arrays)
         for old in self.updates()[: -self._keep]:
             with contextlib.suppress(OSError):
                 self._path(old).unlink()
 
     def restore(self, like: Any, whole: bool = True) -> Restored | None:
-        """Read the newest checkpoint that is whole; None if there is none at all.
+        """Read the newest complete checkpoint; None if there is no checkpoint.
 
         Args:
             like: a pytree with the structure, shapes and dtypes of the state, of arrays or of
                 `jax.ShapeDtypeStruct`.
-            whole: False: `like` is a part of the state, and the rest is passed over.
+            whole: False: `like` is a part of the state, and the rest is skipped.
 
         Raises:
             CheckpointError: none can be read, or they are of another state.
@@ -90,7 +94,9 @@ class Checkpoints:
         for update in reversed(self.updates()):
             path = self._path(update)
             try:
-                return Restored(update, _read(path, like, whole), tuple(damaged))
+                with zipfile.ZipFile(path) as archive:
+                    besides = () if whole else archive.namelist()
+                    return Restored(update, read_tree(archive, like, besides), tuple(damaged))
             except CheckpointError:
                 raise
             # A damaged file makes the readers below raise anything.
@@ -111,12 +117,12 @@ def size_of(state: Any) -> int:
 
 
 def check_space(folder: Path, state: Any, there: int = 0, keep: int = KEEP) -> None:
-    """Find out early whether the checkpoints of a state fit on the disk, beside those there are.
+    """Check early whether the checkpoints of a state fit on the disk; `there` of them exist.
 
     Raises:
         OutputError: they do not.
     """
-    # One more than are kept while the newest is written.
+    # While the newest is written, there is one more than are kept.
     number = keep + 1 - min(keep, there)
     needed = number * size_of(state)
     free = shutil.disk_usage(folder).free
@@ -124,8 +130,7 @@ def check_space(folder: Path, state: Any, there: int = 0, keep: int = KEEP) -> N
         raise OutputError(
             folder,
             f"{number} checkpoint{'s' * (number > 1)} need{'s' * (number == 1)} about "
-            f"{needed / 1e6:.3g} MB, "
-            f"{free / 1e6:.3g} MB are free",
+            f"{needed / 1e6:.3g} MB, {free / 1e6:.3g} MB are free",
         )
 
 
@@ -145,20 +150,9 @@ def _typed(data: jax.Array, like: Any) -> jax.Array:
     """The data of a key as such a key, where `like` is one."""
     if not _is_key(like):
         return data
-    kinds: list[str] = []
-    jax.eval_shape(lambda key: kinds.append(str(jax.random.key_impl(key))), like)
-    return jax.random.wrap_key_data(data, impl=kinds[0])
-
-
-def _arrays(state: Any) -> dict[str, Any]:
-    """The arrays of a state by the paths of its leaves."""
-    leaves = jax.tree_util.tree_flatten_with_path(state)[0]
-    return {jax.tree_util.keystr(path): np.asarray(_data(leaf), order="C") for path, leaf in leaves}
-
-
-def _read(path: Path, like: Any, whole: bool) -> Any:
-    with zipfile.ZipFile(path) as archive:
-        return read_tree(archive, like, () if whole else archive.namelist())
+    names: list[str] = []
+    jax.eval_shape(lambda key: names.append(str(jax.random.key_impl(key))), like)
+    return jax.random.wrap_key_data(data, impl=names[0])
 
 
 def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()) -> Any:
@@ -166,7 +160,7 @@ def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()
 
     Args:
         archive: open.
-        like: as of `Checkpoints.restore`.
+        like: as in `Checkpoints.restore`.
         besides: other entries that it may have.
 
     Raises:
@@ -191,9 +185,9 @@ def _array(archive: zipfile.ZipFile, name: str, like: Any) -> jax.Array:
         if version != (1, 0):
             raise ValueError(f"{name} has the version {version} of its format")
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
-        # Types that numpy lacks, such as bfloat16, are kept as bytes.
+        # Dtypes that numpy lacks, such as bfloat16, are stored as bytes.
         if shape != like.shape or fortran or dtype != np.dtype(like.dtype.str):
-            # A damaged file is told by its checksum first.
+            # Read to the end first, so that the checksum reveals a damaged file.
             while file.read(2**20):
                 pass
             raise CheckpointError(
@@ -201,7 +195,7 @@ def _array(archive: zipfile.ZipFile, name: str, like: Any) -> jax.Array:
                 f"{like.dtype}{list(like.shape)}"
             )
         size = like.size * like.dtype.itemsize
-        # Its checksum is compared where a file comes to its end.
+        # The checksum is compared at the end of the file.
         data = file.read(size + 1)
     if len(data) != size:
         raise ValueError(f"{name} has {len(data)} bytes, not {size}")

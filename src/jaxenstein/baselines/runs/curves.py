@@ -1,4 +1,4 @@
-"""Learning curves of run directories: the mean over seeds and a bootstrap band, as pictures."""
+"""Bootstrap intervals of means over runs, and plots of the learning curves of run directories."""
 
 from __future__ import annotations
 
@@ -12,25 +12,76 @@ import numpy as np
 
 from ...errors import SettingError, nearest
 from ...files import atomic, check_writable
-from .bootstrap import band
 from .experiment import exact
 from .folder import RunFolder
-from .metrics import Row, read_metrics, rows_by_run
-from .timing import read_seconds
+from .metrics import EPISODE_MEANS, Row, read_metrics, read_seconds, rows_by_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Means over episodes, and the sums that they are made of.
-EPISODE_MEANS = {"return": "return_sum", "length": "length_sum", "success": "successes"}
-AXES = {
-    "return": "return",
-    "success": "success rate",
-    "length": "steps of an episode",
-}
+AXES = {"success": "success rate", "length": "steps of an episode"}
 SUFFIXES = (".png", ".svg")
 Over = Literal["decisions", "minutes"]
 POINTS = 50
+# Resamples of a bootstrap, and the share of them inside an interval.
+RESAMPLES, LEVEL = 2000, 0.95
+
+
+@dataclasses.dataclass(frozen=True)
+class Interval:
+    """A mean with its bootstrap interval.
+
+    Attributes:
+        mean: of all values.
+        low: lower end of the 95 % interval; the mean itself where there is a single value.
+        high: its upper end.
+    """
+
+    mean: float
+    low: float
+    high: float
+
+
+def mean_interval(values: np.ndarray, *, seed: int = 0) -> Interval:
+    """The mean of values[runs, samples], with the percentile interval of its bootstrap.
+
+    Each resample takes as many runs as there are, with replacement, and as many samples, the same
+    of every run: sample n is of the same episode in all of them. With one run that is the ordinary
+    bootstrap over samples (Efron & Tibshirani 1993).
+    """
+    rng = np.random.default_rng(seed)
+    runs, samples = values.shape
+    means = np.empty(RESAMPLES)
+    for number in range(RESAMPLES):
+        chosen = rng.integers(runs, size=(runs, 1))
+        means[number] = values[chosen, rng.integers(samples, size=(1, samples))].mean()
+    low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return Interval(float(values.mean()), float(low), float(high))
+
+
+def band(curves: np.ndarray, *, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean over runs of curves[runs, points], with a 95 % band from resampling whole runs.
+
+    Missing values are NaN, and are left out of the mean of their point. A point without any value
+    is NaN in all three results.
+
+    Returns:
+        Mean, lower and upper end, float64[points] each.
+    """
+    rng = np.random.default_rng(seed)
+    runs = len(curves)
+    there = ~np.isnan(curves)
+    values = np.where(there, curves, 0.0)
+    # How often each run is taken, instead of the runs themselves: two matrix products.
+    counts = rng.multinomial(runs, np.full(runs, 1 / runs), size=RESAMPLES).astype(np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = values.sum(0) / there.sum(0)
+        means = (counts @ values) / (counts @ there)
+    ends = np.full((2, curves.shape[1]), np.nan)
+    for point in np.flatnonzero(there.any(0)):
+        found = means[:, point]
+        ends[:, point] = np.quantile(found[~np.isnan(found)], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return mean, ends[0], ends[1]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,9 +90,9 @@ class Curve:
 
     Attributes:
         label: for the legend.
-        at: float64[points], where they lie: decisions of each run, or minutes of all together.
+        at: float64[points], on the horizontal axis: decisions of each run, or minutes of all runs.
         values: float64[runs, points]; NaN where no episode ended.
-        over: what they lie along.
+        over: the horizontal axis.
     """
 
     label: str
@@ -57,11 +108,11 @@ def curves_of(
 
     Args:
         path: the run directory.
-        metric: a column of its metrics; of `return`, `length` and `success` every value is the
-            mean over the episodes that ended, of others the mean over updates.
-        points: into how many parts the updates are pooled, at most.
-        over: what the curves go along: decisions, which are steps of the world over the frame skip,
-            or minutes of training, compiling included.
+        metric: a column of its metrics; values of `return`, `length` and `success` are means over
+            the episodes that ended, those of others are means over updates.
+        points: the largest number of points; each pools as many updates.
+        over: the horizontal axis: decisions, which are steps of the world over the frame skip, or
+            minutes of training with compilation.
 
     Raises:
         SettingError: there is no run, it has no metrics yet, or no such column.
@@ -96,7 +147,7 @@ def _label(path: Path, grid: Sequence[str], run: Mapping[str, float | int]) -> s
 def _pooled_runs(
     runs: list[list[Row]], metric: str, points: int, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where the points lie, and float64[runs, points]."""
+    """The places of the points on the horizontal axis, and float64[runs, points]."""
     parts = np.array_split(np.arange(len(at)), min(points, len(at)))
     values = [[_pooled([run[i] for i in part], metric) for part in parts] for run in runs]
     return np.array([at[part[-1]] for part in parts]), np.array(values, np.float64)
@@ -112,7 +163,7 @@ def _pooled(rows: Sequence[Row], metric: str) -> float:
 
 
 def check_picture(path: Path) -> None:
-    """Find out early whether a plot can be written.
+    """Check early whether a plot can be written.
 
     Raises:
         SettingError: the suffix is another one, or matplotlib is missing.
@@ -127,12 +178,12 @@ def check_picture(path: Path) -> None:
 def save_plot(
     curves: Sequence[Curve], paths: Sequence[Path], metric: str = "return", title: str = ""
 ) -> None:
-    """Draw curves with their bands.
+    """Plot curves with their bands into files.
 
     Args:
         curves: at least one.
-        paths: files to write, each whole or not at all: .png or .svg.
-        metric: for the axis.
+        paths: files to write: .png or .svg.
+        metric: for the vertical axis.
         title: above the plot.
 
     Raises:
@@ -141,16 +192,16 @@ def save_plot(
     """
     for path in paths:
         check_picture(path)
-    figure = draw(curves, metric, title)
+    figure = plot(curves, metric, title)
     for path in paths:
-        kind = path.suffix.lower()[1:]
+        suffix = path.suffix.lower()[1:]
         # Without a date and with fixed ids, equal plots are equal files.
-        metadata = {"Date": None} if kind == "svg" else {"Software": None}
+        metadata = {"Date": None} if suffix == "svg" else {"Software": None}
         with _matplotlib().rc_context({"svg.hashsalt": "jaxenstein"}), atomic(path) as temporary:
-            figure.savefig(temporary, format=kind, dpi=150, metadata=metadata)
+            figure.savefig(temporary, format=suffix, dpi=150, metadata=metadata)
 
 
-def draw(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Figure:
+def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Figure:
     """The plot as a matplotlib figure."""
     matplotlib = _matplotlib()
     with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""What a run directory is about: environment, static settings, numbers, seeds, and a grid."""
+"""What a run directory trains: environment, static settings, numbers, seeds, and a grid."""
 
 from __future__ import annotations
 
@@ -7,48 +7,55 @@ import functools
 import itertools
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
-from ...recipe import Recipe, as_tuples
-from ..learning.config import Config
-from ..learning.fields import values_of
-from ..learning.hparams import HParams
-from ..learning.learner import Learner
-from ..learning.state import IMPLEMENTATION
-from .presets import PAPER, Presets
+from ...fields import as_tuples, check, check_whole, choice
+from ...recipe import Recipe
+from ..config import Config, HParams
+from ..learner import Learner
+from ..state import IMPLEMENTATION
 
 FORMAT = 1
-# Seeds of one experiment, which are trained side by side; a mistyped number would fill the memory.
+# The most seeds of one experiment, which are trained in parallel; more would fill the memory.
 MOST_SEEDS = 100_000
+RecipeName = Literal["paper", "tuned"]
+NetworkName = Literal["paper", "small", "tiny"]
 
 
 @dataclasses.dataclass(frozen=True)
 class Experiment:
-    """Runs that one compiled program trains side by side.
+    """Runs that one compiled program trains in parallel.
 
     Attributes:
-        recipe: how the environment and its params are built.
+        environment: how the environment and its params are built.
         config: the static settings.
         hparams: the numbers, by name; None where a number is left to the environment.
         seeds: one run for each, at every point of the grid.
         grid: (name, values) of the numbers that differ between runs.
-        presets: where the static settings and numbers that were not given come from.
+        recipe: the default of an option that is not given: paper, or tuned, which learns faster.
+        network: its sizes if not given: paper: 256 units; small and tiny: 64, with small
+            convolutions and with one layer of patches; recipe tuned has tiny.
     """
 
-    recipe: Recipe
+    environment: Recipe
     config: Config
     hparams: Mapping[str, float | None]
     seeds: tuple[int, ...]
     grid: tuple[tuple[str, tuple[float, ...]], ...] = ()
-    presets: Presets = PAPER
+    recipe: RecipeName = choice("paper", RecipeName)
+    network: NetworkName = choice("paper", NetworkName)
+
+    def __post_init__(self) -> None:
+        """Check the names of the recipe and the network."""
+        check(self)
 
     @property
     def runs(self) -> tuple[dict[str, float | int], ...]:
-        """What tells each run from the others: its numbers of the grid, and its `seed`."""
+        """The differences between runs: each one's numbers of the grid, and its `seed`."""
         names = [name for name, _ in self.grid]
         points = itertools.product(*(values for _, values in self.grid))
         return tuple(
@@ -59,12 +66,12 @@ class Experiment:
 
     @functools.cached_property
     def learner(self) -> Learner:
-        """The training loop, with the environment built anew.
+        """The training loop, with a new environment.
 
         Raises:
             JAXensteinError: the environment cannot be built, or does not fit the config.
         """
-        return Learner(*self.recipe.build(), self.config)
+        return Learner(*self.environment.build(), self.config)
 
     def keys(self) -> jax.Array:
         """A typed random key for each run: that of its seed."""
@@ -77,19 +84,19 @@ class Experiment:
             name: jnp.asarray([run[name] for run in self.runs], jnp.float32)
             for name, _ in self.grid
         }
-        return HParams.of(self.config.algorithm, {**self.hparams, **varied})
+        return HParams.of(self.config.algo, {**self.hparams, **varied})
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values, which `from_json` reads."""
         plain = {
             "format": FORMAT,
             "environment": {
-                "id": self.recipe.id,
-                "version": self.recipe.version,
-                "settings": dict(self.recipe.settings),
-                "params": dict(self.recipe.params),
+                "id": self.environment.id,
+                "version": self.environment.version,
+                "settings": dict(self.environment.settings),
+                "params": dict(self.environment.params),
             },
-            "presets": values_of(self.presets),
+            "presets": {"recipe": self.recipe, "network": self.network},
             "config": self.config.flat(),
             "hparams": dict(self.hparams),
             "seeds": list(self.seeds),
@@ -108,15 +115,14 @@ class Experiment:
             if plain["format"] != FORMAT:
                 raise SettingError(f"format {plain['format']!r}, not {FORMAT}")
             place = plain["environment"]
-            recipe = Recipe(
+            environment = Recipe(
                 place["id"], place["version"], _tuples(place["settings"]), place["params"]
             )
-            config = Config.of({name: as_tuples(v) for name, v in plain["config"].items()})
+            config = Config.of(_tuples(plain["config"]))
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
-            hparams = HParams.of(config.algorithm, plain["hparams"]).flat()
-            # Runs of before there was a choice have none.
-            presets = Presets(**plain.get("presets", {}))
-            return cls(recipe, config, hparams, tuple(plain["seeds"]), grid, presets)
+            hparams = HParams.of(config.algo, plain["hparams"]).flat()
+            seeds = tuple(plain["seeds"])
+            return cls(environment, config, hparams, seeds, grid, **plain["presets"])
         except (KeyError, TypeError, AttributeError) as error:
             raise SettingError(f"not the configuration of a run: {error!r}") from error
 
@@ -129,26 +135,11 @@ class Experiment:
             if mine.get(name, ...) != its.get(name, ...)
         ]
 
-    def __hash__(self) -> int:
-        """By what it is about; the mappings in it are not changed."""
-        return hash(json.dumps(self.to_json(), sort_keys=True))
-
 
 def check_seeds(first: int, count: int) -> tuple[int, ...]:
-    """`count` seeds from `first` on.
-
-    Raises:
-        SettingError: there is none, or they are not all whole numbers from 0 to 2**32 - 1.
-    """
-    if count < 1:
-        raise SettingError(f"seeds must be a whole number from 1, not {count!r}")
-    if count > MOST_SEEDS:
-        raise SettingError(f"seeds must be at most {MOST_SEEDS}, not {count!r}")
-    if first < 0 or first + count > 2**32:
-        raise SettingError(
-            f"seed must be a whole number from 0 to {2**32 - count}, the first of {count}, not "
-            f"{first!r}"
-        )
+    """`count` seeds from `first` on; a `SettingError` unless all are from 0 to 2**32 - 1."""
+    check_whole("seeds", count, 1, MOST_SEEDS)
+    check_whole("seed", first, 0, 2**32 - count)
     return tuple(range(first, first + count))
 
 

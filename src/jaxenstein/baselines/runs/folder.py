@@ -1,9 +1,9 @@
 """Run directories: everything about an experiment in one folder.
 
-RUN/config.json     what is trained, resolved: every option with its value, and the versions
+RUN/config.json     every option with its value, and the versions of packages
 RUN/metrics.jsonl   a row for each update and run
 RUN/timing.jsonl    seconds and steps per second, which no two runs share
-RUN/checkpoints/    the last two whole states
+RUN/checkpoints/    the last two states
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ...errors import JAXensteinError, SettingError
 from ...files import atomic, check_links, make_folder, reason_of, writing
 from ...pytree import PyTreeNode
 from ...version import __version__
-from ..learning.state import TrainState
+from ..state import TrainState
 from .checkpoints import Checkpoints, Restored
 from .experiment import Experiment, check_seeds, exact
 from .options import check_grid
@@ -34,7 +34,7 @@ CONFIG, CHECKPOINTS, LOCK = "config.json", "checkpoints", ".lock"
 
 
 class _Networks(PyTreeNode):
-    """What playing needs of a `TrainState`, under the same name."""
+    """The part of a `TrainState` that playing needs, under the same name."""
 
     params: Any
 
@@ -46,7 +46,7 @@ class RunFolder:
         path: of the folder.
         experiment: what is trained in it.
         checkpoints: its checkpoints.
-        made_with: as of `versions`, of a folder that was opened.
+        made_with: the `versions` in a folder that was opened.
     """
 
     def __init__(self, path: Path, experiment: Experiment) -> None:
@@ -56,14 +56,14 @@ class RunFolder:
         self.checkpoints = Checkpoints(path / CHECKPOINTS)
         self.made_with: dict[str, Any] = {}
         self._held = False
-        # What this object has made, which goes where no training comes of it.
+        # Paths that this object has created; removed if the training never starts.
         self._made: list[Path] = []
 
     @classmethod
     def create(cls, path: str | Path, experiment: Experiment) -> RunFolder:
-        """Make a run directory, with its configuration.
+        """Create a run directory, with its configuration.
 
-        Of several processes that do so at the same moment one succeeds.
+        If several processes do so at the same moment, one succeeds.
 
         Raises:
             SettingError: there is a run in that folder, or a link leads out of it.
@@ -71,7 +71,9 @@ class RunFolder:
         """
         folder = cls(Path(path), experiment)
         folder._refuse_a_run()
-        missing = [place for place in (folder.path, *folder.path.parents) if not _exists(place)]
+        missing = [
+            place for place in (folder.path, *folder.path.parents) if not os.path.lexists(place)
+        ]
         make_folder(folder.path)
         folder._made = missing
         with folder.locked():
@@ -86,7 +88,7 @@ class RunFolder:
             temporary.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
 
     def _refuse_a_run(self) -> None:
-        if _exists(self.path / CONFIG):
+        if os.path.lexists(self.path / CONFIG):
             raise SettingError(
                 f"there is a run in {self.path} already: --resume goes on with it, or choose "
                 "another folder"
@@ -94,7 +96,7 @@ class RunFolder:
 
     @classmethod
     def open(cls, path: str | Path) -> RunFolder:
-        """A run directory that exists.
+        """Open a run directory that exists.
 
         Raises:
             SettingError: there is no run, or its configuration cannot be read.
@@ -119,13 +121,13 @@ class RunFolder:
 
     @classmethod
     def open_or_create(cls, path: str | Path, experiment: Experiment) -> RunFolder:
-        """The run directory of an experiment, made where there is none.
+        """Open the run directory of an experiment, or create it.
 
         Raises:
             SettingError: there is a run of another experiment.
             OutputError: it cannot be written.
         """
-        if not _exists(Path(path) / CONFIG):
+        if not os.path.lexists(Path(path) / CONFIG):
             return cls.create(path, experiment)
         folder = cls.open(path)
         folder.check_same(experiment)
@@ -144,10 +146,10 @@ class RunFolder:
             )
 
     def go_on_as(self, experiment: Experiment) -> None:
-        """Make sure that `experiment` is the one of this folder, or that with more steps.
+        """Make sure that `experiment` is the one of this folder, or the same with more steps.
 
-        More steps are written down; what has been trained stays what it would have been, which is
-        so where nothing depends on their total.
+        More steps are written into the configuration. They do not change what has been trained,
+        since nothing depends on their total without `anneal`.
 
         Raises:
             SettingError: it is another one; the fields that differ are named.
@@ -175,7 +177,7 @@ class RunFolder:
         vars(self).pop("template", None)
 
     def restore(self) -> Restored | None:
-        """The newest whole checkpoint, a state with a leading axis of runs; None without one.
+        """The newest complete checkpoint, a state with a leading axis of runs, or None.
 
         Raises:
             CheckpointError: there are some, but none can be read.
@@ -183,7 +185,7 @@ class RunFolder:
         return self.checkpoints.restore(self.template)
 
     def networks(self) -> tuple[int, Any]:
-        """Updates of the newest checkpoint and the parameters of its networks, [runs, ...].
+        """The updates of the newest checkpoint and the parameters of its networks, [runs, ...].
 
         Raises:
             SettingError: there is no checkpoint, or none can be read.
@@ -207,11 +209,10 @@ class RunFolder:
     def locked(self) -> Iterator[None]:
         """Keep other processes from writing in this folder.
 
-        A new run directory is removed again where the block fails before its first checkpoint.
+        A new run directory is removed again if the block fails before its first checkpoint.
 
         Raises:
-            SettingError: one does so already, or a link leads out of the folder, where nothing
-                may be written.
+            SettingError: another process has the lock, or a link leads out of the folder.
             OutputError: the lock cannot be written.
         """
         if self._held:
@@ -234,7 +235,7 @@ class RunFolder:
                 self._held = False
 
     def _discard(self) -> None:
-        """Remove what a training that never began has made; what else is there stays."""
+        """Remove the files of a training that never started, and no others."""
         ours = [self.path / name for name in (CHECKPOINTS, LOCK)]
         for path in (*ours, *self._made):
             with contextlib.suppress(OSError):
@@ -242,7 +243,7 @@ class RunFolder:
 
 
 def _no_run(path: Path) -> str:
-    """Why there is none, and what may have been meant."""
+    """Why there is no run in a path, and where there is one."""
     if path.is_file():
         return f"{path} is a file, not a run directory"
     below = sorted(place.parent.name for place in path.glob(f"*/{CONFIG}"))
@@ -264,41 +265,36 @@ def _take(file: IO[str]) -> bool:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         return False
-    # One that another process has removed in the meantime locks nothing.
+    # A lock file that another process has removed in the meantime locks nothing.
     return os.fstat(file.fileno()).st_nlink > 0
 
 
 def checked(experiment: Experiment) -> Experiment:
-    """The experiment of a file, which anybody may have edited; its names become those of files.
+    """Check the experiment of a file, which anybody may have edited.
 
     Raises:
         JAXensteinError: it has an entry that `resolve` would not make.
     """
-    check_grid(dict(experiment.grid), experiment.config.algorithm)
-    experiment.numbers().check()
+    check_grid(dict(experiment.grid), experiment.config.algo)
+    experiment.numbers()
     whole = all(isinstance(s, int) and not isinstance(s, bool) for s in experiment.seeds)
     if not whole or not experiment.seeds:
         raise SettingError(f"'seeds' must be whole numbers, not {list(experiment.seeds)!r}")
     if check_seeds(experiment.seeds[0], len(experiment.seeds)) != experiment.seeds:
         raise SettingError(f"'seeds' must follow each other, not {list(experiment.seeds)!r}")
-    env, _ = experiment.recipe.try_out()
-    if env.version != experiment.recipe.version:
+    env, _ = experiment.environment.try_out()
+    if env.version != experiment.environment.version:
         warnings.warn(of_another_version(experiment, env.version), stacklevel=3)
     return experiment
 
 
 def of_another_version(experiment: Experiment, now: int) -> str:
-    """That an experiment is of other rules than those of its environment's version `now`."""
-    recipe = experiment.recipe
+    """The message that an experiment's environment is now of another version, with other rules."""
+    place = experiment.environment
     return (
-        f"it was trained on version {recipe.version} of {recipe.id or 'its map'}, which is version "
+        f"it was trained on version {place.version} of {place.id or 'its map'}, which is version "
         f"{now} now: its rules have changed (CHANGELOG.md)"
     )
-
-
-def _exists(path: Path) -> bool:
-    """Whether there is something; False for names that are too long, too."""
-    return os.path.lexists(path)
 
 
 def run_names(experiment: Experiment) -> list[str]:
@@ -309,7 +305,7 @@ def run_names(experiment: Experiment) -> list[str]:
 
 
 def versions() -> dict[str, str]:
-    """What a run was made with; another one may give other bits."""
+    """The versions that a run depends on; with others its bits may differ."""
     return {
         "jaxenstein": __version__,
         "jax": jax.__version__,

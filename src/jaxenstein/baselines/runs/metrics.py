@@ -1,10 +1,11 @@
-"""What a run reports: rows of numbers, written as JSON lines and sent to other tools."""
+"""The metrics of a run: rows of numbers, as JSON lines and sent to other tools, and its timing."""
 
 from __future__ import annotations
 
 import json
 import math
 import sys
+import time
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -15,9 +16,11 @@ import numpy as np
 from ...errors import SettingError
 from ...files import append, atomic, reason_of, writing
 
-METRICS, WANDB_ID = "metrics.jsonl", "wandb-id.txt"
-# Whole numbers in it are counts and seeds.
+METRICS, TIMING, WANDB_ID = "metrics.jsonl", "timing.jsonl", "wandb-id.txt"
+# The largest whole number in a row: a count or a seed.
 LARGEST = 2**63 - 1
+# Means over episodes, and the sums from which they are computed.
+EPISODE_MEANS = {"return": "return_sum", "length": "length_sum", "success": "successes"}
 Number = int | float | None
 Row = dict[str, Number]
 
@@ -29,43 +32,34 @@ def rows_of(
 
     Args:
         metrics: arrays [runs, updates] by name.
-        runs: what tells the runs apart.
+        runs: the grid's numbers and the seed of each run.
         first: updates before the chunk.
         steps: environment steps of an update.
 
     Returns:
-        By update, then by run: `update` from 1, `steps`, what tells the run apart (a number of the
-        grid that is called as a metric is, such as `entropy`, as `grid_entropy`), the mean return,
-        length and success rate of the episodes that ended (None where none did), and the metrics.
+        By update, then by run: `update` from 1, `steps`, the run's numbers of the grid and its seed
+        (a number with the name of a metric, such as `entropy`, as `grid_entropy`), the mean return,
+        length and success rate of the episodes that ended (None if none did), and the metrics.
     """
     arrays = {name: np.asarray(values) for name, values in metrics.items()}
-    updates = next(iter(arrays.values())).shape[1]
-    return [
-        _row(arrays, run, number, first + update + 1, steps, update)
-        for update in range(updates)
-        for number, run in enumerate(runs)
-    ]
-
-
-def _row(
-    arrays: Mapping[str, np.ndarray],
-    run: Mapping[str, Any],
-    number: int,
-    count: int,
-    steps: int,
-    update: int,
-) -> Row:
-    values = {name: _plain(array[number, update]) for name, array in arrays.items()}
-    measured = means(values) | values
-    apart = {f"grid_{name}" if name in measured else name: told for name, told in run.items()}
-    return {"update": count, "steps": count * steps, **apart, **measured}
+    rows: list[Row] = []
+    for update in range(next(iter(arrays.values())).shape[1]):
+        for number, run in enumerate(runs):
+            values = {name: _plain(array[number, update]) for name, array in arrays.items()}
+            measured = means(values) | values
+            own = {f"grid_{name}" if name in measured else name: of for name, of in run.items()}
+            count = first + update + 1
+            rows.append({"update": count, "steps": count * steps, **own, **measured})
+    return rows
 
 
 def means(sums: Mapping[str, Number]) -> Row:
     """Mean return, length and success rate of the episodes whose sums are given."""
     episodes = sums.get("episodes") or 0
-    names = {"return": "return_sum", "length": "length_sum", "success": "successes"}
-    return {name: (sums[key] or 0) / episodes if episodes else None for name, key in names.items()}
+    return {
+        name: (sums[key] or 0) / episodes if episodes else None
+        for name, key in EPISODE_MEANS.items()
+    }
 
 
 def _plain(value: np.generic) -> Number:
@@ -77,22 +71,22 @@ def _plain(value: np.generic) -> Number:
 
 
 class Sink(Protocol):
-    """Something that takes rows."""
+    """A receiver of metrics besides the run directory."""
 
     def write(self, rows: Sequence[Row]) -> None:
         """Take the rows of a chunk."""
         ...
 
     def close(self) -> None:
-        """End."""
+        """Finish."""
         ...
 
 
 class MetricsFile:
-    """`metrics.jsonl` of a run directory; what is no finite number is null in it."""
+    """`metrics.jsonl` of a run directory, in which infinite numbers and NaN are null."""
 
     def __init__(self, folder: Path, rows: int = 0) -> None:
-        """Open the file to go on after `rows` rows; what follows them is cut off.
+        """Open the file to append after `rows` rows; later ones are cut off.
 
         Raises:
             SettingError: it has fewer rows.
@@ -110,21 +104,12 @@ class MetricsFile:
             file.truncate(file.tell())
 
     def write(self, rows: Sequence[Row]) -> None:
-        """Append rows, and bring them to the disk.
-
-        Raises:
-            OutputError: they cannot be written.
-        """
+        """Append rows, and flush them to the disk; an `OutputError` if that fails."""
         append(self._path, "".join(json.dumps(row) + "\n" for row in rows))
-
-    def close(self) -> None:
-        """Nothing is open between writes."""
 
 
 def read_metrics(folder: Path) -> list[Row]:
-    """The rows of a run directory.
-
-    A last line that is not whole, as an interruption may leave it, is passed over.
+    """The rows of a run directory; an incomplete last line of an interrupted run is skipped.
 
     Raises:
         SettingError: there are none, or they cannot be read.
@@ -145,9 +130,9 @@ def read_metrics(folder: Path) -> list[Row]:
 
 
 def rows_by_run(rows: Sequence[Row], runs: int) -> list[list[Row]]:
-    """The rows of each run, as many of all.
+    """The rows of each run, the same number for all.
 
-    A training that was killed may have left rows of some runs alone of its last update.
+    A training that was killed may have left its last update with rows of only some runs.
     """
     whole = len(rows) // runs * runs
     return [list(rows[run:whole:runs]) for run in range(runs)]
@@ -159,8 +144,53 @@ def _is_number(value: Any) -> bool:
     return value is None or (isinstance(value, int | float) and abs(value) <= limit)
 
 
+class Timing:
+    """`timing.jsonl` of a run directory: a file of its own, so that metrics repeat bit for bit."""
+
+    def __init__(self, folder: Path, steps: int, update: int) -> None:
+        """Start the clock at an update; `steps` are those of each update, over all runs."""
+        self._path, self._steps = folder / TIMING, steps
+        self._update, self._start = update, time.monotonic()
+        self._before = self._start
+
+    def write(self, update: int) -> None:
+        """Append the seconds since this process began, and the rate since the last row."""
+        now = time.monotonic()
+        rate = (update - self._update) * self._steps / max(now - self._before, 1e-9)
+        row = {"update": update, "seconds": round(now - self._start, 3)}
+        append(self._path, json.dumps({**row, "steps_per_second": round(rate, 1)}) + "\n")
+        self._update, self._before = update, now
+
+
+def read_seconds(folder: Path, updates: int) -> np.ndarray:
+    """float64[updates], the seconds of training until each update was done, compiling included.
+
+    A clock that is lower than in the row before starts a new session of the training.
+
+    Raises:
+        SettingError: there are no rows, or they cannot be read.
+    """
+    path = folder / TIMING
+    try:
+        rows = [json.loads(line) for line in path.read_text("utf-8").split("\n")[:-1]]
+        done = {int(row["update"]): 0.0 for row in rows}
+        before = total = 0.0
+        for row in rows:
+            now = float(row["seconds"])
+            total += now - before if now >= before else now
+            done[int(row["update"])], before = total, now
+    except OSError as error:
+        raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
+    except (ValueError, TypeError, KeyError) as error:
+        raise SettingError(f"{path} is damaged: {error!r}") from error
+    if not done:
+        raise SettingError(f"{path} has no rows yet")
+    known = sorted(done)
+    return np.interp(np.arange(1, updates + 1), known, [done[update] for update in known])
+
+
 class TensorBoard:
-    """Scalars for TensorBoard, one run of it for each of ours; by package tensorboard alone."""
+    """Scalars for TensorBoard, one of its runs for each of ours; needs only tensorboard."""
 
     def __init__(self, folder: Path, names: Sequence[str]) -> None:
         """Open a writer for each run, named `names`.
@@ -191,16 +221,12 @@ class TensorBoard:
 
 
 class WeightsAndBiases:
-    """Scalars for Weights & Biases: one run of it, with the runs' means and each by its name."""
+    """Scalars for Weights & Biases: one of its runs, with the means over ours and each by name."""
 
     def __init__(
         self, folder: Path, names: Sequence[str], project: str, config: dict[str, Any]
     ) -> None:
-        """Begin, or go on with, the run of a folder.
-
-        Raises:
-            SettingError: wandb is not installed.
-        """
+        """Begin or continue the run of a folder; a `SettingError` if wandb is not installed."""
         try:
             import wandb  # type: ignore[import-not-found]
         except ImportError as error:
@@ -208,7 +234,7 @@ class WeightsAndBiases:
                 f"Weights & Biases is not installed ({error}): pip install wandb"
             ) from error
         self._names = list(names)
-        # Folders of several sweeps have the same name.
+        # Folders of several sweeps may have the same name.
         kept = folder / WANDB_ID
         if not kept.exists():
             with atomic(kept) as temporary:

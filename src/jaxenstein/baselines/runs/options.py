@@ -1,8 +1,8 @@
-"""What may be set of a training: every option with its name, kind and default, and files of them.
+"""The options of a training: their names and defaults, files of them, recipes, and grids.
 
-The options are those of the environment, the fields of `Presets`, `Config` and `HParams`, those of
-every bonus' settings and numbers, and a few that say how many runs there are. A file and the
-flags give the same names; flags win.
+The options are those of the environment, `recipe` and `network`, the fields of `Config` and
+`HParams`, those of every bonus, and a few that say how many runs there are. A file and the flags
+have the same names; flags win.
 """
 
 from __future__ import annotations
@@ -14,25 +14,67 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...errors import SettingError, nearest, one_line
+from ...errors import SettingError, one_line
+from ...fields import Domain, Option, check_names, options_of
 from ...files import reason_of
-from ...settings import Option, check, environment_options, options_of, recipe_from
+from ...settings import checked, environment_options, recipe_from
 from ...settings import given_by as environment_given_by
-from ..learning.algorithms import Algorithm, algorithms, without_removed
-from ..learning.config import Config
-from ..learning.fields import values_of
-from ..learning.hparams import HParams
+from ..config import Algorithm, Config, HParams, algorithms
+from ..networks import PATCHES, SMALL
 from .experiment import Experiment, check_seeds
-from .presets import Presets, defaults_of
 
 # The size of images, which a run writes down.
 SIZE = {"height": 64, "width": 64}
 PRESETS, TRAINING, NUMBERS = "presets", "training", "numbers"
 RUNS = (
-    Option("seed", "runs", "count", 0, "the first seed"),
-    Option("seeds", "runs", "count", 1, "number of runs with seeds of their own, side by side"),
-    Option("grid", "runs", "table", None, "numbers that differ between runs, with their values"),
+    Option("seed", "runs", Domain("whole", 0), 0, "the first seed"),
+    Option("seeds", "runs", Domain("whole", 1), 1, "parallel runs, each with its own seed"),
+    Option(
+        "grid", "runs", Domain("table"), None, "numbers that differ between runs, with their values"
+    ),
 )
+NETWORKS: Mapping[str, Mapping[str, Any]] = {
+    "paper": {},
+    "small": {"features": 64, "hidden": 64, "head": 64, "convolutions": SMALL},
+    "tiny": {"features": 64, "hidden": 64, "head": 64, "convolutions": PATCHES},
+}
+_OWN_VALUES = {
+    "normalise_bonus": True,
+    "bonus_values": True,
+    "bonus_advantage": 0.3,
+    "entropy": 0.003,
+}
+# For each recipe the options that differ from the paper's: those of all algorithms, then those of
+# some. docs/training.md has the reason of each, and docs/ablations.md what was measured.
+RECIPES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
+    "paper": {},
+    "tuned": {
+        "*": {
+            "network": "tiny",
+            "num_envs": 64,
+            "rollout": 128,
+            "gamma": 0.99,
+            "epochs": 2,
+            "learning_rate": 1e-3,
+            "anneal": False,
+            "value_clip": 10.0,
+            "zero_values": True,
+            "contrast": 10.0,
+            "advantage_floor": 0.01,
+        },
+        "rnd": {
+            "normalise_bonus": True,
+            "bonus_memory": 0.9,
+            "bonus_learning_rate": 1e-4,
+            "bonus_advantage": 0.3,
+            "entropy": 0.003,
+            # With more contrast the policy stays where novelty lasts, with frame skip 3 and 1.
+            "contrast": 0.0,
+        },
+        "icm": _OWN_VALUES,
+        "e3b": {**_OWN_VALUES, "e3b_lambda": 0.1, "random_clocks": True},
+    },
+}
 
 
 def all_options() -> dict[str, Option]:
@@ -42,16 +84,17 @@ def all_options() -> dict[str, Option]:
 
 @functools.cache
 def _options(rows: tuple[tuple[str, Algorithm], ...]) -> dict[str, Option]:
-    found = [*options_of(Presets, PRESETS), *RUNS]
-    for cls in (Config, *(row.settings for _, row in rows)):
-        found += options_of(cls, TRAINING)
-    for cls in (HParams, *(row.numbers for _, row in rows)):
-        found += options_of(cls, NUMBERS, kind="number")
+    found = [*options_of(Experiment, PRESETS, ("recipe", "network")), *RUNS]
+    found += options_of(Config, TRAINING)
+    found += options_of(HParams, NUMBERS)
+    for _, row in rows:
+        found += options_of(row.options, TRAINING, row.settings)
+        found += options_of(row.options, NUMBERS, row.numbers)
     options = environment_options() | {option.name: option for option in found}
     # Its parts are options themselves.
     del options["bonus"]
-    names = tuple(name for name, _ in rows)
-    options["algo"] = dataclasses.replace(options["algo"], kind="choice", choices=names)
+    names = Domain("choice", choices=tuple(name for name, _ in rows))
+    options["algo"] = dataclasses.replace(options["algo"], domain=names)
     return options
 
 
@@ -59,7 +102,7 @@ def read_file(path: Path) -> dict[str, Any]:
     """The options of a TOML file, or of a YAML one where PyYAML is installed.
 
     Raises:
-        SettingError: it cannot be read, is no such file, or has an option that there is not.
+        SettingError: it cannot be read, has another format, or has an unknown option.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -75,7 +118,7 @@ def read_file(path: Path) -> dict[str, Any]:
         raise SettingError(f"{path} must hold names with values")
     try:
         given = {str(name).replace("-", "_"): value for name, value in given.items()}
-        return check(without_removed(given), all_options())
+        return checked(given, all_options())
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None
 
@@ -88,12 +131,25 @@ def _yaml(path: Path, text: str) -> Any:
             f"{path}: YAML needs PyYAML ({error}): pip install pyyaml, or write TOML"
         ) from error
     try:
-        # A few lines of names for names would stand for more values than there is memory.
+        # A few lines of aliases could stand for more values than there is memory.
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
             raise yaml.YAMLError("'*name' is not known here; write the value again")
         return yaml.safe_load(text) or {}
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingError(f"{path} is not YAML: {one_line(str(error))}") from error
+
+
+def defaults_of(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that a recipe and a network stand for, with both names among them.
+
+    Args:
+        given: checked options; only `recipe`, `network` and `algo` are read.
+    """
+    recipe = given.get("recipe", Experiment.recipe)
+    row = RECIPES[recipe]
+    values = {**row.get("*", {}), **row.get(given.get("algo", Config.algo), {})}
+    network = given.get("network", values.get("network", Experiment.network))
+    return {**NETWORKS[network], **values, "recipe": recipe, "network": network}
 
 
 def resolve(given: Mapping[str, Any]) -> Experiment:
@@ -102,39 +158,38 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
     A number may be given or varied by the grid, not both.
 
     Raises:
-        JAXensteinError: an option is unknown or has a value it cannot have, or the environment
-            and the training do not fit.
+        JAXensteinError: an option is unknown or has a wrong value, or the environment and the
+            training do not fit.
     """
-    given = check(without_removed(given), all_options())
+    given = checked(given, all_options())
     for name in given.get("grid") or {}:
         if name.replace("-", "_") in given:
             raise SettingError(f"{name} is given, and varied by the grid: leave one of them out")
-    presets, below = defaults_of(given)
-    given = {**below, **given}
-    default = SIZE if "map" in given else {"env": "simple", **SIZE}
-    recipe = recipe_from({**default, **given})
+    given = {**defaults_of(given), **given}
+    place = SIZE if "map" in given else {"env": "simple", **SIZE}
+    environment = recipe_from({**place, **given})
     config = Config.of(_picked(given, TRAINING))
-    hparams = HParams.of(config.algorithm, _picked(given, NUMBERS))
-    hparams.check()
     experiment = Experiment(
-        recipe,
-        config,
-        hparams.flat(),
-        check_seeds(given.get("seed", 0), given.get("seeds", 1)),
-        check_grid(given.get("grid") or {}, config.algorithm),
-        presets,
+        environment=environment,
+        config=config,
+        hparams=HParams.of(config.algo, _picked(given, NUMBERS)).flat(),
+        seeds=check_seeds(given.get("seed", 0), given.get("seeds", 1)),
+        grid=check_grid(given.get("grid") or {}, config.algo),
+        recipe=given["recipe"],
+        network=given["network"],
     )
-    # A network that does not fit the image is told now.
+    # Raise now if the network does not fit the image.
     experiment.learner  # noqa: B018
     return experiment
 
 
 def given_by(experiment: Experiment) -> dict[str, Any]:
-    """The options that `resolve` makes an experiment of."""
+    """The options from which `resolve` makes an experiment."""
     varied = dict(experiment.grid)
     given = {
-        **environment_given_by(experiment.recipe),
-        **values_of(experiment.presets),
+        **environment_given_by(experiment.environment),
+        "recipe": experiment.recipe,
+        "network": experiment.network,
         **experiment.config.flat(),
         **{name: value for name, value in experiment.hparams.items() if name not in varied},
         "seed": experiment.seeds[0],
@@ -149,22 +204,16 @@ def _picked(given: Mapping[str, Any], group: str) -> dict[str, Any]:
     return {name: value for name, value in given.items() if name in names}
 
 
-def check_grid(
-    table: Mapping[str, Any], algorithm: Algorithm
-) -> tuple[tuple[str, tuple[float, ...]], ...]:
-    """The numbers of a grid with their values; a `SettingError` for one the algorithm has not."""
-    names = list(HParams.of(algorithm, {}).flat())
+def check_grid(table: Mapping[str, Any], algo: str) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """The numbers of a grid with their values; a `SettingError` if the algorithm lacks one."""
+    check_names(table, HParams.of(algo, {}).flat(), "number in a grid:")
     grid = []
     for name, values in table.items():
-        if name not in names:
-            raise SettingError(
-                f"unknown number {name!r} in grid{nearest(name, names)}; known: {', '.join(names)}"
-            )
         listed = values if isinstance(values, list | tuple) else [values]
         good = [isinstance(value, int | float) and not isinstance(value, bool) for value in listed]
         if not listed or not all(good) or len(set(listed)) < len(listed):
             raise SettingError(f"grid.{name} must be a list of different numbers, not {values!r}")
         for value in listed:
-            HParams.of(algorithm, {name: value}).check()
+            HParams.of(algo, {name: value})
         grid.append((name, tuple(map(float, listed))))
     return tuple(grid)

@@ -1,4 +1,4 @@
-"""Grids over the numbers of the algorithms, those of the paper among them, and what they gave."""
+"""Sweeps: the grids of the paper or others as experiments, and a summary of their results."""
 
 from __future__ import annotations
 
@@ -9,20 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from ..learning.algorithms import algorithm, algorithms
-from .bootstrap import Interval, mean_interval
-from .curves import curves_of
+from ..config import algorithm, algorithms
+from .curves import Interval, curves_of, mean_interval
 from .experiment import Experiment, exact
 from .options import resolve
 
-# As many as the paper has at each point of its grids.
+# The seeds of the paper at each point of its grids.
 SEEDS = 5
-# The share of the updates, at the end, that points of a grid are compared by.
-LAST = 0.1
+# Points of a grid are compared over the last of so many parts of the updates.
+PARTS = 10
 
 
 def swept() -> tuple[str, ...]:
-    """The algorithms that have a grid: those of the paper, and any other that came with one."""
+    """The algorithms that have a grid: those of the paper, and others registered with one."""
     return tuple(name for name, row in algorithms().items() if row.grid is not None)
 
 
@@ -36,12 +35,12 @@ def plan(
     """The experiments of a sweep, by the names of their folders.
 
     Args:
-        given: options as of `resolve`; a `grid` among them takes the place of the paper's.
+        given: options as in `resolve`; a `grid` among them takes the place of the paper's.
         algos: the algorithms.
-        at_once: the most runs that one program trains side by side, which memory limits; seeds
-            are not taken apart.
-        paper: whether the paper's grids are trained where none is given, or only a point of them;
-            a number that is given is not varied by them.
+        at_once: the most parallel runs of one program, which memory limits; seeds of one point
+            stay together.
+        paper: whether to train the paper's grids if none is given, or only one point of each; they
+            do not vary a number that is given.
 
     Raises:
         JAXensteinError: the options do not fit.
@@ -58,7 +57,7 @@ def plan(
 
 
 def _split(name: str, experiment: Experiment, at_once: int | None) -> list[tuple[str, Experiment]]:
-    """Take a grid apart, along its first number, until each part is small enough."""
+    """Split a grid along its first number until each part is small enough."""
     if at_once is None or len(experiment.runs) <= at_once or not experiment.grid:
         return [(name, experiment)]
     (number, values), *rest = experiment.grid
@@ -72,7 +71,7 @@ def _split(name: str, experiment: Experiment, at_once: int | None) -> list[tuple
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """What one point of a grid gave at the end of the training.
+    """The result of one point of a grid at the end of the training.
 
     Attributes:
         label: its folder and numbers.
@@ -88,7 +87,7 @@ class Point:
 
 
 def summary(folders: Sequence[Path]) -> list[Point]:
-    """The points of all grids, that with the highest return first.
+    """The points of all grids, sorted from the highest return to the lowest.
 
     Points without a finished episode in the last tenth come last, with NaN.
 
@@ -97,15 +96,11 @@ def summary(folders: Sequence[Path]) -> list[Point]:
     """
     points = []
     for folder in folders:
-        pooled = round(1 / LAST)
-        curves = zip(
-            curves_of(folder, "return", pooled), curves_of(folder, "success", pooled), strict=True
-        )
-        for earned, success in curves:
-            point = Point(
-                earned.label, len(earned.values), _last(earned.values), _last(success.values)
-            )
-            points.append(point)
+        curves = (curves_of(folder, metric, PARTS) for metric in ("return", "success"))
+        points += [
+            Point(earned.label, len(earned.values), _last(earned.values), _last(success.values))
+            for earned, success in zip(*curves, strict=True)
+        ]
     return sorted(points, key=lambda point: -np.nan_to_num(point.earned.mean, nan=-np.inf))
 
 

@@ -1,8 +1,8 @@
-"""Trained networks, of a run directory or in a file of their own that can be handed on.
+"""Trained networks in a run directory or in a file of their own, and how they did.
 
 Such a file is an .npz with an array for every leaf of the network of one run, and `config.json`:
-that of a run directory, with what the agent achieved. Those that come with this package lie in
-`jaxenstein/pretrained` and are called `pretrained/NAME`.
+that of a run directory, with the agent's score. The files of this package are in
+`jaxenstein/pretrained`; their names are `pretrained/NAME`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,6 +20,7 @@ import numpy as np
 from ...errors import JAXensteinError, SettingError, nearest, one_line
 from ...files import atomic
 from .checkpoints import read_tree
+from .curves import Interval, mean_interval
 from .experiment import Experiment
 from .folder import CONFIG, RunFolder, checked, versions
 
@@ -27,20 +28,20 @@ Weights = Literal["float16", "float32"]
 
 PRETRAINED, SUFFIX = "pretrained", ".npz"
 HERE = Path(__file__).parents[2] / PRETRAINED
-# Bytes of a configuration; a longer one is none.
+# The most bytes of a configuration.
 LONGEST = 2**20
 
 
 @dataclasses.dataclass(frozen=True)
 class Trained:
-    """Networks that were trained, and what they are of.
+    """Trained networks with their experiment.
 
     Attributes:
-        name: of the run directory or the file, for people.
+        name: of the run directory or the file, to show.
         experiment: the runs.
         params: of the networks; leaves [runs, ...].
-        update: updates that they had.
-        folder: the run directory; None of a file.
+        update: number of updates.
+        folder: the run directory; None for a file.
     """
 
     name: str
@@ -63,15 +64,52 @@ class Trained:
         return dataclasses.replace(self, experiment=experiment, params=params, folder=None)
 
 
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """The episodes of trained agents, over all runs of a directory.
+
+    Attributes:
+        greedy: whether the agents took the most likely actions.
+        returns: float32[runs, episodes], undiscounted.
+        lengths: int32[runs, episodes], steps.
+        successes: bool[runs, episodes].
+    """
+
+    greedy: bool
+    returns: np.ndarray
+    lengths: np.ndarray
+    successes: np.ndarray
+
+    @property
+    def best(self) -> int:
+        """The run with the highest mean return; among equals that of the shortest episodes."""
+        order = np.lexsort((self.lengths.mean(axis=1), -self.returns.mean(axis=1)))
+        return int(order[0])
+
+    def interval(self, values: np.ndarray) -> Interval:
+        """Mean of values[runs, episodes] with its `mean_interval`."""
+        return mean_interval(np.asarray(values, np.float64))
+
+    def to_json(self, names: Sequence[str]) -> dict[str, Any]:
+        """As plain JSON values, with every run's means by its name."""
+        fields = {"return": self.returns, "length": self.lengths, "success": self.successes}
+        overall = {name: dataclasses.asdict(self.interval(v)) for name, v in fields.items()}
+        runs = {
+            run: {name: float(np.mean(values[number])) for name, values in fields.items()}
+            for number, run in enumerate(names)
+        }
+        return {"episodes": int(self.returns.shape[1]), **overall, "runs": runs}
+
+
 def load_trained(path: str | Path) -> Trained:
-    """The networks of a run directory, as its newest checkpoint has them, or of a file.
+    """The networks of a run directory, from its newest checkpoint, or of a file.
 
     Args:
         path: the run directory; a file of `export_policy`, which ends in `.npz`; or
-            `pretrained/NAME`, unless there is something of that path.
+            `pretrained/NAME`, unless that path exists.
 
     Raises:
-        SettingError: there is no such thing, or it cannot be read.
+        SettingError: there is no such run or file, or it cannot be read.
     """
     path = Path(path)
     if path.suffix == SUFFIX and not path.is_dir():
@@ -109,7 +147,7 @@ def write_trained(file: Path, trained: Trained, weights: Weights, score: Mapping
     Args:
         file: ends in `.npz`.
         trained: of one run.
-        weights: the precision of its numbers.
+        weights: precision of the numbers.
         score: plain JSON values, which `read_config` returns.
 
     Raises:
@@ -130,10 +168,10 @@ def write_trained(file: Path, trained: Trained, weights: Weights, score: Mapping
 
 
 def read_trained(file: Path) -> Trained:
-    """What `write_trained` wrote.
+    """Read a file of `write_trained`.
 
     Raises:
-        SettingError: there is no such file, or it is something else or damaged.
+        SettingError: there is no such file, or it is damaged or has another content.
     """
     plain = read_config(file)
     try:
@@ -161,7 +199,7 @@ def read_config(file: Path) -> dict[str, Any]:
     """The configuration in such a file: that of its run, and `agent` with its score.
 
     Raises:
-        SettingError: as of `read_trained`.
+        SettingError: as in `read_trained`.
     """
     try:
         with zipfile.ZipFile(file) as archive, archive.open(CONFIG) as entry:

@@ -1,25 +1,30 @@
-"""Training in a run directory: from its newest checkpoint on, until the experiment is done."""
+"""Training in a run directory, and the warning of a training that stalls."""
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
 
 import jax
+import numpy as np
 
 from ...errors import SettingError
-from ..learning.placement import place
-from ..learning.state import TrainState
+from ..state import TrainState, place
 from .checkpoints import check_space
 from .folder import RunFolder, of_another_version, versions
-from .metrics import METRICS, MetricsFile, Row, Sink, read_metrics, rows_of
-from .timing import Timing
+from .metrics import METRICS, MetricsFile, Row, Sink, Timing, read_metrics, rows_of
 
 # Seconds of training between two checkpoints.
 SAVE_EVERY = 60.0
-
-Notify = Callable[[int, Sequence[Row]], object]
+# A run stalls if it had so many episodes without a success, and its policy lost this share of its
+# first entropy: before that it still explores.
+EPISODES = 1000
+LOST = 0.5
+# Standard errors by which the latest returns must lie above the first ones to have risen.
+RISEN = 4.0
+ADVICE = "docs/training.md, 'Where it does not learn', says what to try"
 
 
 def train(
@@ -28,10 +33,10 @@ def train(
     chunk: int = 1,
     save_every: float = SAVE_EVERY,
     sinks: Sequence[Sink] = (),
-    notify: Notify | None = None,
+    notify: Callable[[int, Sequence[Row]], object] = lambda update, rows: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Train, from the newest checkpoint on, until the experiment is done.
+    """Train from the newest checkpoint until the experiment is done; return the updates done.
 
     However often it is interrupted, and whatever `chunk` and `save_every` are, the metrics and
     the final state are the same, bit for bit on a CPU.
@@ -44,53 +49,39 @@ def train(
         notify: called with the updates so far, first with no rows, then with those of each chunk.
         stop: asked after each chunk whether to end early, with a checkpoint.
 
-    Returns:
-        The updates that are done.
-
     Raises:
         SettingError: another process trains there, or its files are not those of the run.
         OutputError: something cannot be written.
     """
     with folder.locked():
-        return _train(folder, chunk, save_every, sinks, notify or (lambda *_: None), stop)
-
-
-def _train(
-    folder: RunFolder,
-    chunk: int,
-    save_every: float,
-    sinks: Sequence[Sink],
-    notify: Notify,
-    stop: Callable[[], bool],
-) -> int:
-    experiment, checkpoints = folder.experiment, folder.checkpoints
-    many, runs, numbers = experiment.learner.many, experiment.runs, experiment.numbers()
-    update, state = _begin(folder)
-    writers = [MetricsFile(folder.path, rows=update * len(runs)), *sinks]
-    timing = Timing(folder.path, experiment, update)
-    saved, total = time.monotonic(), experiment.config.updates
-    notify(update, [])
-    stopped = stop()
-    while update < total and not stopped:
-        state, metrics = many.train_chunk(state, numbers, min(chunk, total - update))
-        rows = rows_of(jax.device_get(metrics), runs, update, experiment.config.steps_per_update)
-        update += len(rows) // len(runs)
-        for writer in writers:
-            writer.write(rows)
-        timing.write(update)
-        notify(update, rows)
+        experiment, runs = folder.experiment, folder.experiment.runs
+        many, numbers = experiment.learner.many, experiment.numbers()
+        update, state = _begin(folder)
+        writers = [MetricsFile(folder.path, rows=update * len(runs)), *sinks]
+        steps, total = experiment.config.steps_per_update, experiment.config.updates
+        timing, saved = Timing(folder.path, steps * len(runs), update), time.monotonic()
+        notify(update, [])
         stopped = stop()
-        if update == total or stopped or time.monotonic() - saved >= save_every:
-            checkpoints.save(update, state)
-            saved = time.monotonic()
+        while update < total and not stopped:
+            state, metrics = many.train_chunk(state, numbers, min(chunk, total - update))
+            rows = rows_of(jax.device_get(metrics), runs, update, steps)
+            update += len(rows) // len(runs)
+            for writer in writers:
+                writer.write(rows)
+            timing.write(update)
+            notify(update, rows)
+            stopped = stop()
+            if update == total or stopped or time.monotonic() - saved >= save_every:
+                folder.checkpoints.save(update, state)
+                saved = time.monotonic()
     return update
 
 
 def _check_versions(folder: RunFolder) -> None:
-    """Refuse to go on by other rules, and warn where the bits may be others."""
+    """Refuse to go on with other rules, and warn if the bits may differ."""
     experiment = folder.experiment
     now = experiment.learner.env.version
-    if now != experiment.recipe.version:
+    if now != experiment.environment.version:
         raise SettingError(
             f"the run in {folder.path} cannot go on: {of_another_version(experiment, now)}; "
             "train anew in another folder"
@@ -105,21 +96,88 @@ def _check_versions(folder: RunFolder) -> None:
         warnings.warn(
             f"the run in {folder.path} began with {'; '.join(others)}: from here on it is not bit "
             "for bit what it would have been",
-            stacklevel=4,
+            stacklevel=3,
         )
 
 
 def _begin(folder: RunFolder) -> tuple[int, TrainState]:
-    """Updates so far and the state; a first checkpoint shows early whether one can be written."""
+    """Updates so far and the state; a first checkpoint shows early whether they can be written."""
     check_space(folder.path, folder.template, len(folder.checkpoints.updates()))
     restored = folder.restore()
     if restored is not None:
         _check_versions(folder)
         for reason in restored.damaged:
-            warnings.warn(f"passed over a damaged checkpoint: {reason}", stacklevel=4)
+            warnings.warn(f"skipped a damaged checkpoint: {reason}", stacklevel=3)
         return restored.update, place(restored.state, folder.experiment.config)
     if (folder.path / METRICS).exists() and read_metrics(folder.path):
         raise SettingError(f"the run in {folder.path} has metrics, but no checkpoint to go on from")
     state = folder.experiment.learner.many.init(folder.experiment.keys())
     folder.checkpoints.save(0, state)
     return 0, place(state, folder.experiment.config)
+
+
+class StallWatch:
+    """Warns once if all policies of a training settle and no run has succeeded.
+
+    It does not warn if a run succeeded once, if returns have risen, or if a policy is still close
+    to random.
+    """
+
+    def __init__(self, runs: int) -> None:
+        """Take the number of runs, whose rows alternate."""
+        self._runs, self._warned = runs, False
+        self._episodes = self._successes = 0.0
+        self._entropies: list[float] = []
+        # Episodes, returns and squares of returns, summed over the first and the latest episodes.
+        self._early = self._late = np.zeros(3)
+
+    def check(self, rows: Sequence[Row]) -> str | None:
+        """The warning, if the next rows (of whole updates) give reason for one."""
+        for start in range(0, len(rows), self._runs):
+            update = rows[start : start + self._runs]
+            self._episodes += _sum(update, "episodes")
+            self._successes += _sum(update, "successes")
+            self._add_returns(update)
+            now = [row.get("entropy") or 0.0 for row in update]
+            self._entropies = self._entropies or now
+            settled = all(new < LOST * old for new, old in zip(now, self._entropies, strict=True))
+            enough = self._episodes >= EPISODES * self._runs
+            fine = self._successes or self._warned or _risen(self._early, self._late)
+            if settled and enough and not fine:
+                self._warned = True
+                first, last = np.mean(self._entropies), np.mean(now)
+                return (
+                    f"no success in {self._episodes:,.0f} episodes, and the entropy of the policy "
+                    f"fell from {first:.2g} to {last:.2g}: it settles without having found the "
+                    f"goal; {ADVICE}"
+                )
+        return None
+
+    def _add_returns(self, rows: Sequence[Row]) -> None:
+        """Add to the first episodes, a tenth of those before a warning, or to as many latest."""
+        wanted = EPISODES * self._runs / 10
+        names = ("episodes", "return_sum", "return_square_sum")
+        sums = np.array([_sum(rows, name) for name in names])
+        if self._early[0] < wanted:
+            self._early = self._early + sums
+        else:
+            self._late = sums if self._late[0] >= wanted else self._late + sums
+
+
+def _sum(rows: Sequence[Row], name: str) -> float:
+    return sum(row.get(name) or 0 for row in rows)
+
+
+def _risen(early: np.ndarray, late: np.ndarray) -> bool:
+    """Whether the mean return of the latest episodes is higher than chance explains."""
+    if not early[0] or not late[0]:
+        return False
+    (first, first_error), (mean, error) = map(_estimate, (early, late))
+    return mean - first > RISEN * math.hypot(error, first_error) + 1e-6 * abs(first)
+
+
+def _estimate(sums: np.ndarray) -> tuple[float, float]:
+    """A mean return and its standard error."""
+    number, total, squares = sums
+    mean = total / number
+    return mean, math.sqrt(max(squares / number - mean**2, 0) / number)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import MapError, MapWarning, SettingError, UnknownEnvironmentError, nearest
+from ...fields import check_whole
 from ..reach import problems
 from ..symbols import DEFAULT_WALL, door_label
 from ..things import COLOUR_NAMES
@@ -105,8 +106,7 @@ def convert_id(id: str, seed: int) -> MiniGridMap:
     Warns:
         MapWarning: as for `convert`.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise SettingError(f"seed must be a whole number, 0 or more, not {seed!r}")
+    check_whole("seed", seed, 0)
     with contextlib.closing(_reset(id, seed)) as env:
         return _convert(env, stacklevel=3)
 

@@ -203,7 +203,7 @@ class ObstructedMaze(PickUpWorld):
         blocked: whether a ball lies before each locked door.
     """
 
-    quarters: int = 0
+    quarters: int = number(0, 0, 4)
     start_aside: bool = False
     hidden: bool = True
     blocked: bool = True

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...calls import check_whole
+from ...fields import check_whole
 from ...params import number
 from ..steering import INTERACT
 from .sketch import COLOURS, Sketch
@@ -176,7 +176,7 @@ class PutNear(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("objects", self.objects, 2 if self.size < 8 else 3, 2)
+        check_whole("objects", self.objects, 2, 2 if self.size < 8 else 3)
 
     def lay_out(self, key: jax.Array) -> GridState:
         """Sample the things, none of which is beside another, the start and the instruction."""

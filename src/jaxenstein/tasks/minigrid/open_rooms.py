@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...calls import check_whole
 from ...engine.motion import forward, touched_door
 from ...environment import Scalar
+from ...fields import check_whole, choice
 from ...params import number
 from ..draws import draw_index
 from ..steering import BACKWARD, FORWARD
@@ -30,6 +30,8 @@ from .state import (
 from .world import GridParams, GridWorld
 
 BLUE = 2
+
+Obstacle = Literal["wall", "lava"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -94,14 +96,14 @@ class Crossing(GridWorld):
 
     size: int = number(9, 5, 63)
     crossings: int = 1
-    obstacle: Literal["wall", "lava"] = "lava"
+    obstacle: Obstacle = choice("lava", Obstacle)
 
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND, LAVA_KIND)
 
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("crossings", self.crossings, self.size - 3, 1)
+        check_whole("crossings", self.crossings, 1, self.size - 3)
 
     def lay_out(self, key: jax.Array) -> GridState:
         """Sample which lines are crossed, an order in which to cross them, and the gaps."""
@@ -227,7 +229,7 @@ class DynamicObstacles(Empty):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("obstacles", self.obstacles, self.size // 2 + 1, 1)
+        check_whole("obstacles", self.obstacles, 1, self.size // 2 + 1)
 
     def lay_out(self, key: jax.Array) -> GridState:
         """The room with its balls."""

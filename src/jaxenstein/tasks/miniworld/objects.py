@@ -15,9 +15,9 @@ import numpy as np
 
 from ...about import About, Choose, Player
 from ...batching import select
-from ...calls import check_whole
 from ...engine.scene import Scene, Theme
 from ...environment import Info
+from ...fields import check_whole
 from ...maps.things import COLOUR_NAMES
 from ...params import number
 from ...players.walking import FAR, Movement, towards, walk_down
@@ -168,7 +168,7 @@ class PickupObjects(ThingsRoom):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("objects", self.objects, min(30, self.size**2 // 2))
+        check_whole("objects", self.objects, 1, min(30, self.size**2 // 2))
 
     def lay_out(self, key: jax.Array) -> GridState:
         """Sample the things and the start."""

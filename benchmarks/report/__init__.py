@@ -1,1 +1,0 @@
-"""The pages of figures, written from results alone: `python -m benchmarks.report DIR`."""

@@ -1,1 +1,0 @@
-"""Which subjects are measured together, and how: in turn, on one core, undisturbed."""

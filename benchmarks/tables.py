@@ -1,0 +1,161 @@
+"""Rows of results with their ratios, and the columns that the table of each part has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from benchmarks.measure import median_ratio
+from benchmarks.parts import CALLED, SCANNED, SINGLE
+
+Row = Mapping[str, Any]
+"""What a file says of a subject, its axes too, with `rates` (steps a second) and `ratios`; without
+rates where there is `failed`, the reason."""
+
+
+class Column(NamedTuple):
+    """A column of a table.
+
+    Attributes:
+        heading: its first line.
+        show: the cell of a row; a row that lacks what it takes has an empty one.
+        left: whether it is aligned to the left.
+    """
+
+    heading: str
+    show: Callable[[Row], str]
+    left: bool = False
+
+
+def rows_of(report: Mapping[str, Any]) -> list[Row]:
+    """The subjects of a part of the suite."""
+    rows = []
+    for group in report["groups"]:
+        rates = {row["name"]: row.get("steps_per_second") for row in group}
+        for row in group:
+            mine, ratios = rates[row["name"]], {}
+            for heading, other in row["references"].items():
+                if mine and rates.get(other):
+                    ratios[heading] = median_ratio(mine["repeats"], rates[other]["repeats"])
+            measured = {"rates": mine} if mine else {}
+            rows.append({**row["axes"], **row, **measured, "ratios": ratios})
+    return rows
+
+
+def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> str:
+    """A table in Markdown."""
+    rule = ["---" if column.left else "---:" for column in columns]
+    head = [column.heading for column in columns]
+    body = [[_cell(column, row) for column in columns] for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, rule, *body))
+
+
+def _cell(column: Column, row: Row) -> str:
+    try:
+        # A bar inside a cell would end it.
+        return column.show(row).replace("|", "/")
+    except (KeyError, TypeError):
+        return ""
+
+
+def number(value: float) -> str:
+    """A figure with three digits that count, in full from 100 on."""
+    if value >= 99.5:
+        return f"{value:,.0f}"
+    if value >= 9.95:
+        return f"{value:.1f}"
+    return f"{value:.2f}" if value >= 0.0995 else f"{value:.2g}"
+
+
+def column(
+    heading: str, *path: str, form: Callable[[Any], str] = str, unit: float = 0, left: bool = False
+) -> Column:
+    """A column of what lies in the rows under these keys (the heading), one inside the other."""
+
+    def show(row: Any) -> str:
+        for key in path or (heading,):
+            row = row[key]
+        return form(row / unit if unit else row)
+
+    return Column(heading, show, left)
+
+
+def ratio(heading: str) -> Column:
+    """How many times as fast as another subject."""
+    return column(heading, "ratios", heading, form=number)
+
+
+def _quartiles(rates: Mapping[str, float]) -> str:
+    return f"{rates['lower_quartile']:,.0f} - {rates['upper_quartile']:,.0f}"
+
+
+def _steps(row: Row) -> str:
+    return "not measured" if "failed" in row else WHOLE(row["rates"]["median"])
+
+
+def shown(part: str, rows: Sequence[Row]) -> Sequence[Row]:
+    """The rows that the table and the plots of a part have."""
+    if part in ("environments", "resolutions", "observations", "maps-and-sprites"):
+        # Without the subject that each group was measured beside, which has nothing of its own.
+        return [row for row in rows if row["axes"]]
+    return _adapters(rows) if part == "adapters" else rows
+
+
+def _adapters(rows: Sequence[Row]) -> list[Row]:
+    """The adapters, each with the native figure of the same interpreter and number."""
+    rates = {(row["partner"], row["name"]): row.get("rates") for row in rows}
+    found = []
+    for row in rows:
+        kind, _, batch = row["name"].rpartition("-")
+        if kind in SCANNED:
+            native, heading = f"scan-{batch}", "of the scan"
+        elif kind in CALLED or kind in SINGLE:
+            native, heading = f"adapter-loop-{batch}", "of the loop"
+        else:
+            continue
+        ratios = {"of the native": row["ratios"].get(heading)}
+        found.append({**row, "ratios": ratios, "native": rates.get((row["partner"], native))})
+    return found
+
+
+WHOLE = "{:,.0f}".format
+STEPS = Column("steps/s", _steps)
+RATES = (
+    STEPS,
+    column("quartiles", "rates", form=_quartiles),
+    Column("us a step", lambda row: number(1e6 / row["rates"]["median"])),
+)
+TITLE, ID = column("", "title", left=True), column("id", left=True)
+BATCH, HOME = column("environments", "batch"), ratio("of my-way-home")
+BESIDE = (TITLE, *RATES, ratio("x resized"), ratio("x raw"))
+
+COLUMNS: Mapping[str, Sequence[Column]] = {
+    "peers": BESIDE,
+    "frame-skip": BESIDE,
+    "scenarios": (ID, *BESIDE),
+    "cores": (TITLE, *RATES, ratio("x one core")),
+    "environments": (ID, *RATES, HOME),
+    "batches": (ID, BATCH, *RATES),
+    "resolutions": (ID, column("size"), BATCH, *RATES, HOME),
+    "observations": (ID, column("observation", left=True), *RATES, HOME),
+    "maps-and-sprites": (column("tiles a side", "map"), column("sprites"), *RATES, HOME),
+    "limits": (TITLE, *RATES, HOME),
+    "adapters": (
+        TITLE, BATCH, *RATES, column("native steps/s", "native", "median", form=WHOLE),
+        ratio("of the native"),
+    ),
+    "resets": (TITLE, *RATES, ratio("of a step")),
+    "starts": (
+        TITLE, Column("s", lambda row: number(1 / row["rates"]["median"])),
+        Column("x import jax", lambda row: number(1 / row["ratios"]["of import jax"])),
+    ),
+    "training-compare": (
+        ID, column("environments", "envs"), *RATES[:2], ratio("x RecurrentPPO"),
+        column("ready after s", "ready_seconds", form=number),
+    ),
+}  # fmt: skip
+
+
+def table_of(part: str, rows: Sequence[Row]) -> str:
+    """The table of a part."""
+    return markdown(COLUMNS[part], shown(part, rows))

@@ -1,0 +1,127 @@
+"""The generated pages that are not of one environment: the scoreboard and the command line."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+from collections.abc import Mapping
+from typing import Any
+from unittest import mock
+
+from docs.page_parts import stored_agents, stored_rows, table
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from jaxenstein.cli import build_parser
+
+INTRODUCTION = """\
+# Command line
+
+`jaxenstein COMMAND --help` prints what stands here. Wrong arguments are answered with what would
+be right, and exit status 2; 1 means that something could not be written or run, or that a replay
+was not the same.
+
+Commands keep the programs that JAX compiles in `~/.cache/jaxenstein` (or below `XDG_CACHE_HOME`),
+at most about 1 GiB, so that a second call begins at once. `--no-cache` leaves the folder alone, and
+`JAX_COMPILATION_CACHE_DIR` names another one."""
+
+BESIDE = ("id", "random player", "player that knows the way", "best agents")
+TRAINED = ("id", "frame skip", "sees", "algorithm", "seeds", "decisions a seed", "minutes of all",
+           "sampled", "greedy", "configuration")  # fmt: skip
+SCOREBOARD = """# Scoreboard
+
+Mean return and, in brackets, the share of episodes with success, of a player that samples every
+action uniformly and of one that knows the way and sees the whole state, over {played} episodes
+each; the pages of the environments have the standard errors. Beside them the success of the agents
+below, of several the best, or their return where a task has no success; empty where none were
+trained.
+
+{beside}
+
+## Agents
+
+Success, or return where a task has no success, over all seeds and {episodes} episodes of each, with
+95 % bootstrap intervals; greedy takes the most likely actions, sampled samples them. The players
+above act at frame skip 1 and agents as the table says, which changes what a random player gets too.
+Minutes are of one core for all seeds side by side, compiling included.
+
+{trained}
+
+```
+jaxenstein train --config CONFIGURATION --out RUN
+jaxenstein evaluate RUN
+python -m docs.measured agent CONFIGURATION RUN
+```
+
+train the agents of a row, show how they do, and write the row. [Results](../results.md) has the
+curves, what failed, and the machines.
+"""
+
+
+def scoreboard() -> str:
+    """The page's text."""
+    agents = stored_agents()
+    beside = []
+    for name in MAIN_IDS:
+        stored = stored_rows(name)
+        told = [f"{row['mean']:.4g} ({100 * row['success']:.0f} %)" for row in stored]
+        best = max((_best(row) for row in agents if row["id"] == name), default=(0.0, ""))
+        beside.append((_link(name), *(told or ["not measured yet", ""]), best[1]))
+    return SCOREBOARD.format(
+        played=stored_rows("simple")[0]["episodes"],
+        episodes=agents[0]["episodes"],
+        beside=table(BESIDE, beside, right=(1, 2, 3)),
+        trained=table(TRAINED, [_row(row) for row in agents], right=(1, 4, 5, 6, 7, 8)),
+    )
+
+
+def _link(name: str) -> str:
+    return f"[`{name}`]({ENTRIES[name].family}.md#{name})"
+
+
+def _best(row: Mapping[str, Any]) -> tuple[float, str]:
+    return max((row[_measure(row)][way]["mean"], _reached(row, way)) for way in row["success"])
+
+
+def _measure(row: Mapping[str, Any]) -> str:
+    """What tells how agents do: nobody succeeds in a task that has no success."""
+    return "success" if any(of["mean"] for of in row["success"].values()) else "return"
+
+
+def _reached(row: Mapping[str, Any], way: str) -> str:
+    """What agents get, with its interval: success in percent."""
+    ends = [row[_measure(row)][way][end] for end in ("mean", "low", "high")]
+    if _measure(row) == "return":
+        return "{:.4g} ({:.4g} to {:.4g})".format(*ends)
+    return "{:.1f} % ({:.0f} to {:.0f})".format(*(100 * end for end in ends))
+
+
+def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        _link(row["id"]),
+        str(row["frame_skip"]),
+        row["sees"],
+        row["algo"].upper(),
+        str(row["seeds"]),
+        f"{row['decisions']:,}",
+        f"{row['seconds'] / 60:.0f}",
+        _reached(row, "sampled"),
+        _reached(row, "greedy"),
+        f"`{row['config']}`",
+    )
+
+
+def commands_page() -> str:
+    """The commands with what they do and all of their options."""
+    # As in a terminal of this width, without colours.
+    with mock.patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"}):
+        (commands,) = (
+            action for action in build_parser()._actions
+            if isinstance(action, argparse._SubParsersAction)
+        )  # fmt: skip
+        parts = [_command(name, parser) for name, parser in commands.choices.items()]
+    return "\n\n".join([INTRODUCTION, *parts]) + "\n"
+
+
+def _command(name: str, parser: argparse.ArgumentParser) -> str:
+    text = re.sub(r"\x1b\[[0-9;]*m", "", parser.format_help()).rstrip()
+    return f"## `jaxenstein {name}`\n\n```text\n{text}\n```"

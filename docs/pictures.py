@@ -1,0 +1,228 @@
+"""The pictures of the site: `python -m docs.pictures WHAT [ID ...]`.
+
+- `episodes`: docs/_static/episodes/ID.webp, an animated episode of the player that knows the way, a
+  still of it for readers who prefer less motion, and docs/images/environments/ID-map.png. Where a
+  trained agent `pretrained/ID` comes with the package, ID-agent.webp and its still show that one,
+  and what it sees;
+- `sheets`: docs/images/environments/ID.png, what an agent sees in each and the map from above, and
+  all of them on one sheet, docs/images/environments.png (`docs/gallery.py`);
+- `looks`: docs/images/looks/ID.png, the first environment of each family in its looks;
+- `film`: docs/_static/episodes/doom-both.webp, a pretrained agent here and in the running ViZDoom
+  (needs the extras `baselines` and `vizdoom`);
+- `engine`: docs/images/engine, what the engine computes (`docs/engine_pictures.py`).
+
+The same versions of JAX, Pillow and this code draw the same files.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from PIL import Image
+
+import jaxenstein
+from docs import gallery
+from docs.page_parts import FAMILIES, each
+from jaxenstein.baselines import load_policy
+from jaxenstein.baselines.runs.trained import pretrained
+from jaxenstein.errors import SettingError
+from jaxenstein.files import atomic, make_folder
+from jaxenstein.tasks.first_person import FirstPerson
+from jaxenstein.view.episode import Episode, Pictures, overview
+from jaxenstein.view.recording import save_png
+from jaxenstein.view.topdown import draw_map
+
+HERE = Path(__file__).parent
+EPISODES = HERE / "_static" / "episodes"
+IMAGES = HERE / "images"
+# The view in pixels, height first, and the longer side of the map beside it.
+VIEW, BESIDE = (168, 224), 180
+# The map by itself.
+MAP_SIZE = 560
+# Long episodes are shown up to this step, in this many pictures at most.
+MOST_STEPS, PICTURES, FRAMES_A_SECOND = 480, 60, 10
+# WebP's 0 to 100; edges of walls and pixels of sprites stay clean from about here on.
+QUALITY = 60
+# Of looks: width and height of a view, pixels between two, and from how many starts one is chosen.
+LOOK, GAP, STARTS = (136, 102), 4, 48
+# Of the film: whom it shows. Its episode begins in the dead end, far from the goal; every second
+# decision is shown.
+AGENT, SEED, EVERY = "pretrained/doom-my-way-home", 16, 2
+
+
+def play(name: str, seed: int = 1) -> Episode:
+    """The episode of an environment that is shown."""
+    height, width = VIEW
+    env, params = jaxenstein.make(name, height=height, width=width)
+    return jaxenstein.record(env, params, "expert", seed=seed, steps=MOST_STEPS)
+
+
+def play_agent(name: str, seed: int = 1) -> Episode:
+    """An episode of the package's trained agent of that name."""
+    policy = load_policy(f"pretrained/{name}")
+    return jaxenstein.record(policy.env, policy.params, policy, seed=seed, steps=MOST_STEPS)
+
+
+def save_webp(pictures: Sequence[np.ndarray], path: Path) -> None:
+    """Write an animation that repeats for ever, whole or not at all; its last picture stays."""
+    first, *others = map(Image.fromarray, pictures)
+    pause = 1000 // FRAMES_A_SECOND
+    with atomic(path) as temporary:
+        first.save(
+            temporary,
+            format="WEBP",
+            save_all=True,
+            append_images=others,
+            duration=[pause] * len(others) + [10 * pause],
+            loop=0,
+            quality=QUALITY,
+            method=6,
+        )
+
+
+def animate(episode: Episode, name: str, scale: int = 1) -> int:
+    """Write the animation of an episode and its still; returns the bytes of the animation."""
+    every = -(-episode.steps // (PICTURES - 1))
+    pictures = list(Pictures(episode, scale=scale, map_size=BESIDE, every=every))
+    path = EPISODES / f"{name}.webp"
+    save_webp(pictures, path)
+    save_webp(pictures[len(pictures) // 2 :][:1], EPISODES / f"{name}-still.webp")
+    return path.stat().st_size
+
+
+def draw_episode(name: str) -> int:
+    """Write the files of an environment; returns the bytes of its animations."""
+    episode = play(name)
+    # Of a class ("examples.custom_shooter:Outpost") the files have the last part.
+    name = name.rpartition(":")[2].lower()
+    size = animate(episode, name)
+    if name in pretrained():
+        seen = play_agent(name)
+        rows, columns = seen.frames.shape[1:3]
+        size += animate(seen, f"{name}-agent", min(VIEW[0] // rows, VIEW[1] // columns))
+    assert episode.tilemap is not None
+    ground = draw_map(episode.tilemap, size=MAP_SIZE)
+    save_png(
+        np.asarray(overview(ground, episode, 0).image()),
+        IMAGES / "environments" / f"{name}-map.png",
+    )
+    return size
+
+
+def has_looks(name: str) -> bool:
+    """Whether an environment has other looks than the plain one."""
+    try:
+        jaxenstein.make(name, look="random")
+    except SettingError:
+        return False
+    return True
+
+
+WITH_LOOKS = tuple(family.ids[0] for family in FAMILIES if has_looks(family.ids[0]))
+"""The first environment of each family that has looks."""
+
+
+def strip(name: str) -> np.ndarray:
+    """uint8[height, width, 3]: a start of an environment plain, patterned, and in two random looks.
+
+    The start is the one, of some, from which most can be seen.
+    """
+    width, height = LOOK
+    env, params = jaxenstein.make(name, look="random", height=height, width=width)
+    assert isinstance(env, FirstPerson)
+    glance, _ = jaxenstein.make(
+        name, observation="labels", height=gallery.GLANCE[1], width=gallery.GLANCE[0]
+    )
+    keys = jax.random.split(jax.random.key(0), STARTS)
+    states = jax.jit(jax.vmap(env.first_state, (0, None)))(keys, params)
+    labels = jax.jit(jax.vmap(glance.observe, (0, None)))(states, params)
+    start, _ = gallery.choose(np.asarray(labels)[:, None], 1)[0]
+    state = jax.tree.map(lambda leaf: leaf[start], states)
+    plain, patterned = (
+        jaxenstein.make(name, look=look, height=height, width=width)[0]
+        for look in ("plain", "patterned")
+    )
+    seen = [(plain, state), (patterned, state)]
+    seen += [(env, state.replace(look=np.uint32(seed))) for seed in (1, 6)]
+    return _side_by_side([_frame(one, state, params) for one, state in seen])
+
+
+def _frame(env: Any, state: Any, params: Any) -> np.ndarray:
+    return np.asarray(jax.jit(env.observe)(state, params))
+
+
+def _side_by_side(frames: Sequence[np.ndarray]) -> np.ndarray:
+    gap = np.full((LOOK[1], GAP, 3), 255, np.uint8)
+    return np.concatenate([part for frame in frames for part in (gap, frame)][1:], axis=1)
+
+
+def draw_episodes(ids: Sequence[str]) -> None:
+    """The animations and the maps."""
+    make_folder(EPISODES)
+    make_folder(IMAGES / "environments")
+    sizes = [draw_episode(name) for name in each(ids, "recording")]
+    print(f"wrote {len(sizes)} animations to {EPISODES}, {sum(sizes) / 1000:.0f} kB")
+
+
+def draw_sheets(ids: Sequence[str]) -> None:
+    """The pictures of each environment, and where no ids are given the sheet of all."""
+    folder, blocks = make_folder(IMAGES / "environments"), []
+    for name in each(ids, "drawing"):
+        blocks.append(gallery.block(name))
+        save_png(np.asarray(blocks[-1])[gallery.TITLE :], folder / f"{name}.png")
+    if not ids:
+        save_png(np.asarray(gallery.arrange(blocks)), IMAGES / "environments.png")
+
+
+def draw_looks(ids: Sequence[str]) -> None:
+    """The strips of looks."""
+    folder = make_folder(IMAGES / "looks")
+    for name in each(ids or WITH_LOOKS, "drawing"):
+        save_png(strip(name), folder / f"{name}.png")
+
+
+def draw_film(ids: Sequence[str]) -> None:
+    """The agent here and in the game."""
+    from jaxenstein.cli.crossing import film
+
+    del ids
+    pictures, summary = film(load_policy(AGENT), SEED, EVERY)
+    save_webp(list(pictures), EPISODES / "doom-both.webp")
+    print(summary)
+
+
+def draw_engine(ids: Sequence[str]) -> None:
+    """The pictures of docs/engine.md."""
+    from docs.engine_pictures import draw_all
+
+    del ids
+    draw_all(make_folder(IMAGES / "engine"))
+
+
+DRAWN: Mapping[str, Callable[[Sequence[str]], None]] = {
+    "episodes": draw_episodes,
+    "sheets": draw_sheets,
+    "looks": draw_looks,
+    "film": draw_film,
+    "engine": draw_engine,
+}
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Draw what the command line names."""
+    parser = argparse.ArgumentParser(prog="python -m docs.pictures", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("what", choices=DRAWN, metavar="WHAT", help=", ".join(DRAWN))
+    told = "environments (default: all but variants)"
+    parser.add_argument("ids", nargs="*", metavar="ID", help=told)
+    options = parser.parse_args(argv)
+    DRAWN[options.what](options.ids)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,1 +1,0 @@
-"""Recurrent PPO: environments, networks, rollouts, advantages, losses, and the loop over them."""

@@ -1,0 +1,191 @@
+"""Environments as the training loop steps them: a batch, with resets.
+
+Both simulators have the same methods. Environments of this package are stepped without an
+observation, reset where an episode ended, and rendered once; of episodes that the time limit cut
+off a state is kept, not a frame. Other environments follow gymnax' contract of six values.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..environment import Environment
+from ..errors import SettingError
+from ..pytree import PyTreeNode
+
+
+class Outcome(PyTreeNode):
+    """What one step of `N` environments led to.
+
+    Attributes:
+        obs: the next observations to act on: first ones where an episode ended.
+        state: their states.
+        reward: float32[N].
+        terminated: bool[N], the task's own end.
+        truncated: bool[N], the time limit, where not terminated.
+        reached: bool[N], whether this step reached the aim, `info["success"]`.
+        final: from this `final_observation` makes the last observations of ended episodes.
+    """
+
+    obs: Any
+    state: Any
+    reward: jax.Array
+    terminated: jax.Array
+    truncated: jax.Array
+    reached: jax.Array
+    final: Any
+
+
+def most_truncations(params: Any, steps: int, frame_skip: int = 1) -> int:
+    """How many time limits one environment can meet in `steps` steps.
+
+    Args:
+        params: with concrete `max_steps_in_episode`; without it, `steps` is the answer.
+        steps: at least 1.
+        frame_skip: of the environment.
+    """
+    limit = getattr(params, "max_steps_in_episode", None)
+    if limit is None:
+        return steps
+    shortest = max(1, -(-int(np.min(np.asarray(limit))) // frame_skip))
+    return 1 + (steps - 1) // shortest
+
+
+class OwnSimulator:
+    """A batch of environments of this package, whatever their `autoreset`.
+
+    Attributes:
+        num_actions: of each.
+        frame_skip: how many steps of the world one step is; time limits count those of the world.
+    """
+
+    def __init__(self, env: Environment[Any, Any], params: Any) -> None:
+        """Take an environment and its params."""
+        self.num_actions, self.frame_skip = env.num_actions, env.frame_skip
+        # Equal to the environment of sessions, so that rendering is traced once for both.
+        self._env = dataclasses.replace(env, autoreset=None, final_observation=False)
+        self._resetting = dataclasses.replace(self._env, autoreset="same-step")
+        self._params = params
+
+    def reset(self, keys: jax.Array) -> tuple[Any, Any]:
+        """First observations and states, for keys[N]."""
+        return jax.vmap(lambda key: self._env.reset(key, self._params))(keys)
+
+    def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
+        """As `Environment.step` with `"same-step"`, key for key; `final` are the states."""
+        return jax.vmap(self._step)(keys, state, action)
+
+    def _step(self, key: jax.Array, state: Any, action: jax.Array) -> Outcome:
+        env, params = self._env, self._env.check_params(self._params)
+        step_key, reset_key = jax.random.split(key)
+        step = self._resetting.turn(step_key, reset_key, state, action, params)
+        return Outcome(
+            obs=env.observe(step.state, params),
+            state=step.state,
+            reward=step.reward.astype(jnp.float32),
+            terminated=step.terminated,
+            truncated=step.truncated & ~step.terminated,
+            reached=step.info["success"],
+            final=step.final,
+        )
+
+    def final_of(self, obs: Any, state: Any) -> Any:
+        """`Outcome.final` of any observations and states of the batch: here the states."""
+        del obs
+        return state
+
+    def final_observation(self, final: Any) -> Any:
+        """Render the observations of `Outcome.final`, with one leading axis."""
+        params = self._env.check_params(self._params)
+        return jax.vmap(lambda state: self._env.observe(state, params))(final)
+
+
+class GymnaxSimulator:
+    """Environments of gymnax' contract: six values, resets in the same step.
+
+    `info["final_observation"]` is the observation before a reset. An environment that takes several
+    steps of the world in one step has `frame_skip`, if `max_steps_in_episode` counts those.
+    """
+
+    def __init__(self, env: Any, params: Any) -> None:
+        """Take an environment and its params.
+
+        Raises:
+            SettingError: its actions are not discrete, or `step` returns other than six values.
+        """
+        actions = getattr(env.action_space(params), "n", None)
+        if actions is None:
+            raise SettingError(f"actions must be discrete, not {env.action_space(params)}")
+        self.num_actions = int(actions)
+        self.frame_skip = int(getattr(env, "frame_skip", 1))
+        self._env = env
+        self._params = params
+        key = jax.random.key(0)
+        state = jax.eval_shape(env.reset, key, params)[1]
+        values = jax.eval_shape(env.step, key, state, jnp.int32(0), params)
+        if len(values) != 6:
+            raise SettingError(
+                "step must return observation, state, reward, terminated, truncated, info, as "
+                f"gymnax 1.0 does; {type(env).__name__} returns {len(values)} values"
+            )
+        self.has_final = "final_observation" in values[-1]
+
+    def reset(self, keys: jax.Array) -> tuple[Any, Any]:
+        """As `OwnSimulator.reset`."""
+        return jax.vmap(lambda key: self._env.reset(key, self._params))(keys)
+
+    def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
+        """Step; `final` are the observations before the resets, () if `info` has none."""
+        step = jax.vmap(lambda *args: self._env.step(*args, self._params))
+        obs, state, reward, terminated, truncated, info = step(keys, state, action)
+        terminated = terminated.astype(bool)
+        return Outcome(
+            obs=obs,
+            state=state,
+            reward=reward.astype(jnp.float32),
+            terminated=terminated,
+            truncated=truncated.astype(bool) & ~terminated,
+            reached=_reached(info, terminated, reward),
+            final=info.get("final_observation", ()),
+        )
+
+    def final_of(self, obs: Any, state: Any) -> Any:
+        """The observations."""
+        del state
+        return obs if self.has_final else ()
+
+    def final_observation(self, final: Any) -> Any:
+        """The observations themselves."""
+        return final
+
+
+def _reached(info: Any, terminated: jax.Array, reward: jax.Array) -> jax.Array:
+    """Success in an environment of another package: `info["success"]`, or an end with a reward."""
+    if "success" in info:
+        return info["success"].astype(bool)
+    return terminated & (reward > 0)
+
+
+Simulator = OwnSimulator | GymnaxSimulator
+
+
+def make_simulator(env: Any, params: Any) -> Simulator:
+    """Wrap an environment of this package or of gymnax' contract.
+
+    Raises:
+        SettingError: actions are not discrete, or it lacks the contract's functions.
+    """
+    if isinstance(env, Environment):
+        return OwnSimulator(env, params)
+    for name in ("reset", "step", "action_space", "observation_space"):
+        if not callable(getattr(env, name, None)):
+            raise SettingError(
+                f"an environment needs {name}(...), as those of jaxenstein.make or gymnax have "
+                f"it; {type(env).__name__} has none"
+            )
+    return GymnaxSimulator(env, params)

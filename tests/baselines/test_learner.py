@@ -1,0 +1,297 @@
+"""The training loop: bookkeeping across updates, many runs, evaluation, other environments."""
+
+import functools
+from typing import Any
+
+import jax
+import jax.flatten_util
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+pytest.importorskip("flax")
+
+import jaxenstein
+from jaxenstein.baselines import Config, HParams, Learner
+from jaxenstein.baselines.rollout import rollout
+from jaxenstein.errors import SettingError
+from tests.baselines.worlds import Countdown, Memory
+
+SMALL: dict[str, Any] = {
+    "num_envs": 4, "rollout": 6, "minibatches": 2, "epochs": 2, "features": 8, "hidden": 8,
+    "head": 8, "total_steps": 24 * 10,
+}  # fmt: skip
+OWN: dict[str, Any] = {
+    "ppo": {},
+    "rnd": {"rnd_hidden": 8, "rnd_output": 8},
+    "icm": {"icm_latent": 8, "icm_hidden": 8},
+    "e3b": {"e3b_latent": 8, "e3b_hidden": 8},
+}
+KEY = jax.random.key(0)
+# Numbers of two runs.
+MANY = HParams(learning_rate=np.array([1e-3, 0.0]), gamma=np.array([0.9, 0.5]))
+
+
+def learner_of(env, **settings):
+    return Learner(env, env.default_params, Config(**(SMALL | settings)))
+
+
+@functools.cache
+def learner(algo="ppo"):
+    """One for all tests."""
+    return learner_of(Countdown(), algo=algo, bonus=OWN[algo])
+
+
+def equal(one, other, **tolerance):
+    compare = np.testing.assert_allclose if tolerance else np.testing.assert_array_equal
+    jax.tree.map(functools.partial(compare, **tolerance), one, other)
+
+
+def one_of(tree, index):
+    """One of many runs; scalars are those of all."""
+    return jax.tree.map(lambda leaf: leaf[index] if np.ndim(leaf) else leaf, tree)
+
+
+@pytest.mark.parametrize("algo", ["ppo", "e3b"])
+def test_two_chunks_of_one_update_are_one_of_two(algo):
+    run = learner(algo)
+    start = run.init(KEY)
+    numbers = HParams(gamma=0.9)
+    state, metrics = run.train_chunk(start, numbers, 2)
+    first, early = run.train_chunk(start, numbers, 1)
+    again, late = run.train_chunk(jax.tree.map(np.asarray, first), numbers, 1)
+    equal(state, again)
+    equal(metrics, {name: np.concatenate([early[name], late[name]]) for name in early})
+    assert all(np.all(np.isfinite(value)) for value in metrics.values())
+    assert int(state.update) == 2
+    with pytest.raises(AssertionError):
+        equal(first.params, state.params)
+
+
+def test_a_state_is_plain_arrays_of_fixed_types():
+    run = learner("rnd")
+    start = run.init(KEY)
+    # The program that one of many runs is compared with, too.
+    state, _ = run.train_chunk(start, one_of(MANY.check(), 0), 2)
+    kinds = lambda tree: [(a.shape, a.dtype) for a in jax.tree.leaves(tree)]  # noqa: E731
+    assert kinds(start) == kinds(state)
+    assert not any(jnp.issubdtype(a.dtype, jax.dtypes.prng_key) for a in jax.tree.leaves(state))
+    assert jax.tree.structure(start) == jax.tree.structure(state)
+
+
+@pytest.mark.parametrize("algo", ["rnd", "icm"])
+def test_many_runs_are_the_runs_alone(algo):
+    run = learner(algo)
+    keys, numbers = jax.random.split(KEY, 2), MANY
+    states, metrics = run.many.train_chunk(run.many.init(keys, numbers), numbers, 2)
+    assert metrics["entropy"].shape == (2, 2)
+    for index in range(2):
+        state, single = run.train_chunk(run.init(keys[index]), one_of(numbers.check(), index), 2)
+        mine, measured = one_of(states, index), one_of(metrics, index)
+        equal(mine.params, state.params, atol=1e-6)
+        equal(mine.actors, state.actors, atol=1e-5)
+        # A ratio of two variances, which may both be small.
+        names = [name for name in single if "explained" not in name]
+        expected = {name: single[name] for name in names}
+        equal({name: measured[name] for name in names}, expected, atol=1e-5, rtol=1e-4)
+    equal(one_of(states.params, 1), run.init(keys[1]).params)
+
+
+def test_hparams_of_many_runs_need_one_number_a_run():
+    run = learner()
+    states = run.many.init(jax.random.split(KEY, 2))
+    with pytest.raises(
+        SettingError, match=r"scalars or \[2\], one for each run, not of shape \[3\]"
+    ):
+        run.many.train_chunk(states, HParams(clip=np.ones(3)), 1)
+    with pytest.raises(SettingError, match="clip must be a finite number above 0"):
+        run.train_chunk(run.init(KEY), HParams(clip=-1), 1)
+
+
+def test_discount_is_the_environments_own():
+    run = learner()
+    state = run.init(KEY)
+    own, given, other = (
+        jax.flatten_util.ravel_pytree(run.train_chunk(state, HParams(gamma=g), 1)[0].params)[0]
+        for g in (None, 0.9, 0.5)
+    )
+    # A discount that is a constant of the program may be rounded otherwise.
+    np.testing.assert_allclose(own, given, rtol=1e-4, atol=1e-8)
+    assert np.abs(own - other).max() > 1e-5
+
+
+def test_learning_rates_fall_linearly_and_nothing_compiles_between_chunks():
+    run = learner()
+    state, seen, sizes = run.init(KEY), [], []
+    compiled: Any = run._train
+    for clip in (0.1, 0.2, 0.3, 0.4, 0.5):
+        numbers = HParams(learning_rate=1e-3, gamma=0.9, clip=clip)
+        state, metrics = run.train_chunk(state, numbers, 2)
+        seen += metrics["learning_rate"].tolist()
+        sizes.append(compiled._cache_size())
+    np.testing.assert_allclose(seen, 1e-3 * (1 - np.arange(10) / 10), rtol=1e-5)
+    assert len(set(sizes)) == 1
+
+
+def test_advantages_bootstrap_where_the_limit_cut_the_episode_off():
+    """Values that are all one tell each target: the next value counts unless the task ended."""
+    numbers = HParams(gamma=0.9, gae_lambda=0.0, learning_rate=0.0)
+    env = Countdown(longest=8)
+    for bootstrap in (True, False):
+        run = learner_of(env, bootstrap_truncation=bootstrap)
+        state = run.init(KEY)
+        heads = state.params["heads"]["params"]
+        last = sorted(name for name in heads if heads[name]["bias"].shape == (1,))[-1]
+        ones = {"kernel": jnp.zeros_like(heads[last]["kernel"]), "bias": jnp.ones(1)}
+        params = state.params | {"heads": {"params": heads | {last: ones}}}
+        _, metrics = run.train_chunk(state.replace(params=params), numbers, 3)
+        # Count the kinds of ends by the same run's steps.
+        actors, key, means = state.actors, state.key, []
+        for _ in range(3):
+            split = jax.random.split(jax.random.wrap_key_data(key), 4)
+            actors, steps, _, _ = jax.jit(rollout, static_argnums=(0, 1, 5, 6))(
+                run.simulator, run.network, params, split[1], actors, 6, 0
+            )
+            key = jax.random.key_data(split[0])
+            ends = steps.terminated if bootstrap else steps.ended
+            means.append(np.mean(np.asarray(steps.reward) + 0.9 * (1 - np.asarray(ends)) - 1))
+        np.testing.assert_allclose(metrics["advantage_mean"], means, rtol=1e-5)
+
+
+def test_evaluation_plays_whole_episodes():
+    run = learner()
+    params = run.init(KEY).params
+    result = run.evaluate(params, KEY, 50)
+    length, total = np.asarray(result.episode_length), np.asarray(result.episode_return)
+    assert length.min() == 1
+    assert length.max() == 5
+    base = length * (length + 1) / 2
+    assert np.all((total >= base) & (total <= base + length / 2))
+    np.testing.assert_array_equal(result.success, result.terminated)
+    equal(result, run.evaluate(params, KEY, 50))
+    several = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), params)
+    both = run.many.evaluate(several, KEY, 50)
+    equal(jax.tree.map(lambda leaf: leaf[1], both), result)
+    run.many.evaluate(several, KEY, 50, greedy=True)
+    compiled: Any = run.many._advance
+    assert compiled._cache_size() == 2  # of one run and of two, for both ways of acting
+
+
+def test_policy_is_the_evaluations():
+    env = Memory(delay=4)
+    run = learner_of(env)
+    params = jax.tree.map(lambda leaf: 3 * leaf, run.init(KEY).params)
+    result = run.evaluate(params, KEY, 1, greedy=True)
+    start_key, _ = jax.random.split(KEY)
+    reset_key = jax.random.split(jax.random.split(start_key)[0], 1)[0]
+    obs, state = env.reset(reset_key)
+    carry, total, memories, terminated = run.initial_carry(), 0.0, [], False
+    for _ in range(int(result.episode_length[0])):
+        action, carry = run.policy(params, obs, carry)
+        memories.append(np.asarray(carry.memory))
+        obs, state, reward, terminated, _ = env.step_env(KEY, state, action)
+        total += float(reward)
+    assert bool(terminated)
+    assert total == float(result.episode_return[0])
+    assert not np.allclose(memories[0], memories[-1])
+    drawn = [
+        int(run.policy(params, obs, run.initial_carry(), k)[0]) for k in jax.random.split(KEY, 20)
+    ]
+    assert set(drawn) == {0, 1}
+
+
+@pytest.mark.usefixtures("plain_frames")
+def test_random_clocks_end_episodes_at_different_times():
+    env, params = jaxenstein.from_ascii(
+        "####\n#SG#\n####", heading=180.0, height=8, width=8, frame_skip=4
+    )
+    params = params.replace(max_steps_in_episode=50)
+    actors = Learner(env, params, Config(**SMALL, random_clocks=True)).init(KEY).actors
+    times = np.asarray(actors.env_state.time)
+    assert len(set(times.tolist())) > 1
+    assert np.all((times >= 0) & (times < 50) & (times % 4 == 0))
+    # Nothing was played yet.
+    assert not np.asarray(actors.episode_length).any()
+
+
+@pytest.mark.usefixtures("plain_frames")
+def test_a_run_that_succeeds_often_enough_learns_no_more():
+    room = "####\n#SG#\n####"
+    env, params = jaxenstein.from_ascii(room, heading=0.0, height=8, width=8, frame_skip=6)
+    params = params.replace(max_steps_in_episode=60)
+    run = Learner(env, params, Config(**SMALL, anneal=False, stop_success=0.05))
+    state, recent, states, rates = run.init(KEY), 0.0, [], []
+    for _ in range(12):
+        states.append(state)
+        state, metrics = run.train_chunk(state, HParams(gamma=0.9), 1)
+        number, successes = float(metrics["episodes"][0]), float(metrics["successes"][0])
+        if recent < 0.05 and number:
+            old = np.exp(-number / 100)
+            recent = old * recent + (1 - old) * successes / number
+        assert state.recent is not None
+        np.testing.assert_allclose(state.recent, recent, rtol=1e-5)
+        rates.append(float(metrics["learning_rate"][0]))
+        assert (rates[-1] == 0) == (recent >= 0.05)
+    stopped = rates.index(0)
+    assert 0 < stopped < 11
+    equal(states[stopped].params, state.params)
+    moved = jax.tree.map(np.array_equal, states[stopped - 1].params, state.params)
+    assert not all(jax.tree.leaves(moved))
+
+
+class Foreign:
+    """gymnax' contract, told by nothing but its functions."""
+
+    def __init__(self, final=True, values=6, frame_skip=1):
+        self.env = Countdown(final_observation=True, frame_skip=frame_skip)
+        self.final, self.values = final, values
+
+    def __getattr__(self, name):
+        return getattr(self.env, name)
+
+    def step(self, key, state, action, params=None):
+        *front, info = self.env.step(key, state, action, params)
+        if not self.final:
+            del info["final_observation"]
+        return (*front, info)[: self.values]
+
+
+@pytest.mark.parametrize("skip", [1, 4])
+def test_an_environment_of_gymnax_contract_gives_the_same_run(skip):
+    own = learner() if skip == 1 else learner_of(Countdown(frame_skip=skip))
+    run = Learner(Foreign(frame_skip=skip), Countdown().default_params, own.config)
+    assert run.loop.slots == own.loop.slots
+    one, other, numbers = own.init(KEY), run.init(KEY), HParams(gamma=0.9)
+    for a, b in zip(
+        own.train_chunk(one, numbers, 2), run.train_chunk(other, numbers, 2), strict=True
+    ):
+        equal(a, b, atol=1e-6, rtol=1e-5)
+
+
+def test_seeds():
+    before = learner().init(KEY)
+    equal(before, learner().init(jax.random.PRNGKey(0)))
+    with pytest.raises(AssertionError):
+        equal(before.params, learner().init(jax.random.key(1)).params)
+    # A setting of JAX changes none.
+    with jax.default_prng_impl("rbg"):
+        equal(learner_of(Countdown()).init(KEY).params, before.params)
+        with pytest.raises(SettingError, match="a key must be one of threefry2x32"):
+            learner().init(jax.random.key(0))
+
+
+def test_environments_that_do_not_fit_are_refused():
+    params = Countdown().default_params
+    config = Config(**SMALL)
+    with pytest.raises(SettingError, match="no info\\['final_observation'\\]"):
+        Learner(Foreign(final=False), params, config)
+    Learner(Foreign(final=False), params, config.replace(bootstrap_truncation=False))
+    with pytest.raises(SettingError, match="Foreign returns 5 values"):
+        Learner(Foreign(values=5), params, config)
+    with pytest.raises(SettingError, match="needs reset"):
+        Learner(object(), params, config)
+    with pytest.raises(SettingError, match="random_clocks"):
+        Learner(Foreign(), params, config.replace(random_clocks=True))
+    env, params = jaxenstein.make("simple", height=16, width=16)
+    with pytest.raises(SettingError, match="do not fit images of 16x16"):
+        Learner(env, params, config.replace(convolutions=((8, 4, 32), (4, 2, 64))))

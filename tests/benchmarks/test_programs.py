@@ -1,0 +1,136 @@
+"""What is measured does what it says, and the commands beside the suite run, with tiny sizes."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from benchmarks import device
+from benchmarks.spread import make_mesh, make_spread_rollout
+from benchmarks.subjects import own
+from benchmarks.subjects.__main__ import prepare
+from benchmarks.subjects.frames import make_frames, make_keeping_rollout
+from benchmarks.subjects.maps import hall, rooms
+from jaxenstein.errors import SettingError
+from jaxenstein.speed.random_rollout import make_random_rollout
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_frames_are_drawn_and_those_of_the_states():
+    env, params = jaxenstein.make("simple", height=6, width=8)
+    obs, state = jax.vmap(env.reset, (0, None))(jax.random.split(jax.random.key(0), 3), params)
+    first, place = np.asarray(obs), np.asarray(state.position)
+    state, obs, _ = make_frames(env, params, 5)((state, obs, jnp.copy(state.position)))
+    assert (np.asarray(obs) != first).any()
+    assert np.abs(np.asarray(state.position) - place).max() <= 1.0001e-4
+    seen = jax.jit(jax.vmap(lambda s: env.observe(s, params)))(state)
+    np.testing.assert_array_equal(seen, obs)
+
+
+def test_kept_frames_are_those_of_the_rollout():
+    env, params = jaxenstein.make("simple", height=6, width=8)
+    rollout, start = make_keeping_rollout(env, params, 3, 4)
+    once, first = make_random_rollout(env, params, 3, 1)
+    carry, other = start(jax.random.key(1)), first(jax.random.key(1))
+    # The second call begins with the last frame of the first.
+    for _ in range(2):
+        carry = rollout(carry)
+        for frame in np.array(carry[1]):
+            other = once(other)
+            np.testing.assert_array_equal(frame, other.obs)
+    np.testing.assert_array_equal(carry[0].state.time, other.state.time)
+
+
+@pytest.mark.parametrize("side", [9, 17, 256])
+def test_rooms_and_hall(side):
+    env, _ = jaxenstein.from_ascii(rooms(side))
+    assert env.map_size == (side, side)
+    # A start in each room whose middle is on the map.
+    assert len(env.tilemap.spawns) == len(range(4, side - 1, 8)) ** 2
+    env, _ = jaxenstein.from_ascii(hall(min(side, 196)))
+    assert len(env.tilemap.goals) + len(env.tilemap.keys) == min(side, 196)
+
+
+@pytest.mark.parametrize("kind", ["scan-2", "frames-2", "keep-2", "fill-2", "reset-2", "loop"])
+def test_own_subjects(monkeypatch, kind):
+    monkeypatch.setattr(own, "STEPS_A_CALL", 32)
+    monkeypatch.setattr(own, "FRAMES_KEPT", 4)
+    chunk = prepare(f"{kind} id=simple size=8x6")
+    assert chunk() == chunk() > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("adapter", ["loop-2", "gymnasium-same-step-2", "gymnasium-single"])
+def test_adapters(monkeypatch, adapter):
+    pytest.importorskip("gymnasium")
+    assert prepare(f"adapter-{adapter} id=simple")() > 0
+
+
+def run(module, *words):
+    """Run a command in an interpreter of its own; returns what it printed."""
+    paths = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
+    environment = {**os.environ, "PYTHONPATH": paths, "JAX_PLATFORMS": "cpu"}
+    command = [sys.executable, "-W", "error", "-m", module, *map(str, words)]
+    done = subprocess.run(
+        command, env=environment, cwd=ROOT, text=True, capture_output=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_eight_devices_are_one():
+    assert run("tests.benchmarks.spread_run", 8).endswith("equal\n")
+
+
+@pytest.mark.slow
+def test_several_devices(tmp_path):
+    file = tmp_path / "spread.json"
+    words = "--id simple --batch 2 --size 6x8 --steps 2 --repeats 2 --cpu-devices 2"
+    out = run("benchmarks.spread", *words.split(), "--json", file)
+    rows = json.loads(file.read_text())["rows"]
+    assert [(row["devices"], row["batch"]) for row in rows] == [(1, 2), (2, 4)]
+    assert out.count("\n| ") == 4
+
+
+def test_environments_must_divide_evenly():
+    mesh = make_mesh(jax.devices()[:1])
+    env, params = jaxenstein.make("simple", height=4, width=4)
+    with pytest.raises(SettingError, match="multiple of the 1 devices"):
+        make_spread_rollout(env, params, 0, 1, mesh)
+
+
+@pytest.mark.slow
+def test_an_accelerator(tmp_path, monkeypatch, capsys):
+    file = tmp_path / "device.json"
+    words = ["--ids", "simple", "--batches", "2", "--sizes", "8x6", "--seconds", "0.01"]
+    words += ["--repeats", "2", "--steps", "2", "--copy-bytes", "4096", "--json", str(file)]
+    device.main(words)
+    (row,) = json.loads(file.read_text())["rows"]
+    assert (row["id"], row["batch"], row["image"], row["frame_bytes"]) == ("simple", 2, "8x6", 144)
+    assert min(row["limit"], row["steps_per_second"]["median"]) > 0
+
+    def fail(*_):
+        raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory\nmore")
+
+    monkeypatch.setattr(device, "make_random_rollout", fail)
+    device.main(words)
+    assert "| RESOURCE_EXHAUSTED: Out of memory |" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_training(tmp_path):
+    pytest.importorskip("optax")
+    file = tmp_path / "training.json"
+    words = "--algo rnd --envs 2 --size 36 --rollout 4 --parts"
+    out = run("benchmarks.training", *words.split(), "--json", file)
+    (row,) = json.loads(file.read_text())["rows"]
+    assert row["steps_per_second"] > 0
+    assert "of it frames" in out

@@ -1,0 +1,143 @@
+"""Compiled programs that the command keeps."""
+
+from __future__ import annotations
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from jaxenstein.cli import compile_cache
+
+ROLLOUT = ["rollout", "simple", "--height", "8", "--width", "8", "--envs", "2", "--steps", "3"]
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A home whose folders nobody has made yet, and JAX told of no folder."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home" / "cache"))
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+    monkeypatch.delenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", raising=False)
+    return tmp_path / "home"
+
+
+def rollout(*arguments: str) -> tuple[list[str], str]:
+    """What it prints but for times, and what it says beside."""
+    command = [sys.executable, "-m", "jaxenstein.cli", *ROLLOUT, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return [line for line in done.stdout.splitlines() if "steps/s" not in line], done.stderr
+
+
+def kept(folder: Path) -> dict[str, int]:
+    return {path.name: path.stat().st_mtime_ns for path in folder.rglob("*-cache")}
+
+
+@pytest.mark.slow
+def test_the_second_call_finds_what_the_first_compiled(home: Path) -> None:
+    shown, _ = rollout("--no-cache")
+    assert not home.exists()
+    assert rollout()[0] == shown
+    before = kept(home)
+    assert before
+    (folder,) = (home / "cache" / "jaxenstein").iterdir()
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    again, said = rollout()
+    assert again == shown
+    assert kept(home) == before
+    assert "warning" not in said.lower()
+
+
+ADD = """
+import resource, sys
+from jaxenstein.cli.opening import telling_warnings
+from jaxenstein.cli.compile_cache import keep_programs
+if len(sys.argv) > 1:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
+keep_programs()
+import jax
+print(jax.jit(lambda x: x * 3)(2))
+with telling_warnings():
+    print(jax.jit(lambda x: x * 5)(2))
+"""
+
+
+def add(*arguments: str) -> None:
+    command = [sys.executable, "-W", "error::DeprecationWarning", "-c", ADD, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "6\n10\n", "")
+
+
+def test_programs_that_were_cut_off_are_made_anew_without_a_word(home: Path) -> None:
+    """By a kill while they were written, or by a full disk, for which a limit stands."""
+    add("100")
+    assert not kept(home)
+    add()
+    before = {path: path.stat().st_size for path in home.rglob("*-cache")}
+    assert before
+    for path in before:
+        path.write_bytes(path.read_bytes()[:100])
+    add()
+    # What is told of later is made anew in the call after that.
+    add()
+    assert {path: path.stat().st_size for path in home.rglob("*-cache")} == before
+
+
+def test_jax_is_told_of_the_folder_unless_it_knows_one(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: dict[str, object] = {}
+    monkeypatch.setattr("jax.config.update", told.__setitem__)
+    compile_cache.keep_programs()
+    assert told["jax_compilation_cache_dir"] == str(compile_cache.programs_folder())
+    assert compile_cache.programs_folder().is_dir()
+    told.clear()
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "elsewhere")
+    compile_cache.keep_programs()
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR")
+    compile_cache.programs_folder().chmod(0o777)
+    compile_cache.keep_programs()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home / "file"))
+    (home / "file").write_text("no folder")
+    compile_cache.keep_programs()
+    assert told == {}
+
+
+def test_the_least_recently_used_programs_go(home: Path) -> None:
+    folder = home / "cache" / "jaxenstein" / "x"
+    folder.mkdir(parents=True)
+    (folder / "note").write_bytes(bytes(1000))
+    for age, name in enumerate(("new", "middle", "old")):
+        (folder / f"{name}-cache").write_bytes(bytes(10))
+        os.utime(folder / f"{name}-cache", (1e9 - age, 1e9 - age))
+    compile_cache.make_room(folder.parent, limit=30)
+    assert len(kept(folder)) == 3
+    compile_cache.make_room(folder.parent, limit=19)
+    assert list(kept(folder)) == ["new-cache"]
+    assert (folder / "note").exists()
+
+
+def test_a_folder_of_others_is_not_ours(home: Path) -> None:
+    (home / "folder").mkdir(parents=True)
+    (home / "folder").chmod(0o700)
+    (home / "link").symlink_to(home / "folder")
+    assert compile_cache.is_ours(home / "folder")
+    assert not compile_cache.is_ours(home / "link")
+    for mode, safe in ((0o777, False), (0o1777, True)):
+        home.chmod(mode)
+        assert compile_cache.is_ours(home / "folder") == safe
+    (home / "folder").chmod(0o770)
+    assert not compile_cache.is_ours(home / "folder")
+
+
+def test_another_processor_has_a_folder_of_its_own(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = compile_cache.programs_folder()
+    assert folder == compile_cache.programs_folder()
+    monkeypatch.setattr("jaxenstein.machine.cpu_fact", lambda *names: "another")
+    assert compile_cache.programs_folder() != folder

@@ -1,0 +1,13 @@
+"""Examples run with JAX' settings as users have them."""
+
+from collections.abc import Iterator
+
+import jax
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def settings_as_users_have_them() -> Iterator[None]:
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield
+    jax.config.update("jax_cpu_enable_async_dispatch", True)
