@@ -1,6 +1,6 @@
-"""Training steps per second of the baselines, and where the time goes.
+"""Training steps per second of the baselines.
 
-    python -m benchmarks.training --algo ppo rnd icm --envs 16 64 256 --parts
+    python -m benchmarks.training --algo ppo rnd icm --envs 16 64 256
 
 Steps per second are of one whole update: rollout, bonus, advantages, epochs. JSON has processor
 times of the process too, which other programs disturb less; on a GPU they mean nothing.
@@ -16,14 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 
 from benchmarks.measure import tell
 from benchmarks.subjects.common import TRAINED_STEPS
 from benchmarks.tables import WHOLE, column, markdown
 from jaxenstein import make
-from jaxenstein.baselines import Config, Experience, Learner, ppo
-from jaxenstein.baselines.rollout import final_values, rollout
+from jaxenstein.baselines import Config, Learner
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.machine import describe_machine
 from jaxenstein.speed.measuring import compile_timed, timed_calls
@@ -35,61 +33,8 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def parts(learner: Learner, repeats: int) -> dict[str, float]:
-    """Seconds of the parts of an update, each compiled by itself; the fastest counts."""
-    config, bonus, network = learner.config, learner.bonus, learner.network
-    numbers = learner.loop.numbers(None)
-    state, key, found = learner.init(jax.random.key(0)), jax.random.key(1), {}
-
-    def timed(name: str, function: Any, *args: Any) -> Any:
-        tell(f"{config.algo}, {config.num_envs} environments: {name}")
-        program, _ = compile_timed(jax.jit(function), *args)
-        calls = [*timed_calls(lambda _: program(*args), program(*args), repeats)]
-        found[name] = min(seconds for _, seconds in calls)
-        return calls[-1][0]
-
-    def play(state: Any) -> Any:
-        return rollout(
-            learner.simulator, network, state.params, key, state.actors, config.rollout,
-            learner.loop.slots,
-        )  # fmt: skip
-
-    def frames(state: Any) -> Any:
-        def step(carry: Any, step_key: jax.Array) -> Any:
-            action = jax.random.randint(step_key, (config.num_envs,), 0, 3, jnp.int32)
-            keys = jax.random.split(step_key, config.num_envs)
-            out = learner.simulator.step(keys, carry[0], action)
-            return (out.state, out.obs), None
-
-        carry = (state.actors.env_state, state.actors.obs)
-        return jax.lax.scan(step, carry, jax.random.split(key, config.rollout))[0]
-
-    def values(params: Any, finals: Any) -> Any:
-        return final_values(learner.simulator, network, params, finals, config.rollout)
-
-    rate = jnp.float32(1e-4)
-    actors, steps, finals, _ = timed("rollout", play, state)
-    timed("of it frames", frames, state)
-    timed("values at time limits", values, state.params, finals)
-    if config.algo != "ppo":
-        seen = jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), steps.obs, actors.obs)
-        experience = Experience(seen, steps.action, steps.ended)
-        timed("bonus", lambda s, e: bonus.reward(s, numbers, e), state.bonus, experience)
-        timed(
-            "bonus update", lambda s, e: bonus.update(key, s, numbers, e, rate),
-            state.bonus, experience,
-        )  # fmt: skip
-    batch = ppo.Batch(steps, state.actors.memory[None], steps.reward, steps.value)
-    timed(
-        "update",
-        lambda s, b: ppo.train(network, config, key, (s.params, s.optimiser), b, numbers, rate),
-        state, batch,
-    )  # fmt: skip
-    return found
-
-
 def measure_training(config: Config, options: argparse.Namespace) -> dict[str, Any]:
-    """One update of a configuration: its speed, and where the time goes."""
+    """The speed of whole updates of a configuration."""
     tell(f"{config.algo}, {config.num_envs} environments")
     learner = Learner(*make(options.env, height=options.size, width=options.size), config)
     state = learner.init(jax.random.key(0))
@@ -109,7 +54,6 @@ def measure_training(config: Config, options: argparse.Namespace) -> dict[str, A
         "rates": [steps / each for each in taken],
         "first_call_seconds": first_call,
         "parameters": sum(leaf.size for leaf in jax.tree.leaves(state.params)),
-        "parts": parts(learner, options.repeats) if options.parts else {},
     }
 
 
@@ -123,7 +67,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--dtype", nargs="+", default=["float32"])
     add("--rollout", type=int, default=128, help="steps of an update (default 128)")
     add("--repeats", type=int, default=1, help="the fastest counts (default 1)")
-    add("--parts", action="store_true", help="also where the time goes")
     add("--json", type=Path, metavar="FILE", help="write everything here")
     return parser
 
@@ -150,9 +93,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     tell("")
     report, device = describe_machine(), jax.devices()[0].device_kind
     print(f"{device}, JAX {jax.__version__}\n\n{markdown(COLUMNS, rows)}")
-    for row in rows:
-        told = [f"{name} {seconds:.3f} s" for name, seconds in row["parts"].items()]
-        print(*([f"{row['algo']}, {row['num_envs']}: {', '.join(told)}"] if told else []))
     if options.json is not None:
         with atomic(options.json) as path:
             path.write_text(json.dumps(report | {"device": device, "rows": rows}, indent=1))

@@ -188,7 +188,7 @@ def draw_looks(ids: Sequence[str]) -> None:
 
 def draw_film(ids: Sequence[str]) -> None:
     """The agent here and in the game."""
-    from jaxenstein.cli.crossing import film
+    from jaxenstein.cli.beside_vizdoom import film
 
     del ids
     pictures, summary = film(load_policy(AGENT), SEED, EVERY)

@@ -3,23 +3,31 @@
     python examples/custom_shooter.py [--out outpost.gif]
 
 The map is drawn in characters, its guards, medkits and ammunition among them; the rifle, the chief
-and the aim are this file's own. A player that hunts the guards plays beside one who stands still.
+and the aim are this file's own. A player that hunts the guards plays beside one that stands still.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
 
 import jaxenstein
 from jaxenstein.players import play, player_of
-from jaxenstein.tasks.shooter import KINDS, Kind, Shooter, ShooterState, Weapon
+from jaxenstein.tasks.shooter import (
+    KINDS,
+    Shooter,
+    ShooterState,
+    Weapon,
+    reached_aim,
+    tiles_of,
+    toward_aim,
+)
 
 # S start, G exit; z zombies, i an imp, d a demon, c the chief; + a medkit, = ammunition.
 MAP = """
@@ -44,30 +52,34 @@ RIFLE = Weapon("rifle", shot=3, again=9, ready=12, dice=5, sides=4, spread=18)
 CHIEF = dataclasses.replace(KINDS["c"], health=120)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Outpost(Shooter):
-    """Kill the chief, then leave by the exit; the others may live."""
+def chief_lives(env: Shooter, state: ShooterState) -> jax.Array:
+    """bool[]: whether there is something left to do here."""
+    return state.monsters.living[env.horde.place_of(CHIEF)]
 
-    text: str = MAP
-    weapon: ClassVar[Weapon] = RIFLE
-    ammo: ClassVar[int] = 30
-    most_ammo: ClassVar[int] = 50
-    monsters: ClassVar[Mapping[str, Kind]] = {**KINDS, "c": CHIEF}
-    aim: ClassVar[str] = "killed the chief and got out"
 
-    def chief_lives(self, state: ShooterState) -> jax.Array:
-        """bool[]: whether there is something left to do here."""
-        return state.creatures.living[self.cast.index(CHIEF)]
+def won(env: Shooter, state: ShooterState) -> jax.Array:
+    """bool[]: whether the player is at the exit and the chief is dead; the others may live."""
+    return reached_aim(env, state) & ~chief_lives(env, state)
 
-    def won(self, state: ShooterState) -> jax.Array:
-        """bool[]: whether the player is at the exit, the chief dead."""
-        return super().won(state) & ~self.chief_lives(state)
 
-    def errand(self, state: ShooterState) -> jax.Array:
-        """bool[rows, columns]: where the scripted player goes: to the chief, then to the exit."""
-        chief = self.cast.index(CHIEF)
-        his_tile = self.tiles_of(state.creatures.position[chief : chief + 1], jnp.ones(1, bool))
-        return jnp.where(self.chief_lives(state), his_tile, super().errand(state))
+def destination(env: Shooter, state: ShooterState) -> jax.Array:
+    """bool[rows, columns]: where the scripted player goes: to the chief, then to the exit."""
+    is_chief = env.horde.kind_of == env.horde.kinds.index(CHIEF)
+    to_chief = tiles_of(env, state.monsters.position, is_chief)
+    return jnp.where(chief_lives(env, state), to_chief, toward_aim(env, state))
+
+
+Outpost = functools.partial(
+    Shooter,
+    text=MAP,
+    weapon=RIFLE,
+    ammo=30,
+    most_ammo=50,
+    monsters={"c": CHIEF},
+    aim="killed the chief and got out",
+    won=won,
+    destination=destination,
+)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, float]:

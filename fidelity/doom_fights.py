@@ -26,7 +26,6 @@ from fidelity.doom_players import APART, UNSEEN, Mean, apart, play_games
 from fidelity.players import mean_and_error
 from jaxenstein.adapters.vizdoom import GameSession
 from jaxenstein.players import players_of
-from jaxenstein.tasks.doom.fireballs import DoomFireArena, DoomFireState
 from jaxenstein.tasks.doom.fixed import ONE
 
 UNLIKELY = 0.05
@@ -86,17 +85,17 @@ class Measure(NamedTuple):
 
 def seen(state: Any) -> Seen:
     """What is watched of one of our states."""
-    fire = isinstance(state, DoomFireState)
+    fire = hasattr(state, "fireballs")
     none = jnp.zeros((0, 2), jnp.int32)
     return Seen(
         state.health,
         state.trigger.ammo,
         state.fixed_position,
         state.angle,
-        state.creatures.position,
-        state.creatures.living,
-        state.balls.position if fire else none,
-        state.balls.flies if fire else none[:, 0] > 0,
+        state.monsters.position,
+        state.monsters.living,
+        state.fireballs.position if fire else none,
+        state.fireballs.flies if fire else none[:, 0] > 0,
     )
 
 
@@ -218,15 +217,15 @@ def measure(id: str, episodes: int, seed: int) -> list[Measure]:
     add("first damage, tic", [_all(first_damage, side) for side in both])
     add("damage of a hit", [_all(damage, side) for side in both], spread=True)
     add("hits in 100 tics of a life", [_all(_hit_rate, side) for side in both])
-    kinds = env.roster.kinds
+    kinds = env.horde.kinds
     for i, kind in enumerate(kinds):
-        own = env.roster.cast == i
+        own = env.horde.kind_of == i
         if kind.speed:
             come = [[t for t in side if len(t.health) > _AFTER] for side in both]
             far = [[float(distances(t)[_AFTER, own].mean()) for t in side] for side in come]
             far = [[mean for mean in side if np.isfinite(mean)] for side in far]  # all live
             add(f"{kind.name}s after {_AFTER} tics, map units off", far)
-    if isinstance(env, DoomFireArena):
+    if hasattr(env, "fireballs"):
         rates = [_all(_rate, side) for side in both]
         add("fireballs in 100 tics of a life", rates)
     elif "turn_and_shoot" in players_of(env):

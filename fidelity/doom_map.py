@@ -18,7 +18,7 @@ from pathlib import Path
 
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import MapError
-from jaxenstein.tasks.doom.walls import DoomMap, Line, Thing, load_map
+from jaxenstein.tasks.doom.maps import DoomMap, Line, MapThing, load_map
 
 NAMES = (
     "my-way-home",
@@ -99,7 +99,7 @@ def read_map(text: str, source: str = "TEXTMAP") -> DoomMap:
         _common(blocks.get("sector", []), key, default, source)
         for key, default in (("heightfloor", 0.0), ("heightceiling", 0.0), ("lightlevel", 160.0))
     )
-    return DoomMap(tuple(walls), tuple(Thing(*thing) for thing in things), floor, ceiling, light)
+    return DoomMap(tuple(walls), tuple(MapThing(*thing) for thing in things), floor, ceiling, light)
 
 
 def _common(sectors: list[Block], key: str, default: float, source: str) -> float:

@@ -19,14 +19,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from fidelity.doom_recording import Recording, record
-from jaxenstein.tasks.doom.buttons import hold
-from jaxenstein.tasks.doom.geometry import load_geometry
-from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering, DoomHealthGatheringSupreme
-from jaxenstein.tasks.doom.motion import Body, tic
+from jaxenstein.tasks.doom.collision import load_geometry
+from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering
 from jaxenstein.tasks.doom.my_way_home import DoomMyWayHome
+from jaxenstein.tasks.doom.physics import Body, hold, tic
 
-SCENARIOS = DoomMyWayHome, DoomHealthGathering, DoomHealthGatheringSupreme
-BUTTONS = {scenario.map_name: scenario.button_names for scenario in SCENARIOS}
+SCENARIOS = DoomMyWayHome(), DoomHealthGathering(), DoomHealthGathering(supreme=True)
+BUTTONS = {scenario.room.map_name: scenario.button_names for scenario in SCENARIOS}
 """The buttons of each scenario, by the name of its map."""
 
 

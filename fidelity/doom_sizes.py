@@ -26,7 +26,7 @@ from jaxenstein.adapters.vizdoom import GameSession
 from jaxenstein.adapters.vizdoom_buffers import SCREENS, running
 from jaxenstein.engine.art import load_art
 from jaxenstein.maps.symbols import LABEL_NAMES
-from jaxenstein.tasks.doom.look import ROW_FOCAL_SHARE, Picture
+from jaxenstein.tasks.doom.view import ROW_FOCAL_SHARE, Picture
 
 IDS = ("doom-take-cover", "doom-defend-the-center", "doom-defend-the-line")
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "CAMERA_POSITION_Z")
@@ -86,7 +86,7 @@ def measured(env: Any, episodes: int, seed: int) -> dict[str, np.ndarray]:
                     break
                 seen = game.get_state()
                 for label in seen.labels:
-                    if label.object_name in env.game_things and (box := covered(seen, label)):
+                    if label.object_name in env.game_labels and (box := covered(seen, label)):
                         found[label.object_name].append(box)
                 if draw.random() * _KEPT < 1:
                     held = np.eye(count + 1, count, dtype=int)[draw.integers(count + 1)].tolist()
@@ -179,7 +179,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         print(f"{id:36}     left    right    lower    upper     area", flush=True)
         for name, rows in measured(env, options.episodes, options.seed).items():
             print(in_words(f"game: {name} ({len(rows)})", np.median(rows, axis=0).tolist()))
-        for picture in env.pictures:
+        shown = [thing for part in env.parts for thing in part.objects]
+        for picture in (picture for thing in shown for picture in thing.pictures):
             print(in_words(f"here: {picture.art}", box(picture)))
         if options.counts:
             print(f"{'pixels of a label':36}     here       +-     game       +-")

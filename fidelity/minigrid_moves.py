@@ -12,8 +12,9 @@ import heapq
 from typing import NamedTuple
 
 from fidelity.frequencies import Observation
-from jaxenstein.tasks.minigrid.table import world_of
+from jaxenstein.catalogue import ENTRIES
 
+PREFIX = "minigrid-"
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 Cell = tuple[int, int]
 # What ends the worlds that are counted, by their sources: a goal to stand on, a thing to pick up,
@@ -41,12 +42,16 @@ class Place(NamedTuple):
     key: bool
 
 
+def source_of(name: str) -> str:
+    """The module and class of a world; without the prefix of the id."""
+    return str(ENTRIES[PREFIX + name].source).removeprefix("minigrid.")
+
+
 def end_of(name: str) -> str:
     """What ends a world, "" if it is not counted; without the prefix of the id."""
-    world = world_of(name)
     # Nothing is counted that has to be moved out of the way.
-    blocked = world.sizes[name][1].get("blocked", False)
-    return "" if blocked else ENDS.get(world.source, "")
+    blocked = ENTRIES[PREFIX + name].fixed.get("blocked", False)
+    return "" if blocked else ENDS.get(source_of(name), "")
 
 
 def fewest_moves(found: Observation, end: str) -> int:

@@ -24,11 +24,11 @@ import numpy as np
 import jaxenstein
 from fidelity import players
 from fidelity.frequencies import Observation, chances
-from fidelity.minigrid_moves import end_of, fewest_moves
+from fidelity.minigrid_moves import PREFIX, end_of, fewest_moves, source_of
+from jaxenstein.catalogue import ENTRIES, STEPS_A_MOVE
 from jaxenstein.maps.symbols import DOOR_LABELS
 from jaxenstein.maps.things import COLOUR_NAMES
 from jaxenstein.players import UNIFORM, play, player_of
-from jaxenstein.tasks.minigrid.table import STEPS_A_MOVE, WORLDS, world_of
 
 SIGNIFICANCE = 0.05
 # What MiniGrid calls them, by our kinds of things.
@@ -71,7 +71,7 @@ def from_minigrid(env: Any, name: str) -> Observation:
                 if getattr(cell, "contains", None):
                     found["colours"].append(f"hidden {cell.contains.color}")
     start = (*(int(part) for part in env.agent_pos), int(env.agent_dir))
-    for attributes in ASKED.get(world_of(name).source, ()):
+    for attributes in ASKED.get(source_of(name), ()):
         words = [getattr(env, attribute) if attribute else "door" for attribute in attributes]
         found["asked"].append(" ".join(words))
     return {**found, "start": [str(start)], "heading": [str(start[2])]}
@@ -82,7 +82,7 @@ def from_ours(state: Any, name: str) -> Observation:
     found: Observation = {"walls": [], "doors": [], "things": [], "colours": [], "asked": []}
     walls = np.asarray(state.level.walls)[0]
     # Doors of GoToDoor do not stand on the map's border, which it has for that.
-    shift = 1 if world_of(name).source == "instructions:GoToDoor" else 0
+    shift = 1 if source_of(name) == "instructions:GoToDoor" else 0
     for row, column in np.argwhere(walls != 0).tolist():
         label = int(walls[row, column])
         place = f"{column - shift},{row - shift}"
@@ -98,7 +98,7 @@ def from_ours(state: Any, name: str) -> Observation:
             _add(found, "things", f"{tile[0]},{tile[1]}", KINDS[kind], shade)
         elif where == 2:
             found["colours"].append(f"hidden {shade}")
-    if world_of(name).source in ASKED:
+    if source_of(name) in ASKED:
         rows = [(k, c) for k, c in np.asarray(state.asked).tolist() if k >= 0]
         found["asked"] += [f"{COLOUR_NAMES[c]} {(*KINDS, 'door')[k]}" for k, c in rows]
     turn = round(float(state.heading) / (np.pi / 2)) % 4
@@ -187,7 +187,7 @@ def compared(name: str, resets: int, ids: int) -> bool:
     """Compare the levels of one of several ids, and print how; whether a table is beyond chance."""
     both = samples(name, resets)
     found = chances(*both)
-    if world_of(name).source in ("multi_room:MultiRoom", "instructions:GoToDoor"):
+    if source_of(name) in ("multi_room:MultiRoom", "instructions:GoToDoor"):
         del found["walls"]  # what lies outside of the rooms is solid here
     beyond = [table for table, chance in found.items() if chance < SIGNIFICANCE / len(found) / ids]
     shown = ", ".join(f"{table} {chance:.3f}" for table, chance in found.items())
@@ -199,7 +199,7 @@ def compared(name: str, resets: int, ids: int) -> bool:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Compare and print; returns the exit status."""
-    every = [name for world in WORLDS for name in world.sizes]
+    every = [name.removeprefix(PREFIX) for name in ENTRIES if name.startswith(PREFIX)]
     parser = argparse.ArgumentParser(description="Compare worlds with MiniGrid's.")
     parser.add_argument("ids", nargs="*", default=every, metavar="ID", help="without minigrid-")
     parser.add_argument("--resets", type=int, default=1000, help="levels a side (default 1000)")

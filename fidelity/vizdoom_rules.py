@@ -22,7 +22,7 @@ import numpy as np
 
 from fidelity.players import mean_and_error
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
-from jaxenstein.tasks.doom.walls import MAP_SPOT, load_map
+from jaxenstein.tasks.doom.maps import MAP_SPOT, load_map
 
 VARIABLES = ("HEALTH", "POSITION_X", "POSITION_Y", "ANGLE")
 MEDKIT = "Medikit"

@@ -228,23 +228,6 @@ def resident() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def table(reports: dict[str, Report]) -> str:
-    """The reports as a table of Markdown."""
-    lines = [
-        "| id | steps | episodes | events | grown MiB | s | |",
-        "|---|---:|---:|---|---:|---:|---|",
-    ]
-    for name, report in reports.items():
-        happened = ", ".join(f"{e} {count}" for e, count in report.events.items() if e != PIXELS)
-        numbers = f"{report.grown / 2**20:.1f} | {report.seconds:.0f}"
-        verdict = "; ".join(report.problems) or "ok"
-        lines.append(
-            f"| {name} | {report.steps} | {report.episodes} | {happened} | {numbers} | {verdict} |"
-        )
-    total = sum(report.steps for report in reports.values())
-    return "\n".join([*lines, f"{total} steps in all"])
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Play what the command line names; 1 if something did not hold."""
     summary = (__doc__ or "").split("\n\n")
@@ -260,15 +243,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.ids if name not in ENTRIES]:
         parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(ENTRIES)}")
-    names = options.ids or list(MAIN_IDS)
-    reports: dict[str, Report] = {}
+    names, failed = options.ids or list(MAIN_IDS), False
+    print("| id | steps | episodes | events | grown MiB | s | |\n|---|---:|---:|---|---:|---:|---|")
     for name in names:
         steps = -(-options.steps // len(names))
-        reports[name] = endure(name, steps, seed=options.seed, checked=options.checked)
-        print(f"{name}: {'; '.join(reports[name].problems) or 'ok'}", flush=True)
+        report = endure(name, steps, seed=options.seed, checked=options.checked)
+        failed |= bool(report.problems)
+        happened = ", ".join(f"{e} {count}" for e, count in report.events.items() if e != PIXELS)
+        print(
+            f"| {name} | {report.steps} | {report.episodes} | {happened} | "
+            f"{report.grown / 2**20:.1f} | {report.seconds:.0f} | "
+            f"{'; '.join(report.problems) or 'ok'} |",
+            flush=True,
+        )
         jax.clear_caches()
-    print(table(reports))
-    return int(any(report.problems for report in reports.values()))
+    return int(failed)
 
 
 if __name__ == "__main__":

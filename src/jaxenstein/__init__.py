@@ -13,7 +13,8 @@ from .errors import (
     TrajectoryError,
     UnknownEnvironmentError,
 )
-from .registry import environment_ids, from_ascii, from_file, make, register
+from .registry import environment_ids, make, register
+from .text_maps import from_ascii, from_file
 from .version import __version__
 
 if TYPE_CHECKING:

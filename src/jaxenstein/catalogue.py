@@ -1,6 +1,6 @@
-"""The environments that come with the package: their ids, and what builds them.
+"""The environments that come with the package: an id is a row, and all rows have one shape.
 
-Importing this module imports no task: an entry does when it is first built or asked about.
+Importing this module imports no task: a row does when it is first built or asked about.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import dataclasses
 import functools
 import importlib
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -18,44 +19,53 @@ Build = Callable[..., AnyEnvironment]
 
 
 @dataclasses.dataclass(frozen=True)
-class Entry:
-    """One registered environment.
+class Row:
+    """What an id stands for.
 
     Attributes:
-        summary: one line for people.
-        load: imports and returns `build`.
-        version: of the environment, which grows when its behaviour changes.
+        id: without the version.
         family: environments of one family share a page of the documentation.
+        source: "module:Class" in `jaxenstein.tasks`, or "module:function" that returns a
+            `functools.partial` of a class. What others register is itself a class or a function.
+        summary: one line for people.
+        fixed: arguments of the class or function; `make` does not take them.
+        params: the params whose defaults differ from those of the class.
         variant_of: another id, which stands for this one wherever environments are shown or tested
             one by one: this one differs in sizes and numbers alone.
+        version: of the environment, which grows when its behaviour changes.
         module: what has to be imported for the id to be known; "" if nothing has.
     """
 
+    id: str
+    family: str
+    source: str | Build
     summary: str
-    load: Callable[[], Build]
-    version: int = 0
-    family: str = ""
+    fixed: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    params: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     variant_of: str = ""
+    version: int = 0
     module: str = ""
 
     @functools.cached_property
     def build(self) -> Build:
-        """Makes the environment from its settings: a class, or a function.
-
-        Settings of its own are its parameters by name; `**settings` stands for those of all.
-        """
-        return self.load()
-
-    @property
-    def required(self) -> tuple[str, ...]:
-        """The settings that it cannot do without."""
-        parameters = inspect.signature(self.build).parameters
-        needed = [one.name for one in parameters.values() if one.default is one.empty]
-        return tuple(name for name in self.settings if name in needed)
+        """Makes the environment from the settings of `make`."""
+        if not isinstance(self.source, str):
+            return self.source
+        module, name = self.source.split(":")
+        target = getattr(importlib.import_module(f"{__package__}.tasks.{module}"), name)
+        is_class = isinstance(target, type)
+        made: Any = functools.partial(target, **self.fixed) if is_class else target(**self.fixed)
+        fields = made.func.__dataclass_fields__
+        if "defaults" not in fields:
+            return made
+        return functools.partial(made, defaults=fields["defaults"].default.replace(**self.params))
 
     @functools.cached_property
     def settings(self) -> tuple[str, ...]:
-        """The names of the settings that it takes."""
+        """The names of the settings of `make`: what `build` takes by name.
+
+        `**settings` in a function stands for those of all that is seen in first person.
+        """
         from .tasks.first_person import SETTINGS
 
         bound = self.build.keywords if isinstance(self.build, functools.partial) else ()
@@ -67,271 +77,260 @@ class Entry:
         return *every, *(name for name in own if name not in every)
 
 
-def _corridors(layout: str) -> Build:
-    """A small map whose agent starts facing east."""
-    from .maps.ascii import load_layout
-    from .tasks.goals import NavigationParams
-    from .tasks.navigation import Navigation
+def _row(
+    family: str,
+    shown: str,
+    id: str,
+    source: str,
+    summary: str,
+    steps: int = 0,
+    params: Mapping[str, float] | None = None,
+    version: int = 0,
+    **fixed: Any,
+) -> Row:
+    """A row; {} in the id and the summary stand for what is fixed, by name.
 
-    defaults = NavigationParams(max_steps_in_episode=300)
-    return functools.partial(
-        Navigation, tilemap=load_layout(layout), heading=0.0, defaults=defaults
-    )
+    `shown` stands for the row, unless it is the row's own id; the time limit `steps` is one of its
+    params, 0 that of the class.
+    """
+    words = {n: ("no", "yes")[v] if isinstance(v, bool) else v for n, v in fixed.items()}
+    id, summary = id.format(**words), summary.format(**words)
+    params = dict(params or {}) | ({"max_steps_in_episode": steps} if steps else {})
+    return Row(id, family, source, summary, fixed, params, shown if id != shown else "", version)
 
 
-# ViZDoom's texture for both floor and ceiling, FLAT1_1, has the mean RGB (65, 46, 26).
-_HOME_FLOOR = ((104, 84, 62), (84, 66, 46))
-_HOME_CEILING = (52, 42, 34)
+# Our steps in one of MiniGrid's moves: of a cell, or a turn of 90 degrees.
+STEPS_A_MOVE = 1 / 0.15
 
 
-def _my_way_home(
+def _grid(
+    shown: str, id: str, source: str, moves: int, summary: str, version: int = 0, **fixed: Any
+) -> Row:
+    """A world of MiniGrid's, with the time limit in its own moves."""
+    names = f"minigrid-{shown}", f"minigrid-{id}", f"minigrid.{source}", f"MiniGrid: {summary}"
+    return _row("minigrid", *names, round(moves * STEPS_A_MOVE), None, version, **fixed)
+
+
+def _dmlab(kind: str, number: int, respawn: bool) -> Row:
+    """One of DeepMind Lab's mazes."""
+    goal = "goal and starts fixed" if kind == "static" else "a new goal cell each episode"
+    end = "+10, apples +1, respawns until time is up" if respawn else "+10 ends"
+    steps, discount = ((1800, 0.999), (4500, 0.9995), (9000, 0.9999))[number - 1]
+    id = f"dmlab-{kind}-{number:02}{'-respawn' * respawn}"
+    summary, params = f"DeepMind Lab's maze {number:02}: {goal}; {end}", {"discount": discount}
+    fixed = {"kind": kind, "number": number, "respawn": respawn}
+    return _row(f"dmlab-{kind}", "", id, "maze:dmlab", summary, steps, params, **fixed)
+
+
+def _doom(
+    id: str,
+    source: str,
+    summary: str,
+    version: int = 0,
     *,
-    coloured: bool = True,
-    spawn: tuple[int, int] | None = None,
-    heading: tuple[float, float] | None = None,
-) -> Build:
-    """A variant of ViZDoom's My Way Home; `spawn` is the one start cell of the sparse ones."""
-    from .maps.ascii import load_layout
-    from .tasks.goals import NavigationParams
-    from .tasks.navigation import Navigation
-
-    tilemap = load_layout("my-way-home", regions=coloured)
-    return functools.partial(
-        Navigation,
-        tilemap=tilemap.with_spawns((spawn,)) if spawn else tilemap,
-        heading=heading,
-        floor=_HOME_FLOOR,
-        ceiling=_HOME_CEILING,
-        defaults=NavigationParams(max_steps_in_episode=2100, discount=0.999, living_reward=-0.0001),
-    )
+    family: str = "",
+    shown: str = "",
+    **fixed: Any,
+) -> Row:
+    """A scenario of ViZDoom's; its family is the id that is shown for it, if no other is given."""
+    id = f"doom-{id}"
+    names = family or shown or id, shown, id, f"doom.{source}", f"ViZDoom's {summary}"
+    return _row(*names, version=version, **fixed)
 
 
-def _t_maze() -> Build:
-    from .maps.ascii import load_layout
-    from .tasks.t_maze import DEFAULTS, TMaze
+# Of each kind of rule a small world of MiniGrid's, which is shown for those like it.
+_KEY, _LAVA, _BALLS = "door-key-6x6", "lava-crossing-s9n1", "dynamic-obstacles-6x6"
+_BOXES, _ASKED = "obstructed-maze-1dlhb", "put-near-6x6-n2"
+# Long steps in MiniWorld, which also reach the box from farther away.
+_FAST = {"move_distance": 0.7, "turn_angle": math.radians(45), "goal_radius": 1.736}
+_LAYOUT = "navigation:from_layout"
+# Sizes of DeepMind Lab's explore levels: of 2048 mazes, none has more than 16 or 35 doorways.
+_SMALL, _LARGE = {"size": 11, "rooms": 4}, {"size": 17, "rooms": 9, "most": 3}
+_LAB, _LARGER = "DeepMind Lab:", "the same in a larger maze"
+_HALL = {"kind": "objects", "size": 13, "rooms": 1, "least": 11, "most": 11}
 
-    return functools.partial(TMaze, tilemap=load_layout("t-maze"), defaults=DEFAULTS)
-
-
-def _health_gathering() -> Build:
-    from .tasks.health_gathering import HealthGathering
-
-    return HealthGathering
-
-
-def _key_corridor(size: int, rows: int) -> Build:
-    """KeyCorridorS<size>R<rows>, whose budget of 30 moves a tile of room is rescaled."""
-    from .tasks.goals import NavigationParams
-    from .tasks.key_corridor import KeyCorridor
-    from .tasks.minigrid.table import STEPS_A_MOVE
-
-    defaults = NavigationParams(max_steps_in_episode=round(30 * size**2 * STEPS_A_MOVE))
-    return functools.partial(KeyCorridor, room_size=size, room_rows=rows, defaults=defaults)
-
-
-# Floor (two colours of a checker) of the mazes 01, 02 and 03 of DeepMind Lab, after the names of
-# their textures, and the sky above them.
-_LAB_FLOORS = (
-    ((204, 118, 52), (184, 102, 42)),
-    ((70, 112, 188), (60, 98, 170)),
-    ((78, 150, 84), (66, 126, 150)),
+# fmt: off
+ROWS: tuple[Row, ...] = (
+    _row("simple", "", "simple", _LAYOUT, "a ring corridor, goal in the opposite corner", 300,
+         layout="simple", heading=0.0),
+    _row("key-door", "", "key-door", _LAYOUT,
+         "a corridor with a red key, a red locked door and the goal behind it", 300,
+         layout="key-door", heading=0.0),
+    _row("t-maze", "", "t-maze", "t_maze:t_maze",
+         "a key that is soon gone tells which arm pays: memory"),
+    *(_row("my-way-home", "", f"my-way-home{end}", "navigation:my_way_home", summary, 2100,
+           {"discount": 0.999, "living_reward": -0.0001}, **fixed)
+      for end, summary, fixed in (
+          ("", "ViZDoom's eight-room maze: 17 starts, any heading, one goal", {}),
+          ("-colorless", "my-way-home with all walls in one colour", {"regions": False}),
+          ("-sparse", "my-way-home from the western room, facing east",
+           {"spawn": (3, 10), "heading": (-3.6, 0.0)}),
+          ("-very-sparse", "my-way-home from the end of the dead end, facing west",
+           {"spawn": (12, 26), "heading": (176.4, 183.6)}))),
+    _row("health-gathering", "", "health-gathering", "health_gathering:HealthGathering",
+         "ViZDoom's acid floor: medkits keep you alive"),
+    *(_row("key-corridor", "", "key-corridor" + f"-s{n}r{rows}" * (n != 4),
+           "key_corridor:KeyCorridor", "MiniGrid's KeyCorridorS{room_size}R{room_rows}: key, "
+           "locked door, goal; a new layout each time", round(30 * n**2 * STEPS_A_MOVE),
+           room_size=n, room_rows=rows)
+      for n, rows in ((4, 3), (3, 1), (3, 2), (3, 3), (5, 3), (6, 3))),
+    *(_dmlab(kind, number, respawn)
+      for respawn in (False, True) for kind in ("static", "random-goal") for number in (1, 2, 3)),
+    *(_row("dmlab-explore", "dmlab-explore-goal-locations", f"dmlab-explore-{id}",
+           "explore:level", summary, steps, {"reward": reward}, **fixed)
+      for id, summary, steps, reward, fixed in (
+          ("goal-locations", f"{_LAB} a goal to find again in a new maze", 1350, 10.0, _SMALL),
+          ("goal-locations-large", _LARGER, 1800, 10.0, _LARGE),
+          ("obstructed-goals", f"{_LAB} a goal behind doors, some closed", 1350, 10.0,
+           {"doors": 20, **_SMALL}),
+          ("obstructed-goals-large", _LARGER, 1800, 10.0, {"doors": 40, **_LARGE}),
+          ("object-locations", f"{_LAB} apples to find again in a new maze", 1350, 1.0,
+           {"kind": "apples", **_SMALL}),
+          ("object-locations-large", _LARGER, 1800, 1.0, {"kind": "apples", **_LARGE}),
+          ("object-rewards", f"{_LAB} which objects pay in this episode", 1350, 2.0,
+           {"places": 8, **_HALL}),
+          ("object-rewards-many", "the same with eight objects a round", 1800, 2.0,
+           {"places": 16, **_HALL}))),
+    *(_row("memory-maze", "memory-maze-9x9", "memory-maze-{size}x{size}", "memory_maze:maze",
+           f"Memory Maze: fetch {{things}} things as asked, for {steps} steps", steps,
+           size=size, things=things)
+      for size, things, steps in ((9, 3, 1000), (11, 4, 2000), (13, 5, 3000), (15, 6, 4000))),
+    *(_row("miniworld", "miniworld-hallway", "miniworld-{name}", "miniworld.rooms:room", summary,
+           steps, params, name=name)
+      for name, summary, steps, params in (
+          ("hallway", "MiniWorld: a red box at the end of a hall", 250, None),
+          ("one-room", "MiniWorld: a red box anywhere in a room", 180, None),
+          ("one-room-s6", "the same in a small room", 100, None),
+          ("one-room-s6-fast", "the same with long steps", 50, _FAST),
+          ("four-rooms", "MiniWorld: a red box in one of four rooms", 250, None),
+          ("t-maze", "MiniWorld: a red box at one end of a T", 280, None),
+          ("t-maze-left", "the same, always at the left end", 280, None),
+          ("t-maze-right", "the same, always at the right end", 280, None),
+          ("wall-gap", "MiniWorld: a red box behind a gap in a wall", 300, None),
+          ("sidewalk", "MiniWorld: a red box along a street that ends the episode", 150, None))),
+    *(_row("miniworld", "miniworld-hallway", f"miniworld-maze{end}", "miniworld.box_maze:BoxMaze",
+           summary, steps, params, cells=cells)
+      for end, summary, steps, cells, params in (
+          ("", "MiniWorld: a red box in a maze of 8 by 8 cells, new each time", 1536, 8, None),
+          ("-s2", "the same in 2 by 2 cells", 96, 2, None),
+          ("-s3", "the same in 3 by 3 cells", 216, 3, None),
+          ("-s3-fast", "the same with long steps", 300, 3, _FAST))),
+    *(_row("miniworld-objects", "miniworld-collect-health", f"miniworld-{id}",
+           f"miniworld.{source}", f"MiniWorld: {summary}", steps, params)
+      for id, source, summary, steps, params in (
+          ("collect-health", "collect_health:CollectHealth", "pick up medkits to stay alive", 0,
+           None),
+          ("pickup-objects", "objects:PickupObjects", "pick up five things", 400,
+           {"time_cost": 0.0}),
+          ("put-next", "objects:PutNext", "put the red box down beside the yellow one", 250,
+           {"time_cost": 0.2}),
+          ("sign", "sign:Sign", "a sign out of sight tells which thing to go to", 0, None))),
+    *(_grid(_KEY, "door-key-{size}x{size}", "doors:DoorKey", 10 * n**2,
+            "a key, a locked door, and the goal behind it", size=n) for n in (5, 6, 8, 16)),
+    _grid(_KEY, "four-rooms", "open_rooms:FourRooms", 100, "four rooms, start and goal anywhere"),
+    *(_grid(_KEY, f"empty-{'random-' * bool(start)}{n}x{n}", "open_rooms:Empty", 4 * n**2,
+            "an empty room, the goal in its corner", size=n, **start)
+      for start, sizes in (({}, (5, 6, 8, 16)), ({"random_start": True}, (5, 6))) for n in sizes),
+    *(_grid(_KEY, f"multi-room-{id}", "multi_room:MultiRoom", 20 * rooms,
+            "a chain of {rooms} rooms joined by doors, the goal in the last",
+            rooms=rooms, room_size=size)
+      for id, rooms, size in (("n2-s4", 2, 4), ("n4-s5", 4, 5), ("n6", 6, 10))),
+    *(_grid(shown, f"{id}-crossing-s{n}n{count}", "open_rooms:Crossing", 4 * n**2,
+            f"{what} ({count}) to cross by gaps", size=n, crossings=count, obstacle=obstacle)
+      for shown, id, obstacle, what in (
+          (_LAVA, "lava", "lava", "streams of lava"), (_KEY, "simple", "wall", "walls"))
+      for n, count in ((9, 1), (9, 2), (9, 3), (11, 5))),
+    *(_grid(_LAVA, "lava-gap-s{size}", "open_rooms:LavaGap", 4 * n**2,
+            "a stream of lava with one gap", size=n) for n in (5, 6, 7)),
+    *(_grid(_LAVA, f"dist-shift{number}", "open_rooms:DistShift", 252,
+            "two strips of lava, the second in row {strip_row}", strip_row=row)
+      for number, row in ((1, 2), (2, 5))),
+    *(_grid(_BALLS, f"dynamic-obstacles-{'random-' * start}{n}x{n}", "open_rooms:DynamicObstacles",
+            4 * n**2, "a room in which balls wander ({obstacles}), which must not be walked into",
+            size=n, obstacles=count, random_start=start)
+      for n, count, starts in ((5, 2, 2), (6, 3, 2), (8, 4, 1), (16, 8, 1))
+      for start in (False, True)[:starts]),
+    _grid(_KEY, "locked-room", "doors:LockedRoom", 190,
+          "six rooms at a hall, one locked, its key in another"),
+    *(_grid(_KEY, "red-blue-doors-{size}x{size}", "doors:RedBlueDoors", 20 * n**2,
+            "open the red door, then the blue one", size=n) for n in (6, 8)),
+    _grid(_KEY, "unlock", "doors:Unlock", 288, "a key, and a locked door to open"),
+    *(_grid(_BOXES, "blocked-" * blocked + "unlock-pickup", "doors:UnlockPickup", moves,
+            "pick up the box behind a locked door", blocked=blocked)
+      for blocked, moves in ((False, 288), (True, 576))),
+    *(_grid(_KEY, "key-corridor-s{room_size}r{room_rows}", "doors:KeyCorridorBall", 30 * n**2,
+            "key-corridor by the source's rule: pick the ball up with empty hands", 1,
+            room_size=n, room_rows=rows)
+      for n, rows in ((3, 1), (3, 2), (3, 3), (4, 3), (5, 3), (6, 3))),
+    *(_grid(_BOXES, f"obstructed-maze-{id}", "doors:ObstructedMaze", 144 * moves,
+            "a ball behind locked doors, keys in boxes: {hidden}, balls before doors: {blocked}",
+            quarters=quarters, start_aside=id[0] == "2", hidden=hidden, blocked=blocked)
+      for id, moves, quarters, hidden, blocked in (
+          ("1dl", 2, 0, False, False), ("1dlh", 2, 0, True, False), ("1dlhb", 2, 0, True, True),
+          ("2dl", 4, 1, False, False), ("2dlh", 4, 1, True, False), ("2dlhb", 4, 1, True, True),
+          ("1q", 5, 1, True, True), ("2q", 11, 2, True, True), ("full", 25, 4, True, True))),
+    *(_grid(_KEY, f"memory-s{n}{'-random' * bool(length)}", "instructions:Memory", 5 * n**2,
+            "a thing in a room, and its like at one end of a crossing: memory", size=n, **length)
+      for length, sizes in (({}, (7, 9, 11, 13)), ({"random_length": True}, (13, 17)))
+      for n in sizes),
+    *(_grid(_ASKED, "fetch-{size}x{size}-n{objects}", "instructions:Fetch", 5 * n**2,
+            "pick up the one of {objects} things that is asked for", size=n, objects=count)
+      for n, count in ((5, 2), (6, 2), (8, 3))),
+    *(_grid(_ASKED, "go-to-door-{size}x{size}", "instructions:GoToDoor", 4 * n**2,
+            "say done beside the door that is asked for", size=n) for n in (5, 6, 8)),
+    *(_grid(_ASKED, "go-to-object-{size}x{size}-n2", "instructions:GoToObject", 5 * n**2,
+            "say done beside the thing that is asked for", size=n) for n in (6, 8)),
+    *(_grid(_ASKED, "put-near-{size}x{size}-n{objects}", "instructions:PutNear", 5 * n,
+            "put one of {objects} things down near another, as asked", size=n, objects=count)
+      for n, count in ((6, 2), (8, 3))),
+    # Doom's angles grow counter-clockwise, those of my-way-home clockwise: 0 to 3.6 degrees there
+    # is -3.6 to 0 here.
+    *(_row("doom-my-way-home", "", f"doom-my-way-home{end}", "doom.my_way_home:DoomMyWayHome",
+           summary, spots=spots, angles=angles, hud=False, show_weapon=False)
+      for end, spots, angles, summary in (
+          ("", tuple(range(10, 27)), (0, 65536),
+           "ViZDoom's My Way Home itself: Doom's motion, tic by tic"),
+          ("-sparse", (10,), (0, 655), "doom-my-way-home from the western room, facing east"),
+          ("-very-sparse", (15,), (32112, 33423),
+           "doom-my-way-home from the end of the dead end, facing west"))),
+    _doom("health-gathering", "health_gathering:DoomHealthGathering",
+          "Health Gathering itself: Doom's motion, tic by tic",
+          family="doom-health-gathering", supreme=False, show_weapon=False),
+    _doom("health-gathering-supreme", "health_gathering:DoomHealthGathering",
+          "Health Gathering Supreme itself: walls, and poison among the medkits",
+          family="doom-health-gathering", supreme=True, show_weapon=False),
+    _doom("basic", "basic:DoomBasic",
+          "Basic itself: step aside until the monster is ahead, and shoot",
+          hall="basic", rocket=False),
+    _doom("simpler-basic", "basic:DoomBasic", "Simpler Basic itself: the monster is nearer",
+          shown="doom-basic", hall="simpler-basic", rocket=False),
+    _doom("defend-the-center", "defend_the_center:DoomDefendTheCenter",
+          "Defend the Center itself: turn and shoot what comes from all around", 2),
+    _doom("defend-the-line", "defend_the_line:DoomDefendTheLine",
+          "Defend the Line itself: turn and shoot what is at the other side of a room", 2,
+          shown="doom-defend-the-center"),
+    _doom("take-cover", "take_cover:DoomTakeCover",
+          "Take Cover itself: dodge the fireballs of ever more imps", 1),
+    _doom("rocket-basic", "basic:DoomBasic",
+          "Rocket Basic itself: a rocket needs a second to get there",
+          shown="doom-basic", hall="simpler-basic", rocket=True),
+    _doom("predict-position", "predict_position:DoomPredictPosition",
+          "Predict Position itself: one rocket for a monster that walks to and fro",
+          shown="doom-basic"),
+    _doom("deadly-corridor", "deadly_corridor:DoomDeadlyCorridor",
+          "Deadly Corridor itself: past six marksmen to the armour", 1),
+    _doom("deathmatch", "deathmatch:DoomDeathmatch",
+          "Deathmatch itself, alone: monsters without end, seven weapons, things to take", 2),
 )
-_LAB_SKY = (142, 190, 228)
-_LAB_HORIZON, _LAB_DISCOUNT = (1800, 4500, 9000), (0.999, 0.9995, 0.9999)
-# Five cells of two tiles.
-_LAB_START_DISTANCE = 10
+# fmt: on
+"""All of them, in the order in which they are listed."""
 
-
-def _dmlab(kind: str, number: int, respawn: bool) -> Build:
-    """A navigation maze; `kind` is "static" or "random-goal"."""
-    from .maps.ascii import load_layout
-    from .tasks.maze import Maze, MazeParams
-
-    tilemap = load_layout(f"dmlab-{kind}-{number:02}", goal_required=False)
-    cells = tilemap.apples
-    if kind == "random-goal":
-        tilemap = dataclasses.replace(tilemap, spawns=cells, goals=cells, apples=())
-    elif not respawn:
-        tilemap = dataclasses.replace(tilemap, apples=())
-    return functools.partial(
-        Maze,
-        tilemap=tilemap,
-        start_distance=_LAB_START_DISTANCE,
-        respawn=respawn,
-        drawn_apples=len(cells) // 10 if kind == "random-goal" and respawn else 0,
-        floor=_LAB_FLOORS[number - 1],
-        ceiling=_LAB_SKY,
-        defaults=MazeParams(
-            max_steps_in_episode=_LAB_HORIZON[number - 1], discount=_LAB_DISCOUNT[number - 1]
-        ),
-    )
-
-
-def _doom_home(spots: tuple[int, ...] = (), angles: tuple[int, int] | None = None) -> Build:
-    """A variant of Doom's own My Way Home, by the ids of its starts and its first headings."""
-    from .tasks.doom.my_way_home import ANY_ANGLE, EVERY_SPOT, DoomMyWayHome
-
-    return functools.partial(DoomMyWayHome, spots=spots or EVERY_SPOT, angles=angles or ANY_ANGLE)
-
-
-def _doom_health(*, supreme: bool = False) -> Build:
-    from .tasks.doom.health_gathering import DoomHealthGathering, DoomHealthGatheringSupreme
-
-    return DoomHealthGatheringSupreme if supreme else DoomHealthGathering
-
-
-def _entry(family: str, summary: str, load: Callable[..., Build], **variant: Any) -> Entry:
-    return Entry(summary, functools.partial(load, **variant), family=family)
-
-
-_home = functools.partial(_entry, "my-way-home", load=_my_way_home)
-_doom = functools.partial(_entry, "doom-my-way-home", load=_doom_home)
-
-
-def _corridor_entry(size: int, rows: int) -> Entry:
-    summary = (
-        f"MiniGrid's KeyCorridorS{size}R{rows}: key, locked door, goal; a new layout each time"
-    )
-    return _entry("key-corridor", summary, _key_corridor, size=size, rows=rows)
-
-
-def _dmlab_entries() -> dict[str, Entry]:
-    goals = {"static": "goal and starts fixed", "random-goal": "a new goal cell each episode"}
-    ends = {False: "+10 ends", True: "+10, apples +1, respawns until time is up"}
-    return {
-        f"dmlab-{kind}-{number:02}{'-respawn' if respawn else ''}": _entry(
-            f"dmlab-{kind}",
-            f"DeepMind Lab's maze {number:02}: {goal}; {ends[respawn]}",
-            _dmlab,
-            kind=kind,
-            number=number,
-            respawn=respawn,
-        )
-        for respawn in (False, True)
-        for kind, goal in goals.items()
-        for number in (1, 2, 3)
-    }
-
-
-def _maze(module: str, name: str) -> Build:
-    return importlib.import_module(f"{__package__}.tasks.{module}").build(name)
-
-
-def _maze_entries() -> dict[str, Entry]:
-    from .tasks.maze_table import FAMILIES
-
-    return {
-        name: dataclasses.replace(
-            _entry(family, summary, _maze, module=module, name=name),
-            variant_of="" if name == next(iter(summaries)) else next(iter(summaries)),
-        )
-        for family, (module, summaries) in FAMILIES.items()
-        for name, summary in summaries.items()
-    }
-
-
-def _minigrid_entries() -> dict[str, Entry]:
-    from .tasks.minigrid.table import PREFIX, WORLDS, build
-
-    return {
-        PREFIX + name: Entry(
-            f"MiniGrid: {world.summary.format(**_in_words(settings))}",
-            functools.partial(build, world.source, moves, settings),
-            world.version,
-            family="minigrid",
-            variant_of="" if name == world.shown else PREFIX + world.shown,
-        )
-        for world in WORLDS
-        for name, (moves, settings) in world.sizes.items()
-    }
-
-
-def _in_words(settings: Mapping[str, Any]) -> dict[str, Any]:
-    words = {True: "yes", False: "no"}
-    return {n: words[v] if isinstance(v, bool) else v for n, v in settings.items()}
-
-
-def _doom_shooter(module: str, kind: str) -> Build:
-    return getattr(importlib.import_module(f"{__package__}.tasks.doom.{module}"), kind)
-
-
-def _doom_entries() -> dict[str, Entry]:
-    from .tasks.doom.table import SHOOTERS
-
-    return {
-        name: Entry(
-            f"ViZDoom's {scenario.summary}",
-            functools.partial(_doom_shooter, scenario.module, scenario.kind),
-            scenario.version,
-            family=scenario.main or name,
-            variant_of=scenario.main,
-        )
-        for name, scenario in SHOOTERS.items()
-    }
-
-
-# Doom's angles grow counter-clockwise, ours clockwise: 0 to 3.6 degrees there is -3.6 to 0 here.
-ENTRIES: dict[str, Entry] = {
-    "simple": _entry(
-        "simple", "a ring corridor, goal in the opposite corner", _corridors, layout="simple"
-    ),
-    "key-door": _entry(
-        "key-door",
-        "a corridor with a red key, a red locked door and the goal behind it",
-        _corridors,
-        layout="key-door",
-    ),
-    "t-maze": _entry("t-maze", "a key that is soon gone tells which arm pays: memory", _t_maze),
-    "my-way-home": _home("ViZDoom's eight-room maze: 17 starts, any heading, one goal"),
-    "my-way-home-colorless": _home("my-way-home with all walls in one colour", coloured=False),
-    "my-way-home-sparse": _home(
-        "my-way-home from the western room, facing east", spawn=(3, 10), heading=(-3.6, 0.0)
-    ),
-    "my-way-home-very-sparse": _home(
-        "my-way-home from the end of the dead end, facing west",
-        spawn=(12, 26),
-        heading=(176.4, 183.6),
-    ),
-    "health-gathering": _entry(
-        "health-gathering", "ViZDoom's acid floor: medkits keep you alive", _health_gathering
-    ),
-    "key-corridor": _corridor_entry(4, 3),
-    "key-corridor-s3r1": _corridor_entry(3, 1),
-    "key-corridor-s3r2": _corridor_entry(3, 2),
-    "key-corridor-s3r3": _corridor_entry(3, 3),
-    "key-corridor-s5r3": _corridor_entry(5, 3),
-    "key-corridor-s6r3": _corridor_entry(6, 3),
-    **_dmlab_entries(),
-    **_maze_entries(),
-    **_minigrid_entries(),
-    "doom-my-way-home": _doom("ViZDoom's My Way Home itself: Doom's motion, tic by tic"),
-    "doom-my-way-home-sparse": _doom(
-        "doom-my-way-home from the western room, facing east", spots=(10,), angles=(0, 655)
-    ),
-    "doom-my-way-home-very-sparse": _doom(
-        "doom-my-way-home from the end of the dead end, facing west",
-        spots=(15,),
-        angles=(32112, 33423),
-    ),
-    "doom-health-gathering": _entry(
-        "doom-health-gathering",
-        "ViZDoom's Health Gathering itself: Doom's motion, tic by tic",
-        _doom_health,
-    ),
-    "doom-health-gathering-supreme": _entry(
-        "doom-health-gathering",
-        "ViZDoom's Health Gathering Supreme itself: walls, and poison among the medkits",
-        _doom_health,
-        supreme=True,
-    ),
-    **_doom_entries(),
-}
-
+ENTRIES: dict[str, Row] = {row.id: row for row in ROWS}
+"""The rows by their ids."""
 ALIASES: dict[str, str] = {
     "key-corridor-s4r3": "key-corridor",
     **{name.replace("random-goal", "random"): name for name in ENTRIES if "random-goal" in name},
 }
 """Other names of environments, each with the id it stands for."""
-
-MAIN_IDS: tuple[str, ...] = tuple(name for name, entry in ENTRIES.items() if not entry.variant_of)
+MAIN_IDS: tuple[str, ...] = tuple(name for name, row in ENTRIES.items() if not row.variant_of)
 """The ids that are variants of no other: the ones with pictures, golden episodes and tests."""

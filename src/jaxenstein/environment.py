@@ -1,8 +1,8 @@
 """The contract that every environment keeps.
 
-An environment supplies functions of states alone: `init_state`, `transition` and `observe`, and
-`describe` for what `info` says of a state. Everything a training loop calls is built from them
-here, once: time limits, automatic resets, and exactly one observation a step.
+A task supplies functions of its states: `init_state`, `transition` and `observe`, and `describe`
+for what `info` says of a state. The base class builds from them what a training loop calls:
+`reset`, `step` and `advance`, with time limits, automatic resets, and one observation a step.
 
 Argument order and the six values of `step` are those of gymnax 1.0.
 """
@@ -24,9 +24,9 @@ from .fields import check, choice, number
 from .params import Params as Params
 from .params import Scalar as Scalar
 from .spaces import Discrete, Space
-from .turn import Advanced, S, Turn, repeated
-from .turn import Info as Info
-from .turn import State as State
+from .state import Advanced, Outcome, S, repeated
+from .state import Info as Info
+from .state import State as State
 
 Autoreset = Literal["same-step", "next-step"]
 MOST_FRAME_SKIP = 64
@@ -208,45 +208,12 @@ class Environment(abc.ABC, Generic[S, P]):
         """
         params = self.check_params(params)
         step_key, reset_key = jax.random.split(key)
-        turn = self.turn(step_key, reset_key, state, action, params)
-        info = turn.info
+        out = outcome_of(self, step_key, reset_key, state, action, params)
+        info = out.info
         if self.final_observation:
-            info = info | {"final_observation": self.observe(turn.final, params)}
-        ends = turn.terminated, turn.truncated
-        return self.observe(turn.state, params), turn.state, turn.reward, *ends, info
-
-    @compiled
-    def turn(
-        self,
-        step_key: jax.Array,
-        reset_key: jax.Array,
-        state: S,
-        action: Any,
-        params: P | None = None,
-    ) -> Turn[S]:
-        """`step` without an observation, and with the state before the reset.
-
-        Args:
-            step_key: of what happens in the step.
-            reset_key: of the first state of the next episode.
-            state: one state.
-            action: an integer.
-            params: of the environment.
-        """
-        params = self.check_params(params)
-        final, reward, terminated, info = self.advance(step_key, state, action, params)
-        truncated = self.time_is_up(final, params)
-        if self.autoreset is None:
-            return Turn(final, final, reward, terminated, truncated, info)
-        if self.autoreset == "same-step":
-            following = self.reset_where(final.done, reset_key, final, params)
-            return Turn(following, final, reward, terminated, truncated, info)
-        over = state.done
-        following = self.reset_where(over, reset_key, final, params)
-        events = {name: jnp.zeros_like(value) for name, value in info.items()}
-        info = select(over, events | self.describe(following, params), info)
-        reward = jnp.where(over, 0, reward)
-        return Turn(following, final, reward, terminated & ~over, truncated & ~over, info)
+            info = info | {"final_observation": self.observe(out.final, params)}
+        ends = out.terminated, out.truncated
+        return self.observe(out.state, params), out.state, out.reward, *ends, info
 
     def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
         """The first state of an episode where bool[] `over`, else `state`.
@@ -261,39 +228,23 @@ class Environment(abc.ABC, Generic[S, P]):
         return state.time >= params.max_steps_in_episode
 
     @compiled
-    def reset_env(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
-        """The same as `reset`, under gymnax' name for the pair without automatic resets."""
-        return self.reset(key, params)
-
-    @compiled
-    def step_env(
-        self, key: jax.Array, state: S, action: Any, params: P | None = None
-    ) -> tuple[Any, S, jax.Array, jax.Array, Info]:
-        """Take a step without an automatic reset: observation, state, reward, terminated, info.
-
-        Truncation is `time_is_up(state, params)`; `state.done` covers both ends.
-        """
-        params = self.check_params(params)
-        state, reward, terminated, info = self.advance(key, state, action, params)
-        return self.observe(state, params), state, reward, terminated, info
-
-    @compiled
     def advance(
         self, key: jax.Array, state: S, action: Any, params: P | None = None
     ) -> tuple[S, jax.Array, jax.Array, Info]:
-        """Take a step without a reset and without an observation, for rules alone.
+        """Take a step without a reset and without an observation: the rules alone.
 
         Returns:
-            state, float32[] reward, bool[] terminated, info, as `step_env`.
+            state; float32[] reward; bool[] terminated; info. Truncation is
+            `time_is_up(state, params)`; `state.done` covers both ends.
         """
         params = self.check_params(params)
         action = checked_action(action, self.num_actions)
         after, reward, terminated, events = repeated(
-            self._advance, self.frame_skip, key, state, action, params
+            self._world_step, self.frame_skip, key, state, action, params
         )
         return after, reward, terminated, events | self.describe(after, params)
 
-    def _advance(self, key: jax.Array, state: S, action: jax.Array, params: P) -> Advanced[S]:
+    def _world_step(self, key: jax.Array, state: S, action: jax.Array, params: P) -> Advanced[S]:
         """One step of the world."""
         after, reward, terminated, events = self.transition(key, state, action, params)
         after = after.replace(time=state.time + 1, episode_return=state.episode_return + reward)
@@ -349,3 +300,38 @@ class Environment(abc.ABC, Generic[S, P]):
 
 AnyEnvironment = Environment[Any, Any]
 """An environment of any task."""
+
+
+@compiled
+def outcome_of(
+    env: Environment[S, P],
+    step_key: jax.Array,
+    reset_key: jax.Array,
+    state: S,
+    action: Any,
+    params: P | None = None,
+) -> Outcome[S]:
+    """`Environment.step` without an observation, and with the state before the reset.
+
+    Args:
+        env: the environment.
+        step_key: of what happens in the step.
+        reset_key: of the first state of the next episode.
+        state: one state.
+        action: an integer.
+        params: of the environment.
+    """
+    params = env.check_params(params)
+    final, reward, terminated, info = env.advance(step_key, state, action, params)
+    truncated = env.time_is_up(final, params)
+    if env.autoreset is None:
+        return Outcome(final, final, reward, terminated, truncated, info)
+    if env.autoreset == "same-step":
+        following = env.reset_where(final.done, reset_key, final, params)
+        return Outcome(following, final, reward, terminated, truncated, info)
+    over = state.done
+    following = env.reset_where(over, reset_key, final, params)
+    events = {name: jnp.zeros_like(value) for name, value in info.items()}
+    info = select(over, events | env.describe(following, params), info)
+    reward = jnp.where(over, 0, reward)
+    return Outcome(following, final, reward, terminated & ~over, truncated & ~over, info)

@@ -28,19 +28,17 @@ from .errors import SettingError, nearest
 Form = Literal[
     "whole", "number", "switch", "choice", "text", "table", "layers", "angle", "seeds", "any"
 ]
-_SEEDS = "two whole numbers, the first seed and the one past the last (as a flag 0,200), from 0 to"
-# What values of each form are, and what a flag calls them.
-_FORMS: dict[Form, tuple[str, str]] = {
-    "whole": ("a whole number", "N"),
-    "number": ("a finite number", "X"),
-    "switch": ("True or False", ""),
-    "choice": ("a word", "NAME"),
-    "text": ("a text", "TEXT"),
-    "table": ("a table of names with values", "NAME=VALUE"),
-    "layers": ("[kernel, stride, features] of each layer (as a flag 8x4x32,4x2x64)", "KxSxF,..."),
-    "angle": ("degrees, or the lowest and the highest of them (as a flag -45,45)", "DEGREES"),
-    "seeds": (f"{_SEEDS} 2**32 and at most 2**24 apart", "FIRST,STOP"),
-    "any": ("", "VALUE"),
+_WORDS: dict[Form, str] = {
+    "whole": "a whole number",
+    "number": "a finite number",
+    "switch": "True or False",
+    "text": "a text",
+    "table": "a table of names with values",
+    "layers": "[kernel, stride, features] of each layer, from 1 (as a flag 8x4x32,4x2x64)",
+    "angle": "degrees, or the lowest and the highest of them (as a flag -45,45)",
+    "seeds": "two whole numbers from 0 to 2**32, at most 2**24 apart, the first seed and the one "
+    "past the last (as a flag 0,200)",
+    "any": "",
 }
 _DOMAIN = "domain"
 _INT32 = np.iinfo(np.int32)
@@ -75,23 +73,18 @@ class Domain:
         """What the values are, such as "a whole number from 1 to 64"."""
         if self.form == "choice":
             return f"one of {', '.join(map(repr, self.choices))}"
-        return f"{'None or ' * self.optional}{_FORMS[self.form][0]}{self.range}"
+        return f"{'None or ' * self.optional}{_WORDS[self.form]}{self.range}"
 
     @property
     def range(self) -> str:
         """The range of numbers in words, such as " from 1 to 64"; "" if there is none."""
-        low = f" from {_shown(self.least)}" * (self.least > -math.inf)
-        low = f" above {_shown(self.above)}" if self.above > -math.inf else low
+        low = f" from {self.least:.10g}" * (self.least > -math.inf)
+        low = f" above {self.above:.10g}" if self.above > -math.inf else low
         if self.most < math.inf:
-            return f"{low} to {_shown(self.most)}"
+            return f"{low} to {self.most:.10g}"
         if self.below < math.inf:
-            return f"{low}{' to' if low else ''} below {_shown(self.below)}"
+            return f"{low}{' to' if low else ''} below {self.below:.10g}"
         return f"{low} on" if low.startswith(" from") else low
-
-    @property
-    def metavar(self) -> str:
-        """What the help of a flag calls a value."""
-        return _FORMS[self.form][1]
 
     def converted(self, value: Any) -> Any:
         """A value of a file in the field's own type, as it is where that cannot be.
@@ -119,18 +112,24 @@ class Domain:
         if not is_array_like(value):
             wrong = value is None or isinstance(value, str | list | tuple | dict)
             return f"must be a number or an array of them, not {value!r}" if wrong else ""
-        array, domain = np.asarray(value), self
-        good = any(jnp.issubdtype(array.dtype, kind) for kind in (jnp.integer, jnp.floating))
-        if self.form == "whole":
-            least, most = max(self.least, _INT32.min), min(self.most, _INT32.max)
-            domain = dataclasses.replace(self, least=least, most=most)
-            good = good and bool(np.all(array == np.floor(array)))
+        array, domain = np.asarray(value), self._of_arrays
         if self.form == "switch":
             good = array.dtype == bool
-        elif good:
-            good = domain._within(array)
-        close = self._rounded(value)
+        else:
+            # Kinds that numpy does not know, such as bfloat16, are numbers too.
+            good = array.dtype.kind in "iuf" or jnp.issubdtype(array.dtype, jnp.floating)
+            good = good and (self.form != "whole" or bool(np.all(array == np.floor(array))))
+            good = good and domain._within(array)
+        close = "" if good else self._rounded(value)
         return "" if good else f"must be {domain.words}, not {reprlib.repr(array.tolist())}{close}"
+
+    @functools.cached_property
+    def _of_arrays(self) -> Domain:
+        """The values that arrays can have: whole numbers of 32 bits."""
+        if self.form != "whole":
+            return self
+        least, most = max(self.least, _INT32.min), min(self.most, _INT32.max)
+        return dataclasses.replace(self, least=least, most=most)
 
     def _holds(self, value: Any) -> bool:
         """Whether a value is of the form, and in the range."""
@@ -155,13 +154,17 @@ class Domain:
 
     def _within(self, numbers: Any) -> bool:
         """Whether all numbers are in the range, in the precision that they are used in."""
-        bounds = self.least, self.most, self.above, self.below
-        if self.form == "whole":
-            return _between(numbers, *bounds)
         try:
-            return _between(_float32(numbers), *map(np.float32, bounds))
+            return _between(numbers if self.form == "whole" else _float32(numbers), *self._bounds)
         except OverflowError:
             return False
+
+    @functools.cached_property
+    def _bounds(self) -> list[Any]:
+        """The range in the precision that numbers are used in."""
+        exact = self.form == "whole"
+        bounds = self.least, self.most, self.above, self.below
+        return [bound if exact else np.float32(bound) for bound in bounds]
 
     def _rounded(self, value: Any) -> str:
         """What a number becomes in float32, where that alone is why it is refused."""
@@ -390,9 +393,8 @@ def _between(numbers: Any, least: Any, most: Any, above: Any, below: Any) -> boo
 
 
 def _float32(numbers: Any) -> np.ndarray:
+    array = np.asarray(numbers)
+    if array.dtype == np.float32:
+        return array
     with np.errstate(over="ignore"):
-        return np.asarray(numbers).astype(np.float32)
-
-
-def _shown(bound: float) -> str:
-    return str(int(bound)) if float(bound).is_integer() else f"{bound:g}"
+        return array.astype(np.float32)

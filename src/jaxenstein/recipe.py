@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from . import registry
+from . import registry, text_maps
 from .environment import AnyEnvironment
 from .errors import (
     JAXensteinError,
@@ -61,7 +61,7 @@ class Recipe:
             if self.id is not None:
                 env, params = registry.make_with(self.id, settings)
             else:
-                env, params = registry.from_ascii(**settings)
+                env, params = text_maps.from_ascii(**settings)
         return env, env.check_params(params.replace(**self.params))
 
     def try_out(self) -> tuple[AnyEnvironment, Any]:

@@ -11,18 +11,14 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import catalogue
-from .catalogue import Build, Entry
+from .catalogue import Build, Row
 from .environment import AnyEnvironment, Environment
-from .errors import JAXensteinError, MapError, SettingError, UnknownEnvironmentError, nearest
+from .errors import JAXensteinError, SettingError, UnknownEnvironmentError, nearest
 
-if TYPE_CHECKING:
-    from .tasks.goals import NavigationParams
-    from .tasks.navigation import Navigation
-
-ENTRIES: dict[str, Entry] = dict(catalogue.ENTRIES)
+ENTRIES: dict[str, Row] = dict(catalogue.ENTRIES)
 """The environments by id, those that were registered by others behind those of the package."""
 ALIASES = catalogue.ALIASES
 
@@ -52,7 +48,6 @@ def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> N
     Raises:
         SettingError: the id is malformed or taken, `build` builds no environments, or the version
             is no whole number.
-
     """
     module = str(sys._getframe(1).f_globals.get("__name__", ""))
     if not isinstance(id, str) or not _ID.fullmatch(id) or _VERSIONED.fullmatch(id):
@@ -72,7 +67,8 @@ def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> N
         raise SettingError(f"the id {id!r} is taken by an environment of the package")
     if id in ENTRIES and ENTRIES[id].module != module:
         raise SettingError(f"the id {id!r} is taken by the module {ENTRIES[id].module!r}")
-    ENTRIES[id] = Entry(summary or _first_line(build), lambda: build, version, module=module)
+    told = summary or _first_line(build)
+    ENTRIES[id] = Row(id, "", build, told, version=version, module=module)
     for listener in LISTENERS:
         listener()
 
@@ -125,14 +121,16 @@ def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[AnyEnvironment, Any
 
     Files run no code: the module of "module:id" must have been imported.
     """
-    name, entry = find(id)
-    _check_names(settings, entry.settings, lambda: _param_names(entry, settings))
-    if missing := [one for one in entry.required if one not in settings]:
+    name, row = find(id)
+    check_names(settings, row.settings, lambda: _param_names(row, settings))
+    parameters = inspect.signature(row.build).parameters.values()
+    needed = {one.name for one in parameters if one.default is one.empty} - {*settings}
+    if missing := [one for one in row.settings if one in needed]:
         raise SettingError(f"{name!r} needs the setting {', '.join(missing)}")
-    env = entry.build(**settings)
+    env = row.build(**settings)
     if not isinstance(env, Environment):
         raise SettingError(f"what {name!r} builds is no environment but {env!r}")
-    env = dataclasses.replace(env, name=name, version=entry.version)
+    env = dataclasses.replace(env, name=name, version=row.version)
     return env, env.check_params()
 
 
@@ -158,8 +156,8 @@ def import_module_of(id: Any) -> None:
         ) from error
 
 
-def find(id: Any) -> tuple[str, Entry]:
-    """The name and the entry that an id stands for: itself, or what an alias means.
+def find(id: Any) -> tuple[str, Row]:
+    """The name and the row that an id stands for: itself, or what an alias means.
 
     Raises:
         UnknownEnvironmentError: there is none, or its module has not been imported.
@@ -171,11 +169,11 @@ def find(id: Any) -> tuple[str, Entry]:
             f"run no code: import {module} first, or on the command line say --import {module}"
         )
     name = ALIASES.get(rest, rest) if isinstance(rest, str) else rest
-    entry = ENTRIES.get(name) if isinstance(name, str) else None
-    if entry is not None:
-        return name, entry
+    row = ENTRIES.get(name) if isinstance(name, str) else None
+    if row is not None:
+        return name, row
     if colon:
-        return id, _entry_of_class(id, sys.modules[module], rest)
+        return id, _row_of_class(id, sys.modules[module], rest)
     if isinstance(id, str | Path) and (Path(id).suffix == ".txt" or len(Path(id).parts) > 1):
         raise UnknownEnvironmentError(
             f"unknown environment {str(id)!r}: the file of a map is read by jaxenstein.from_file, "
@@ -190,120 +188,49 @@ def find(id: Any) -> tuple[str, Entry]:
 
 def portable_id(id: str) -> str:
     """The id with which another process finds the same, with its module if it needs one."""
-    name, entry = find(id)
-    return f"{entry.module}:{name}" if entry.module and ":" not in name else name
+    name, row = find(id)
+    return f"{row.module}:{name}" if row.module and ":" not in name else name
 
 
-def _entry_of_class(id: str, module: ModuleType, name: str) -> Entry:
-    """The entry of "module:Class"."""
+def _row_of_class(id: str, module: ModuleType, name: str) -> Row:
+    """The row of "module:Class"."""
     there = vars(module)
     if name not in there:
         classes = [key for key, value in there.items() if _builds(value)]
-        own = [key for key, entry in ENTRIES.items() if entry.module == module.__name__]
+        own = [key for key, row in ENTRIES.items() if row.module == module.__name__]
         raise UnknownEnvironmentError(
             f"{module.__name__} registers no environment {name!r} and has no class of that name"
             f"{nearest(name, [*own, *classes])}"
         )
     if not _builds(there[name]):
         raise UnknownEnvironmentError(
-            f"{id} is no subclass of jaxenstein.Environment that can be built, but "
+            f"{id} is no subclass of jaxenstein.Environment that can be built, and no "
+            f"functools.partial of one, but "
             f"{there[name]!r}; functions that build environments get an id by jaxenstein.register"
         )
-    cls = there[name]
-    return Entry(_first_line(cls), lambda: cls, cls.version, module=module.__name__)
+    build = there[name]
+    summary, version = _first_line(build), _class_of(build).version
+    return Row(name, "", build, summary, version=version, module=module.__name__)
+
+
+def _class_of(build: Any) -> Any:
+    """The class that a `functools.partial` is of; anything else as it is."""
+    return build.func if isinstance(build, functools.partial) else build
 
 
 def _builds(value: Any) -> bool:
-    """Whether a value is a class of environments that lacks nothing."""
-    return (
-        isinstance(value, type) and issubclass(value, Environment) and not inspect.isabstract(value)
-    )
+    """Whether a value is a class of environments that lacks nothing, or a partial of one."""
+    cls = _class_of(value)
+    return isinstance(cls, type) and issubclass(cls, Environment) and not inspect.isabstract(cls)
 
 
 def _first_line(build: Build) -> str:
     """What its docstring says of a class or function, in one line."""
-    text = inspect.getdoc(build.func if isinstance(build, functools.partial) else build) or ""
+    text = inspect.getdoc(_class_of(build)) or ""
     return text.partition("\n")[0].rstrip(".")
 
 
-def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams]:
-    r"""Build a navigation environment from a map in ASCII characters.
-
-    Args:
-        text: the map, one line a row of tiles; `jaxenstein list --symbols` prints the symbols.
-            It needs at least one spawn `S` and one goal `G`.
-        **settings: those of `make`, and `name`; `heading`, degrees of the first heading: None
-            for any, a number, or (lowest, highest); `regions`, a second text of the same shape
-            that gives floor cells the symbol of the walls around them, or `faces`, one that says
-            what each face of a wall shows; `floor` and `ceiling`, RGB colours.
-
-    Returns:
-        The environment and its default params (1000 steps in an episode, discount 0.99).
-
-    Raises:
-        MapError: with the line and column of what is wrong with the map.
-        SettingError: there is no such setting, or its value is out of range.
-
-    Examples:
-        >>> import jax
-        >>> env, params = from_ascii("#####\n#S G#\n#####", heading=0)
-        >>> obs, state = env.reset(jax.random.key(0), params)
-        >>> state.position.tolist(), obs.shape
-        ([1.5, 1.5], (64, 64, 3))
-        >>> from_ascii("#####\n#S ?#\n#####")
-        Traceback (most recent call last):
-        jaxenstein.errors.MapError: line 2, column 4: unknown symbol '?'; the symbols are ...
-    """
-    try:
-        return _from_texts(text, settings)
-    except MapError as error:
-        if isinstance(text, Path) or (isinstance(text, str) and re.fullmatch(r"[^#]+\.\w+", text)):
-            hint = f"; if {str(text)!r} is the name of a file: from_file reads one"
-            raise MapError(f"{error}{hint}") from error
-        raise
-
-
-def from_file(path: str | Path, **settings: Any) -> tuple[Navigation, NavigationParams]:
-    """Build a navigation environment from the file of a map in ASCII characters.
-
-    Args:
-        path: the map. Of `maze.txt`, `maze.regions.txt` or `maze.faces.txt` beside it says how
-            the walls look.
-        **settings: those of `from_ascii`; the `name` is by default that of the file.
-
-    Returns:
-        As `from_ascii`.
-
-    Raises:
-        MapError: a file cannot be read, or is no map.
-        SettingError: there is no such setting, or its value is out of range.
-    """
-    from .maps.map_files import read_map
-
-    if not isinstance(path, str | Path):
-        raise MapError(f"a file's name is a str or a Path, not {type(path).__name__}")
-    path = Path(path)
-    texts = read_map(path)
-    return _from_texts(texts.pop("text"), {"name": path.stem, **texts, **settings})
-
-
-def _from_texts(text: str, settings: dict[str, Any]) -> tuple[Navigation, NavigationParams]:
-    """As `from_ascii`; warnings name the line of the caller's caller."""
-    from .maps.ascii import parse_ascii
-    from .tasks.first_person import SETTINGS
-    from .tasks.goals import NavigationParams
-    from .tasks.navigation import Navigation
-
-    known = (*SETTINGS, "name", "heading", "regions", "faces", "floor", "ceiling")
-    _check_names(settings, known, lambda: _fields(NavigationParams))
-    name = settings.get("name", "custom")
-    painted = {kind: settings.pop(kind, None) for kind in ("regions", "faces")}
-    tilemap = parse_ascii(text, name, **painted, stacklevel=4)
-    env = Navigation(tilemap=tilemap, **settings)
-    return env, env.check_params()
-
-
-def _check_names(
+def check_names(
     settings: Mapping[str, Any], known: Sequence[str], params: Callable[[], Sequence[str]]
 ) -> None:
     """Raise unless all settings are known; `params` gives the names of the params."""
@@ -320,14 +247,15 @@ def _check_names(
     raise SettingError(f"unknown setting {name!r}{near}; known: {', '.join(known)}")
 
 
-def _param_names(entry: Entry, settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """The names of the params of what an entry builds, () if it cannot be built."""
-    known = {name: value for name, value in settings.items() if name in entry.settings}
+def _param_names(row: Row, settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """The names of the params of what a row builds, () if it cannot be built."""
+    known = {name: value for name, value in settings.items() if name in row.settings}
     try:
-        return _fields(type(entry.build(**known).default_params))
+        return fields_of(type(row.build(**known).default_params))
     except (JAXensteinError, TypeError):
         return ()
 
 
-def _fields(cls: type) -> tuple[str, ...]:
+def fields_of(cls: type) -> tuple[str, ...]:
+    """The names of the fields of params."""
     return tuple(field.name for field in dataclasses.fields(cls))

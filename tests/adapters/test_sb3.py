@@ -41,19 +41,20 @@ def venv(made):
 
 
 class Native:
-    """One environment by `reset_env` and `step_env`; the corridor has nothing drawn by chance."""
+    """One environment by `reset` and `advance`; the corridor has nothing drawn by chance."""
 
     def __init__(self, env, params):
         self.env, self.params, self.key = env, params, jax.random.key(0)
         self.reset()
 
     def reset(self):
-        self.obs, self.state = self.env.reset_env(self.key, self.params)
+        self.obs, self.state = self.env.reset(self.key, self.params)
         return np.asarray(self.obs)
 
     def step(self, action):
-        out = self.env.step_env(self.key, self.state, action, self.params)
-        self.obs, self.state, reward, terminated, _ = out
+        out = self.env.advance(self.key, self.state, action, self.params)
+        self.state, reward, terminated, _ = out
+        self.obs = self.env.observe(self.state, self.params)
         over = int(self.state.time) >= int(self.params.max_steps_in_episode)
         return np.asarray(self.obs), float(reward), bool(terminated), over
 

@@ -111,11 +111,11 @@ def test_ends_are_those_of_the_environment(made):
     batch = TorchBatch(env, params, N)
     first = batch.reset(0)[0]
     key = jax.random.key(0)
-    obs, state = env.reset_env(key, params)
+    _, state = env.reset(key, params)
     walked = []
     for _ in range(3):
-        obs, state, *_ = env.step_env(key, state, FORWARD, params)
-        walked.append(np.asarray(obs))
+        state, *_ = env.advance(key, state, FORWARD, params)
+        walked.append(np.asarray(env.observe(state, params)))
     assert state.done
     for t in range(4):
         stepped = batch.step(torch.tensor([FORWARD, STAY, STAY]))

@@ -294,9 +294,9 @@ def test_the_game_tells_everybody_there() -> None:
     env: Any
     env, params = jaxenstein.make("doom-deadly-corridor", **SETTINGS)
     with vizdoom.GameSession(env, params, 5) as session:
-        ours, kinds = env.init_state(jax.random.key(0), params).creatures, env.roster.cast
-        theirs = session.state.creatures
-        for kind in range(len(env.roster.kinds)):
+        ours, kinds = env.init_state(jax.random.key(0), params).monsters, env.horde.kind_of
+        theirs = session.state.monsters
+        for kind in range(len(env.horde.kinds)):
             places = [np.asarray(c.position)[kinds == kind].tolist() for c in (ours, theirs)]
             assert sorted(places[0]) == sorted(places[1])
         assert np.asarray(theirs.living).all()

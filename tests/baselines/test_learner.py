@@ -189,7 +189,8 @@ def test_policy_is_the_evaluations():
     for _ in range(int(result.episode_length[0])):
         action, carry = run.policy(params, obs, carry)
         memories.append(np.asarray(carry.memory))
-        obs, state, reward, terminated, _ = env.step_env(KEY, state, action)
+        state, reward, terminated, _ = env.advance(KEY, state, action)
+        obs = env.observe(state, env.default_params)
         total += float(reward)
     assert bool(terminated)
     assert total == float(result.episode_return[0])

@@ -10,15 +10,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import jax
-import numpy as np
 import pytest
 
 import jaxenstein
 from jaxenstein import registry
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli import build_parser, listing, main, rollout
-from jaxenstein.cli.opening import given_options, open_environment
 from jaxenstein.trajectory import FORMAT, FORMAT_VERSION
 
 MAP = "#####\n#S.G#\n#####\n"
@@ -250,23 +247,6 @@ def test_broken_pipe_is_quiet() -> None:
     with process.stderr as stream:
         assert stream.read() == b""
     assert process.wait() == 141
-
-
-@pytest.mark.parametrize(
-    ("text", "low", "high"), [("90", 90, 90), ("-45", -45, -45), ("=-45,45", -45, 45)]
-)
-def test_heading_of_a_map_file(text: str, low: float, high: float, tmp_path: Path) -> None:
-    path = tmp_path / "map.txt"
-    path.write_text(MAP)
-    given = ["--heading" + text] if text.startswith("=") else ["--heading", text]
-    options = build_parser().parse_args(["rollout", "--map-file", str(path), *given])
-    env, params, _ = open_environment(given_options(options))
-    keys = jax.random.split(jax.random.key(0), 64)
-    headings = np.rad2deg(jax.vmap(env.init_state, (0, None))(keys, params).heading)
-    headings = (headings + 180) % 360 - 180
-    assert (headings >= low - 1e-3).all()
-    assert (headings <= high + 1e-3).all()
-    assert headings.max() - headings.min() >= 0.8 * (high - low)
 
 
 def test_warnings_about_a_map_are_one_line(

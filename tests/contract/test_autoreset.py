@@ -64,12 +64,13 @@ def test_same_step_returns_the_next_episode():
     np.testing.assert_array_equal(obs, env.reset(jax.random.key(9), params)[0])
 
 
-def test_final_observation_is_that_of_step_env():
+def test_final_observation_is_that_before_the_reset():
     env, params = build("same-step", final_observation=True)
     _, state = env.reset(jax.random.key(0), params)
     for t in range(2):
         key = jax.random.key(t)
-        expected = env.step_env(key, state, FORWARD, params)[0]
+        after = env.advance(jax.random.split(key)[0], state, FORWARD, params)[0]
+        expected = env.observe(after, params)
         obs, state, _, terminated, truncated, info = env.step(key, state, FORWARD, params)
         np.testing.assert_array_equal(info["final_observation"], expected)
         assert (np.asarray(obs) == np.asarray(expected)).all() != (terminated | truncated)
@@ -102,11 +103,10 @@ def test_without_autoreset_the_episode_goes_on():
     np.testing.assert_array_equal(beyond[1].position, last[1].position)
 
 
-def test_step_env_never_resets():
+def test_advance_never_resets():
     env, params = build("same-step", limit=1)
-    _, state = env.reset_env(jax.random.key(0), params)
-    obs, state, reward, terminated, info = env.step_env(jax.random.key(0), state, FORWARD, params)
-    del obs, reward
+    _, state = env.reset(jax.random.key(0), params)
+    state, _, terminated, info = env.advance(jax.random.key(0), state, FORWARD, params)
     assert not terminated
     assert state.time == 1
     assert state.done

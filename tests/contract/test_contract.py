@@ -1,5 +1,6 @@
 """What every environment keeps, tried on every id."""
 
+import dataclasses
 import functools
 import importlib
 import inspect
@@ -14,11 +15,11 @@ import pytest
 
 import jaxenstein
 from jaxenstein.environment import Environment
-from jaxenstein.tasks.doom.arena import DoomArena
 from jaxenstein.tasks.doom.basic import DoomBasic
-from jaxenstein.tasks.doom.corridor import DoomDeadlyCorridor
+from jaxenstein.tasks.doom.deadly_corridor import DoomDeadlyCorridor
 from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering
 from jaxenstein.tasks.doom.my_way_home import DoomMyWayHome
+from jaxenstein.tasks.doom.scenario import DoomScenario
 from jaxenstein.tasks.explore import Explore
 from jaxenstein.tasks.health import HealthTask
 from jaxenstein.tasks.health_gathering import HealthGathering
@@ -167,7 +168,7 @@ def about_to_end(env, state):
         time = jnp.int32(int(env.default_params.damage_period) - 1)
         nothing = jnp.zeros_like(state.present)
         return state.replace(health=jnp.int32(1), time=time, present=nothing)
-    if isinstance(env, DoomArena):
+    if isinstance(env, DoomScenario):
         return state.replace(health=jnp.int32(0))
     if isinstance(env, CollectHealth):
         return state.replace(health=jnp.int32(1))
@@ -234,7 +235,7 @@ def test_truth_table_of_ends(name, ending, limit):
     np.testing.assert_array_equal(terminated[0], [ends, ends])
     np.testing.assert_array_equal(truncated[0], [limit, limit])
     # Where nothing but survival counts, the limit is the aim; elsewhere it is what ends the task.
-    survives = isinstance(env, HealthTask) and not isinstance(env, DoomDeadlyCorridor)
+    survives = isinstance(env, HealthTask | DoomScenario) and not env.success_event
     aim = limit and not ending if survives else ending
     # The game leaves these levels in the tic after the aim was reached.
     aim = aim and not isinstance(env, DoomMyWayHome | DoomBasic | DoomDeadlyCorridor)
@@ -333,7 +334,7 @@ def test_observation_kinds(observation):
 
 
 def test_step_renders_once():
-    """Auto-reset selects a state, not a frame: `step` costs hardly more than `step_env`."""
+    """Auto-reset selects a state, not a frame: `step` costs hardly more without resets."""
     env, params = jaxenstein.make("my-way-home")
     keys = jax.random.split(jax.random.key(0), 8)
     _, states = jax.vmap(env.reset, (0, None))(keys, params)
@@ -343,7 +344,7 @@ def test_step_renders_once():
         lowered = jax.jit(jax.vmap(step, (0, 0, 0, None))).lower(keys, states, actions, params)
         return cast(dict, lowered.compile().cost_analysis())["flops"]
 
-    once = flops(env.step_env)
+    once = flops(dataclasses.replace(env, autoreset=None).step)
     assert once < flops(env.step) <= 1.15 * once
     twice, _ = jaxenstein.make("my-way-home", final_observation=True)
     assert flops(twice.step) > 1.5 * once

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import jaxenstein
-from docs import environment_pages, measured, other_pages, page_parts, pictures
+from docs import environment_pages, measured, other_pages, page_parts
 from docs.page_parts import FAMILIES
 from jaxenstein.baselines.runs import options
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
@@ -45,14 +45,6 @@ def test_pictures_and_animations_exist(pages) -> None:
         assert len(moving) == 2 * shows
         for path in [*shown, *moving]:
             assert (DOCS / path).is_file(), path
-
-
-def test_families_with_other_looks_show_them(pages) -> None:
-    drawn = {path.stem for path in (DOCS / "images" / "looks").iterdir()}
-    assert drawn == set(pictures.WITH_LOOKS)
-    assert drawn == {f.ids[0] for f in FAMILIES if not f.name.startswith("doom")}
-    for family in FAMILIES:
-        assert ("\n## Looks\n" in pages[family.name]) == (family.ids[0] in drawn)
 
 
 def test_numbers_are_those_of_the_tasks() -> None:
@@ -96,17 +88,6 @@ def test_links_to_pages_outside_of_the_site_lead_to_those_that_show_them() -> No
     assert page_parts.turned(text) == "[how](measuring.md#x), programs, [me](concepts.md)"
     for target, page in page_parts.SHOWN.items():
         assert f"{{include}} {target}" in (DOCS / page).read_text("utf-8")
-
-
-def test_the_scoreboard_has_both_ends_of_the_scale_for_each_id(pages) -> None:
-    table = pages["scoreboard"].partition("## Agents")[0]
-    rows = re.findall(r"^\| \[`(.+?)`\]\((.+?)\.md#\1\) \| (\S+) .* \|$", table, re.M)
-    assert [name for name, _, _ in rows] == list(IDS)
-    assert all(page in pages for _, page, _ in rows)
-    means = {row["id"]: row["mean"] for row in page_parts.stored_returns()["players"][::2]}
-    assert [float(mean) for _, _, mean in rows] == [
-        pytest.approx(means[name], rel=1e-3) for name in IDS
-    ]
 
 
 def test_the_scoreboard_names_what_trained_its_agents(pages) -> None:

@@ -12,6 +12,7 @@ import jaxenstein
 from examples import custom_shooter
 from jaxenstein.cli import main
 from jaxenstein.players import play, player_of
+from jaxenstein.tasks.shooter import Shooter
 
 
 @pytest.fixture(scope="module")
@@ -52,4 +53,4 @@ def test_an_agent_trains_on_it(tmp_path) -> None:
     ]  # fmt: skip
     assert main(["train", *flags, "--out", str(tmp_path / "run")]) == 0
     policy = importlib.import_module("jaxenstein.baselines").load_policy(tmp_path / "run")
-    assert isinstance(policy.env, custom_shooter.Outpost)
+    assert isinstance(policy.env, Shooter)

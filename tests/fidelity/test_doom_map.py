@@ -9,7 +9,7 @@ import pytest
 
 from fidelity.doom_map import read_lump, read_map
 from jaxenstein.errors import MapError
-from jaxenstein.tasks.doom.walls import MAP_SPOT, Line, Thing, load_map
+from jaxenstein.tasks.doom.maps import MAP_SPOT, Line, MapThing, load_map
 
 # Clockwise, as Doom's walls go around what they enclose.
 CORNERS = [(0, 64), (32, 64), (32, 0), (0, 0)]
@@ -40,7 +40,7 @@ def test_a_map_is_read() -> None:
         Line(0, 0, 0, 64, "T3"),
     )
     # By kind and id.
-    assert found.things == (Thing(1, 0, 1.0, -2.0), Thing(MAP_SPOT, 10, 8.0, 8.5))
+    assert found.things == (MapThing(1, 0, 1.0, -2.0), MapThing(MAP_SPOT, 10, 8.0, 8.5))
     assert (found.floor, found.ceiling, found.light) == (0, 128, 160)
     inner = "linedef { v1 = 0; v2 = 2; sidefront = 0; sideback = 1; }"
     assert read_map(udmf(extra=inner)).walls == found.walls

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.engine.shade import ImageKind
+from jaxenstein.environment import outcome_of
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.symbols import DOOR_LABELS
 from jaxenstein.tasks.first_person import FirstPerson
@@ -129,12 +131,12 @@ def test_an_episode_keeps_its_look_and_the_next_has_another(id: str) -> None:
     """Where all of a batch are drawn if one is, and where those alone that need it."""
     env, params = made(id, look="random")
     limit = params.replace(max_steps_in_episode=3)
-    turn = jax.jit(jax.vmap(env.turn, (0, 0, 0, 0, None)))
+    step = jax.jit(jax.vmap(functools.partial(outcome_of, env), (0, 0, 0, 0, None)))
     states, seen = begun(2, id, look="random"), []
     for i in range(6):
         seen.append(np.asarray(states.look))
         keys = jax.random.split(jax.random.key(i), 4)
-        states = turn(keys[:2], keys[2:], states, jnp.zeros(2, jnp.int32), limit).state
+        states = step(keys[:2], keys[2:], states, jnp.zeros(2, jnp.int32), limit).state
     seen.append(np.asarray(states.look))
     for number, (before, after) in enumerate(itertools.pairwise(seen), 1):
         assert ((before == after) == (number % 3 != 0)).all()

@@ -35,7 +35,7 @@ SETTINGS = {"height": 6, "width": 8}
 @functools.cache
 def house():
     env, params = jaxenstein.from_ascii(HOUSE.strip("\n"), **SETTINGS)
-    return env, params, jax.jit(env.step_env)
+    return env, params, jax.jit(env.advance)
 
 
 class Oracle:
@@ -126,7 +126,7 @@ def test_one_step_agrees_with_the_oracle(data, cell, inside, heading, action, mo
     assert order == [door[:2] for door in oracle.doors]
     assert [(k.column, k.row) for k in env.tilemap.keys] == [key[:2] for key in oracle.keys]
     picked, newly_opened, reached = oracle.step(action)
-    _, after, reward, terminated, info = step(jax.random.key(0), state, action, params)
+    after, reward, terminated, info = step(jax.random.key(0), state, action, params)
     np.testing.assert_allclose(after.position, oracle.position, atol=2e-5)
     np.testing.assert_allclose(np.cos(after.heading), math.cos(oracle.heading), atol=1e-5)
     np.testing.assert_allclose(np.sin(after.heading), math.sin(oracle.heading), atol=1e-5)
@@ -149,7 +149,7 @@ def follow(env, params, heading, actions):
     state = state.replace(heading=jnp.float32(heading))
     trace = []
     for action in actions:
-        _, state, reward, terminated, info = env.step_env(jax.random.key(0), state, action, params)
+        state, reward, terminated, info = env.advance(jax.random.key(0), state, action, params)
         trace.append((state, float(reward), bool(terminated), info))
     return trace
 
@@ -169,7 +169,7 @@ def test_key_door_is_solved_only_with_the_key():
     without = env.init_state(jax.random.key(0), params).replace(
         position=jnp.array([4.5, 1.5], jnp.float32)
     )
-    _, state, *_ = env.step_env(jax.random.key(0), without, INTERACT, params)
+    state, *_ = env.advance(jax.random.key(0), without, INTERACT, params)
     assert not state.opened.any()
 
 

@@ -30,6 +30,6 @@ def first_info(env: AnyEnvironment, key: jax.Array, state: Any, params: Any) -> 
     It has the entries, shapes and dtypes of a step's, so that both fit one `jax.lax.scan`.
     """
     action = jnp.int32(0)
-    shapes = jax.eval_shape(env.step_env, key, state, action, params)[-1]
+    shapes = jax.eval_shape(env.advance, key, state, action, params)[-1]
     zeros = {name: jnp.zeros(leaf.shape, leaf.dtype) for name, leaf in shapes.items()}
     return zeros | env.describe(state, params)

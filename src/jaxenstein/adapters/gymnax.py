@@ -136,10 +136,10 @@ class GymnaxEnvironment(base.Environment):
         The end is bool[] terminated with gymnax 1.x, bool[] done with 0.0.x; `info` is that of
         `step`.
         """
-        *front, terminated, info = self.env.step_env(key, state, action, params)
-        state = front[1]
+        state, reward, terminated, info = self.env.advance(key, state, action, params)
         info = _with_ends(info, terminated, self.is_truncated(state, params))
-        return (*front, terminated if STEP_VALUES == 6 else state.done, info)
+        end = terminated if STEP_VALUES == 6 else state.done
+        return self.get_obs(state, params), state, reward, end, info
 
     def observe(self, key: jax.Array, state: Any, action: Any, params: Any) -> Any:
         """The observation of a state; key and action do not matter."""

@@ -12,7 +12,7 @@ import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
 from ..batching import select
-from ..environment import AnyEnvironment
+from ..environment import AnyEnvironment, outcome_of
 from ..packing import Packing
 
 
@@ -49,8 +49,7 @@ def layouts(env: AnyEnvironment, params: Any) -> tuple[Packing, Packing]:
         return jax.random.key(0), env.first_state(jax.random.key(0), params)
 
     def outcome(key: jax.Array, state: Any) -> Any:
-        turn = env.turn(key, key, state, jnp.int32(0), params)
-        return turn.reward, turn.terminated, turn.truncated, turn.info
+        return outcome_of(env, key, key, state, jnp.int32(0), params)[2:]
 
     return Packing(kept), Packing(lambda: outcome(*kept()))
 
@@ -105,8 +104,8 @@ def step(
         # A reset takes the key that `restart` would take, the world's step that of other modes.
         steps, resets = _split(used)
         used = (steps, used if env.autoreset else resets)
-        turn = jax.vmap(env.turn, (0, 0, 0, 0, None))(*used, states, actions, params)
-        states, _, *rest = turn
+        step = jax.vmap(functools.partial(outcome_of, env), (0, 0, 0, 0, None))
+        states, _, *rest = step(*used, states, actions, params)
         observation = jax.vmap(env.observe, (0, None))(states, params)
         return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(outcome.pack)(tuple(rest))
 

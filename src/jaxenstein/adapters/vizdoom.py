@@ -23,9 +23,9 @@ from ..episodes.policies import Policy
 from ..episodes.session import NO_OP, Session, check_seed, whole_action
 from ..errors import SettingError
 from ..tasks.doom.fixed import to_fixed
-from ..tasks.doom.look import label_of
+from ..tasks.doom.parts import Game
 from ..tasks.doom.scenario import DoomScenario
-from ..tasks.doom.shooter import DoomShooter
+from ..tasks.doom.view import label_of
 from .gymnasium import gymnasium, gymnasium_space, resolve
 from .vizdoom_buffers import (
     VARIABLES,
@@ -87,7 +87,7 @@ class GameSession(Session):
         params = env.default_params if params is None else params
         limit = int(params.max_steps_in_episode)
         size = screen_for(env.height, env.width)
-        weapon = isinstance(env, DoomShooter) and env.show_weapon
+        weapon = env.show_weapon
 
         def prepare(game: Any) -> None:
             game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
@@ -208,7 +208,7 @@ class GameSession(Session):
             image = colour_image(self.screen, (self.env.view_height, self.env.width))
             if kind == "gray":
                 image = grey(image)
-            if isinstance(self.env, DoomShooter) and self.env.hud:
+            if self.env.hud:
                 strip = self.env.strip(self.state, "gray" if kind == "gray" else "rgb")
                 image = np.concatenate([image, np.asarray(strip)])
             self.observation = image
@@ -216,13 +216,10 @@ class GameSession(Session):
                 variables = jax.device_get(self.env.variables(self.state))
                 self.observation = {"image": image, **variables}
 
-    @property
-    def things(self) -> np.ndarray:
-        """int64[M, 6]: what stands and flies about, as `DoomScenario.with_things` takes it."""
-        looks = {name: look for look, name in enumerate(self.env.game_things)}
-        things = [
+    def _told_by_game(self, health: int, values: list[int]) -> Game:
+        """What the game tells besides the pose."""
+        rows = [
             (
-                looks[o.name],
                 to_fixed(o.position_x),
                 to_fixed(o.position_y),
                 o.id,
@@ -230,9 +227,15 @@ class GameSession(Session):
                 to_fixed(math.hypot(o.velocity_x, o.velocity_y)),
             )
             for o in self._seen.objects
-            if o.name in looks
         ]
-        return np.array(things, np.int64).reshape(-1, 6)
+        return Game(
+            names=tuple(o.name for o in self._seen.objects),
+            objects=np.array(rows, np.int64).reshape(-1, 5),
+            variables={
+                "HEALTH": health,
+                **dict(zip(self.env.game_variables, values, strict=True)),
+            },
+        )
 
     @property
     def told(self) -> Any:
@@ -249,9 +252,8 @@ class GameSession(Session):
             angle=np.uint32(_turns(angle)),
             time=np.int32(len(self.actions) * self.env.frame_skip),
         )
-        values = dict(zip(self.env.game_variables, map(round, rest), strict=True))
-        state = self.env.with_variables(state, values)
-        self._told = self.env.with_things(state, round(health), self.things)
+        game = self._told_by_game(round(health), list(map(round, rest)))
+        self._told = self.env.from_game(state, game)
         return self._told
 
     @property

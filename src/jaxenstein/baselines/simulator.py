@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..environment import Environment
+from ..environment import Environment, outcome_of
 from ..errors import SettingError
 from ..pytree import PyTreeNode
 
@@ -83,15 +83,15 @@ class OwnSimulator:
     def _step(self, key: jax.Array, state: Any, action: jax.Array) -> Outcome:
         env, params = self._env, self._env.check_params(self._params)
         step_key, reset_key = jax.random.split(key)
-        step = self._resetting.turn(step_key, reset_key, state, action, params)
+        out = outcome_of(self._resetting, step_key, reset_key, state, action, params)
         return Outcome(
-            obs=env.observe(step.state, params),
-            state=step.state,
-            reward=step.reward.astype(jnp.float32),
-            terminated=step.terminated,
-            truncated=step.truncated & ~step.terminated,
-            reached=step.info["success"],
-            final=step.final,
+            obs=env.observe(out.state, params),
+            state=out.state,
+            reward=out.reward.astype(jnp.float32),
+            terminated=out.terminated,
+            truncated=out.truncated & ~out.terminated,
+            reached=out.info["success"],
+            final=out.final,
         )
 
     def final_of(self, obs: Any, state: Any) -> Any:

@@ -107,6 +107,11 @@ def size(text: str) -> tuple[int, int]:
     raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels like 64x64, not {text!r}")
 
 
+# What the help calls a value of each form.
+METAVARS = {
+    "whole": "N", "number": "X", "choice": "NAME", "text": "TEXT", "layers": "KxSxF,...",
+    "angle": "DEGREES", "seeds": "FIRST,STOP",
+}  # fmt: skip
 # Flags of options that are tables, and what one entry looks like; other names of others.
 TABLES = {
     "settings": ("--set", "NAME=VALUE"),
@@ -172,7 +177,7 @@ def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
     elif option.domain.form == "switch":
         group.add_argument(*flags, action=argparse.BooleanOptionalAction, **common)
     else:
-        read, metavar = reader(option.domain), option.domain.metavar
+        read, metavar = reader(option.domain), METAVARS[option.domain.form]
         group.add_argument(*flags, type=read, metavar=metavar, **common)
 
 

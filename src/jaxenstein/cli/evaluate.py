@@ -148,7 +148,7 @@ def table(results: dict[str, Result]) -> str:
 
 def _film(policy: Any, options: argparse.Namespace) -> None:
     if options.game is not None:
-        from .crossing import film
+        from .beside_vizdoom import film
 
         pictures, summary = film(policy, options.seed)
         save_animation(pictures, options.gif, options.fps)

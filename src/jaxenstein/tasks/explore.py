@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
@@ -310,29 +310,9 @@ def _floor(state: ExploreState, closed: jax.Array) -> jax.Array:
     return ((walls == 0) | (walls == _DOOR)) & ~shut
 
 
-# Kind, cells with the border, rooms, their least and most side, places in each, the most doors,
-# steps, reward. Of 2048 mazes of these sizes, none has more than 16 or 35 doorways.
-_LEVELS: dict[str, tuple[Kind, int, int, int, int, int, int, int, float]] = {
-    "goal-locations": ("goal", 11, 4, 3, 5, 4, 0, 1350, 10.0),
-    "goal-locations-large": ("goal", 17, 9, 3, 3, 4, 0, 1800, 10.0),
-    "obstructed-goals": ("goal", 11, 4, 3, 5, 4, 20, 1350, 10.0),
-    "obstructed-goals-large": ("goal", 17, 9, 3, 3, 4, 40, 1800, 10.0),
-    "object-locations": ("apples", 11, 4, 3, 5, 4, 0, 1350, 1.0),
-    "object-locations-large": ("apples", 17, 9, 3, 3, 4, 0, 1800, 1.0),
-    "object-rewards": ("objects", 13, 1, 11, 11, 8, 0, 1350, 2.0),
-    "object-rewards-many": ("objects", 13, 1, 11, 11, 16, 0, 1800, 2.0),
-}
-
-
-def build(name: str) -> functools.partial[Explore]:
-    """One of the original's levels, by its id; a step is four frames, a fifteenth of a second."""
-    level = _LEVELS[name.removeprefix("dmlab-explore-")]
-    kind, size, rooms, least, most, places, doors, steps, reward = level
-    return functools.partial(
-        Explore,
-        kind=kind,
-        plan=MazePlan(size, rooms, least, most),
-        places=places,
-        doors=doors,
-        defaults=ExploreParams(max_steps_in_episode=steps, reward=reward),
-    )
+def level(
+    size: int, rooms: int, *, least: int = 3, most: int = 5, **settings: Any
+) -> functools.partial[Explore]:
+    """One of the original's levels, by the numbers of its `MazePlan` and other settings."""
+    fixed = {"kind": "goal", "places": 4, "doors": 0, **settings}
+    return functools.partial(Explore, plan=MazePlan(size, rooms, least, most), **fixed)

@@ -19,6 +19,7 @@ from ..batching import varying
 from ..engine.scene import Scene
 from ..environment import Info, Scalar
 from ..errors import SettingError
+from ..maps.ascii import load_layout
 from ..maps.reach import open_tiles, walking_distances
 from ..maps.things import APPLE
 from ..maps.tilemap import Cell, TileMap
@@ -37,6 +38,9 @@ class MazeParams(NavigationParams):
 
     goal_reward: Scalar = 10.0
     apple_reward: Scalar = 1.0
+
+
+DEFAULTS = MazeParams()
 
 
 class MazeState(NavigationState):
@@ -65,6 +69,7 @@ class Maze(Navigation):
             those of the map.
     """
 
+    defaults: MazeParams = DEFAULTS
     start_distance: int = 0
     respawn: bool = False
     drawn_apples: int = 0
@@ -223,3 +228,34 @@ def far_starts(tilemap: TileMap, distance: int) -> tuple[np.ndarray, np.ndarray]
             f"row {row} (from 0)"
         )
     return np.argsort(~allowed, axis=1, kind="stable").astype(np.int32), counts
+
+
+# Floor (two colours of a checker) of the mazes 01, 02 and 03 of DeepMind Lab, after the names of
+# their textures, and the sky above them.
+_FLOORS = (
+    ((204, 118, 52), (184, 102, 42)),
+    ((70, 112, 188), (60, 98, 170)),
+    ((78, 150, 84), (66, 126, 150)),
+)
+_SKY = (142, 190, 228)
+# Five cells of two tiles.
+_START_DISTANCE = 10
+
+
+def dmlab(kind: str, number: int, respawn: bool) -> functools.partial[Maze]:
+    """One of DeepMind Lab's mazes, 1 to 3; `kind` is "static" or "random-goal"."""
+    tilemap = load_layout(f"dmlab-{kind}-{number:02}", goal_required=False)
+    cells = tilemap.apples
+    if kind == "random-goal":
+        tilemap = dataclasses.replace(tilemap, spawns=cells, goals=cells, apples=())
+    elif not respawn:
+        tilemap = dataclasses.replace(tilemap, apples=())
+    return functools.partial(
+        Maze,
+        tilemap=tilemap,
+        start_distance=_START_DISTANCE,
+        respawn=respawn,
+        drawn_apples=len(cells) // 10 if kind == "random-goal" and respawn else 0,
+        floor=_FLOORS[number - 1],
+        ceiling=_SKY,
+    )

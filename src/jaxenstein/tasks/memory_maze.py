@@ -289,19 +289,11 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         return jnp.where(paved, jnp.uint8(0), colours[block])
 
 
-# Of each the size without the border, things and steps; the largest has nine rooms of 3 by 3 tiles.
-_SIZES = {
-    "memory-maze-9x9": (9, 3, 1000),
-    "memory-maze-11x11": (11, 4, 2000),
-    "memory-maze-13x13": (13, 5, 3000),
-    "memory-maze-15x15": (15, 6, 4000),
-}
+def maze(size: int, things: int) -> functools.partial[MemoryMaze]:
+    """One of the original's mazes, by its size without the border and how many things it has.
 
-
-def build(name: str) -> functools.partial[MemoryMaze]:
-    """One of the original's sizes, by its id."""
-    size, things, steps = _SIZES[name]
+    The largest has nine rooms of 3 by 3 tiles.
+    """
     rooms, most = (9, 3) if size == 15 else (6, 5)
     plan = MazePlan(size + 2, rooms, most=most, fewest=things)
-    defaults = MemoryMazeParams(max_steps_in_episode=steps)
-    return functools.partial(MemoryMaze, plan=plan, things=things, defaults=defaults)
+    return functools.partial(MemoryMaze, plan=plan, things=things)

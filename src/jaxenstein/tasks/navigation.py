@@ -14,8 +14,9 @@ from ..about import About
 from ..engine.level import Level, compile_level
 from ..engine.scene import Theme
 from ..environment import Params, State
+from ..maps.ascii import load_layout
 from ..maps.things import GOAL, KEY, RGB
-from ..maps.tilemap import TileMap
+from ..maps.tilemap import Cell, TileMap
 from ..players.walking import distance_tables
 from .appearance import CEILING, FLOOR, build_theme, check_rgb
 from .draws import draw_index
@@ -171,3 +172,29 @@ class Navigation(KeysAndDoorsTask[NavigationState], MapGoalTask[NavigationState]
         weights = 2 ** np.arange(len(self.tilemap.keys), dtype=np.int32)
         taken = jnp.sum(jnp.where(state.taken, weights, 0), dtype=jnp.int32)
         return jnp.asarray(distance_tables(self.tilemap))[taken, state.goal].astype(jnp.int32)
+
+
+def from_layout(
+    layout: str, *, regions: bool = True, spawn: Cell | None = None, **settings: Any
+) -> functools.partial[Navigation]:
+    """Navigation on one of the package's maps.
+
+    Args:
+        layout: the name of the map.
+        regions: whether walls have the colours of their regions.
+        spawn: the one start, (column, row), in the place of those of the map.
+        **settings: of `Navigation`.
+    """
+    tilemap = load_layout(layout, regions=regions)
+    tilemap = tilemap.with_spawns((spawn,)) if spawn else tilemap
+    return functools.partial(Navigation, tilemap=tilemap, **settings)
+
+
+def my_way_home(heading: Any = None, **variant: Any) -> functools.partial[Navigation]:
+    """ViZDoom's My Way Home on tiles.
+
+    Its texture for both floor and ceiling, FLAT1_1, has the mean RGB (65, 46, 26).
+    """
+    floor, ceiling = ((104, 84, 62), (84, 66, 46)), (52, 42, 34)
+    view = {"heading": heading, "floor": floor, "ceiling": ceiling}
+    return from_layout("my-way-home", **view, **variant)

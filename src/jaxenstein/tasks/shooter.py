@@ -8,6 +8,9 @@ has 35.
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 import jax
@@ -15,39 +18,87 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..about import About, Event
+from ..engine.level import Level, compile_level
+from ..engine.scene import Theme
+from ..engine.shade import Light
 from ..environment import Info
+from ..errors import MapError, SettingError
+from ..maps.symbols import LABEL_COLOURS
+from ..maps.things import MEDKIT, THING_OF
+from ..maps.tilemap import TileMap
 from ..params import Params, Scalar, number
-from .doom.arena import DoomArenaParams
-from .doom.blasts import MOST
-from .doom.creatures import Creatures, placed
-from .doom.drawn_arena import KINDS, DrawnArena, DrawnState
-from .doom.hunting import HUNT
-from .doom.kinds import Kind, standing
-from .doom.projectiles import no_projectiles
-from .doom.shooter import EVENTS
-from .doom.weapons import PISTOL, ROCKET_LAUNCHER, Weapon
-from .draws import draw_index
+from .appearance import CEILING, FLOOR
+from .doom.arsenal import Arsenal
+from .doom.collision import RADIUS, Geometry, build_geometry, overlap, segments
+from .doom.fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
+from .doom.fixed import ONE
+from .doom.maps import DoomMap, TileGrid
+from .doom.monster_kinds import (
+    CHAINGUN_GUY,
+    CHAINSAW_MARINE,
+    DEMON,
+    IMP,
+    SHOTGUN_GUY,
+    ZOMBIE,
+    Act,
+    MonsterKind,
+    standing,
+)
+from .doom.monsters import Horde
+from .doom.parts import Health, Part
+from .doom.physics import ALL_MOVES
+from .doom.players import HUNT, tiles_of
+from .doom.projectiles import HITS, Missiles, Projectiles, fireballs, rockets
+from .doom.respawn import asleep
+from .doom.scenario import DoomScenario, Room
+from .doom.text_map import (
+    TILE,
+    Goals,
+    Supplies,
+    centres_of,
+    doom_map_of,
+    grid_of,
+    read_text,
+    things_of,
+)
+from .doom.weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Slot, Weapon
 from .health import FULL_HEALTH
+from .steering import heading_range
 
 __all__ = [
     "KINDS",
     "PISTOL",
     "ROCKET_LAUNCHER",
-    "Kind",
+    "MonsterKind",
     "Shooter",
     "ShooterParams",
     "ShooterState",
     "Weapon",
+    "reached_aim",
+    "reward_of",
     "standing",
+    "tiles_of",
+    "toward_aim",
 ]
 
-# The first look of a monster is one of so many tics.
-_FIRST_LOOKS = 10
-# The health and the shots below which a player fetches more.
+KINDS: Mapping[str, MonsterKind] = {
+    "z": ZOMBIE,
+    "s": SHOTGUN_GUY,
+    "c": CHAINGUN_GUY,
+    "i": IMP,
+    "d": DEMON,
+    "m": CHAINSAW_MARINE,
+}
+"""The kind of monster that each symbol of a map stands for."""
+MOST_MONSTERS, MOST_TILES = 64, 64
+"""How many monsters a map may have, and how many columns and rows."""
+# Half-width of what is taken and of goals; fireballs in flight, of each imp and of all together.
+_THING, _BALLS, _MOST_BALLS = 20, 4, 24
+# The health and the shots below which the player `hunt` fetches more.
 _HURT, _SHORT = 60, 8
 
 
-class ShooterParams(DoomArenaParams):
+class ShooterParams(FightParams):
     """The numbers of a shooter.
 
     Attributes:
@@ -71,15 +122,49 @@ class ShooterParams(DoomArenaParams):
     clip: Scalar = number(10, 0)
 
 
-class ShooterState(DrawnState):
-    """State of a shooter: that of its player, its monsters and its map."""
+class ShooterState(FightState):
+    """State of a shooter, on a map with M medkits and boxes of ammunition.
+
+    Attributes:
+        fireballs: those in flight.
+        rockets: the player's, if it fires any.
+        supplies: bool[M], which medkits and boxes still lie there.
+    """
+
+    fireballs: Projectiles
+    rockets: Projectiles
+    supplies: jax.Array
+
+
+def reached_aim(env: Shooter, state: ShooterState) -> jax.Array:
+    """bool[]: whether the player is at a goal; on a map without one, whether all monsters died."""
+    if env.tilemap.goals:
+        return jnp.any(env.touches(state, env.goal_part.places))
+    return ~jnp.any(state.monsters.living)
+
+
+def reward_of(
+    before: ShooterState, after: ShooterState, won: jax.Array, params: ShooterParams
+) -> jax.Array:
+    """float32[]: the reward of a tic; `won` is bool[], and at death `after.health` is 0."""
+    kills = (after.kills - before.kills).astype(jnp.float32)
+    reward = params.living_reward + params.kill_reward * kills
+    reward = reward + jnp.where(won, params.win_reward, 0)
+    return reward - jnp.where(after.health <= 0, params.death_penalty, 0)
+
+
+def toward_aim(env: Shooter, state: ShooterState) -> jax.Array:
+    """bool[rows, columns]: the tiles of the goals; on a map without one, of the monsters."""
+    if env.tilemap.goals:
+        goals = env.goal_part.places
+        return tiles_of(env, goals, np.ones(len(goals), bool))
+    return tiles_of(env, state.monsters.position, state.monsters.living)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Shooter(DrawnArena[ShooterState, ShooterParams]):
+class Shooter(DoomScenario[ShooterState, ShooterParams]):
     """Reach the goal of a map with monsters; of one without a goal, kill them all.
 
-    A subclass changes what it likes: `weapon`, `ammo`, `monsters`, `button_names`, `won`, `reward`.
     Monsters look anywhere at first, and stay where they are until they see the player before them
     or hear a shot. Medkits and ammunition are taken by walking over them while they are needed.
     Rockets, where the weapon fires them, hurt all around where they burst, the player too.
@@ -89,132 +174,244 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
             for ammunition; without doors, keys and apples.
         heading: degrees of the first heading, 0 eastwards and growing clockwise: None for any, a
             number, or (lowest, highest).
+        weapon: the player's.
+        ammo: shots at first.
+        most_ammo: shots that there can be.
+        monsters: kinds for some of the symbols of `KINDS`, in the place of those.
+        fast: whether monsters react at once and attack without pausing, as in the game's highest
+            skill.
+        aim: what success means, in words that follow "the agent"; "" for what the map says.
+        won: a function of (environment, state) that tells as bool[] whether the aim is reached,
+            which ends the episode.
+        reward: a function of (state before, state after, won, params): float32[], of a tic.
+        destination: a function of (environment, state) that tells the player `hunt` as bool[rows,
+            columns] the tiles where to go when it sees no monster.
 
     Raises:
         MapError: with line and column of what is wrong with the map; or it has no monster, or more
             than `MOST_MONSTERS`, or more than `MOST_TILES` columns or rows.
-        SettingError: a setting is out of range, or a kind of monster has a name for which there
-            are no pictures.
+        SettingError: a setting is out of range, or there is no such symbol of a monster.
     """
 
+    text: str = dataclasses.field(repr=False)
+    heading: float | tuple[float, float] | None = None
+    weapon: Weapon = PISTOL
+    ammo: int = number(50, 0, 1_000_000)
+    most_ammo: int = number(100, 0, 1_000_000)
+    monsters: Mapping[str, MonsterKind] | tuple[tuple[str, MonsterKind], ...] = ()
+    fast: bool = False
+    aim: str = ""
+    won: Callable[[Shooter, ShooterState], jax.Array] = reached_aim
+    reward: Callable[[ShooterState, ShooterState, jax.Array, ShooterParams], jax.Array] = reward_of
+    destination: Callable[[Shooter, ShooterState], jax.Array] = toward_aim
+
     params_class: ClassVar[type[Params]] = ShooterParams
-    weapon: ClassVar[Weapon] = PISTOL
-    ammo: ClassVar[int] = 50
-    most_ammo: ClassVar[int] = 100
-    # What success means, in words that follow "the agent"; "" for what the map says.
-    aim: ClassVar[str] = ""
+    success_event: ClassVar[str] = "won"
+    unit: ClassVar[int] = TILE
+    takes_patterns: ClassVar[bool] = True
+    button_names: ClassVar[tuple[str, ...]] = ALL_MOVES
+
+    def __post_init__(self) -> None:
+        """Check the settings and the map."""
+        if isinstance(self.monsters, Mapping):
+            object.__setattr__(self, "monsters", tuple(self.monsters.items()))
+        super().__post_init__()
+        heading_range(self.heading)
+        if strange := sorted({symbol for symbol, _ in self._changes} - set(KINDS)):
+            known = ", ".join(map(repr, KINDS))
+            raise SettingError(
+                f"monsters has a kind for {strange[0]!r}, which is none of the symbols {known}"
+            )
+        columns, rows = self.tilemap.columns, self.tilemap.rows
+        if max(columns, rows) > MOST_TILES:
+            raise MapError(
+                f"a map of {columns} columns and {rows} rows is too large for a shooter: the limit "
+                f"is {MOST_TILES} of each"
+            )
+        count = len(things_of(self.tilemap, "monster")[0])
+        if not 1 <= count <= MOST_MONSTERS:
+            raise MapError(
+                f"a shooter has 1 to {MOST_MONSTERS} monsters ({' '.join(KINDS)}), not {count} as "
+                "this map"
+            )
+
+    @property
+    def _changes(self) -> tuple[tuple[str, MonsterKind], ...]:
+        return tuple(self.monsters.items() if isinstance(self.monsters, Mapping) else self.monsters)
+
+    # The map.
+
+    @property
+    def room(self) -> Room:
+        """The colours of other maps in characters."""
+        return Room("", floor=FLOOR[0], ceiling=CEILING)
+
+    @property
+    def scenario(self) -> str | None:
+        """ViZDoom does not have it."""
+        return None
+
+    @functools.cached_property
+    def tilemap(self) -> TileMap:
+        """The map as tiles."""
+        return dataclasses.replace(read_text(self.text), name=self.name)
+
+    @functools.cached_property
+    def doom_map(self) -> DoomMap:
+        """The map in map units."""
+        return doom_map_of(self.tilemap)
+
+    @functools.cached_property
+    def tiles(self) -> TileGrid:
+        """Where the tiles are in map units."""
+        return grid_of(self.tilemap)
+
+    @functools.cached_property
+    def geometry(self) -> Geometry:
+        """What bodies meet."""
+        return build_geometry(self.doom_map.walls)
+
+    @functools.cached_property
+    def level(self) -> Level:
+        """The map as the renderer has it."""
+        return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the map looks: as other maps in characters do."""
+        return super().theme.replace(
+            wall_colours=np.array(LABEL_COLOURS, np.float32),
+            floor=np.array(FLOOR, np.float32),
+            light=Light(),
+        )
+
+    @property
+    def starts(self) -> np.ndarray:
+        """float[n, 2]: where episodes start, in map units."""
+        return centres_of(self.tilemap, self.tilemap.spawns) / ONE
+
+    def touches(self, state: ShooterState, places: np.ndarray) -> jax.Array:
+        """bool[N]: whether the player is at places int32[N, 2]: nearer than 36 units in x and y."""
+        own, other = np.array(RADIUS, np.int32), np.array(_THING, np.int32)
+        return overlap(state.fixed_position[None], own, jnp.asarray(places), other)
+
+    # What stands on it.
+
+    @functools.cached_property
+    def horde(self) -> Horde:
+        """The monsters, row by row of the map, which turn on each other."""
+        kinds = {**KINDS, **dict(self._changes)}
+        labels, _ = things_of(self.tilemap, "monster")
+        found = [kinds[THING_OF[label].symbols] for label in labels]
+        walls = segments(self.doom_map.walls)
+        return Horde(found, walls=walls, opaque=walls, fast=self.fast, infighting=True)
+
+    @functools.cached_property
+    def arsenal(self) -> Arsenal:
+        """The weapon."""
+        return Arsenal([Slot(self.weapon)], shots=self.ammo, most=self.most_ammo)
+
+    @functools.cached_property
+    def fireballs(self) -> Missiles:
+        """What monsters throw."""
+        acts = [[frame.act for frame in kind.missile] for kind in self.horde.kinds]
+        throwers = sum(Act.THROW in acts[number] for number in self.horde.kind_of)
+        return fireballs(min(_BALLS * throwers, _MOST_BALLS))
+
+    @functools.cached_property
+    def rockets(self) -> Missiles:
+        """The player's rockets, none of a weapon that fires bullets."""
+        return rockets(3 if self.weapon.speed else 0)
+
+    @functools.cached_property
+    def supplies(self) -> Supplies:
+        """Medkits and boxes of ammunition."""
+        labels, places = things_of(self.tilemap, "supply")
+        return Supplies(places, np.array(labels, int) == MEDKIT.label)
+
+    @functools.cached_property
+    def goal_part(self) -> Goals:
+        """The goals."""
+        return Goals(centres_of(self.tilemap, self.tilemap.goals))
+
+    @functools.cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Health, weapon, monsters, fireballs, supplies, goals, rockets."""
+        player, shots = (Health(FULL_HEALTH), self.arsenal), (self.horde, self.fireballs)
+        return *player, *shots, self.supplies, self.goal_part, self.rockets
+
+    # The rules.
 
     def init_state(self, key: jax.Array, params: ShooterParams) -> ShooterState:
-        """Draw start, heading, and where each monster looks."""
-        count = len(self.roster)
+        """Sample start, heading, and where each monster looks."""
+        count = len(self.horde)
         bits = jax.random.bits(key, (2 + 2 * count,), jnp.uint32)
+        low, high = heading_range(self.heading)
+        # The headings in 65536ths of a circle, counterclockwise.
+        angles = round(-high / (2 * math.pi) * ONE), round(-low / (2 * math.pi) * ONE)
+        facing, looks = bits[2 : 2 + count] & np.uint32(7 << 29), bits[2 + count :]
+        health = self.horde.healthy(params.monster_health)
+        _, places = things_of(self.tilemap, "monster")
         return ShooterState(
-            **self.drawn(bits[:2], self.angles),
-            **self.armed(),
-            creatures=self._asleep(bits[2:], params),
-            kills=jnp.int32(0),
-            balls=no_projectiles(self.most_balls),
-            left=jnp.ones(len(self.supplies), bool),
-            rockets=no_projectiles(MOST if self.weapon.speed else 0),
+            **self.start_pose(bits[:2], angles),
+            **before_fight(self, asleep(self.horde, places, facing, health, looks)),
+            fireballs=self.fireballs.none(),
+            rockets=self.rockets.none(),
+            supplies=jnp.ones(len(self.supplies.places), bool),
         )
-
-    def _asleep(self, bits: jax.Array, params: ShooterParams) -> Creatures:
-        """The monsters of the map, from random bits uint32[2 N]."""
-        count = len(self.roster)
-        healthy = jnp.asarray(self.roster.health, jnp.float32) * params.monster_health
-        creatures = placed(
-            self.roster,
-            jnp.asarray(self.posts),
-            bits[:count] & np.uint32(7 << 29),
-            jnp.ones(count, bool),
-            jnp.maximum(jnp.round(healthy), 1).astype(jnp.int32),
-        )
-        return creatures.replace(tics=1 + draw_index(bits[count:], _FIRST_LOOKS))
 
     def transition(
         self, key: jax.Array, state: ShooterState, action: jax.Array, params: ShooterParams
     ) -> tuple[ShooterState, jax.Array, jax.Array, Info]:
         """Fight, take what lies there, and look whether the aim is reached."""
         fight_key, ball_key, rocket_key = jax.random.split(key, 3)
-        before, hits = state, jnp.zeros(0, bool)
-        state, fought = self.fight(fight_key, state, action, params)
+        before, hits = state, jnp.int32(0)
+        state, fought = fight(self, fight_key, state, action, params)
         if self.weapon.speed:
-            state = self.fly_rockets(rocket_key, state, fought.fires, params)
-        if self.most_balls:
-            state, hits = self.burn(ball_key, state, fought, params)
+            state = fly_rockets(
+                self, self.rockets, self.weapon, rocket_key, state, fought.fires, params
+            )
+        if self.fireballs.count:
+            state, hits = fly_fireballs(self, self.fireballs, ball_key, state, fought, params)
         dead = state.health <= 0
         state, took = self._take(state, ~dead, params)
-        won = self.won(state) & ~dead
+        won = self.won(self, state) & ~dead
         events = {"shots": fought.fires.astype(jnp.int32), "kills": state.kills - before.kills}
-        events |= {"hits": jnp.sum(hits, dtype=jnp.int32), **took, "won": won, "died": dead}
+        events |= {"hits": hits, **took, "won": won, "died": dead}
         return state, self.reward(before, state, won, params), dead | won, events
-
-    def won(self, state: ShooterState) -> jax.Array:
-        """bool[]: whether the aim is reached, which ends the episode: a goal, or all are dead."""
-        if self.tilemap.goals:
-            return jnp.any(self.touches(state, self.places(self.tilemap.goals)))
-        return ~jnp.any(state.creatures.living)
-
-    def reward(
-        self, before: ShooterState, after: ShooterState, won: jax.Array, params: ShooterParams
-    ) -> jax.Array:
-        """float32[]: of a tic; `won` is bool[], and `after.health` 0 where the player died."""
-        kills = (after.kills - before.kills).astype(jnp.float32)
-        reward = params.living_reward + params.kill_reward * kills
-        reward = reward + jnp.where(won, params.win_reward, 0)
-        return reward - jnp.where(after.health <= 0, params.death_penalty, 0)
 
     def _take(
         self, state: ShooterState, able: jax.Array, params: ShooterParams
     ) -> tuple[ShooterState, dict[str, jax.Array]]:
         """The state after the player, if able to, has taken what it needs; and how much."""
-        reach = state.left & self.touches(state, self.supplies) & able
-        trigger, most = state.trigger, self._most_ammo
-        healing = reach & self.medkits & (state.health < FULL_HEALTH)
-        loading = reach & ~self.medkits & (trigger.ammo < most)
+        medkits, most = self.supplies.medkits, self.arsenal.most
+        reach = state.supplies & self.touches(state, self.supplies.places) & able
+        trigger = state.trigger
+        healing = reach & medkits & (state.health < FULL_HEALTH)
+        loading = reach & ~medkits & (trigger.ammo < most)
         healed, loaded = (jnp.sum(taken, dtype=jnp.int32) for taken in (healing, loading))
-        health = jnp.minimum(state.health + healed * params.medkit, FULL_HEALTH)
         ammo = jnp.minimum(trigger.ammo + loaded * params.clip, most)
         state = state.replace(
-            health=health,
+            health=jnp.minimum(state.health + healed * params.medkit, FULL_HEALTH),
             trigger=trigger.replace(ammo=ammo),
-            left=state.left & ~healing & ~loading,
+            supplies=state.supplies & ~healing & ~loading,
         )
         return state, {"took_medkit": healed, "took_ammunition": loaded}
 
-    def supply_places(self, state: ShooterState) -> jax.Array:
-        """int32[M, 2]: where medkits and ammunition lie, or lay."""
-        del state
-        return jnp.asarray(self.supplies)
+    def next_tiles(self, state: ShooterState) -> jax.Array:
+        """bool[rows, columns]: where the player `hunt` goes when it sees no monster."""
+        return self.destination(self, state)
 
-    def wanted(self, state: ShooterState) -> jax.Array:
-        """bool[M]: which of them the player `hunt` fetches."""
-        return jnp.where(self.medkits, state.health < _HURT, state.trigger.ammo < _SHORT)
-
-    def errand(self, state: ShooterState) -> jax.Array:
-        """bool[rows, columns]: the tiles where the player `hunt` goes when it sees no monster."""
-        if self.tilemap.goals:
-            goals = self.places(self.tilemap.goals)
-            return self.tiles_of(goals, np.ones(len(goals), bool))
-        return self.tiles_of(state.creatures.position, state.creatures.living)
-
-    def succeeded(
-        self,
-        state: ShooterState,
-        reward: jax.Array,
-        terminated: jax.Array,
-        events: Info,
-        params: ShooterParams,
-    ) -> jax.Array:
-        """Whether the aim was reached."""
-        del state, reward, terminated, params
-        return events["won"]
+    def to_fetch(self, state: ShooterState) -> tuple[jax.Array, jax.Array]:
+        """Where supplies lie, int32[M, 2], and bool[M] which of them the player `hunt` fetches."""
+        medkits = self.supplies.medkits
+        wanted = jnp.where(medkits, state.health < _HURT, state.trigger.ammo < _SHORT)
+        return jnp.asarray(self.supplies.places), state.supplies & wanted
 
     def about(self) -> About:
         """What the task says of itself."""
         usual = "reached the goal" if self.tilemap.goals else "killed all monsters"
         aim = self.aim or usual
-        burnt = {"hits": Event("was hit by a fireball", "was hit by {} fireballs")}
         return About(
             aim=aim,
             ends="where the aim is reached, and where the player dies",
@@ -225,8 +422,8 @@ class Shooter(DrawnArena[ShooterState, ShooterParams]):
                 "living_reward": "{:+g} a tic",
             },
             events={
-                **EVENTS,
-                **(burnt if self.most_balls else {}),
+                **SHOOTING,
+                **(HITS if self.fireballs.count else {}),
                 "took_medkit": Event("took a medkit", "took {} medkits"),
                 "took_ammunition": Event("took ammunition", "took {} boxes of ammunition"),
                 "won": Event(aim),

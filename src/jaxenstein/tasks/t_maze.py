@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from ..about import About, Event
 from ..engine.scene import Scene, Sprites
 from ..environment import Info, Scalar
+from ..maps.ascii import load_layout
 from ..maps.things import KEY
 from ..params import number
 from ..players.walking import distance_tables
@@ -102,3 +103,8 @@ class TMaze(MapGoalTask[MapGoalState]):
     def distance_field(self, state: MapGoalState) -> jax.Array:
         """int32[rows, columns]: tiles on foot to the right end."""
         return jnp.asarray(distance_tables(self.tilemap))[0, state.goal].astype(jnp.int32)
+
+
+def t_maze() -> functools.partial[TMaze]:
+    """The T-maze on its map."""
+    return functools.partial(TMaze, tilemap=load_layout("t-maze"))

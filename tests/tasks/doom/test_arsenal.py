@@ -7,23 +7,25 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxenstein.tasks.doom.arsenal import (
+from jaxenstein.tasks.doom.arsenal import Arms, Arsenal
+from jaxenstein.tasks.doom.weapons import (
     BULLETS,
     CHAINGUN,
     CHAINSAW,
     FIST,
-    MOST,
+    MOST_AMMO,
+    PISTOL,
+    ROCKET_LAUNCHER,
     ROCKETS,
     SHELLS,
     SHOTGUN,
+    SLOTS,
     SUPER_SHOTGUN,
-    Arms,
-    Arsenal,
-    first_arms,
+    Trigger,
+    Weapon,
 )
-from jaxenstein.tasks.doom.weapons import PISTOL, ROCKET_LAUNCHER, Trigger, Weapon, drawn_weapon
 
-ARSENAL = Arsenal()
+ARSENAL = Arsenal(SLOTS)
 NONE = len(ARSENAL)
 ALL = (FIST, CHAINSAW, PISTOL, SHOTGUN, SUPER_SHOTGUN, CHAINGUN, ROCKET_LAUNCHER)
 NEXT, BEFORE = 1 << 6, 1 << 7
@@ -31,8 +33,8 @@ TICS = 160
 
 
 def arms_with(selected: Weapon, owned: tuple[Weapon, ...] = ALL, **ammo: int) -> Arms:
-    arms = first_arms(ARSENAL, owned, selected, 50)
-    amounts = MOST.copy()
+    arms = ARSENAL.arms(owned, selected)
+    amounts = MOST_AMMO.copy()
     for name, amount in ammo.items():
         amounts[{"bullets": BULLETS, "shells": SHELLS, "rockets": ROCKETS}[name]] = amount
     return arms.replace(ammo=jnp.asarray(amounts))
@@ -45,7 +47,7 @@ def run(arms: Arms, trigger: Trigger, asked: jax.Array, attack: jax.Array) -> An
     def tic(carry: Any, held: Any) -> Any:
         arms, trigger = carry
         arms = ARSENAL.chosen(arms, held[0])
-        arms, trigger, fires = ARSENAL.pulled(arms, trigger, held[1])
+        trigger, arms, fires = ARSENAL.pulled(arms, trigger, held[1])
         return (arms, trigger), (arms.selected, fires, arms.ammo, trigger.held)
 
     return jax.lax.scan(tic, (arms, trigger), (asked, attack))[1]
@@ -58,7 +60,7 @@ def play(arms: Arms, asked: dict[int, int] | None = None, attack: Any = True) ->
         buttons[tic] = bits
     held = np.broadcast_to(np.asarray(attack), TICS)
     weapon = ALL[int(arms.selected)]
-    out = run(arms, drawn_weapon(weapon, 0), jnp.asarray(buttons), jnp.asarray(held))
+    out = run(arms, ARSENAL.trigger(weapon), jnp.asarray(buttons), jnp.asarray(held))
     return jax.tree.map(np.asarray, out)
 
 
@@ -78,10 +80,10 @@ def test_shots_of_a_held_trigger_leave_as_in_the_game(weapon: Weapon, tics: rang
     """From the tic in which ATTACK is pressed on; recorded with ViZDoom 1.3.2, but for blows."""
     selected, fires, ammo, _ = play(arms_with(weapon))
     assert np.flatnonzero(fires).tolist() == list(tics)
-    kind = ARSENAL.ammunition[ARSENAL.index_of(weapon)]
-    used = MOST[kind] - ammo[-1, kind]
+    kind = ARSENAL.ammo[ARSENAL.index_of(weapon)]
+    used = MOST_AMMO[kind] - ammo[-1, kind]
     assert used == weapon.uses * len(tics)
-    assert (np.delete(ammo, kind, axis=1) == np.delete(MOST, kind)).all()
+    assert (np.delete(ammo, kind, axis=1) == np.delete(MOST_AMMO, kind)).all()
     assert (selected == ALL.index(weapon)).all()
 
 

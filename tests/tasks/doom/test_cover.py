@@ -11,11 +11,13 @@ import pytest
 
 import jaxenstein
 from jaxenstein.engine.art import load_art
-from jaxenstein.tasks.doom import look
-from jaxenstein.tasks.doom.bobbing import height, walked
-from jaxenstein.tasks.doom.buttons import MOVE_LEFT, MOVE_RIGHT, hold
+from jaxenstein.pytree import PyTreeNode
 from jaxenstein.tasks.doom.fixed import ONE
-from jaxenstein.tasks.doom.projectiles import in_the_air, no_projectiles
+from jaxenstein.tasks.doom.monster_kinds import CHAINSAW_MARINE, DEMON, IMP
+from jaxenstein.tasks.doom.parts import Game
+from jaxenstein.tasks.doom.physics import MOVE_LEFT, MOVE_RIGHT, bob_height, bobbed, hold
+from jaxenstein.tasks.doom.projectiles import Projectiles, fireballs
+from jaxenstein.tasks.doom.view import EYE, Picture
 
 # Actions from the start of an episode on, and the height of the game's camera after some of them
 # (ViZDoom 1.3.2, `CAMERA_POSITION_Z`).
@@ -40,14 +42,14 @@ BUTTONS = (MOVE_LEFT, MOVE_RIGHT)
 
 # What covers a picture in the game: left, right, lower and upper end and area, in map units from
 # the thing's place on the floor (`python -m fidelity.doom_sizes`).
-MEASURED: list[tuple[look.Picture, tuple[float, float, float, float], float]] = [
-    (look.MONSTERS["imp"][0], (-24, 24.5, -3.4, 57.2), 1600),
-    (look.MONSTERS["imp"][2], (-27, 27, -3.4, 58), 1580),
-    (look.MONSTERS["demon"][0], (-22, 22, -3.4, 55), 1540),
-    (look.MONSTERS["demon"][2], (-18, 18, -3.6, 55), 1230),
-    (look.MONSTERS["chainsaw marine"][0], (-17.4, 16.9, -1.7, 54.4), 1143),
-    (look.FIREBALLS[0], (-8.3, 6.8, 28.2, 43.7), 182),
-    (look.FIREBALLS[1], (-19, 21, 22, 57), 918),
+MEASURED: list[tuple[Picture, tuple[float, float, float, float], float]] = [
+    (IMP.pictures[0], (-24, 24.5, -3.4, 57.2), 1600),
+    (IMP.pictures[2], (-27, 27, -3.4, 58), 1580),
+    (DEMON.pictures[0], (-22, 22, -3.4, 55), 1540),
+    (DEMON.pictures[2], (-18, 18, -3.6, 55), 1230),
+    (CHAINSAW_MARINE.pictures[0], (-17.4, 16.9, -1.7, 54.4), 1143),
+    (fireballs(1).objects[0].pictures[0], (-8.3, 6.8, 28.2, 43.7), 182),
+    (fireballs(1).objects[0].pictures[1], (-19, 21, 22, 57), 918),
 ]
 
 
@@ -65,7 +67,7 @@ def test_the_eye_bobs_as_the_games() -> None:
         return jax.lax.scan(step, state, jnp.array(ACTIONS, jnp.int32))[1]
 
     lifts = play(env.init_state(jax.random.key(0), params))
-    ours = {tic: look.EYE + float(lifts[tic]) for tic in CAMERA}
+    ours = {tic: EYE + float(lifts[tic]) for tic in CAMERA}
     assert ours == pytest.approx(CAMERA, abs=0.005)
 
 
@@ -74,24 +76,24 @@ def test_blows_do_not_make_the_eye_bob_and_walls_do_stop_it() -> None:
     still, right = (hold(BUTTONS, jnp.int32(held)) for held in (0, 2))
     none, east = jnp.zeros(2, jnp.int32), jnp.uint32(0)
     pushed = jnp.array([-10 * ONE, 0], jnp.int32)
-    steps, pace = walked(none, east, still, pushed, jnp.bool_(False))
+    steps, pace = bobbed(none, east, still, pushed, jnp.bool_(False))
     assert not steps.any()
     assert not pace.any()
     fast, slow = jnp.array([0, -6 * ONE], jnp.int32), jnp.array([0, -ONE], jnp.int32)
-    steps, pace = walked(fast, east, right, slow, jnp.bool_(True))
+    steps, pace = bobbed(fast, east, right, slow, jnp.bool_(True))
     # The game thrusts by three quarters of a unit, and looks before the wall slows the body.
     assert steps.tolist() == [0, -6.75 * ONE]
     assert pace.tolist() == slow.tolist()
     # A quarter of the squared speed, halved, at the crest; 8 at most.
-    assert float(height(steps, jnp.int32(25))) == pytest.approx(6.75**2 / 8)
-    assert float(height(3 * steps, jnp.int32(25))) == pytest.approx(8)
-    assert float(height(3 * steps, jnp.int32(35))) == pytest.approx(-8)
-    assert float(height(steps, jnp.int32(40))) == pytest.approx(0, abs=1e-6)
+    assert float(bob_height(steps, jnp.int32(25))) == pytest.approx(6.75**2 / 8)
+    assert float(bob_height(3 * steps, jnp.int32(25))) == pytest.approx(8)
+    assert float(bob_height(3 * steps, jnp.int32(35))) == pytest.approx(-8)
+    assert float(bob_height(steps, jnp.int32(40))) == pytest.approx(0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("picture", "ends", "area"), MEASURED, ids=lambda p: getattr(p, "art", ""))
 def test_pictures_are_as_large_as_the_games(
-    picture: look.Picture, ends: tuple[float, float, float, float], area: float
+    picture: Picture, ends: tuple[float, float, float, float], area: float
 ) -> None:
     bits = (load_art(picture.art)[0][None] >> np.arange(31, -1, -1)[:, None].astype(np.uint32)) & 1
     cell = picture.side / 32
@@ -107,10 +109,21 @@ def test_pictures_are_as_large_as_the_games(
 
 
 def test_fireballs_of_the_game_fly_or_burst() -> None:
-    rows = [(1, 10, 20, 7, 0, 0), (1, 30, 40, 8, 0, 10 * ONE), (1, 50, 60, 9, 0, 10 * ONE)]
-    balls = in_the_air(no_projectiles(4), np.array(rows, np.int64))
+    rows = [(10, 20, 7, 0, 0), (30, 40, 8, 0, 10 * ONE), (50, 60, 9, 0, 10 * ONE)]
+    game = Game(("DoomImpBall", "BaronBall", "DoomImpBall"), np.array(rows, np.int64), {})
+
+    def told(count: int) -> Any:
+        part = fireballs(count)
+        return part.from_game(Air(part.none()), game).fireballs
+
+    balls = told(4)
     assert balls.position.tolist() == [[30, 40], [50, 60], [10, 20], [0, 0]]
     assert balls.flies.tolist() == [True, True, False, False]
     assert (np.asarray(balls.bursts) > 0).tolist() == [False, False, True, False]
-    few = in_the_air(no_projectiles(2), np.array(rows, np.int64))
-    assert few.position.tolist() == [[30, 40], [50, 60]]
+    assert told(2).position.tolist() == [[30, 40], [50, 60]]
+
+
+class Air(PyTreeNode):
+    """A state of which only the fireballs matter."""
+
+    fireballs: Projectiles

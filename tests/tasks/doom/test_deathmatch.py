@@ -8,13 +8,23 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.tasks.doom.arsenal import CHAINGUN, CHAINSAW, FIST, SHOTGUN, SUPER_SHOTGUN
-from jaxenstein.tasks.doom.bodies import crosses
+from jaxenstein.tasks.doom.collision import crosses
+from jaxenstein.tasks.doom.fight import suffer
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
-from jaxenstein.tasks.doom.hordes import come, words
-from jaxenstein.tasks.doom.items import THIRD
-from jaxenstein.tasks.doom.kinds import DEMON, HELL_KNIGHT, SHOTGUN_GUY, ZOMBIE, Roster
-from jaxenstein.tasks.doom.weapons import PISTOL, Weapon
+from jaxenstein.tasks.doom.items import ITEMS, THIRD
+from jaxenstein.tasks.doom.monster_kinds import DEMON, HELL_KNIGHT, SHOTGUN_GUY, ZOMBIE
+from jaxenstein.tasks.doom.monsters import Horde
+from jaxenstein.tasks.doom.parts import Game
+from jaxenstein.tasks.doom.respawn import invaded, words
+from jaxenstein.tasks.doom.weapons import (
+    CHAINGUN,
+    CHAINSAW,
+    FIST,
+    PISTOL,
+    SHOTGUN,
+    SUPER_SHOTGUN,
+    Weapon,
+)
 
 SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
 MIDDLE = (512, 512)
@@ -28,7 +38,7 @@ def match() -> Any:
     assert env.arsenal.index_of(PISTOL) == 2
     state = env.init_state(jax.random.key(0), params)
     place = jnp.array([to_fixed(x) for x in MIDDLE], jnp.int32)
-    state = state.replace(**env.placed(place, jnp.uint32(0)))
+    state = state.replace(**env.pose(place, jnp.uint32(0)))
     state = state.replace(time=jnp.int32(0))
     step = jax.jit(lambda key, state, action: env.transition(key, state, action, params))
     return env, state, step
@@ -36,15 +46,15 @@ def match() -> Any:
 
 def with_monster(env: Any, state: Any, kind: Any, x: float, y: float, health: int) -> Any:
     """The state with one monster, which stands and looks away."""
-    slot = env.cast.index(kind)
-    creatures = state.creatures
+    slot = env.horde.place_of(kind)
+    monsters = state.monsters
     place = jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
     return state.replace(
-        creatures=creatures.replace(
-            position=creatures.position.at[slot].set(place),
-            present=creatures.present.at[slot].set(True),
-            health=creatures.health.at[slot].set(health),
-            tics=creatures.tics.at[slot].set(1000),
+        monsters=monsters.replace(
+            position=monsters.position.at[slot].set(place),
+            present=monsters.present.at[slot].set(True),
+            health=monsters.health.at[slot].set(health),
+            tics=monsters.tics.at[slot].set(1000),
         )
     )
 
@@ -63,8 +73,8 @@ def test_the_start(match: Any) -> None:
     assert env.action_names[0] == "nothing"
     # ViZDoom's wrapper numbers the buttons from the last to the first.
     assert (env.action_names[1], env.action_names[17]) == ("previous weapon", "attack")
-    assert not state.creatures.present.any()
-    assert (int(state.left.sum()), len(env.items)) == (178, 178)
+    assert not state.monsters.present.any()
+    assert (int(state.items.sum()), len(env.items.places)) == (178, 178)
     assert {name: float(value[0]) for name, value in env.variables(state).items()} == {
         "killed": 0,
         "health": 100,
@@ -75,18 +85,16 @@ def test_the_start(match: Any) -> None:
 
 
 def test_monsters_come_by_their_chances_where_there_is_room() -> None:
-    """Six hundred draws of a small roster, beside the player and one monster that is there."""
-    roster = Roster([ZOMBIE, ZOMBIE, DEMON])
+    """Six hundred draws of a small horde, beside the player and one monster that is there."""
+    horde = Horde([ZOMBIE, ZOMBIE, DEMON], walls=np.zeros((0, 4), np.float32))
     env, params = jaxenstein.make("doom-deathmatch", **SIZE)
     del params
-    old = jax.tree.map(
-        lambda x: x[: len(roster)], env.init_state(jax.random.key(0), None).creatures
-    )
+    old = jax.tree.map(lambda x: x[: len(horde)], env.init_state(jax.random.key(0), None).monsters)
     old = old.replace(
         position=old.position.at[0].set(jnp.array([500 * ONE, 500 * ONE])),
         present=jnp.array([True, False, False]),
         health=jnp.array([20, 0, 0]),
-        feud=None,
+        infighting=None,
     )
     player = jnp.array([540 * ONE, 500 * ONE], jnp.int32)
     health = jnp.array([20, 20, 150])
@@ -94,11 +102,11 @@ def test_monsters_come_by_their_chances_where_there_is_room() -> None:
 
     @jax.jit
     @jax.vmap
-    def horde(bits: jax.Array) -> Any:
-        return come(roster, old, player, [32768.0, 6553.6], (400, 640), health, bits)
+    def coming(bits: jax.Array) -> Any:
+        return invaded(horde, old, player, [32768.0, 6553.6], (400, 640), health, bits)
 
-    bits = jax.random.bits(jax.random.key(1), (draws, *words(roster)), jnp.uint32)
-    after, comes = jax.device_get(horde(bits))
+    bits = jax.random.bits(jax.random.key(1), (draws, *words(horde)), jnp.uint32)
+    after, comes = jax.device_get(coming(bits))
     assert not comes[:, 0].any()
     for slot, chance in ((1, 0.5), (2, 0.1)):
         assert abs(comes[:, slot].mean() - chance) < 4 * (chance * (1 - chance) / draws) ** 0.5
@@ -120,14 +128,14 @@ def test_nobody_appears_in_a_wall(match: Any) -> None:
     env, _, _ = match
     corners = jnp.array([[x * ONE, y * ONE] for x in (32, 992) for y in (32, 992)], jnp.int32)
     widest = np.array(30, np.float32)
-    assert not crosses(corners, widest, env.monster_walls).any()
+    assert not crosses(corners, widest, env.horde.walls).any()
 
 
 def test_pellets_have_their_own_errors_and_fists_their_reach(match: Any) -> None:
     """Against sums over pellets one by one."""
     env, state, _ = match
     state = with_monster(env, state, HELL_KNIGHT, 512 + 300, 512, 500)
-    slot = env.cast.index(HELL_KNIGHT)
+    slot = env.horde.place_of(HELL_KNIGHT)
 
     @jax.jit
     @jax.vmap
@@ -136,8 +144,11 @@ def test_pellets_have_their_own_errors_and_fists_their_reach(match: Any) -> None
             arms=state.arms.replace(selected=weapon),
             trigger=state.trigger.replace(held=tics > 0),
         )
-        zero = jnp.uint32(0)
-        return env.volley(key, armed, state.fixed_position, (jnp.bool_(True), zero), zero)
+        bits = jax.random.bits(key, (env.arsenal.rays,), jnp.uint32)
+        shot = jnp.bool_(True), state.fixed_position
+        monsters = state.monsters
+        targets = monsters.position, env.horde.half_width, monsters.living
+        return env.arsenal.bullets(armed, shot, targets, env.horde.opaque, bits)
 
     def damage(weapon: Weapon, held: bool = False, count: int = 400) -> np.ndarray:
         keys = jax.random.split(jax.random.key(2), count)
@@ -175,12 +186,12 @@ def test_a_kill_pays_by_its_kind_and_the_dead_are_gone(match: Any) -> None:
         alive = with_monster(env, ready, kind, 512 + 60, 512, 1)
         after, reward, dead, events = step(jax.random.key(3), alive, attack)
         assert (float(reward), bool(dead), int(events["kills"])) == (pay, False, 1)
-        assert not after.creatures.present.any()
+        assert not after.monsters.present.any()
     # One that is only hurt pays nothing; who has shot before it is killed does not matter.
     alive = with_monster(env, ready, DEMON, 512 + 60, 512, 150)
     after, reward, _, events = step(jax.random.key(3), alive, attack)
     assert (float(reward), int(events["kills"])) == (0, 0)
-    assert int(after.creatures.living.sum()) == 1
+    assert int(after.monsters.living.sum()) == 1
 
 
 def test_things_are_taken_by_walking_into_them(match: Any) -> None:
@@ -192,16 +203,16 @@ def test_things_are_taken_by_walking_into_them(match: Any) -> None:
     def at(distance: float) -> Any:
         x, y = things[number].x - distance, things[number].y
         place = jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
-        alone = jnp.zeros_like(state.left).at[number].set(True)
-        return state.replace(**env.placed(place, jnp.uint32(0)), left=alone)
+        alone = jnp.zeros_like(state.items).at[number].set(True)
+        return state.replace(**env.pose(place, jnp.uint32(0)), items=alone)
 
     # A first tic of walking is 0.78 map units; the boxes are 16 and 20 wide to each side.
     after, _, _, events = step(jax.random.key(4), at(37), forward)
-    assert after.left[number]
+    assert after.items[number]
     assert int(events["took_weapon"]) == 0
     after, _, _, events = step(jax.random.key(4), at(36.5), forward)
     assert int(events["took_weapon"]) == 1
-    assert not after.left[number]
+    assert not after.items[number]
     assert after.arms.ammo.tolist() == [50, 8, 0]
     assert int(after.arms.pending) == env.arsenal.index_of(SUPER_SHOTGUN)
     hurt = at(36.5).replace(health=jnp.int32(0))
@@ -213,9 +224,9 @@ def test_things_are_taken_by_walking_into_them(match: Any) -> None:
 def test_armour_and_health_share_a_blow(match: Any) -> None:
     env, state, _ = match
     params = env.check_params()
-    dressed = state.replace(armour=jnp.int32(100), share=jnp.int32(THIRD))
+    dressed = state.replace(armour=jnp.int32(100), armour_share=jnp.int32(THIRD))
     origin = state.fixed_position[None] + jnp.array([[ONE * 100, 0]])
-    after = env.suffer(dressed, origin, jnp.array([30]), params)
+    after = suffer(env, dressed, origin, jnp.array([30]), params)
     assert (int(after.health), int(after.armour)) == (80, 90)
     # The push is that of the whole blow: an eighth of a map unit a point, away from it.
     assert after.fixed_velocity.tolist() == [-30 * ONE // 8, 0]
@@ -227,7 +238,7 @@ def test_monsters_come_from_tic_105_on_every_tenth(match: Any) -> None:
 
     @jax.jit
     def joined(state: Any) -> Any:
-        return env._joined(jax.random.key(5), state, params).creatures.present
+        return env._joined(jax.random.key(5), state, params).monsters.present
 
     for time, comes in ((0, 0), (103, 0), (104, 6), (105, 0), (113, 0), (114, 6)):
         present = joined(state.replace(time=jnp.int32(time)))
@@ -237,26 +248,30 @@ def test_monsters_come_from_tic_105_on_every_tenth(match: Any) -> None:
 def test_what_the_game_tells(match: Any) -> None:
     """Two weapons at the first button, one at the second; a ball, a rocket and one that bursts."""
     env, state, _ = match
-    values = dict.fromkeys(env.game_variables, 0)
+    values = dict.fromkeys((*env.game_variables, "HEALTH"), 0)
     values |= {"KILLCOUNT": 3, "ARMOR": 70, "SELECTED_WEAPON": 1, "AMMO2": 30, "AMMO5": 4}
-    told = env.with_variables(state, values | {"WEAPON1": 2, "WEAPON2": 1})
-    owned = [env.arsenal.stocks[i].weapon for i in np.flatnonzero(told.arms.owned)]
+
+    def told_by(names: tuple[str, ...] = (), rows: Any = (), **more: int) -> Any:
+        objects = np.array(rows, np.int64).reshape(-1, 5)
+        return env.from_game(state, Game(names, objects, values | more))
+
+    told = told_by(WEAPON1=2, WEAPON2=1)
+    owned = [env.arsenal.slots[i].weapon for i in np.flatnonzero(told.arms.owned)]
     assert owned == [FIST, CHAINSAW, PISTOL]
     assert (int(told.armour), int(told.kills), told.arms.ammo.tolist()) == (70, 3, [30, 0, 4])
     assert int(told.arms.selected) == env.arsenal.index_of(CHAINSAW)
-    told = env.with_variables(state, values | {"SELECTED_WEAPON": 5, "WEAPON5": 1})
-    assert int(told.trigger.ammo) == 4
-    x, y = env.supplies[5]
-    names = [env.items[5].game_name, "Demon", "BaronBall", "Rocket", "Rocket"]
-    look = [env.game_things.index(name) for name in names]
-    spots = [(x, y), (ONE, 2), (ONE, 3), (ONE, 4), (ONE, 5)]
-    speed = [0, 0, 15, 20, 0]
-    rows = [(look[i], *spots[i], i, 0, speed[i] * ONE) for i in range(len(names))]
-    told = env.with_things(state, 80, np.array(rows, np.int64))
+    assert int(told_by(SELECTED_WEAPON=5, WEAPON5=1).trigger.ammo) == 4
+    x, y = env.items.places[5]
+    item = ITEMS[env.doom_map.things[5].kind]
+    names = item.game_name, "Demon", "BaronBall", "Rocket", "Rocket", "Clip"
+    spots = [(x, y), (ONE, 2), (ONE, 3), (ONE, 4), (ONE, 5), (x, y)]
+    speed = [0, 0, 15, 20, 0, 0]
+    rows = [(*spots[i], i, 0, speed[i] * ONE) for i in range(len(names))]
+    told = told_by(names, rows, HEALTH=80)
     assert int(told.health) == 80
-    assert np.flatnonzero(told.left).tolist() == [5]
-    assert np.flatnonzero(told.creatures.living).tolist() == [env.cast.index(DEMON)]
-    flying = [(p.position[p.flies].tolist()) for p in (told.balls, told.rockets)]
+    assert np.flatnonzero(told.items).tolist() == [5]
+    assert np.flatnonzero(told.monsters.living).tolist() == [env.horde.place_of(DEMON)]
+    flying = [(p.position[p.flies].tolist()) for p in (told.fireballs, told.rockets)]
     assert flying == [[[ONE, 3]], [[ONE, 4]]]
     labels = {env.game_labels[name] for name in ("CellPack", "ClipBox", "ShellBox")}
     assert len(labels) == 1

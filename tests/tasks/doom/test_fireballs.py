@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
+from jaxenstein.tasks.doom.collision import segments, way_to
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.maps import Line
 from jaxenstein.tasks.doom.projectiles import Projectiles, fly, no_projectiles, throw
-from jaxenstein.tasks.doom.shots import segments, way_to
-from jaxenstein.tasks.doom.walls import Line
 
 WALLS = segments([Line(-300, 100, -300, -100, "-")])
 SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
@@ -27,7 +27,7 @@ def flown(balls: Projectiles, player: jax.Array, others: jax.Array, living: jax.
     def tic(balls: Projectiles, _: None) -> Any:
         places = jnp.concatenate([others, player[None]])
         bodies = places, np.array([20, 20, 16]), jnp.append(living, True)
-        after, hits = fly(balls, 6, bodies, WALLS, 18)
+        after, hits = fly(balls, 6, bodies, WALLS)
         return after, (after.position, after.flies, hits[:, -1], after.bursts)
 
     return jax.lax.scan(tic, balls, None, length=40)[1]
@@ -88,8 +88,8 @@ def test_imps_wake_throw_hurt_and_join() -> None:
     def play(key: jax.Array) -> Any:
         def step(state: Any, key: jax.Array) -> Any:
             after, reward, terminated, info = env.advance(key, state, jnp.int32(0), params)
-            told = reward, terminated, info["hits"], after.health, after.creatures.present.sum()
-            return after, (*told, after.balls.flies.any())
+            told = reward, terminated, info["hits"], after.health, after.monsters.present.sum()
+            return after, (*told, after.fireballs.flies.any())
 
         return jax.lax.scan(step, env.init_state(key, params), jax.random.split(key, 300))[1]
 

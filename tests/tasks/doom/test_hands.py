@@ -12,7 +12,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.errors import SettingError
-from jaxenstein.tasks.doom.hands import FLASH, LOOKS, Layer
+from jaxenstein.tasks.doom.view import FLASH, Layer
 from jaxenstein.tasks.doom.weapons import PISTOL, ROCKET_LAUNCHER
 from jaxenstein.tasks.hud import AMMUNITION, EMPTY, LEVELS
 
@@ -68,7 +68,7 @@ def test_the_weapon_is_drawn_pixel_by_pixel_and_flashes_after_a_shot(drawn: Any)
         plain, full, _ = draw(trigger.replace(tics=jnp.int32(tics), wait=jnp.int32(0)))
         # The pistol's bullet leaves in tic 4.
         view = over(plain, (FLASH,)) if 4 <= tics < 8 else plain
-        np.testing.assert_array_equal(full[:-STRIP], over(view, LOOKS["pistol"]))
+        np.testing.assert_array_equal(full[:-STRIP], over(view, PISTOL.picture))
 
 
 def test_a_weapon_that_is_not_drawn_yet_is_not_shown(drawn: Any) -> None:
@@ -100,7 +100,7 @@ def test_greys_are_those_of_the_colours(drawn: Any) -> None:
 
 def test_every_weapon_has_a_look() -> None:
     for weapon in (PISTOL, ROCKET_LAUNCHER):
-        for name, _ in LOOKS[weapon.look]:
+        for name, _ in weapon.picture:
             assert set("".join(art(name))) == set(".#o")
 
 

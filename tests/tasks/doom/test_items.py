@@ -5,19 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxenstein.tasks.doom.arsenal import FIST, SHOTGUN, SUPER_SHOTGUN, Arsenal, first_arms
-from jaxenstein.tasks.doom.items import (
-    HALF,
-    ITEMS,
-    THIRD,
-    Belongings,
-    Goods,
-    Item,
-    shielded,
-)
-from jaxenstein.tasks.doom.weapons import PISTOL
+from jaxenstein.maps.things import WEAPON
+from jaxenstein.pytree import PyTreeNode
+from jaxenstein.tasks.doom.arsenal import Arms, Arsenal
+from jaxenstein.tasks.doom.items import HALF, ITEMS, THIRD, Armour, Item, Items
+from jaxenstein.tasks.doom.weapons import FIST, PISTOL, SHOTGUN, SLOTS, SUPER_SHOTGUN
 
-ARSENAL = Arsenal()
+ARSENAL = Arsenal(SLOTS)
 NUMBERS = tuple(ITEMS)
 MEDKIT, STIMPACK, VIAL, HELMET, GREEN, BLUE, BULLETS, SHELLS = (
     2012,
@@ -31,14 +25,36 @@ MEDKIT, STIMPACK, VIAL, HELMET, GREEN, BLUE, BULLETS, SHELLS = (
 )
 GUN = 82
 # What a dead man leaves, as elsewhere in the game.
-LEFT = Item(ITEMS[GUN].picture, "Shotgun", ammunition=1, amount=4, weapon=SHOTGUN)
-GOODS = Goods([*ITEMS.values(), LEFT], ARSENAL)
-take = jax.jit(GOODS.taken)
+LEFT = Item("Shotgun", WEAPON.label, ITEMS[GUN].picture, ammo=1, amount=4, weapon=SHOTGUN)
+GOODS = Items([*ITEMS.values(), LEFT], np.zeros((len(ITEMS) + 1, 2), np.int32), ARSENAL)
+
+
+class Belongings(PyTreeNode):
+    """What of a state taking changes."""
+
+    health: jax.Array
+    armour: jax.Array
+    armour_share: jax.Array
+    arms: Arms
+    items: jax.Array
+
+
+@jax.jit
+def take(mine: Belongings, reach: jax.Array) -> tuple[Belongings, jax.Array]:
+    """What the player has then, and bool[M] what it has taken."""
+    after, _ = GOODS.taken(mine, reach)
+    return after, ~after.items
 
 
 def mine(health: int = 50, armour: int = 0, share: int = 0) -> Belongings:
-    arms = first_arms(ARSENAL, (FIST, PISTOL), PISTOL, 50)
-    return Belongings(jnp.int32(health), jnp.int32(armour), jnp.int32(share), arms)
+    arms = ARSENAL.arms((FIST, PISTOL), PISTOL)
+    return Belongings(
+        jnp.int32(health),
+        jnp.int32(armour),
+        jnp.int32(share),
+        arms,
+        jnp.ones(len(ITEMS) + 1, bool),
+    )
 
 
 def reach(*numbers: int) -> jax.Array:
@@ -78,7 +94,7 @@ def test_health(health: int, numbers: tuple[int, ...], after: int, taken: int) -
 )
 def test_armour(armour: int, share: int, number: int, after: tuple[int, int], taken: bool) -> None:
     have, what = take(mine(armour=armour, share=share), reach(number))
-    assert (int(have.armour), int(have.share)) == after
+    assert (int(have.armour), int(have.armour_share)) == after
     assert bool(what.any()) == taken
 
 
@@ -95,7 +111,9 @@ def test_ammunition_and_weapons() -> None:
     have, what = take(mine(), reach(GUN))
     assert have.arms.ammo.tolist() == [50, 8, 0]
     assert int(have.arms.pending) == ARSENAL.index_of(SUPER_SHOTGUN)
-    again, what = take(have.replace(arms=have.arms.replace(pending=jnp.int32(2))), reach(GUN))
+    again, what = take(
+        have.replace(items=mine().items, arms=have.arms.replace(pending=jnp.int32(2))), reach(GUN)
+    )
     assert (int(again.arms.pending), again.arms.ammo.tolist()) == (2, [50, 16, 0])
     have, what = take(mine(), jnp.append(reach()[:-1], True))
     assert have.arms.ammo.tolist() == [50, 4, 0]
@@ -121,5 +139,5 @@ def test_ammunition_and_weapons() -> None:
 def test_armour_takes_its_share(
     armour: int, share: int, lost: list[int], left: int, felt: int
 ) -> None:
-    after, rest = shielded(jnp.int32(armour), jnp.int32(share), jnp.array(lost))
-    assert (int(after), int(rest)) == (left, felt)
+    after, rest = Armour().absorbed(mine(armour=armour, share=share), jnp.array(lost))
+    assert (int(after.armour), int(rest)) == (left, felt)

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from jaxenstein.errors import MapError
-from jaxenstein.tasks.doom.lattice import WALL, rasterise
-from jaxenstein.tasks.doom.walls import MAP_SPOT, DoomMap, Line, Thing
+from jaxenstein.tasks.doom.maps import MAP_SPOT, WALL, DoomMap, Line, MapThing, rasterise
 
 # Clockwise, as Doom's walls go around what they enclose: an L, its foot to the east.
 CORNERS = [(0, 64), (32, 64), (32, 32), (64, 32), (64, 0), (0, 0)]
 TEXTURES = ["NORTH", "STEM", "FOOT", "EAST", "SOUTH", "WEST"]
-SPOT = Thing(MAP_SPOT, 10, 8.0, 8.0)
+SPOT = MapThing(MAP_SPOT, 10, 8.0, 8.0)
 
 
 def doom_map(corners: list[tuple[int, int]] = CORNERS) -> DoomMap:

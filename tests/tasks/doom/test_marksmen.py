@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from jaxenstein.tasks.doom.collision import is_seen
+from jaxenstein.tasks.doom.fight import fight, fly_fireballs
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
-from jaxenstein.tasks.doom.kinds import Act
-from jaxenstein.tasks.doom.shots import is_seen
-from jaxenstein.tasks.doom.strikes import strike
+from jaxenstein.tasks.doom.monster_attacks import attack
+from jaxenstein.tasks.doom.monster_kinds import Act
 
 SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
 
@@ -37,8 +38,8 @@ def corridor() -> Any:
 
 
 def without_monsters(state: Any) -> Any:
-    nobody = jnp.zeros_like(state.creatures.present)
-    return state.replace(creatures=state.creatures.replace(present=nobody))
+    nobody = jnp.zeros_like(state.monsters.present)
+    return state.replace(monsters=state.monsters.replace(present=nobody))
 
 
 def test_nobody_moves_in_the_first_seven_tics(corridor: Any) -> None:
@@ -75,26 +76,26 @@ def test_walls_hide_who_stands_in_an_alcove(corridor: Any) -> None:
     """From (608, 64) the way to (x, 0) passes y = 32 in the middle, and there it opens at 448."""
     env, *_ = corridor
     marksman = place(608, 64)
-    assert is_seen(marksman, place(289, 0), env.opaque_walls)
-    assert not is_seen(marksman, place(287, 0), env.opaque_walls)
+    assert is_seen(marksman, place(289, 0), env.horde.opaque)
+    assert not is_seen(marksman, place(287, 0), env.horde.opaque)
 
 
 def test_bullets_scatter_and_hurt_by_threes(corridor: Any) -> None:
     env, state, _ = corridor
-    roster, creatures = env.roster, state.creatures
-    aims = jnp.asarray(roster.missile) + 1
-    assert (roster.acts[np.asarray(aims)] == Act.SHOOT).all()
-    creatures = creatures.replace(frame=aims)
+    horde, monsters = env.horde, state.monsters
+    aims = jnp.asarray(horde.missile) + 1
+    assert (horde.acts[np.asarray(aims)] == Act.SHOOT).all()
+    monsters = monsters.replace(frame=aims)
 
     @jax.jit
     def shoot(key: jax.Array) -> jax.Array:
         bits = jax.random.bits(key, (6, 3), jnp.uint32)
         everyone = jnp.ones(6, bool)
-        return strike(roster, creatures, everyone, place(0, 0), bits, env.opaque_walls)[0]
+        return attack(horde, monsters, everyone, place(0, 0), bits)[0]
 
     lost = np.asarray(jax.vmap(shoot)(jax.random.split(jax.random.key(0), 400)))
     assert (lost % 3 == 0).all()
-    kinds = {(thing.x, thing.y): i for i, thing in enumerate(env._monsters)}
+    kinds = {(thing.x, thing.y): i for i, thing in enumerate(env._marksmen)}
     shotgun, rifle = kinds[160, 64], kinds[160, -64]
     assert lost[:, rifle].max() == 15
     assert 15 < lost[:, shotgun].max() <= 45
@@ -122,8 +123,8 @@ def line() -> Any:
             tic, key = given
             action = jnp.where(tic < shots, env.index_of("attack"), 0)
             after, reward, _, info = env.advance(key, state, action, params)
-            creatures = after.creatures
-            return after, (reward, info, creatures.present, creatures.health)
+            monsters = after.monsters
+            return after, (reward, info, monsters.present, monsters.health)
 
         given = jnp.arange(105), jax.random.split(key, 105)
         return jax.lax.scan(step, state, given)[1]
@@ -140,7 +141,7 @@ def test_who_dies_comes_back_stronger_and_ammunition_grows(line: Any) -> None:
     assert reward[8] == 1
     assert info["ammo"][:9].tolist() == [*range(80, 88), 87]
     demon = int(np.flatnonzero(~np.asarray(present[8]))[0])
-    assert env.roster.kinds[env.roster.cast[demon]].name == "demon"
+    assert env.horde.kinds[env.horde.kind_of[demon]].name == "demon"
     assert not present[8:98, demon].any()
     assert present[98, demon]
     assert health[98, demon] == 5
@@ -150,17 +151,18 @@ def test_a_fireball_kills_another_kind_and_spares_its_own(line: Any) -> None:
     env, state, _ = line
     params = env.default_params
     for victim, dies in ((3, True), (1, False)):
-        spot = state.creatures.position[victim]
-        balls = state.balls.replace(
-            position=state.balls.position.at[0].set(spot + jnp.array([30 * ONE, 0])),
-            velocity=state.balls.velocity.at[0].set(jnp.array([-10 * ONE, 0])),
-            flies=state.balls.flies.at[0].set(True),
+        spot = state.monsters.position[victim]
+        balls = state.fireballs.replace(
+            position=state.fireballs.position.at[0].set(spot + jnp.array([30 * ONE, 0])),
+            velocity=state.fireballs.velocity.at[0].set(jnp.array([-10 * ONE, 0])),
+            flies=state.fireballs.flies.at[0].set(True),
         )
-        near = state.replace(balls=balls)
-        _, fought = env.fight(jax.random.key(0), near, jnp.int32(0), params)
+        near = state.replace(fireballs=balls)
+        _, fought = fight(env, jax.random.key(0), near, jnp.int32(0), params)
         calm = fought.replace(throws=jnp.zeros_like(fought.throws))
-        after, hits = env.burn(jax.random.key(0), near, calm, params)
-        assert not hits.any()
-        assert not after.balls.flies.any()
-        assert bool(after.creatures.living[victim]) != dies
+        key = jax.random.key(0)
+        after, hits = fly_fireballs(env, env.fireballs, key, near, calm, params)
+        assert int(hits) == 0
+        assert not after.fireballs.flies.any()
+        assert bool(after.monsters.living[victim]) != dies
         assert int(after.kills) == int(dies)

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.tasks.doom.creatures import Creatures, act, approximate, hurt, placed
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
-from jaxenstein.tasks.doom.kinds import CHAINSAW_MARINE, DEMON, IMP, Act, Roster, standing
-from jaxenstein.tasks.doom.strikes import strike
+from jaxenstein.tasks.doom.monster_ai import act, approximate
+from jaxenstein.tasks.doom.monster_attacks import attack
+from jaxenstein.tasks.doom.monster_kinds import CHAINSAW_MARINE, DEMON, IMP, Act, standing
+from jaxenstein.tasks.doom.monsters import Horde, Monsters
 
 NO_WALLS = np.zeros((0, 4), np.float32)
 SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
-PAIR = Roster([DEMON, CHAINSAW_MARINE])
+PAIR = Horde([DEMON, CHAINSAW_MARINE], walls=NO_WALLS)
 EAST, WEST = np.uint32(0), np.uint32(1 << 31)
 
 
@@ -23,29 +24,29 @@ def places(*spots: tuple[float, float]) -> jax.Array:
     return jnp.array([[to_fixed(x), to_fixed(y)] for x, y in spots], jnp.int32)
 
 
-def monsters(facing: np.uint32, *spots: tuple[float, float]) -> Creatures:
+def some(facing: np.uint32, *spots: tuple[float, float]) -> Monsters:
     count = len(spots)
     everywhere = jnp.full(count, facing)
-    return placed(PAIR, places(*spots), everywhere, jnp.ones(count, bool), jnp.array([150, 100]))
+    return PAIR.placed(places(*spots), everywhere, jnp.ones(count, bool), jnp.array([150, 100]))
 
 
 @jax.jit
-def watched(creatures: Creatures, player: jax.Array, noise: jax.Array, key: jax.Array) -> Any:
+def watched(monsters: Monsters, player: jax.Array, noise: jax.Array, key: jax.Array) -> Any:
     """Forty tics: positions, acts of the frames, who strikes."""
 
-    def tic(creatures: Creatures, inputs: tuple[jax.Array, jax.Array]) -> Any:
+    def tic(monsters: Monsters, inputs: tuple[jax.Array, jax.Array]) -> Any:
         heard, key = inputs
         bits = jax.random.bits(key, (2, 2), jnp.uint32)
-        after, strikes = act(PAIR, creatures, player, heard, bits, opaque=NO_WALLS, walls=NO_WALLS)
+        after, strikes = act(PAIR, monsters, player, heard, bits)
         acts = jnp.asarray(PAIR.acts)[after.frame]
         return after, (after.position, acts, strikes)
 
     noises = jnp.arange(40) == noise
-    return jax.lax.scan(tic, creatures, (noises, jax.random.split(key, 40)))[1]
+    return jax.lax.scan(tic, monsters, (noises, jax.random.split(key, 40)))[1]
 
 
 def watch(facing: np.uint32, *spots: tuple[float, float], noise: int = -1) -> Any:
-    start = monsters(facing, *spots)
+    start = some(facing, *spots)
     out = watched(start, places((0, 0))[0], jnp.int32(noise), jax.random.key(0))
     return jax.tree.map(np.asarray, out)
 
@@ -60,12 +61,12 @@ def test_who_faces_the_player_steps_in_the_tics_of_the_game() -> None:
     assert set(steps[steps > 0] // ONE) <= {7, 10}
     # The marine looks west, and the player is south of it: that is within a half circle.
     assert np.flatnonzero(moved[:, 1]).tolist() == list(range(6, 39, 4))
-    assert acts[5].tolist() == [Act.LOOK, Act.LOOK]
+    assert acts[5].tolist() == [Act.WATCH, Act.WATCH]
 
 
 def test_who_looks_away_waits_for_a_shot() -> None:
     position, acts, _ = watch(EAST, (700, 0), (800, 0), noise=25)
-    assert (acts[:26] == Act.LOOK).all()
+    assert (acts[:26] == Act.WATCH).all()
     assert (position[:26] == position[0]).all()
     assert acts[31].tolist() == [Act.CHASE, Act.CHASE]
 
@@ -78,31 +79,31 @@ def test_a_demon_bites_after_sixteen_tics_and_a_marine_saws_on() -> None:
 
 
 def test_nobody_overlaps_in_a_crowd() -> None:
-    cast = [DEMON, CHAINSAW_MARINE] * 4
-    roster, count = Roster(cast), len(cast)
+    kinds = [DEMON, CHAINSAW_MARINE] * 4
+    horde, count = Horde(kinds, walls=NO_WALLS), len(kinds)
     draw = np.random.default_rng(0)
     angle = np.arange(count) * (2 * np.pi / count)
     spots = places(*np.stack([np.cos(angle), np.sin(angle)], 1).tolist()) * 200
-    creatures = placed(
-        roster, spots, jnp.zeros(count, jnp.uint32), jnp.ones(count, bool), jnp.full(count, 9)
+    monsters = horde.placed(
+        spots, jnp.zeros(count, jnp.uint32), jnp.ones(count, bool), jnp.full(count, 9)
     ).replace(alarmed=jnp.ones(count, bool))
     player = places((0, 0))[0]
 
     @jax.jit
-    def run(creatures: Creatures, key: jax.Array) -> jax.Array:
-        def tic(creatures: Creatures, key: jax.Array) -> tuple[Creatures, jax.Array]:
+    def run(monsters: Monsters, key: jax.Array) -> jax.Array:
+        def tic(monsters: Monsters, key: jax.Array) -> tuple[Monsters, jax.Array]:
             bits = jax.random.bits(key, (count, 2), jnp.uint32)
             noise = jnp.bool_(False)
-            after, _ = act(roster, creatures, player, noise, bits, opaque=NO_WALLS, walls=NO_WALLS)
+            after, _ = act(horde, monsters, player, noise, bits)
             return after, after.position
 
-        return jax.lax.scan(tic, creatures, jax.random.split(key, 200))[1]
+        return jax.lax.scan(tic, monsters, jax.random.split(key, 200))[1]
 
-    path = np.asarray(run(creatures, jax.random.key(int(draw.integers(99))))).astype(np.int64)
+    path = np.asarray(run(monsters, jax.random.key(int(draw.integers(99))))).astype(np.int64)
     gap = np.abs(path[:, :, None] - path[:, None]).max(axis=-1)
-    reach = (roster.half_widths[:, None] + roster.half_widths) * ONE
+    reach = (horde.half_width[:, None] + horde.half_width) * ONE
     assert ((gap >= reach) | np.eye(count, dtype=bool)).all()
-    assert (np.abs(path).max(axis=-1) >= (roster.half_widths + 16) * ONE).all()
+    assert (np.abs(path).max(axis=-1) >= (horde.half_width + 16) * ONE).all()
     # They have come: in the end all but those behind others are near.
     assert np.median(np.abs(path[-1]).max(axis=-1)) < 120 * ONE
 
@@ -113,35 +114,35 @@ def test_distance_is_the_games() -> None:
 
 @pytest.mark.parametrize(("distance", "hurts"), [(59.9, True), (60, False)])
 def test_a_bite_reaches_sixty_units(distance: float, hurts: bool) -> None:
-    creatures = monsters(WEST, (distance, 0), (500, 500))
-    creatures = creatures.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([2, 1]))
+    monsters = some(WEST, (distance, 0), (500, 500))
+    monsters = monsters.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([2, 1]))
     bits = jnp.full((2, 1), 3 << 16, jnp.uint32)
     both = jnp.ones(2, bool)
-    lost, friendly, *_ = strike(PAIR, creatures, both, places((0, 0))[0], bits, NO_WALLS)
+    lost, friendly, *_ = attack(PAIR, monsters, both, places((0, 0))[0], bits)
     # A die of ten from byte 3 shows 4; a demon's bite is four times that.
     assert lost.tolist() == [16 if hurts else 0, 0]
     assert friendly.tolist() == [0, 0]
 
 
 def test_a_saw_hits_who_stands_between() -> None:
-    creatures = monsters(WEST, (30, 0), (59, 0))
-    creatures = creatures.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([0, 1]))
+    monsters = some(WEST, (30, 0), (59, 0))
+    monsters = monsters.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([0, 1]))
     bits = jnp.full((2, 1), 9 << 16, jnp.uint32)
     strikes = jnp.array([False, True])
-    lost, friendly, *_ = strike(PAIR, creatures, strikes, places((0, 0))[0], bits, NO_WALLS)
+    lost, friendly, *_ = attack(PAIR, monsters, strikes, places((0, 0))[0], bits)
     assert lost.tolist() == [0, 0]
     assert friendly.tolist() == [20, 0]
 
 
 def test_damage_kills_flinches_and_wakes() -> None:
-    creatures = monsters(EAST, (100, 0), (200, 0))
+    monsters = some(EAST, (100, 0), (200, 0))
     calm = jnp.full(2, 255 << 24, jnp.uint32)
-    after = hurt(PAIR, creatures, jnp.array([149, 100]), calm)
+    after = PAIR.hurt(monsters, jnp.array([149, 100]), calm)
     assert after.health.tolist() == [1, 0]
     assert after.living.tolist() == [True, False]
     assert np.asarray(PAIR.acts)[np.asarray(after.frame)].tolist()[0] == Act.CHASE
     assert int(after.frame[1]) == PAIR.die[1]
-    hurts = hurt(PAIR, creatures, jnp.array([149, 0]), jnp.zeros(2, jnp.uint32))
+    hurts = PAIR.hurt(monsters, jnp.array([149, 0]), jnp.zeros(2, jnp.uint32))
     assert hurts.frame.tolist() == [PAIR.pain[0], PAIR.stand[1]]
 
 
@@ -155,7 +156,7 @@ def test_a_kill_pays_in_its_tic_and_another_comes_after_ninety() -> None:
         action = shoot if tic < 10 else 0
         state, reward, terminated, info = step(jax.random.key(tic), state, action)
         rewards.append(float(reward))
-        there.append(int(state.creatures.present.sum()))
+        there.append(int(state.monsters.present.sum()))
     # As in the game: the pistol is drawn in tic 6 and its bullet leaves in tic 10, straight
     # ahead, where a marine stands.
     assert np.flatnonzero(rewards).tolist() == [10]
@@ -173,7 +174,7 @@ def test_death_costs_one_in_its_tic_and_ends() -> None:
     state = env.reset(jax.random.key(0), params)[1].replace(health=jnp.int32(1))
     beside = places((300, 0), (59, 0), (-300, 0), (300, 300), (-300, -300))
     now = jnp.ones(5, jnp.int32)
-    state = state.replace(creatures=state.creatures.replace(position=beside, tics=now))
+    state = state.replace(monsters=state.monsters.replace(position=beside, tics=now))
     tic, terminated, reward, info = -1, False, 0.0, {}
     while not terminated and tic < 30:
         tic += 1
@@ -205,7 +206,7 @@ def test_the_first_step_has_been_taken(name: str) -> None:
     @jax.jit
     def play(key: jax.Array) -> jax.Array:
         def step(state: Any, key: jax.Array) -> Any:
-            return env.advance(key, state, jnp.int32(0), params)[0], state.creatures.position
+            return env.advance(key, state, jnp.int32(0), params)[0], state.monsters.position
 
         return jax.lax.scan(step, env.init_state(key, params), jax.random.split(key, 10))[1]
 
@@ -213,39 +214,38 @@ def test_the_first_step_has_been_taken(name: str) -> None:
     # The game's scripts have coarser sines.
     np.testing.assert_allclose(path[0], SEEN_FIRST[name], atol=0.5)
     steps = (np.diff(path, axis=0) != 0).any(axis=2)
-    for monster, speed in enumerate(env.roster.speeds):
+    for monster, speed in enumerate(env.horde.speed):
         pace = {0: [], 10: [1, 3, 5, 7], 8: [1, 5]}[int(speed)]
         assert np.flatnonzero(steps[:8, monster]).tolist() == pace
 
 
 def test_who_flinches_shoots_back() -> None:
     """Even one that would wait, or leave it for now as far away as this, but not within a leg."""
-    roster = Roster([standing(IMP)] * 2)
-    start = placed(
-        roster,
+    horde = Horde([standing(IMP)] * 2, walls=NO_WALLS)
+    start = horde.placed(
         places((1000, 0), (1000, 200)),
         jnp.full(2, WEST),
         jnp.ones(2, bool),
         jnp.array([60, 60]),
     )
-    walking = jnp.asarray(roster.walk)
-    start = start.replace(frame=walking, tics=jnp.ones(2, jnp.int32), leg=jnp.array([0, 4]))
+    walking = jnp.asarray(horde.walk)
+    start = start.replace(frame=walking, tics=jnp.ones(2, jnp.int32), steps_left=jnp.array([0, 4]))
     # The lowest byte of the first number decides who dares: none does with zero.
     bits = jnp.zeros((2, 2), jnp.uint32)
 
-    def after(creatures: Creatures) -> Creatures:
+    def after(monsters: Monsters) -> Monsters:
         quiet, player = jnp.bool_(False), places((0, 0))[0]
-        return act(roster, creatures, player, quiet, bits, opaque=NO_WALLS, walls=NO_WALLS)[0]
+        return act(horde, monsters, player, quiet, bits)[0]
 
-    aims = after(start).frame == jnp.asarray(roster.missile)
+    aims = after(start).frame == jnp.asarray(horde.missile)
     assert aims.tolist() == [False, False]
-    hit = hurt(roster, start, jnp.array([5, 5]), jnp.zeros(2, jnp.uint32))
-    assert hit.stung is not None
-    assert hit.stung.tolist() == [True, True]
-    unmoved = hurt(roster, start, jnp.array([5, 5]), jnp.full(2, 0xFFFFFFFF, jnp.uint32))
-    assert unmoved.stung is not None
-    assert unmoved.stung.tolist() == [False, False]
+    hit = horde.hurt(start, jnp.array([5, 5]), jnp.zeros(2, jnp.uint32))
+    assert hit.just_hit is not None
+    assert hit.just_hit.tolist() == [True, True]
+    unmoved = horde.hurt(start, jnp.array([5, 5]), jnp.full(2, 0xFFFFFFFF, jnp.uint32))
+    assert unmoved.just_hit is not None
+    assert unmoved.just_hit.tolist() == [False, False]
     again = after(hit.replace(frame=walking, tics=jnp.ones(2, jnp.int32), reaction=start.reaction))
-    assert (again.frame == jnp.asarray(roster.missile)).tolist() == [True, False]
-    assert again.stung is not None
-    assert again.stung.tolist() == [False, True]
+    assert (again.frame == jnp.asarray(horde.missile)).tolist() == [True, False]
+    assert again.just_hit is not None
+    assert again.just_hit.tolist() == [False, True]

@@ -9,10 +9,9 @@ import pytest
 
 from fidelity.doom_motion import BUTTONS, replay
 from fidelity.doom_recording import load
-from jaxenstein.tasks.doom.buttons import Buttons, numbered
-from jaxenstein.tasks.doom.geometry import build_geometry, load_geometry
-from jaxenstein.tasks.doom.motion import Body, tic
-from jaxenstein.tasks.doom.walls import Line, load_map, parse_map
+from jaxenstein.tasks.doom.collision import build_geometry, load_geometry
+from jaxenstein.tasks.doom.maps import Line, load_map, parse_map
+from jaxenstein.tasks.doom.physics import Body, Buttons, numbered, tic
 from tests.reference.doom import ONE, Player, Wall, World
 
 RECORDINGS = Path(__file__).parent / "recordings"

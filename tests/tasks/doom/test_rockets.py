@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from jaxenstein.tasks.doom.arsenal import Arsenal
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
-from jaxenstein.tasks.doom.weapons import ROCKET_LAUNCHER, drawn_weapon, pull
+from jaxenstein.tasks.doom.weapons import ROCKET_LAUNCHER, Slot, pull
 
 SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
 
 
 def fired(held: list[int], wait: int) -> list[int]:
     """The tics in which a launcher fires, with ATTACK held where there is a 1."""
-    trigger, tics = drawn_weapon(ROCKET_LAUNCHER, 50, wait), []
+    trigger, tics = Arsenal([Slot(ROCKET_LAUNCHER)], raise_tics=wait).trigger(), []
     for tic, attack in enumerate(held):
         trigger, fires = pull(ROCKET_LAUNCHER, trigger, jnp.bool_(attack))
         tics += [tic] * bool(fires)
@@ -24,7 +25,7 @@ def fired(held: list[int], wait: int) -> list[int]:
 
 
 def test_a_launcher_fires_in_the_tics_of_the_game() -> None:
-    """In ViZDoom's Rocket Basic; who holds ATTACK while it is drawn must release it first."""
+    """In ViZDoom's Rocket Basic; who holds ATTACK while it is raised must release it first."""
     assert fired([0] * 3 + [1] * 50, 3) == [11, 31, 51]
     assert fired([0] * 5 + [1] + [0] * 20, 3) == [13]
     assert fired([1] * 50, 3) == []
@@ -85,7 +86,7 @@ def prediction() -> Any:
             tic, key = given
             action = jnp.where(shoots & (tic >= 2), env.index_of("attack"), 0)
             after, reward, ends, _ = env.advance(key, state, action, params)
-            return after, (reward, ends, after.creatures.position[0], after.rockets.flies[0])
+            return after, (reward, ends, after.monsters.position[0], after.rockets.flies[0])
 
         given = jnp.arange(70), jax.random.split(key, 70)
         return jax.lax.scan(step, state, given)[1]
@@ -96,10 +97,13 @@ def prediction() -> Any:
 def walking(state: Any, x: float, y: float) -> Any:
     """The state with the monster there, on its way north."""
     place = jnp.array([[to_fixed(x), to_fixed(y)]], jnp.int32)
-    monster = state.creatures.replace(
-        position=place, direction=jnp.array([2]), leg=jnp.array([0]), struck=jnp.array([False])
+    monster = state.monsters.replace(
+        position=place,
+        direction=jnp.array([2]),
+        steps_left=jnp.array([0]),
+        just_attacked=jnp.array([False]),
     )
-    return state.replace(creatures=monster, line=place[0, 0], northward=jnp.bool_(True))
+    return state.replace(monsters=monster, line=place[0, 0], northward=jnp.bool_(True))
 
 
 def test_the_monster_walks_and_turns_back_as_recorded_in_the_game(prediction: Any) -> None:

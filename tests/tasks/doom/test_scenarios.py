@@ -12,10 +12,8 @@ import pytest
 import jaxenstein
 from fidelity.doom_recording import Recording, load
 from jaxenstein.tasks.doom.fixed import ONE
-from jaxenstein.tasks.doom.lattice import rasterise
-from jaxenstein.tasks.doom.pickup import REACH, take_one, take_some
-from jaxenstein.tasks.doom.places import load_places
-from jaxenstein.tasks.doom.walls import load_map
+from jaxenstein.tasks.doom.maps import load_free_places, load_map, rasterise
+from jaxenstein.tasks.doom.pickups import REACH
 from tests.reference.doom import Wall, World
 
 RECORDINGS = Path(__file__).parent / "recordings"
@@ -75,9 +73,9 @@ def with_things(env, state, recording: Recording, time: int):
     alive = (recording.things[:, 4] <= time) & (recording.things[:, 5] > time)
     places = np.zeros(state.places.shape, np.int32)
     number, present = np.zeros(len(places), np.int32), np.zeros(len(places), bool)
-    for kind in range(len(env.kinds)):
+    for kind in range(len(env.pickups.kinds)):
         own = recording.things[alive & (recording.things[:, 0] == kind)]
-        first = int(np.flatnonzero(env.looks == kind)[0])
+        first = int(np.flatnonzero(env.pickups.kind_of == kind)[0])
         slots = slice(first, first + len(own))
         places[slots], number[slots], present[slots] = own[:, 2:4], own[:, 1], True
     return state.replace(
@@ -123,8 +121,8 @@ def test_an_idle_player_dies_in_tic_384(name: str) -> None:
     assert reward[-1] == -99
     lost = np.flatnonzero(np.diff(np.concatenate([[92], health])))
     np.testing.assert_array_equal(lost, np.arange(31, 384, 32))
-    periods = [kind.period for kind in env.kinds]
-    at_first = sum(kind.at_first for kind in env.kinds)
+    periods = [kind.period for kind in env.pickups.kinds]
+    at_first = sum(kind.at_first for kind in env.pickups.kinds)
     assert int(first.present.sum()) == at_first
     times = np.arange(1, 385)
     expected = at_first + sum(times // period for period in periods)
@@ -134,9 +132,9 @@ def test_an_idle_player_dies_in_tic_384(name: str) -> None:
 @pytest.mark.parametrize("name", ["health-gathering", "health-gathering-supreme"])
 def test_things_lie_evenly_where_they_fit(name: str) -> None:
     """No box of half-width 20 overlaps a wall, and quarters of the room get what they measure."""
-    places = load_places(name)
+    places = load_free_places(name)
     bits = jax.random.bits(jax.random.key(0), (20_000, 3), jnp.uint32)
-    drawn = np.asarray(places.draw(bits))
+    drawn = np.asarray(places.sample(bits))
     world = World(walls := [Wall(w.x0, w.y0, w.x1, w.y1) for w in load_map(name).walls])
     ends = np.array([(w.x0, w.y0, w.x1, w.y1) for w in walls]).reshape(-1, 2, 2)
     least, most = ends.min(axis=1), ends.max(axis=1)
@@ -164,16 +162,13 @@ def test_things_lie_evenly_where_they_fit(name: str) -> None:
 def test_several_things_are_taken_one_after_another_the_newest_first() -> None:
     """At health 60 two medkits of 25 are needed; of three the oldest is left."""
     env, _ = make("doom-health-gathering")
-    n = len(env.looks)
+    n = len(env.pickups.kind_of)
     reach = np.zeros(n, bool)
     reach[[3, 7, 11]] = True
     number = np.arange(n, dtype=np.int32)
     places = np.full((n, 2), 600 * ONE, np.int32)
     target = jnp.asarray((600 * ONE, 600 * ONE), jnp.int32)
-    health, taken = take_some(
-        env.geometry,
-        env.kinds,
-        env.looks,
+    health, taken = env.pickups.take_some(
         target,
         jnp.asarray(places),
         jnp.asarray(number),
@@ -187,8 +182,8 @@ def test_several_things_are_taken_one_after_another_the_newest_first() -> None:
 @pytest.mark.parametrize(("health", "after", "left"), [(50, 75, 0), (90, 100, 0), (100, 100, 1)])
 def test_a_medkit_alone(health: int, after: int, left: int) -> None:
     env, _ = make("doom-health-gathering")
-    reach = jnp.zeros(len(env.looks), bool).at[5].set(True)
-    got, taken = take_one(env.kinds, jnp.asarray(env.looks), jnp.int32(health), reach)
+    reach = jnp.zeros(len(env.pickups.kind_of), bool).at[5].set(True)
+    got, taken = env.pickups.take_one(jnp.int32(health), reach)
     assert (int(got), int((reach & ~taken).sum())) == (after, left)
 
 

@@ -8,11 +8,21 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.tasks.doom.bodies import crosses, overlap
+from jaxenstein.pytree import PyTreeNode
+from jaxenstein.tasks.doom.arsenal import Arsenal
+from jaxenstein.tasks.doom.collision import (
+    along,
+    crosses,
+    first_body,
+    is_seen,
+    overlap,
+    segments,
+    to_boxes,
+    to_walls,
+)
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
-from jaxenstein.tasks.doom.shots import along, first_body, is_seen, segments, to_boxes, to_walls
-from jaxenstein.tasks.doom.walls import Line
-from jaxenstein.tasks.doom.weapons import PISTOL, drawn_weapon, pull, shot_angle
+from jaxenstein.tasks.doom.maps import Line
+from jaxenstein.tasks.doom.weapons import PISTOL, Slot, Trigger, pull
 
 WALLS = segments([Line(100, -50, 100, 50, "-"), Line(-20, -80, 60, -60, "-")])
 NO_WALLS = np.zeros((0, 4), np.float32)
@@ -114,7 +124,7 @@ def test_a_box_crosses_a_wall_where_a_sampled_one_does() -> None:
 
 def fired(held: list[int], *, ammo: int = 50, wait: int = 0) -> list[int]:
     """The tics in which a pistol fires, with ATTACK held where there is a 1."""
-    trigger, tics = drawn_weapon(PISTOL, ammo, wait), []
+    trigger, tics = Arsenal([Slot(PISTOL)], shots=ammo, raise_tics=wait).trigger(), []
     for tic, attack in enumerate(held):
         trigger, fires = pull(PISTOL, trigger, jnp.bool_(attack))
         tics += [tic] * bool(fires)
@@ -132,11 +142,26 @@ def test_a_pistol_fires_in_the_tics_of_the_game() -> None:
 
 
 def test_only_shots_of_a_held_trigger_scatter() -> None:
-    trigger = drawn_weapon(PISTOL, 9)
-    bits = jnp.uint32(200 | 90 << 8)
-    assert int(shot_angle(PISTOL, trigger, jnp.uint32(7), bits)) == 7
-    held = trigger.replace(held=jnp.bool_(True))
-    assert int(shot_angle(PISTOL, held, jnp.uint32(7), bits)) == 7 + (110 << 18)
+    """By 110 steps of 2**18: 2.4 degrees, which is 42 map units aside at a thousand."""
+    arsenal = Arsenal([Slot(PISTOL)])
+    ahead = jnp.stack([place(1000, 0), place(1000, 42)])
+    targets = ahead, np.array([20, 20], np.int32), jnp.ones(2, bool)
+    bits = jnp.array([200 | 90 << 8 | 3 << 16], jnp.uint32)
+
+    def damage(held: bool) -> list[int]:
+        shooter = Aiming(arsenal.trigger().replace(held=jnp.bool_(held)), jnp.uint32(0))
+        shot = jnp.bool_(True), place(0, 0)
+        return arsenal.bullets(shooter, shot, targets, NO_WALLS, bits).tolist()
+
+    assert damage(held=False) == [5, 0]
+    assert damage(held=True) == [0, 5]
+
+
+class Aiming(PyTreeNode):
+    """What of a state a shot depends on."""
+
+    trigger: Trigger
+    angle: jax.Array
 
 
 def test_basic_pays_the_hit_in_the_tic_of_the_bullet_and_ends_after_it() -> None:

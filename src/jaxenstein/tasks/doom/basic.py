@@ -1,28 +1,41 @@
-"""ViZDoom's Basic, tic by tic: step to the side until the monster stands ahead, and shoot it."""
+"""ViZDoom's Basic, tic by tic: step to the side until the monster stands ahead, and shoot it.
+
+With it Simpler Basic, in which the monster is nearer, and Rocket Basic, with a rocket launcher.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, ClassVar
+import functools
+from typing import Any, ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...about import About
+from ...about import About, Choose, Player
 from ...environment import Info
-from ...maps.things import CACODEMON, RGB
 from ...params import Params, Scalar
+from ...players.chance import NO_OP
 from ..draws import draw_index
-from .aiming import STEP_AND_SHOOT
-from .buttons import ATTACK, MOVE_LEFT, MOVE_RIGHT
+from ..health import FULL_HEALTH
+from .arsenal import Arsenal
 from .fixed import ONE
-from .look import CACODEMONS, OCHRE, SLATE, TAN, TILES, Picture
-from .shooter import EVENTS, DoomShooter, DoomShooterState
+from .monster_kinds import CACODEMON
+from .parts import Game, GameObject, Health, Part, Sprites
+from .physics import ATTACK, MOVE_LEFT, MOVE_RIGHT
+from .projectiles import Missiles, Projectiles, launch, rockets, with_player
+from .scenario import DoomScenario, DoomState, Room
+from .view import OCHRE, SLATE, TAN, TILES
+from .weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Slot, Trigger
 
-# The monster stands on the line x = 0, from the one y to the other, and is so wide.
+# The monster stands on the line x = 0, from the one y to the other.
 LOWEST, HIGHEST = -161, 224
-HALF_WIDTH = 31
+HALF_WIDTH = CACODEMON.half_width
+_NO_WALLS = np.zeros((0, 4), np.float32)
+# The player's way, for a velocity of one, in the 4 or 8 tics up to the shot and until it stands;
+# so far off, in map units, a shot still hits with something to spare.
+_COASTS, _STOPS, _NEAR = {4: 3.2, 8: 5.6}, 9.0, 24
 
 
 class DoomBasicParams(Params):
@@ -41,52 +54,107 @@ class DoomBasicParams(Params):
     living_reward: Scalar = -1.0
 
 
-class DoomBasicState(DoomShooterState):
+class DoomBasicState(DoomState):
     """State of the task.
 
     Attributes:
+        health: int32[], of the player.
+        trigger: what the weapon does.
         target: int32[2], where the monster is, map units in 16.16.
         killed: bool[], whether it was hit; the next tic ends the episode.
+        rockets: in flight; None of a weapon that fires bullets.
     """
 
+    health: jax.Array
+    trigger: Trigger
     target: jax.Array
     killed: jax.Array
+    rockets: Projectiles | None = None
+
+
+class Target(Part):
+    """A monster that does nothing: `state.target`, and `state.killed`."""
+
+    objects = (GameObject(CACODEMON.game_name, CACODEMON.label, CACODEMON.pictures[2:]),)
+
+    def sprites(self, state: DoomBasicState) -> Sprites:
+        """The monster, alive or dead."""
+        dead = state.killed[None].astype(jnp.int32)
+        return Sprites(state.target[None], dead, jnp.ones(1, bool))
+
+    def from_game(self, state: DoomBasicState, game: Game) -> DoomBasicState:
+        """The monster of the game."""
+        rows = game.of(CACODEMON.game_name)
+        return state.replace(target=rows[0, :2].astype(np.int32)) if len(rows) else state
+
+
+_ROOMS = {
+    "basic": Room("basic", floor=TAN, ceiling=SLATE),
+    "simpler-basic": Room("simpler-basic", floor=TILES, ceiling=OCHRE),
+}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
-    """Shoot a monster that does nothing, with a pistol. The player steps aside, but cannot turn.
+class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
+    """Shoot a monster that does nothing. The player steps aside, but cannot turn.
 
-    Reward: `kill_reward` for the hit, `shot_reward` for every shot, `living_reward` in every tic.
-    The tic after the hit terminates.
+    With a pistol, whose bullet hits at once, or with a rocket launcher, whose rocket needs a second
+    to get there. Rockets have no width here: they must meet the monster itself. The launcher takes
+    up ATTACK when it has been raised and ATTACK been released. Reward: `kill_reward` for the hit,
+    `shot_reward` for every shot, `living_reward` in every tic. The tic after the hit terminates.
+
+    Attributes:
+        hall: `"basic"`, or `"simpler-basic"`: 64 map units shorter, with brighter walls.
+        rocket: whether the weapon is the rocket launcher.
     """
 
+    hall: Literal["basic", "simpler-basic"] = "basic"
+    rocket: bool = False
+
     params_class: ClassVar[type[Params]] = DoomBasicParams
-    map_name: ClassVar[str] = "basic"
     success_event: ClassVar[str] = "kills"
     success_count: ClassVar[str] = "KILLCOUNT"
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT, ATTACK)
-    pictures: ClassVar[tuple[Picture, ...]] = CACODEMONS
-    game_things: ClassVar[tuple[str, ...]] = ("Cacodemon",)
-    thing_labels: ClassVar[tuple[int, ...]] = (CACODEMON.label,)
-    floor: ClassVar[RGB] = TAN
-    ceiling: ClassVar[RGB] = SLATE
 
     @property
-    def half_widths(self) -> np.ndarray:
-        """int32[1]: of the monster."""
-        return np.array([HALF_WIDTH], np.int32)
+    def room(self) -> Room:
+        """A rectangular room."""
+        return _ROOMS[self.hall]
+
+    @property
+    def scenario(self) -> str | None:
+        """Its name in ViZDoom; that of Rocket Basic plays in the room of Simpler Basic."""
+        return "rocket_basic" if self.rocket else super().scenario
+
+    @functools.cached_property
+    def arsenal(self) -> Arsenal:
+        """The weapon."""
+        weapon = ROCKET_LAUNCHER if self.rocket else PISTOL
+        return Arsenal([Slot(weapon)], raise_tics=3 if self.rocket else 0)
+
+    @functools.cached_property
+    def rockets(self) -> Missiles:
+        """Its rockets, none of the pistol."""
+        return rockets(3 if self.rocket else 0, half_width=0, name="CustomRocket")
+
+    @functools.cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Health, weapon, monster, and rockets if there are any."""
+        missiles = (self.rockets,) if self.rocket else ()
+        return (Health(FULL_HEALTH), self.arsenal, Target(), *missiles)
 
     def init_state(self, key: jax.Array, params: DoomBasicParams) -> DoomBasicState:
-        """Draw where the monster stands."""
+        """Sample where the monster stands."""
         del params
         bits = jax.random.bits(key, (3,), jnp.uint32)
         y = LOWEST * ONE + draw_index(bits[2], (HIGHEST - LOWEST) * ONE + 1)
         return DoomBasicState(
-            **self.drawn(bits[:2], (0, 0)),
-            **self.armed(),
+            **self.start_pose(bits[:2]),
+            health=jnp.int32(FULL_HEALTH),
+            trigger=self.arsenal.trigger(),
             target=jnp.stack([jnp.int32(0), y]),
             killed=jnp.bool_(False),
+            rockets=self.rockets.none() if self.rocket else None,
         )
 
     def transition(
@@ -95,20 +163,22 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
         """Shoot, then move."""
         over, origin = state.killed, state.fixed_position
         bits = jax.random.bits(key, (), jnp.uint32)
-        state, fires, towards = self.shoot(state, state.angle, action, bits)
+        attack = jnp.asarray(self.pressed(action).attack)
+        state, fires = self.arsenal.tic(state, attack, self.held(action))
         state, _ = self.moved(state, action)
-        state, hits = self.hit(state, origin, fires, towards)
+        widths = np.array([HALF_WIDTH], np.int32)
+        targets = state.target[None], widths, ~state.killed[None]
+        if state.rockets is None:
+            damage = self.arsenal.bullets(state, (fires, origin), targets, _NO_WALLS, bits[None])
+            hits = damage[0] > 0
+        else:
+            flying = launch(state.rockets, ROCKET_LAUNCHER, fires, origin, state.angle)
+            after, met = self.rockets.fly(flying, with_player(origin, targets), _NO_WALLS)
+            state, hits = state.replace(rockets=after), jnp.any(met[:, 1])
         reward = params.living_reward + jnp.where(fires, params.shot_reward, 0)
         reward = reward + jnp.where(hits, params.kill_reward, 0)
         events = {"shots": fires.astype(jnp.int32), "kills": hits.astype(jnp.int32)}
         return state.replace(killed=over | hits), reward, over, events
-
-    def hit(
-        self, state: Any, origin: jax.Array, fires: jax.Array, towards: jax.Array
-    ) -> tuple[Any, jax.Array]:
-        """The state after a shot, if there was one, and bool[] whether the monster is hit now."""
-        there = ~state.killed[None]
-        return state, fires & self.struck(origin, towards, state.target[None], there)[0]
 
     def about(self) -> About:
         """What the task says of itself."""
@@ -120,7 +190,7 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
                 "shot_reward": "{:+g} a shot",
                 "living_reward": "{:+g} a tic",
             },
-            events=EVENTS,
+            events=SHOOTING,
             variables={"health": "0 to 100", "ammo": "bullets left"},
             captions=("ammo",),
             players={"step_and_shoot": STEP_AND_SHOOT},
@@ -128,21 +198,25 @@ class DoomBasic(DoomShooter[DoomBasicState, DoomBasicParams]):
             lasting=("killed",),
         )
 
-    def things(self, state: DoomBasicState) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The monster."""
-        return state.target[None], state.killed[None].astype(jnp.int32), jnp.ones(1, bool)
 
-    def with_things(self, state: DoomBasicState, health: int, things: np.ndarray) -> DoomBasicState:
-        """The state with the monster of the game."""
-        rows = things[things[:, 0] == 0]
-        target = rows[0, 1:3].astype(np.int32) if len(rows) else state.target
-        return state.replace(target=target, health=np.int32(health))
+def step_and_shoot(env: DoomBasic, params: Any) -> Choose:
+    """Step aside until the shot will leave in front of the monster, then shoot."""
+    del params
+    left, right, shoot = (env.index_of(name) for name in (MOVE_LEFT, MOVE_RIGHT, ATTACK))
+    coasts = _COASTS[env.arsenal.slots[0].weapon.shot]
+
+    def choose(key: jax.Array, state: DoomBasicState) -> jax.Array:
+        del key
+        gap = (state.target[1] - state.fixed_position[1]).astype(jnp.float32) * (1 / ONE)
+        speed = state.fixed_velocity[1].astype(jnp.float32) * (1 / ONE)
+        aligned = jnp.abs(gap - coasts * speed) < _NEAR
+        step = jnp.where(gap - _STOPS * speed > 0, jnp.int32(left), jnp.int32(right))
+        acts = jnp.where(aligned, jnp.int32(shoot), step)
+        return jnp.where(env.arsenal.locked(state.time), NO_OP, acts)
+
+    return choose
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomSimplerBasic(DoomBasic):
-    """Basic in a room that is 64 map units shorter, with brighter walls."""
-
-    map_name: ClassVar[str] = "simpler-basic"
-    floor: ClassVar[RGB] = TILES
-    ceiling: ClassVar[RGB] = OCHRE
+STEP_AND_SHOOT = Player(
+    "steps aside until the monster is ahead, then shoots; sees the whole state", step_and_shoot
+)

@@ -12,21 +12,25 @@ import numpy as np
 
 from ...about import About, Event
 from ...environment import Info
-from ...maps.things import RGB
 from ...params import Params, Scalar, number
 from ..draws import draw_index, random_bits
-from .arena import DoomArenaParams
-from .armed_arena import (
-    NEXT_WEAPON,
-    PREVIOUS_WEAPON,
-    SELECT,
-    TAKING,
-    DoomArmedArena,
-    DoomArmedState,
+from .arsenal import SELECT, SWITCHING, Arms, Arsenal
+from .collision import segments
+from .fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
+from .fixed import ONE
+from .items import ITEMS, MOST_ARMOUR, MOST_HEALTH, TAKING, Armour, Items
+from .monster_kinds import (
+    CHAINGUN_GUY,
+    CHAINSAW_MARINE,
+    DEMON,
+    HELL_KNIGHT,
+    SHOTGUN_GUY,
+    ZOMBIE,
+    MonsterKind,
 )
-from .arsenal import BULLETS, FIST, SHELLS, first_arms
-from .blasts import MOST
-from .buttons import (
+from .monsters import Horde
+from .parts import Health, Part
+from .physics import (
     ATTACK,
     BACKWARD,
     FORWARD,
@@ -34,32 +38,18 @@ from .buttons import (
     MOVE_RIGHT,
     TURN_LEFT,
     TURN_RIGHT,
+    touches,
 )
-from .creatures import placed
-from .fixed import ONE
-from .hordes import come, words
-from .hunting import HUNT
-from .items import ITEMS, Item
-from .kinds import (
-    CHAINGUN_GUY,
-    CHAINSAW_MARINE,
-    DEMON,
-    HELL_KNIGHT,
-    SHOTGUN_GUY,
-    ZOMBIE,
-    Kind,
-    Roster,
-)
-from .look import CEILING, CLAY
-from .pickup import REACH
-from .projectiles import no_projectiles
-from .scenario import near
-from .shooter import EVENTS
-from .shots import segments
-from .weapons import PISTOL, ROCKET_LAUNCHER, Weapon
+from .pickups import REACH
+from .players import HUNT, tiles_of
+from .projectiles import HITS, Missiles, Projectiles, fireballs, rockets
+from .respawn import invaded, words
+from .scenario import DoomScenario, Room
+from .view import CEILING, CLAY
+from .weapons import BULLETS, FIST, PISTOL, ROCKET_LAUNCHER, SHELLS, SHOOTING, SLOTS
 
 # Of each kind: the reward of its death, its chance to come in 65536ths, and how many there can be.
-_HORDE: tuple[tuple[Kind, int, int, int], ...] = (
+_HORDE: tuple[tuple[MonsterKind, int, int, int], ...] = (
     (ZOMBIE, 1, 2621, 7),
     (SHOTGUN_GUY, 3, 2621, 7),
     (CHAINSAW_MARINE, 3, 1310, 4),
@@ -67,16 +57,17 @@ _HORDE: tuple[tuple[Kind, int, int, int], ...] = (
     (DEMON, 3, 655, 3),
     (HELL_KNIGHT, 10, 655, 3),
 )
-_CAST = tuple(kind for kind, _, _, count in _HORDE for _ in range(count))
 _REWARDS = np.array([pay for _, pay, _, count in _HORDE for _ in range(count)], np.float32)
 _CHANCES = np.array([chance for _, _, chance, _ in _HORDE], np.float32)
 # The health, and how much of each ammunition, below which the player `hunt` fetches more.
 _HURT, _SHORT = 60, (30, 8, 0)
-# Everybody appears within these bounds of x and y.
+# Player and monsters appear within these bounds of x and y.
 _SQUARE = (32, 992)
+# The most kills that a variable can tell.
+_MOST_KILLS = 10_000
 
 
-class DoomMatchParams(DoomArenaParams):
+class DoomMatchParams(FightParams):
     """The numbers of the task.
 
     Attributes:
@@ -98,8 +89,28 @@ class DoomMatchParams(DoomArenaParams):
     monster_health: Scalar = number(1.0, 0)
 
 
+class DoomMatchState(FightState):
+    """State of the task, with M things to take.
+
+    Attributes:
+        fireballs: those in flight.
+        rockets: likewise.
+        arms: weapons and ammunition.
+        armour: int32[], what it can still take, 0 to 200.
+        armour_share: int32[], of a blow that it takes off, in 65536ths.
+        items: bool[M], what is there to be taken.
+    """
+
+    fireballs: Projectiles
+    rockets: Projectiles
+    arms: Arms
+    armour: jax.Array
+    armour_share: jax.Array
+    items: jax.Array
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
+class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
     """Kill as many monsters as possible: they keep coming, of six kinds, and also fight each other.
 
     Weapons, ammunition, armour and medkits lie in the rooms around the arena. Reward: 1 to 10 for
@@ -110,7 +121,6 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
     sprite_layers: int = 4
 
     params_class: ClassVar[type[Params]] = DoomMatchParams
-    map_name: ClassVar[str] = "deathmatch"
     button_names: ClassVar[tuple[str, ...]] = (
         ATTACK,
         "speed",
@@ -121,125 +131,153 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
         FORWARD,
         TURN_RIGHT,
         TURN_LEFT,
-        *SELECT,
-        NEXT_WEAPON,
-        PREVIOUS_WEAPON,
+        *SWITCHING,
     )
-    cast: ClassVar[tuple[Kind, ...]] = _CAST
-    weapon: ClassVar[Weapon] = PISTOL
-    floor: ClassVar[RGB] = CLAY
-    ceiling: ClassVar[RGB] = CEILING
-    ammo: ClassVar[int] = 50
-    most_ammo: ClassVar[int] = 200
-    most_balls: ClassVar[int] = 8
-    draw_tics: ClassVar[int] = 13
+
+    @property
+    def room(self) -> Room:
+        """An arena with rooms around it."""
+        return Room("deathmatch", floor=CLAY, ceiling=CEILING)
 
     @functools.cached_property
-    def roster(self) -> Roster:
-        """The monsters, who turn on each other."""
-        return Roster(self.cast, feuds=True)
+    def horde(self) -> Horde:
+        """The monsters, which turn on each other."""
+        kinds = [kind for kind, _, _, count in _HORDE for _ in range(count)]
+        walls = segments(self.doom_map.walls)
+        return Horde(kinds, walls=walls, opaque=walls, infighting=True)
 
     @functools.cached_property
-    def items(self) -> tuple[Item, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """What there is to take, one by one."""
-        return tuple(ITEMS[thing.kind] for thing in self.doom_map.things)
+    def arsenal(self) -> Arsenal:
+        """The weapons."""
+        first_button = self.button_names.index(SELECT[0])
+        return Arsenal(SLOTS, shots=50, most=200, raise_tics=13, first_button=first_button)
 
     @functools.cached_property
-    def supplies(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """int32[M, 2]: where it lies, map units in 16.16."""
+    def items(self) -> Items:
+        """What there is to take."""
+        found = [ITEMS[thing.kind] for thing in self.doom_map.things]
         places = np.array([(thing.x, thing.y) for thing in self.doom_map.things])
-        return (places * ONE).astype(np.int32)
+        return Items(found, (places * ONE).astype(np.int32), self.arsenal)
 
     @functools.cached_property
-    def opaque_walls(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """float32[L, 4]: all walls."""
-        return segments(self.doom_map.walls)
+    def armour(self) -> Armour:
+        """The player's armour."""
+        return Armour()
+
+    @functools.cached_property
+    def fireballs(self) -> Missiles:
+        """What hell knights throw."""
+        return fireballs(8)
+
+    @functools.cached_property
+    def rockets(self) -> Missiles:
+        """The player's rockets."""
+        return rockets()
+
+    @functools.cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Health, armour, weapons, monsters, fireballs, things to take, rockets."""
+        player = Health(MOST_HEALTH), self.armour, self.arsenal
+        return *player, self.horde, self.fireballs, self.items, self.rockets
+
+    @functools.cached_property
+    def limits(self) -> dict[str, int]:
+        """The variables of the game's wrapper, each with its highest value."""
+        return {
+            "killed": _MOST_KILLS,
+            "health": MOST_HEALTH,
+            "armour": MOST_ARMOUR,
+            "weapon": len(SELECT),
+            "ammo": self.arsenal.most,
+        }
+
+    def absorbed(self, state: DoomMatchState, lost: jax.Array) -> tuple[DoomMatchState, jax.Array]:
+        """Blows, of which the armour takes a share."""
+        return self.armour.absorbed(state, lost)
 
     @property
     def starts(self) -> np.ndarray:
         """float[1, 2]: the middle; episodes start anywhere in the arena."""
         return np.array([(512.0, 512.0)])
 
-    def init_state(self, key: jax.Array, params: DoomMatchParams) -> DoomArmedState:
-        """Draw place and heading; nobody else is there."""
+    def init_state(self, key: jax.Array, params: DoomMatchParams) -> DoomMatchState:
+        """Sample place and heading; no monster is there."""
         del params
         bits = jax.random.bits(key, (3,), jnp.uint32)
         low, high = _SQUARE
         place = low * ONE + draw_index(bits[:2], (high - low) * ONE + 1)
-        count = len(self.roster)
-        nowhere = jnp.zeros((count, 2), jnp.int32)
-        nobody = jnp.zeros(count, bool)
-        creatures = placed(
-            self.roster, nowhere, jnp.zeros(count, jnp.uint32), nobody, jnp.zeros(count, jnp.int32)
-        )
-        return DoomArmedState(
-            **self.placed(place, bits[2]),
-            **self.armed(),
-            creatures=creatures,
-            kills=jnp.int32(0),
-            balls=no_projectiles(self.most_balls),
-            rockets=no_projectiles(MOST),
-            arms=first_arms(self.arsenal, (FIST, PISTOL), PISTOL, self.ammo),
+        count = len(self.horde)
+        nowhere, none = jnp.zeros((count, 2), jnp.int32), jnp.zeros(count, jnp.int32)
+        absent = jnp.zeros(count, bool)
+        return DoomMatchState(
+            **self.pose(place, bits[2]),
+            **before_fight(
+                self, self.horde.placed(nowhere, none.astype(jnp.uint32), absent, none), PISTOL
+            ),
+            fireballs=self.fireballs.none(),
+            rockets=self.rockets.none(),
+            arms=self.arsenal.arms((FIST, PISTOL), PISTOL),
             armour=jnp.int32(0),
-            share=jnp.int32(0),
-            left=jnp.ones(len(self.items), bool),
+            armour_share=jnp.int32(0),
+            items=jnp.ones(len(self.items.places), bool),
         )
 
     def transition(
-        self, key: jax.Array, state: DoomArmedState, action: jax.Array, params: DoomMatchParams
-    ) -> tuple[DoomArmedState, jax.Array, jax.Array, Info]:
+        self, key: jax.Array, state: DoomMatchState, action: jax.Array, params: DoomMatchParams
+    ) -> tuple[DoomMatchState, jax.Array, jax.Array, Info]:
         """Fight; take what is there; the dead are taken away; now and then others come."""
         fight_key, ball_key, rocket_key, horde_key = jax.random.split(key, 4)
-        living, before = state.creatures.living, state.kills
-        state, fought = self.fight(fight_key, state, action, params)
-        launches = fought.fires & (state.arms.selected == self.arsenal.index_of(ROCKET_LAUNCHER))
-        state = self.fly_rockets(rocket_key, state, launches, params)
-        state, hits = self.burn(ball_key, state, fought, params)
-        killed = living & ~state.creatures.living
+        living, before = state.monsters.living, state.kills
+        state, fought = fight(self, fight_key, state, action, params)
+        launcher = self.arsenal.index_of(ROCKET_LAUNCHER)
+        launches = fought.fires & (state.arms.selected == launcher)
+        state = fly_rockets(
+            self, self.rockets, ROCKET_LAUNCHER, rocket_key, state, launches, params
+        )
+        state, hits = fly_fireballs(self, self.fireballs, ball_key, state, fought, params)
+        killed = living & ~state.monsters.living
         dead = state.health <= 0
-        reach = near(fought.tried, self.supply_places(state), REACH // ONE) & state.left & ~dead
-        state, took = self.take(state, reach)
-        creatures = state.creatures.replace(present=state.creatures.living)
-        state = state.replace(creatures=creatures)
-        state = self._joined(horde_key, state, params)
+        reach = touches(fought.reached, jnp.asarray(self.items.places), REACH // ONE)
+        state, took = self.items.taken(state, reach & state.items & ~dead)
+        monsters = state.monsters.replace(present=state.monsters.living)
+        state = self._joined(horde_key, state.replace(monsters=monsters), params)
         reward = jnp.sum(jnp.where(killed, _REWARDS, 0)) * params.kill_reward
         reward = reward - jnp.where(dead, params.death_penalty, 0)
         events = {"shots": fought.fires.astype(jnp.int32), "kills": state.kills - before}
-        events |= {"hits": jnp.sum(hits, dtype=jnp.int32), **took, "died": dead}
-        return state, reward, dead, events
+        return state, reward, dead, events | {"hits": hits, **took, "died": dead}
 
     def _joined(
-        self, key: jax.Array, state: DoomArmedState, params: DoomMatchParams
-    ) -> DoomArmedState:
-        """The state with the monsters who come in this tic."""
+        self, key: jax.Array, state: DoomMatchState, params: DoomMatchParams
+    ) -> DoomMatchState:
+        """The state with the monsters that come in this tic."""
         since = state.time + 1 - jnp.asarray(params.first, jnp.int32)
         period = jnp.maximum(jnp.asarray(params.period, jnp.int32), 1)
         due = (since >= 0) & (since % period == 0)
         chances = jnp.where(due, _CHANCES * params.crowd, 0)
-        healthy = self.roster.health.astype(np.float32) * params.monster_health
-        health = jnp.maximum(jnp.round(healthy), 1).astype(jnp.int32)
-        bits = random_bits(key, words(self.roster))
-        creatures, _ = come(
-            self.roster, state.creatures, state.fixed_position, chances, _SQUARE, health, bits
+        health = self.horde.healthy(params.monster_health)
+        bits = random_bits(key, words(self.horde))
+        monsters, _ = invaded(
+            self.horde, state.monsters, state.fixed_position, chances, _SQUARE, health, bits
         )
-        return state.replace(creatures=creatures)
+        return state.replace(monsters=monsters)
 
     # For the player `hunt`.
 
-    def wanted(self, state: DoomArmedState) -> jax.Array:
-        """bool[M]: what is worth a walk: health, bullets, shells and their weapons."""
-        goods, arms = self.goods, state.arms
-        usual = np.isin(goods.ammunition, (BULLETS, SHELLS))
-        heals = jnp.asarray(goods.health > 1) & (state.health < _HURT)
-        short = (arms.ammo < np.array(_SHORT, np.int32))[np.maximum(goods.ammunition, 0)]
-        missing = ~arms.owned[np.maximum(goods.weapon, 0)] & (goods.weapon >= 0)
-        return heals | (usual & (missing | short))
+    def to_fetch(self, state: DoomMatchState) -> tuple[jax.Array, jax.Array]:
+        """What is worth a walk: health, bullets, shells and their weapons."""
+        items, arms = self.items, state.arms
+        usual = np.isin(items.ammo, (BULLETS, SHELLS))
+        heals = jnp.asarray(items.health > 1) & (state.health < _HURT)
+        short = (arms.ammo < np.array(_SHORT, np.int32))[np.maximum(items.ammo, 0)]
+        missing = ~arms.owned[np.maximum(items.weapon, 0)] & (items.weapon >= 0)
+        wanted = heals | (usual & (missing | short))
+        return jnp.asarray(items.places), state.items & wanted
 
-    def errand(self, state: DoomArmedState) -> jax.Array:
+    def next_tiles(self, state: DoomMatchState) -> jax.Array:
         """bool[rows, columns]: the middle of the arena."""
         del state
         middle = np.array([[512 * ONE, 512 * ONE]], np.int32)
-        return self.tiles_of(middle, np.ones(1, bool))
+        return tiles_of(self, middle, np.ones(1, bool))
 
     def about(self) -> About:
         """What the task says of itself."""
@@ -251,8 +289,8 @@ class DoomDeathmatch(DoomArmedArena[DoomArmedState, DoomMatchParams]):
                 "death_penalty": "-{:g} at death",
             },
             events={
-                **EVENTS,
-                "hits": Event("was hit by a fireball", "was hit by {} fireballs"),
+                **SHOOTING,
+                **HITS,
                 **TAKING,
                 "died": Event("died"),
             },

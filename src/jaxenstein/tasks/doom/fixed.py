@@ -1,4 +1,4 @@
-"""Doom's 16.16 numbers in 32 bits: the products and quotients of its motion, exactly.
+"""Doom's numbers: 16.16 fixed point in 32 bits, its sines, and its random bytes.
 
 Doom multiplies and divides in 64 bits, which JAX has only in its 64-bit mode. Each function here
 gives the same bits with int32 and uint32 alone, in the range that it names.
@@ -98,3 +98,20 @@ def direction(angle: jax.Array) -> tuple[jax.Array, jax.Array]:
     entry = (angle >> ENTRY_SHIFT).astype(jnp.int32)
     cosine = table.at[entry + ENTRIES // 4].get(mode="promise_in_bounds")
     return cosine, table.at[entry].get(mode="promise_in_bounds")
+
+
+def byte(bits: jax.Array, number: int) -> jax.Array:
+    """int32[...], 0 to 255: one of the four bytes of uint32[...]."""
+    return ((bits >> (8 * number)) & 255).astype(jnp.int32)
+
+
+def roll(
+    dice: int | np.ndarray | jax.Array, sides: int | np.ndarray | jax.Array, byte: jax.Array
+) -> jax.Array:
+    """int32[...]: `dice` times the throw of a die with `sides` sides, from random bytes."""
+    return jnp.asarray(dice) * (byte % jnp.asarray(sides) + 1)
+
+
+def spread(bits: jax.Array, shift: int | np.ndarray) -> jax.Array:
+    """uint32[...]: the random error of an angle: the difference of two bytes times 2**shift."""
+    return ((byte(bits, 0) - byte(bits, 1)) << shift).astype(jnp.uint32)

@@ -4,26 +4,62 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...about import About, Event
+from ...about import About, Choose, Event, Player
 from ...batching import where_few
-from ...engine.scene import Theme
 from ...environment import Info
+from ...maps import things
 from ...params import Params, Scalar, number
-from ..draws import random_bits
-from ..health import FULL_HEALTH, HealthTask, about_health
-from .buttons import FORWARD, TURN_LEFT, TURN_RIGHT
-from .look import ACID, BOTTLE, CEILING, MEDKIT_BOX, doom_theme
-from .pickup import Pickup, take_one, take_some, touched
-from .places import load_places
-from .players import GREEDY_MEDKITS
-from .scenario import ANY_ANGLE, DoomScenario, DoomState
-from .walls import MAP_SPOT, START
+from ...players.chance import NO_OP
+from ...players.walking import flood
+from ..health import FULL_HEALTH, about_health
+from .collision import LATTICE, Geometry
+from .fixed import ONE
+from .maps import MAP_SPOT, START
+from .parts import Health, Part
+from .physics import FORWARD, TURN_LEFT, TURN_RIGHT
+from .pickups import Pickup, Pickups
+from .players import NEIGHBOURS, free_nodes, nearest_node, walker
+from .scenario import ANY_ANGLE, DoomScenario, DoomState, Room
+from .view import ACID, CEILING, MEDKIT_BOX, Picture
+
+_MEDKIT, _BOTTLE = things.MEDKIT.label, Picture("bottle", 15.3, (72, 112, 80), (110, 140, 66))
+_SMALL = (
+    Pickup(
+        "Medikit",
+        _MEDKIT,
+        MEDKIT_BOX,
+        25,
+        at_first=17,
+        period=30,
+        capacity=88,
+        spared_when_full=True,
+    ),
+)
+_SUPREME = (
+    Pickup("CustomMedikit", _MEDKIT, MEDKIT_BOX, 20, at_first=31, period=25, capacity=116),
+    Pickup(
+        "Poison",
+        things.POISON.label,
+        _BOTTLE,
+        -30,
+        at_first=3,
+        period=50,
+        capacity=46,
+        name="poison",
+    ),
+)
+# A straight way is looked at in so many steps; how much farther a medkit counts that is behind
+# walls or poison, and how near poison is too near, in map units.
+_STEPS, _BLOCKED, _POISONED, _CLEARANCE = 48, 1e4, 1e3, 60
+# So near a medkit that is not needed, a player waits; so far it looks ahead on a way around, in
+# nodes.
+_ARRIVED, _AHEAD = 20, 2
 
 
 class DoomHealthParams(Params):
@@ -45,7 +81,7 @@ class DoomHealthParams(Params):
 
 
 class DoomHealthState(DoomState):
-    """State of the task; N is the capacity of all kinds of things together.
+    """State of the task, with N places for things (see `Pickups`).
 
     Attributes:
         health: int32[], 0 to 100.
@@ -61,32 +97,35 @@ class DoomHealthState(DoomState):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomHealthGathering(
-    HealthTask[DoomHealthState, DoomHealthParams], DoomScenario[DoomHealthState, DoomHealthParams]
-):
+class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
     """Stay alive on a floor that hurts, by walking over medkits. Doom's own motion.
 
     The floor takes 8 health every 32 tics. Medkits, and in the second scenario poison, appear
     somewhere at fixed intervals and are taken by walking into them. Reward: 1 a tic, and -100
     more for dying, which terminates.
+
+    Attributes:
+        supreme: whether it is Health Gathering Supreme: in a large room with walls, and with
+            poison that looks like a bottle.
     """
 
     # Things are as high as the eye or lower: a third one in a column hardly shows.
     sprite_layers: int = 2
+    supreme: bool = False
 
     params_class: ClassVar[type[Params]] = DoomHealthParams
-    map_name: ClassVar[str] = "health-gathering"
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, FORWARD)
-    kinds: ClassVar[tuple[Pickup, ...]] = (
-        Pickup(MEDKIT_BOX, health=25, at_first=17, period=30, capacity=88, spared_when_full=True),
-    )
-    game_things: ClassVar[tuple[str, ...]] = ("Medikit",)
+
+    @property
+    def room(self) -> Room:
+        """An empty room, or one with walls."""
+        name = "health-gathering-supreme" if self.supreme else "health-gathering"
+        return Room(name, floor=ACID, ceiling=CEILING)
 
     @property
     def starts(self) -> np.ndarray:
         """float[n, 2]: the map spots, or the one start of a map without."""
-        spots = self.doom_map.of_kind(MAP_SPOT) or self.doom_map.of_kind(START)
-        return np.array([(spot.x, spot.y) for spot in spots])
+        return self.doom_map.places(MAP_SPOT, START)
 
     @property
     def angles(self) -> tuple[int, int]:
@@ -94,40 +133,22 @@ class DoomHealthGathering(
         return ANY_ANGLE if self.doom_map.of_kind(MAP_SPOT) else (0, 0)
 
     @functools.cached_property
-    def looks(self) -> np.ndarray:
-        """int32[N]: the kind of each place for a thing."""
-        return np.repeat(np.arange(len(self.kinds)), [k.capacity for k in self.kinds]).astype(
-            np.int32
-        )
+    def pickups(self) -> Pickups:
+        """What lies on the floor."""
+        kinds = _SUPREME if self.supreme else _SMALL
+        return Pickups(kinds, self.room.map_name, self.geometry)
 
     @functools.cached_property
-    def theme(self) -> Theme:
-        """How the room looks."""
-        pictures = tuple(kind.picture for kind in self.kinds)
-        light = self.doom_map.light
-        return doom_theme(pictures, floor=ACID, ceiling=CEILING, level=light, unit=self.unit)
+    def parts(self) -> tuple[Part, ...]:
+        """Health, and what lies on the floor."""
+        return Health(FULL_HEALTH), self.pickups
 
     def init_state(self, key: jax.Array, params: DoomHealthParams) -> DoomHealthState:
-        """Draw start and heading, and place the first things."""
+        """Sample start and heading, and place the first things."""
         pose_key, thing_key = jax.random.split(key)
-        pose = self.drawn(jax.random.bits(pose_key, (2,), jnp.uint32), self.angles)
-        at_first = [kind.at_first for kind in self.kinds]
-        drawn = random_bits(thing_key, (sum(at_first), 3))
-        new = load_places(self.map_name).draw(drawn)
-        parts, number, seen = [], [], 0
-        for kind in self.kinds:
-            rest = jnp.zeros((kind.capacity - kind.at_first, 2), jnp.int32)
-            parts += [new[seen : seen + kind.at_first], rest]
-            number += [*range(seen, seen + kind.at_first), *[0] * rest.shape[0]]
-            seen += kind.at_first
-        present = [np.arange(kind.capacity) < kind.at_first for kind in self.kinds]
-        return DoomHealthState(
-            **pose,
-            health=FULL_HEALTH - jnp.asarray(params.damage),
-            places=jnp.concatenate(parts),
-            present=jnp.asarray(np.concatenate(present)),
-            number=jnp.asarray(np.array(number, np.int32)),
-        )
+        pose = self.start_pose(jax.random.bits(pose_key, (2,), jnp.uint32), self.angles)
+        health = FULL_HEALTH - jnp.asarray(params.damage)
+        return DoomHealthState(**pose, health=health, **self.pickups.first(thing_key))
 
     def transition(
         self, key: jax.Array, state: DoomHealthState, action: jax.Array, params: DoomHealthParams
@@ -136,76 +157,92 @@ class DoomHealthGathering(
         time = state.time + 1
         hurt = time % jnp.maximum(params.damage_period, 1) == 0
         health = jnp.maximum(state.health - jnp.where(hurt, params.damage, 0), 0)
-        state, tried = self.moved(state, action)
-        reach = touched(tried, state.places, state.present) & (health > 0)
-        kinds = jnp.asarray(self.looks)
-        after, taken = take_one(self.kinds, kinds, health, reach)
-        several = jnp.sum(reach, dtype=jnp.int32) > 1
-        take = where_few(functools.partial(take_some, self.geometry, self.kinds, self.looks))
-        after_all, taken_all = take(
-            several, tried.target, state.places, state.number, health, reach
-        )
-        health = jnp.where(several, after_all, after)
-        taken = jnp.where(several, taken_all, taken)
-        dead = health <= 0
-        state = state.replace(health=health, present=state.present & ~taken)
-        state = self._appear(state, key, time)
+        state, reached = self.moved(state, action)
+        state, counts = self.pickups.take(state, health, reached)
+        state = self.pickups.appear(state, key, time)
+        dead = state.health <= 0
         reward = params.living_reward - jnp.where(dead, params.death_penalty, 0)
-        counts = {
-            f"took_{kind.name}": jnp.sum(taken & (self.looks == i), dtype=jnp.int32)
-            for i, kind in enumerate(self.kinds)
-        }
         return state, reward, dead, counts | {"died": dead}
-
-    def _appear(self, state: DoomHealthState, key: jax.Array, time: jax.Array) -> DoomHealthState:
-        """Things more, of each kind whose time it is."""
-        bits = random_bits(key, (len(self.kinds), 3))
-        new = load_places(self.map_name).draw(bits)
-        here, first = jnp.zeros(len(self.looks), bool), 0
-        slots = np.arange(len(self.looks), dtype=np.int32)
-        for kind in self.kinds:
-            due = time % kind.period == 0
-            slot = first + (kind.at_first + time // kind.period - 1) % kind.capacity
-            here = here | ((slots == slot) & due)
-            first += kind.capacity
-        place = new.at[self.looks].get(mode="promise_in_bounds")
-        return state.replace(
-            places=jnp.where(here[:, None], place, state.places),
-            present=state.present | here,
-            # Of two at the same time the game's script makes the first kind first.
-            number=jnp.where(here, (time + 1) * len(self.kinds) + self.looks, state.number),
-        )
 
     def about(self) -> About:
         """What the task says of itself."""
-        taken = {f"took_{kind.name}": Event(kind.one, kind.several) for kind in self.kinds}
+        kinds = self.pickups.kinds
+        taken = {f"took_{kind.name}": Event(kind.one, kind.several) for kind in kinds}
         return about_health(taken, GREEDY_MEDKITS, "tic")
 
-    def with_things(
-        self, state: DoomHealthState, health: int, things: np.ndarray
-    ) -> DoomHealthState:
-        """The state with the health and the things of the game."""
-        places, present = np.zeros((len(self.looks), 2), np.int32), np.zeros(len(self.looks), bool)
-        number, first = np.zeros(len(self.looks), np.int32), 0
-        for look, kind in enumerate(self.kinds):
-            rows = things[things[:, 0] == look][: kind.capacity]
-            here = slice(first, first + len(rows))
-            places[here], present[here], number[here] = rows[:, 1:3], True, rows[:, 3]
-            first += kind.capacity
-        return state.replace(health=np.int32(health), places=places, present=present, number=number)
 
-    def things(self, state: DoomHealthState) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """What lies there."""
-        return state.places, jnp.asarray(self.looks), state.present
+def greedy_medkits(env: DoomHealthGathering, params: Any) -> Choose:
+    """Go to the nearest medkit that can be walked to straight, past no poison if possible.
+
+    Where there is none, it goes by the way around the walls to the nearest.
+    """
+    del params
+    count = env.pickups.kinds[0].capacity
+    walk = walker(env)
+    around = where_few(functools.partial(_way_around, env.geometry))
+
+    def choose(key: jax.Array, state: DoomHealthState) -> jax.Array:
+        del key
+        medkits, there = state.places[:count], state.present[:count]
+        offset = (medkits - state.fixed_position[None]).astype(jnp.float32) * (1 / ONE)
+        distance = jnp.sqrt(jnp.sum(offset**2, axis=-1))
+        free = there & _walkable(env.geometry, state.fixed_position, medkits)
+        safe = ~_passes(offset, state.fixed_position, state.places[count:], state.present[count:])
+        cost = jnp.where(there, distance, jnp.inf) + jnp.where(free, 0, _BLOCKED)
+        nearest = jnp.argmin(cost + jnp.where(safe, 0, _POISONED))
+        lost = there[nearest] & ~free[nearest]
+        target = around(lost, state.fixed_position, medkits, there)
+        target = jnp.where(lost, target, medkits[nearest])
+        # One that is not needed now is left where it lies, and a body must move to take it.
+        arrived = jnp.all(jnp.abs(target - state.fixed_position) < _ARRIVED * ONE)
+        waits = arrived & (state.health >= FULL_HEALTH) | ~jnp.any(there)
+        return jnp.where(waits, NO_OP, walk(state, target))
+
+    return choose
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomHealthGatheringSupreme(DoomHealthGathering):
-    """Health Gathering in a large room with walls, and with poison that looks like a bottle."""
+GREEDY_MEDKITS = Player(
+    "goes to the nearest medkit and waits there while it is not needed; sees the whole state",
+    greedy_medkits,
+    waits="waits: healthy",
+)
 
-    map_name: ClassVar[str] = "health-gathering-supreme"
-    kinds: ClassVar[tuple[Pickup, ...]] = (
-        Pickup(MEDKIT_BOX, health=20, at_first=31, period=25, capacity=116),
-        Pickup(BOTTLE, health=-30, at_first=3, period=50, capacity=46, name="poison"),
-    )
-    game_things: ClassVar[tuple[str, ...]] = ("CustomMedikit", "Poison")
+
+def _walkable(geometry: Geometry, position: jax.Array, places: jax.Array) -> jax.Array:
+    """bool[N]: whether a body may walk straight from a position to places int32[N, 2]."""
+    part = np.linspace(0, 1, _STEPS + 1, dtype=np.float32)[1:-1]
+    way = (places - position[None]).astype(jnp.float32)[:, None] * part[None, :, None]
+    steps = position[None, None] + way.astype(jnp.int32)
+    return ~jnp.any(jax.vmap(jax.vmap(geometry.blocked))(steps), axis=1)
+
+
+def _passes(
+    offset: jax.Array, position: jax.Array, poison: jax.Array, there: jax.Array
+) -> jax.Array:
+    """bool[N]: whether the straight way along float32[N, 2] map units comes near poison."""
+    if poison.shape[0] == 0:
+        return jnp.zeros(offset.shape[0], bool)
+    place = (poison - position[None]).astype(jnp.float32) * (1 / ONE)
+    length = jnp.maximum(jnp.sum(offset**2, axis=-1), 1)
+    along = jnp.sum(place[None] * offset[:, None], axis=-1) / length[:, None]
+    beside = place[None] - offset[:, None] * jnp.clip(along, 0, 1)[..., None]
+    return jnp.any((jnp.sum(beside**2, axis=-1) < _CLEARANCE**2) & there[None], axis=1)
+
+
+def _way_around(
+    geometry: Geometry, position: jax.Array, medkits: jax.Array, there: jax.Array
+) -> jax.Array:
+    """int32[2]: where to walk to reach the nearest medkit over the lattice of 32 units."""
+    shape = tuple(size // 2 for size in geometry.cells.shape)
+    node = jax.vmap(functools.partial(nearest_node, geometry))(medkits) // 2
+    node = jnp.minimum(node, np.array(shape, np.int32)[None] - 1)
+    target = jnp.zeros(shape, bool).at[node[:, 0], node[:, 1]].max(there)
+    free = free_nodes(geometry)[: 2 * shape[0] : 2, : 2 * shape[1] : 2]
+    field = flood(jnp.asarray(np.pad(free, 1)), jnp.pad(target, 1))
+    here = jnp.minimum(nearest_node(geometry, position) // 2, np.array(shape, np.int32) - 1)
+    for _ in range(_AHEAD):
+        beside = here[None] + np.array(NEIGHBOURS, np.int32)
+        best = jnp.argmin(field[beside[:, 0] + 1, beside[:, 1] + 1])
+        nearer = field[beside[best][0] + 1, beside[best][1] + 1] < field[here[0] + 1, here[1] + 1]
+        here = jnp.where(nearer, beside[best], here)
+    return jnp.asarray(geometry.origin) + here * (2 * LATTICE * ONE)

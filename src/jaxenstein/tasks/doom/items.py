@@ -7,46 +7,43 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...pytree import PyTreeNode
+from ...about import Event
+from ...environment import Info
+from ...maps import things
+from ...maps.things import RGB
 from ..health import FULL_HEALTH
-from .arsenal import (
+from .arsenal import Arms, Arsenal
+from .parts import Game, GameObject, Part, Sprites
+from .view import MEDKIT_BOX, VEST, Picture
+from .weapons import (
     BULLETS,
     CHAINGUN,
     CHAINSAW,
-    MOST,
+    MOST_AMMO,
+    ROCKET_LAUNCHER,
     ROCKETS,
     SHELLS,
     SUPER_SHOTGUN,
-    Arms,
-    Arsenal,
+    Weapon,
 )
-from .look import (
-    ARMOUR_BONUS,
-    BLUE_ARMOUR,
-    BULLET_BOX,
-    GREEN_ARMOUR,
-    GUN,
-    HEALTH_BONUS,
-    HEAVY_GUN,
-    LAUNCHER,
-    MEDKIT_BOX,
-    ROCKET_BOX,
-    SAW,
-    SHELL_BOX,
-    STIMPACK,
-    Picture,
-)
-from .weapons import ROCKET_LAUNCHER, Weapon
 
 MOST_HEALTH, MOST_ARMOUR = 200, 200
 """What bonuses lead to."""
-# What armour takes off a blow, in 65536ths: a third, and a half.
 THIRD, HALF = 21846, 32768
+"""What armour takes off a blow, in 65536ths."""
+TAKING = {
+    "took_health": Event("took health", "took health {} times"),
+    "took_armour": Event("took armour", "took armour {} times"),
+    "took_weapon": Event("took a weapon", "took {} weapons"),
+    "took_ammunition": Event("took ammunition", "took {} boxes of ammunition"),
+}
+"""The events of taking."""
 
 
 @dataclass(frozen=True)
@@ -54,126 +51,198 @@ class Item:
     """A kind of thing to take.
 
     Attributes:
-        picture: what it looks like.
         game_name: what the game calls it.
+        label: its label id.
+        picture: what it looks like.
         health: what it gives.
         armour: likewise.
         share: of a blow that the armour takes off, in 65536ths.
         bonus: whether it always adds to health and armour, up to 200; else health is given below
             100, and armour replaces one that is less.
-        ammunition: what it gives of which ammunition; -1 for none.
-        amount: how much.
+        ammo: the kind of ammunition that it gives; -1 for none.
+        amount: how much of it.
         weapon: the weapon that it is.
     """
 
-    picture: Picture
     game_name: str
+    label: int
+    picture: Picture
     health: int = 0
     armour: int = 0
     share: int = 0
     bonus: bool = False
-    ammunition: int = -1
+    ammo: int = -1
     amount: int = 0
     weapon: Weapon | None = None
 
 
+def _health(name: str, picture: Picture, health: int, bonus: bool = False) -> Item:
+    return Item(name, things.MEDKIT.label, picture, health=health, bonus=bonus)
+
+
+def _armour(
+    name: str, side: float, colours: tuple[RGB, RGB], armour: int, share: int, bonus: bool = False
+) -> Item:
+    picture = Picture("vest", side, *colours)
+    label = things.ARMOUR.label
+    return Item(name, label, picture, armour=armour, share=share, bonus=bonus)
+
+
+def _ammunition(name: str, side: float, colours: tuple[RGB, RGB], ammo: int, amount: int) -> Item:
+    picture = Picture("ammunition", side, *colours)
+    return Item(name, things.AMMUNITION.label, picture, ammo=ammo, amount=amount)
+
+
+def _weapon(
+    name: str,
+    side: float,
+    colours: tuple[RGB, RGB],
+    weapon: Weapon,
+    ammo: int = -1,
+    amount: int = 0,
+) -> Item:
+    picture = Picture("gun", side, *colours)
+    return Item(name, things.WEAPON.label, picture, ammo=ammo, amount=amount, weapon=weapon)
+
+
+_MEDKIT_COLOURS, _VEST_COLOURS = (MEDKIT_BOX.shape, MEDKIT_BOX.detail), (VEST.shape, VEST.detail)
 ITEMS: dict[int, Item] = {
-    2012: Item(MEDKIT_BOX, "Medikit", health=25),
-    2011: Item(STIMPACK, "Stimpack", health=10),
-    2014: Item(HEALTH_BONUS, "HealthBonus", health=1, bonus=True),
-    2015: Item(ARMOUR_BONUS, "ArmorBonus", armour=1, share=THIRD, bonus=True),
-    2018: Item(GREEN_ARMOUR, "GreenArmor", armour=100, share=THIRD),
-    2019: Item(BLUE_ARMOUR, "BlueArmor", armour=200, share=HALF),
-    2048: Item(BULLET_BOX, "ClipBox", ammunition=BULLETS, amount=50),
-    2049: Item(SHELL_BOX, "ShellBox", ammunition=SHELLS, amount=20),
-    2046: Item(ROCKET_BOX, "RocketBox", ammunition=ROCKETS, amount=5),
-    2005: Item(SAW, "Chainsaw", weapon=CHAINSAW),
-    82: Item(GUN, "SuperShotgun", ammunition=SHELLS, amount=8, weapon=SUPER_SHOTGUN),
-    2002: Item(HEAVY_GUN, "Chaingun", ammunition=BULLETS, amount=20, weapon=CHAINGUN),
-    2003: Item(LAUNCHER, "RocketLauncher", ammunition=ROCKETS, amount=2, weapon=ROCKET_LAUNCHER),
+    2012: _health("Medikit", MEDKIT_BOX, 25),
+    2011: _health("Stimpack", Picture("medkit-box", 17, *_MEDKIT_COLOURS), 10),
+    2014: _health("HealthBonus", Picture("bottle", 15.3, (48, 72, 160), (110, 140, 66)), 1, True),
+    2015: _armour("ArmorBonus", 17, ((72, 84, 64), (47, 52, 40)), 1, THIRD, True),
+    2018: _armour("GreenArmor", 37, _VEST_COLOURS, 100, THIRD),
+    2019: _armour("BlueArmor", 37, ((52, 60, 130), (40, 44, 60)), 200, HALF),
+    2048: _ammunition("ClipBox", 28, ((98, 104, 74), (226, 180, 76)), BULLETS, 50),
+    2049: _ammunition("ShellBox", 28, ((120, 90, 60), (190, 40, 36)), SHELLS, 20),
+    2046: _ammunition("RocketBox", 40, ((92, 72, 48), (150, 146, 140)), ROCKETS, 5),
+    2005: _weapon("Chainsaw", 52, ((150, 90, 40), (120, 124, 130)), CHAINSAW),
+    82: _weapon("SuperShotgun", 56, ((60, 60, 66), (120, 84, 50)), SUPER_SHOTGUN, SHELLS, 8),
+    2002: _weapon("Chaingun", 58, ((92, 94, 100), (52, 54, 60)), CHAINGUN, BULLETS, 20),
+    2003: _weapon(
+        "RocketLauncher", 60, ((72, 84, 64), (140, 120, 60)), ROCKET_LAUNCHER, ROCKETS, 2
+    ),
 }
 """By the numbers of the game's maps."""
+# What the game's map has, and our states leave out.
+_LEFT_OUT = (
+    GameObject("PlasmaRifle", things.WEAPON.label),
+    GameObject("CellPack", things.AMMUNITION.label),
+)
 
 
-class Belongings(PyTreeNode):
-    """What a player has.
+class Armour(Part):
+    """The player's armour: `state.armour`, int32[], what it can still take off blows.
 
-    Attributes:
-        health: int32[].
-        armour: int32[], what it can still take.
-        share: int32[], of a blow that it takes off, in 65536ths.
-        arms: weapons and ammunition.
+    And `state.armour_share`, int32[], what it takes off each blow, in 65536ths.
     """
 
-    health: jax.Array
-    armour: jax.Array
-    share: jax.Array
-    arms: Arms
+    game_variables = ("ARMOR",)
+    limits = {"armour": MOST_ARMOUR}  # noqa: RUF012, nobody changes it
+
+    def absorbed(self, state: Any, lost: jax.Array) -> tuple[Any, jax.Array]:
+        """The state after blows int32[N], and int32[] how much of them the player feels."""
+        spared = (jnp.minimum(lost, 32767) * state.armour_share) >> 16
+        saved = jnp.minimum(jnp.sum(spared, dtype=jnp.int32), state.armour)
+        felt = jnp.sum(lost, dtype=jnp.int32) - saved
+        return state.replace(armour=state.armour - saved), felt
+
+    def describe(self, state: Any) -> Info:
+        """The armour."""
+        return {"armour": state.armour}
+
+    def from_game(self, state: Any, game: Game) -> Any:
+        """The game's armour."""
+        return state.replace(armour=np.int32(game.variables["ARMOR"]))
 
 
-class Goods:
-    """The tables of M things to take; constants of a program.
+class Items(Part):
+    """M things to take: `state.items`, bool[M], which of them still lie there.
+
+    The state has `health`, `armour`, `armour_share` and `arms` besides.
 
     Attributes:
-        health, armour, share, ammunition, amount, weapon: int32[M], as of `Item`; the weapon is
-            its place in the arsenal, or -1.
+        places: int32[M, 2], where each lies, map units in 16.16.
+        health, armour, share, ammo, amount: int32[M], as of `Item`.
+        weapon: int32[M], its place in the arsenal, or -1.
         bonus: bool[M].
     """
 
-    def __init__(self, items: Sequence[Item], arsenal: Arsenal) -> None:
+    def __init__(self, items: Sequence[Item], places: np.ndarray, arsenal: Arsenal) -> None:
         """Lay out the tables."""
-        self._arsenal = arsenal
-        self.health, self.armour, self.share, self.ammunition, self.amount = (
+        self._arsenal, self._items, self.places = arsenal, items, places
+        kinds = tuple(dict.fromkeys(items))
+        shown = (GameObject(kind.game_name, kind.label, (kind.picture,)) for kind in kinds)
+        self.objects = (*shown, *_LEFT_OUT)
+        self._pictures = np.array([kinds.index(item) for item in items], np.int32)
+        self.health, self.armour, self.share, self.ammo, self.amount = (
             np.array([getattr(item, name) for item in items], np.int32)
-            for name in ("health", "armour", "share", "ammunition", "amount")
+            for name in ("health", "armour", "share", "ammo", "amount")
         )
         self.bonus = np.array([item.bonus for item in items], bool)
-        places = [-1 if one.weapon is None else arsenal.index_of(one.weapon) for one in items]
-        self.weapon = np.array(places, np.int32)
+        slots = [-1 if one.weapon is None else arsenal.index_of(one.weapon) for one in items]
+        self.weapon = np.array(slots, np.int32)
 
-    def taken(self, mine: Belongings, reach: jax.Array) -> tuple[Belongings, jax.Array]:
-        """What the player has after it has taken what it needs, and bool[M] what that is.
+    def sprites(self, state: Any) -> Sprites:
+        """What still lies there."""
+        return Sprites(jnp.asarray(self.places), jnp.asarray(self._pictures), state.items)
+
+    def from_game(self, state: Any, game: Game) -> Any:
+        """What still lies there in the game."""
+        lying = [
+            np.any(np.all(game.of(item.game_name)[:, :2] == place, axis=1))
+            for item, place in zip(self._items, self.places, strict=True)
+        ]
+        return state.replace(items=np.array(lying, bool))
+
+    def taken(self, state: Any, reach: jax.Array) -> tuple[Any, dict[str, jax.Array]]:
+        """The state after the player has taken what it needs, and the events of `TAKING`.
 
         Args:
-            mine: before it.
+            state: before it.
             reach: bool[M], what is in reach.
         """
-        health, healing = self._healed(mine.health, reach)
-        armour, share, clothing = self._clothed(mine, reach)
-        arms, loading = self._loaded(mine.arms, reach)
-        return Belongings(health, armour, share, arms), healing | clothing | loading
+        health, healing = self._healed(state.health, reach)
+        armour, share, clothing = self._clothed(state, reach)
+        arms, loading = self._loaded(state.arms, reach)
+        taken = healing | clothing | loading
+        state = state.replace(
+            health=health, armour=armour, armour_share=share, arms=arms, items=state.items & ~taken
+        )
+        sorts = {
+            "took_health": self.health > 0,
+            "took_armour": self.armour > 0,
+            "took_weapon": self.weapon >= 0,
+            "took_ammunition": (self.weapon < 0) & (self.ammo >= 0),
+        }
+        counts = {name: jnp.sum(taken & sort, dtype=jnp.int32) for name, sort in sorts.items()}
+        return state, counts
 
     def _healed(self, health: jax.Array, reach: jax.Array) -> tuple[jax.Array, jax.Array]:
         heals = reach & (self.health > 0)
         bonus, plain = heals & self.bonus, heals & ~self.bonus & (health < FULL_HEALTH)
         after = jnp.minimum(health + _total(plain, self.health), FULL_HEALTH)
         after = jnp.where(jnp.any(plain), after, health)
-        after = jnp.where(
-            jnp.any(bonus), jnp.minimum(after + _total(bonus, self.health), MOST_HEALTH), after
-        )
-        return after, bonus | plain
+        more = jnp.minimum(after + _total(bonus, self.health), MOST_HEALTH)
+        return jnp.where(jnp.any(bonus), more, after), bonus | plain
 
-    def _clothed(
-        self, mine: Belongings, reach: jax.Array
-    ) -> tuple[jax.Array, jax.Array, jax.Array]:
+    def _clothed(self, state: Any, reach: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
         dresses = reach & (self.armour > 0)
-        bonus, suits = dresses & self.bonus, dresses & ~self.bonus & (mine.armour < self.armour)
+        bonus, suits = dresses & self.bonus, dresses & ~self.bonus & (state.armour < self.armour)
         best = jnp.argmax(jnp.where(suits, self.armour, 0))
         changes = jnp.any(suits)
-        armour = jnp.where(changes, jnp.asarray(self.armour)[best], mine.armour)
-        share = jnp.where(changes, jnp.asarray(self.share)[best], mine.share)
+        armour = jnp.where(changes, jnp.asarray(self.armour)[best], state.armour)
+        share = jnp.where(changes, jnp.asarray(self.share)[best], state.armour_share)
         share = jnp.where(jnp.any(bonus) & (armour == 0), THIRD, share)
         more = jnp.minimum(armour + _total(bonus, self.armour), MOST_ARMOUR)
         return jnp.where(jnp.any(bonus), more, armour), share, bonus | suits
 
     def _loaded(self, arms: Arms, reach: jax.Array) -> tuple[Arms, jax.Array]:
-        room = arms.ammo < MOST
-        loads = self.ammunition >= 0
-        here = self.weapon >= 0
-        new = reach & here & ~arms.owned[np.maximum(self.weapon, 0)]
-        loading = reach & ((loads & room[np.maximum(self.ammunition, 0)]) | new)
-        gains = [_total(loading & (self.ammunition == i), self.amount) for i in range(len(MOST))]
-        ammo = jnp.minimum(arms.ammo + jnp.stack(gains), MOST)
+        room = arms.ammo < MOST_AMMO
+        new = reach & (self.weapon >= 0) & ~arms.owned[np.maximum(self.weapon, 0)]
+        loading = reach & (((self.ammo >= 0) & room[np.maximum(self.ammo, 0)]) | new)
+        gains = [_total(loading & (self.ammo == i), self.amount) for i in range(len(MOST_AMMO))]
+        ammo = jnp.minimum(arms.ammo + jnp.stack(gains), MOST_AMMO)
         count = len(self._arsenal)
         index = np.arange(count, dtype=np.int32)
         fresh = jnp.any(new[:, None] & (self.weapon[:, None] == index[None]), axis=0)
@@ -182,18 +251,19 @@ class Goods:
         return arms.replace(owned=arms.owned | fresh, ammo=ammo, pending=pending), loading
 
 
+class Goal(Part):
+    """The green armour as a goal: `state.taken`, bool[], whether it was reached."""
+
+    objects = (GameObject("GreenArmor", things.GOAL.label, (VEST,)),)
+
+    def __init__(self, place: np.ndarray) -> None:
+        """Say where it lies: int32[2], map units in 16.16."""
+        self.place = place
+
+    def sprites(self, state: Any) -> Sprites:
+        """The armour, as long as it was not reached."""
+        return Sprites(jnp.asarray(self.place)[None], jnp.zeros(1, jnp.int32), ~state.taken[None])
+
+
 def _total(which: jax.Array, amounts: np.ndarray) -> jax.Array:
     return jnp.sum(jnp.where(which, amounts, 0), dtype=jnp.int32)
-
-
-def shielded(armour: jax.Array, share: jax.Array, lost: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """int32[] what is left of armour, and int32[] what is felt of blows.
-
-    Args:
-        armour: int32[], what it can still take.
-        share: int32[], that it takes off each blow, in 65536ths.
-        lost: int32[N].
-    """
-    spared = (jnp.minimum(lost, 32767) * share) >> 16
-    saved = jnp.minimum(jnp.sum(spared, dtype=jnp.int32), armour)
-    return armour - saved, jnp.sum(lost, dtype=jnp.int32) - saved

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import ClassVar
+import heapq
+import math
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...about import About, Event
-from ...engine.scene import Theme
+from ...about import About, Choose, Event, Player
 from ...environment import Info
 from ...params import Params, Scalar
-from .buttons import FORWARD, MOVE_LEFT, MOVE_RIGHT, TURN_LEFT, TURN_RIGHT
+from .collision import LATTICE, Geometry, load_geometry
 from .fixed import ONE
-from .look import BROWN, VEST, doom_theme
-from .players import SHORTEST_PATH
-from .scenario import ANY_ANGLE, DoomScenario, DoomState, near
-from .walls import ARMOUR, MAP_SPOT
+from .items import Goal
+from .maps import ARMOUR, MAP_SPOT
+from .parts import Part
+from .physics import FORWARD, MOVE_LEFT, MOVE_RIGHT, TURN_LEFT, TURN_RIGHT, touches
+from .players import NEIGHBOURS, free_nodes, nearest_node, walker
+from .scenario import ANY_ANGLE, DoomScenario, DoomState, Room
+from .view import BROWN
 
-# Half-widths of the player and of the armour.
+# The sum of the half-widths of the player and of the armour.
 REACH = 16 + 20
+# Places between which a way is free are looked at so far apart, in map units.
+_SAMPLE = 2
 EVERY_SPOT = tuple(range(10, 27))
 
 
@@ -67,7 +73,6 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     angles: tuple[int, int] = ANY_ANGLE
 
     params_class: ClassVar[type[Params]] = DoomHomeParams
-    map_name: ClassVar[str] = "my-way-home"
     success_event: ClassVar[str] = "reached_goal"
     unit: ClassVar[int] = 16
     button_names: ClassVar[tuple[str, ...]] = (
@@ -78,7 +83,10 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
         MOVE_RIGHT,
     )
 
-    game_things: ClassVar[tuple[str, ...]] = ("GreenArmor",)
+    @property
+    def room(self) -> Room:
+        """The maze."""
+        return Room("my-way-home", floor=BROWN, ceiling=BROWN)
 
     @property
     def scenario(self) -> str | None:
@@ -95,18 +103,22 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     @property
     def goals(self) -> np.ndarray:
         """float[1, 2]: the armour."""
-        return np.array([(thing.x, thing.y) for thing in self.doom_map.of_kind(ARMOUR)])
+        return self.doom_map.places(ARMOUR)
 
     @functools.cached_property
-    def theme(self) -> Theme:
-        """How the maze looks."""
-        light = self.doom_map.light
-        return doom_theme((VEST,), floor=BROWN, ceiling=BROWN, level=light, unit=self.unit)
+    def goal(self) -> Goal:
+        """The armour."""
+        return Goal((self.goals[0] * ONE).astype(np.int32))
+
+    @functools.cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The armour."""
+        return (self.goal,)
 
     def init_state(self, key: jax.Array, params: DoomHomeParams) -> DoomHomeState:
-        """Draw spot and heading."""
+        """Sample spot and heading."""
         del params
-        pose = self.drawn(jax.random.bits(key, (2,), jnp.uint32), self.angles)
+        pose = self.start_pose(jax.random.bits(key, (2,), jnp.uint32), self.angles)
         return DoomHomeState(**pose, taken=jnp.bool_(False))
 
     def transition(
@@ -115,15 +127,15 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
         """Move, and look whether the armour was touched."""
         del key
         leaves = state.taken
-        state, tried = self.moved(state, action)
-        reached = near(tried, self._armour, REACH) & ~leaves
+        state, places = self.moved(state, action)
+        reached = touches(places, jnp.asarray(self.goal.place), REACH) & ~leaves
         reward = params.living_reward + jnp.where(reached, params.goal_reward, 0)
         state = state.replace(taken=leaves | reached)
         return state, reward, leaves, {"reached_goal": reached}
 
     def describe(self, state: DoomHomeState, params: DoomHomeParams) -> Info:
         """Add the straight-line distance to the armour, in tiles."""
-        offset = self.to_tiles(self._armour) - state.position
+        offset = self.to_tiles(jnp.asarray(self.goal.place)) - state.position
         distance = jnp.sqrt(jnp.sum(offset**2))
         return super().describe(state, params) | {"distance_to_goal": distance}
 
@@ -140,10 +152,77 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
             lasting=("taken",),
         )
 
-    def things(self, state: DoomHomeState) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The armour."""
-        return self._armour[None], jnp.zeros(1, jnp.int32), ~state.taken[None]
 
-    @property
-    def _armour(self) -> jax.Array:
-        return jnp.asarray((self.goals[0] * ONE).astype(np.int32))
+def shortest_path(env: DoomMyWayHome, params: Any) -> Choose:
+    """Walk to the goal by the way that is shortest for the body's box."""
+    del params
+    table = jnp.asarray(waypoints(env.room.map_name, tuple(map(int, env.goals[0]))))
+    walk = walker(env)
+
+    def choose(key: jax.Array, state: Any) -> jax.Array:
+        del key
+        node = nearest_node(env.geometry, state.fixed_position)
+        target = table[node[0], node[1]] * ONE
+        return walk(state, target)
+
+    return choose
+
+
+SHORTEST_PATH = Player("walks the shortest way; sees the whole state", shortest_path)
+
+
+@functools.cache
+def waypoints(map_name: str, goal: tuple[int, int]) -> np.ndarray:
+    """int32[n, m, 2]: from each point of the lattice, the farthest one to walk straight to.
+
+    Args:
+        map_name: of the map.
+        goal: where the ways lead, in map units, on the lattice.
+    """
+    geometry = load_geometry(map_name)
+    following = _ways(free_nodes(geometry), _node(geometry, goal))
+    origin = geometry.origin // ONE
+    table = np.zeros((*geometry.cells.shape, 2), np.int32)
+    for node in np.ndindex(*geometry.cells.shape):
+        target = node
+        while (after := following.get(target)) and _is_straight(geometry, node, after):
+            target = after
+        table[node] = origin + np.array(target) * LATTICE
+    return table
+
+
+def _node(geometry: Geometry, place: tuple[int, int]) -> tuple[int, int]:
+    x, y = ((np.array(place) - geometry.origin // ONE) // LATTICE).tolist()
+    return x, y
+
+
+def _ways(free: np.ndarray, goal: tuple[int, int]) -> dict[tuple[int, int], tuple[int, int]]:
+    """The next point of the shortest way to the goal, straight or across, from each point."""
+    following: dict[tuple[int, int], tuple[int, int]] = {}
+    far = {goal: 0.0}
+    heap = [(0.0, goal)]
+    while heap:
+        distance, (x, y) = heapq.heappop(heap)
+        if distance > far[x, y]:
+            continue
+        for i, j in NEIGHBOURS:
+            step = x + i, y + j
+            inside = 0 <= step[0] < free.shape[0] and 0 <= step[1] < free.shape[1]
+            if not inside or not (free[step] and free[x, step[1]] and free[step[0], y]):
+                continue
+            length = distance + math.hypot(i, j)
+            if length < far.get(step, math.inf) - 1e-9:
+                far[step], following[step] = length, (x, y)
+                heapq.heappush(heap, (length, step))
+    return following
+
+
+def _is_straight(geometry: Geometry, start: tuple[int, int], end: tuple[int, int]) -> bool:
+    """Whether a body may walk from one point of the lattice straight to another."""
+    a, b = (np.array(node) * LATTICE * ONE for node in (start, end))
+    count = max(2, int(np.abs(b - a).max() / (_SAMPLE * ONE)) + 1)
+    places = (a + (b - a) * np.linspace(0, 1, count)[:, None]).astype(np.int64)
+    cell = places >> 20
+    on_edge = (places & ((1 << 20) - 1)) == 0
+    codes = geometry.cells[cell[:, 0], cell[:, 1]]
+    return not (codes >> (on_edge[:, 0] + 2 * on_edge[:, 1]) & 1).any()

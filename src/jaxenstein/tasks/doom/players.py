@@ -1,69 +1,46 @@
-"""Scripted players of Doom's scenarios, who know how its bodies get around."""
+"""What the scripted players of several scenarios share: walking, aiming, and the player `hunt`.
+
+A player of one scenario stands beside it.
+"""
 
 from __future__ import annotations
 
-import functools
-import heapq
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ...about import Choose, Player
-from ...batching import where_few
+from ...maps.reach import open_tiles
 from ...players.chance import NO_OP
-from ...players.walking import flood, walking_actions
-from ..health import FULL_HEALTH
+from ...players.walking import flood, next_tile, walking_actions
+from .collision import LATTICE, Geometry, bearing, offsets
 from .fixed import ONE
-from .geometry import LATTICE, Geometry, load_geometry
-from .shots import bearing
+from .monster_ai import sight
+from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
+from .scenario import DoomScenario
 
-if TYPE_CHECKING:
-    from .health_gathering import DoomHealthGathering, DoomHealthState
-    from .scenario import DoomScenario
-
+NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+"""The points of a lattice beside one of them."""
 # A body walks on while its way is less than this off, in 2**32ths of a circle; a turn of a tic is
 # 1.76 or 3.52 degrees.
-ALIGNED = 1 << 25
-# A straight way is looked at in so many steps; how much farther a medkit counts that is behind
-# walls or poison, and how near poison is too near, in map units.
-_STEPS, _BLOCKED, _POISONED, _CLEARANCE = 48, 1e4, 1e3, 60
-# So near a medkit that is not needed, a player waits; so far it looks ahead on a way around, in
-# nodes.
-_ARRIVED, _AHEAD = 20, 2
-# Places between which a way is free are looked at so far apart, in map units.
-_SAMPLE = 2
-_NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+_ALIGNED = 1 << 25
+# A half turn counts as so many map units of distance, over pi; a player shoots at what it aims at
+# by this share of its half-width; `hunt` shoots from so many map units.
+_TURNING, _SURE, _RANGE = 80, 0.8, 800
 
 
-def shortest_path(env: DoomScenario[Any, Any], params: Any) -> Choose:
-    """Walk to the goal by the way that is shortest for the body's box."""
-    del params
-    table = jnp.asarray(waypoints(env.map_name, tuple(map(int, env.goals[0]))))
-    walk = walker(env)
-
-    def choose(key: jax.Array, state: Any) -> jax.Array:
-        del key
-        node = nearest_node(env.geometry, state.fixed_position)
-        target = table[node[0], node[1]] * ONE
-        return walk(state, target)
-
-    return choose
-
-
-SHORTEST_PATH = Player("walks the shortest way; sees the whole state", shortest_path)
-
-
-def walker(env: DoomScenario[Any, Any]) -> Any:
+def walker(env: DoomScenario[Any, Any]) -> Callable[[Any, jax.Array], jax.Array]:
     """A function of a state and an int32[2] place (16.16) that gives the action to get there."""
     left, right, ahead = walking_actions(env.action_names)
 
     def walk(state: Any, target: jax.Array) -> jax.Array:
         error = bearing(target - state.fixed_position) - state.angle.astype(jnp.int32)
         turn = jnp.where(error > 0, jnp.int32(left), jnp.int32(right))
-        aligned = jnp.abs(error) < ALIGNED * env.frame_skip
+        aligned = jnp.abs(error) < _ALIGNED * env.frame_skip
         return jnp.where(aligned, jnp.int32(ahead), turn)
 
     return walk
@@ -76,140 +53,95 @@ def nearest_node(geometry: Geometry, position: jax.Array) -> jax.Array:
     return jnp.clip(node, 0, np.array(geometry.cells.shape, np.int32) - 1)
 
 
-@functools.cache
-def waypoints(map_name: str, goal: tuple[int, int]) -> np.ndarray:
-    """int32[n, m, 2]: from each point of the lattice, the farthest one to walk straight to.
-
-    Args:
-        map_name: of the map.
-        goal: where the ways lead, in map units, on the lattice.
-    """
-    geometry = load_geometry(map_name)
-    following = _ways(free_nodes(geometry), _node(geometry, goal))
-    origin = geometry.origin // ONE
-    table = np.zeros((*geometry.cells.shape, 2), np.int32)
-    for node in np.ndindex(*geometry.cells.shape):
-        target = node
-        while (after := following.get(target)) and _is_straight(geometry, node, after):
-            target = after
-        table[node] = origin + np.array(target) * LATTICE
-    return table
-
-
 def free_nodes(geometry: Geometry) -> np.ndarray:
     """bool[n, m]: the points of the lattice where a body may stand."""
     return (geometry.cells >> 3 & 1) == 0
 
 
-def _node(geometry: Geometry, place: tuple[int, int]) -> tuple[int, int]:
-    x, y = ((np.array(place) - geometry.origin // ONE) // LATTICE).tolist()
-    return x, y
+def off_by(error: jax.Array) -> jax.Array:
+    """float32[...]: the size of an angle int32[...], 2**32 a circle, in radians."""
+    return jnp.abs(error.astype(jnp.float32)) * jnp.float32(math.pi * 2.0**-31)
 
 
-def _ways(free: np.ndarray, goal: tuple[int, int]) -> dict[tuple[int, int], tuple[int, int]]:
-    """The next point of the shortest way to the goal, straight or across, from each point."""
-    following: dict[tuple[int, int], tuple[int, int]] = {}
-    far = {goal: 0.0}
-    heap = [(0.0, goal)]
-    while heap:
-        distance, (x, y) = heapq.heappop(heap)
-        if distance > far[x, y]:
-            continue
-        for i, j in _NEIGHBOURS:
-            step = x + i, y + j
-            inside = 0 <= step[0] < free.shape[0] and 0 <= step[1] < free.shape[1]
-            if not inside or not (free[step] and free[x, step[1]] and free[step[0], y]):
-                continue
-            length = distance + math.hypot(i, j)
-            if length < far.get(step, math.inf) - 1e-9:
-                far[step], following[step] = length, (x, y)
-                heapq.heappush(heap, (length, step))
-    return following
-
-
-def _is_straight(geometry: Geometry, start: tuple[int, int], end: tuple[int, int]) -> bool:
-    """Whether a body may walk from one point of the lattice straight to another."""
-    a, b = (np.array(node) * LATTICE * ONE for node in (start, end))
-    count = max(2, int(np.abs(b - a).max() / (_SAMPLE * ONE)) + 1)
-    places = (a + (b - a) * np.linspace(0, 1, count)[:, None]).astype(np.int64)
-    cell = places >> 20
-    on_edge = (places & ((1 << 20) - 1)) == 0
-    codes = geometry.cells[cell[:, 0], cell[:, 1]]
-    return not (codes >> (on_edge[:, 0] + 2 * on_edge[:, 1]) & 1).any()
-
-
-def greedy_medkits(env: DoomHealthGathering, params: Any) -> Choose:
-    """Go to the nearest medkit that can be walked to straight, past no poison if possible.
-
-    Where there is none, it goes by the way around the walls to the nearest.
-    """
+def turn_and_shoot(env: Any, params: Any) -> Choose:
+    """Turn to the monster that is nearest, also by angle, and shoot when it is ahead."""
     del params
-    count = env.kinds[0].capacity
-    walk = walker(env)
-    around = where_few(functools.partial(_way_around, env.geometry))
+    left, right, shoot = (env.index_of(name) for name in (TURN_LEFT, TURN_RIGHT, ATTACK))
+    widths = jnp.asarray(env.horde.half_width, jnp.float32)
 
-    def choose(key: jax.Array, state: DoomHealthState) -> jax.Array:
+    def choose(key: jax.Array, state: Any) -> jax.Array:
         del key
-        medkits, there = state.places[:count], state.present[:count]
-        offset = (medkits - state.fixed_position[None]).astype(jnp.float32) * (1 / ONE)
-        distance = jnp.sqrt(jnp.sum(offset**2, axis=-1))
-        free = there & _walkable(env.geometry, state.fixed_position, medkits)
-        safe = ~_passes(offset, state.fixed_position, state.places[count:], state.present[count:])
-        cost = jnp.where(there, distance, jnp.inf) + jnp.where(free, 0, _BLOCKED)
-        nearest = jnp.argmin(cost + jnp.where(safe, 0, _POISONED))
-        lost = there[nearest] & ~free[nearest]
-        target = around(lost, state.fixed_position, medkits, there)
-        target = jnp.where(lost, target, medkits[nearest])
-        # One that is not needed now is left where it lies, and a body must move to take it.
-        arrived = jnp.all(jnp.abs(target - state.fixed_position) < _ARRIVED * ONE)
-        waits = arrived & (state.health >= FULL_HEALTH) | ~jnp.any(there)
-        return jnp.where(waits, NO_OP, walk(state, target))
+        monsters = state.monsters
+        offset = monsters.position - state.fixed_position[None]
+        error = bearing(offset) - state.angle.astype(jnp.int32)
+        length = jnp.sqrt(jnp.sum((offset.astype(jnp.float32) * (1 / ONE)) ** 2, axis=-1))
+        off = off_by(error)
+        worst = jnp.where(monsters.living, length + _TURNING * off, jnp.inf)
+        first = jnp.argmin(worst)
+        ahead = monsters.living[first] & (off[first] * length[first] < widths[first] * _SURE)
+        turn = jnp.where(error[first] > 0, jnp.int32(left), jnp.int32(right))
+        acts = jnp.where(ahead, jnp.int32(shoot), turn)
+        return jnp.where(jnp.any(monsters.living), acts, NO_OP)
 
     return choose
 
 
-GREEDY_MEDKITS = Player(
-    "goes to the nearest medkit and waits there while it is not needed; sees the whole state",
-    greedy_medkits,
-    waits="waits: healthy",
+TURN_AND_SHOOT = Player(
+    "turns to the nearest monster and shoots when it is ahead; sees the whole state",
+    turn_and_shoot,
+    waits="waits: alone",
 )
 
 
-def _walkable(geometry: Geometry, position: jax.Array, places: jax.Array) -> jax.Array:
-    """bool[N]: whether a body may walk straight from a position to places int32[N, 2]."""
-    part = np.linspace(0, 1, _STEPS + 1, dtype=np.float32)[1:-1]
-    way = (places - position[None]).astype(jnp.float32)[:, None] * part[None, :, None]
-    steps = position[None, None] + way.astype(jnp.int32)
-    return ~jnp.any(jax.vmap(jax.vmap(geometry.blocked))(steps), axis=1)
+def only(state: Any, shown: jax.Array) -> Any:
+    """The state as a player sees it that knows of the monsters bool[N] alone."""
+    monsters = state.monsters
+    health = jnp.where(shown, monsters.health, 0)
+    return state.replace(monsters=monsters.replace(health=health))
 
 
-def _passes(
-    offset: jax.Array, position: jax.Array, poison: jax.Array, there: jax.Array
+class Hunted(Protocol):
+    """What the player `hunt` asks of a scenario; M is the number of things to fetch."""
+
+    def to_fetch(self, state: Any) -> tuple[jax.Array, jax.Array]:
+        """int32[M, 2] places of things, and bool[M] which of them the player goes for."""
+        ...
+
+    def next_tiles(self, state: Any) -> jax.Array:
+        """bool[rows, columns]: the tiles where it goes otherwise."""
+        ...
+
+
+def tiles_of(
+    env: DoomScenario[Any, Any], places: np.ndarray | jax.Array, which: np.ndarray | jax.Array
 ) -> jax.Array:
-    """bool[N]: whether the straight way along float32[N, 2] map units comes near poison."""
-    if poison.shape[0] == 0:
-        return jnp.zeros(offset.shape[0], bool)
-    place = (poison - position[None]).astype(jnp.float32) * (1 / ONE)
-    length = jnp.maximum(jnp.sum(offset**2, axis=-1), 1)
-    along = jnp.sum(place[None] * offset[:, None], axis=-1) / length[:, None]
-    beside = place[None] - offset[:, None] * jnp.clip(along, 0, 1)[..., None]
-    return jnp.any((jnp.sum(beside**2, axis=-1) < _CLEARANCE**2) & there[None], axis=1)
+    """bool[rows, columns]: the tiles of some places, int32[N, 2] and bool[N]."""
+    cell = jnp.floor(env.to_tiles(jnp.asarray(places))).astype(jnp.int32)
+    none = jnp.zeros((env.tilemap.rows, env.tilemap.columns), bool)
+    return none.at[cell[:, 1], cell[:, 0]].max(jnp.asarray(which))
 
 
-def _way_around(
-    geometry: Geometry, position: jax.Array, medkits: jax.Array, there: jax.Array
-) -> jax.Array:
-    """int32[2]: where to walk to reach the nearest medkit over the lattice of 32 units."""
-    shape = tuple(size // 2 for size in geometry.cells.shape)
-    node = jax.vmap(functools.partial(nearest_node, geometry))(medkits) // 2
-    node = jnp.minimum(node, np.array(shape, np.int32)[None] - 1)
-    target = jnp.zeros(shape, bool).at[node[:, 0], node[:, 1]].max(there)
-    free = free_nodes(geometry)[: 2 * shape[0] : 2, : 2 * shape[1] : 2]
-    field = flood(jnp.asarray(np.pad(free, 1)), jnp.pad(target, 1))
-    here = jnp.minimum(nearest_node(geometry, position) // 2, np.array(shape, np.int32) - 1)
-    for _ in range(_AHEAD):
-        beside = here[None] + np.array(_NEIGHBOURS, np.int32)
-        best = jnp.argmin(field[beside[:, 0] + 1, beside[:, 1] + 1])
-        nearer = field[beside[best][0] + 1, beside[best][1] + 1] < field[here[0] + 1, here[1] + 1]
-        here = jnp.where(nearer, beside[best], here)
-    return jnp.asarray(geometry.origin) + here * (2 * LATTICE * ONE)
+def hunt(env: Any, params: Any) -> Choose:
+    """Shoot the nearest monster in sight; else fetch things (`to_fetch`), or go on."""
+    fight, walk = turn_and_shoot(env, params), walker(env)
+    floor = jnp.asarray(np.pad(open_tiles(env.tilemap), 1))
+
+    def choose(key: jax.Array, state: Any) -> jax.Array:
+        monsters, origin = state.monsters, state.fixed_position
+        distance = jnp.sum(offsets(origin, monsters.position) ** 2, axis=-1)
+        seen = monsters.living & sight(monsters, origin, env.horde.opaque)
+        seen = seen & (distance < _RANGE**2) & (state.trigger.ammo > 0)
+        shoots = fight(key, only(state, seen))
+        places, fetched = env.to_fetch(state)
+        supplies = tiles_of(env, places, fetched)
+        aims = jnp.where(jnp.any(fetched), supplies, env.next_tiles(state))
+        field = flood(floor, jnp.pad(aims, 1))[1:-1, 1:-1]
+        (column, row), _ = next_tile(field, state)
+        east = env.tiles.west * ONE + (2 * column + 1) * (env.unit * ONE // 2)
+        north = env.tiles.north * ONE - (2 * row + 1) * (env.unit * ONE // 2)
+        return jnp.where(jnp.any(seen), shoots, walk(state, jnp.stack([east, north])))
+
+    return choose
+
+
+HUNT = Player("shoots what is in sight, else walks on to the aim; sees the whole state", hunt)

@@ -1,15 +1,35 @@
-"""Projectiles: things that fly straight on until they meet a body or a wall."""
+"""Projectiles, fireballs and rockets: what flies straight on until it meets a body or a wall."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...about import Event
 from ...batching import varying
+from ...maps.things import FIREBALL, ROCKET
 from ...pytree import PyTreeNode
-from .bodies import crosses
+from .collision import RADIUS, along, crosses
 from .fixed import ONE
+from .parts import Game, GameObject, Part, Sprites
+from .view import Picture
+from .weapons import Weapon
+
+_FIREBALLS = (
+    Picture("fireball", 16, (236, 140, 40), (255, 230, 150), lift=28),
+    Picture("blaze", 40, (200, 80, 20), (255, 200, 90), lift=20),
+)
+_ROCKETS = (
+    Picture("rocket", 14, (120, 116, 112), (255, 200, 90), lift=28),
+    Picture("burst", 60, (200, 80, 20), (255, 200, 90), lift=4),
+)
+HITS = {"hits": Event("was hit by a fireball", "was hit by {} fireballs")}
+"""The event of players that fireballs hit."""
+# Tics for which the end of a projectile is seen.
+_BURST = 18
 
 
 class Projectiles(PyTreeNode):
@@ -37,17 +57,6 @@ def no_projectiles(count: int) -> Projectiles:
     pairs = jnp.zeros((count, 2), jnp.int32)
     nothing = jnp.zeros(count, jnp.int32)
     return Projectiles(pairs, pairs, jnp.zeros(count, bool), nothing, nothing, jnp.int32(0))
-
-
-def in_the_air(projectiles: Projectiles, things: np.ndarray) -> Projectiles:
-    """Those of int64[M, 6] of the game's, as `DoomScenario.with_things` takes them."""
-    count = len(projectiles.flies)
-    # Those that burst stand still; if there are too many, they are left out.
-    order = np.argsort(things[:, 5] == 0, kind="stable")[:count]
-    place, speed = np.zeros((count, 2), np.int32), np.zeros(count)
-    place[: len(order)], speed[: len(order)] = things[order, 1:3], things[order, 5]
-    bursts = (np.arange(count) < len(order)) & (speed == 0)
-    return projectiles.replace(position=place, flies=speed > 0, bursts=bursts.astype(np.int32))
 
 
 def throw(
@@ -91,7 +100,6 @@ def fly(
     half_width: int,
     bodies: tuple[jax.Array, np.ndarray, jax.Array],
     walls: np.ndarray,
-    bursts: int,
     looks: int = 3,
 ) -> tuple[Projectiles, jax.Array]:
     """A tic on: the projectiles, and bool[M, N] the body that each has just hit.
@@ -99,11 +107,9 @@ def fly(
     Args:
         projectiles: before it.
         half_width: of each, in map units.
-        bodies: int32[N, 2] places, int32[N] half-widths, bool[N] who is there. Of two that are met
-            at once the first is hit.
-        walls: float32[L, 4] of `shots.segments`.
-        bursts: tics for which the end of one is seen.
-        looks: how often each looks around on its way of a tic.
+        bodies: as of `Missiles.fly`.
+        walls: likewise.
+        looks: as of `Missiles`.
     """
     part = np.arange(1, looks + 1, dtype=np.int32)[:, None]
     way = [at[None] + _quotient(by[None] * part, looks) for at, by in _pairs(projectiles)]
@@ -121,7 +127,7 @@ def fly(
     after = projectiles.replace(
         position=jnp.where(projectiles.flies[:, None], place, projectiles.position),
         flies=projectiles.flies & ~stops,
-        bursts=jnp.where(stops, bursts, jnp.maximum(projectiles.bursts - 1, 0)),
+        bursts=jnp.where(stops, _BURST, jnp.maximum(projectiles.bursts - 1, 0)),
     )
     return after, hits
 
@@ -156,3 +162,105 @@ def _met(
 
     none = varying(jnp.full(way[0].shape, count, jnp.int32), way, bodies, owner)
     return jax.lax.fori_loop(0, count, visit, none)
+
+
+class Missiles(Part):
+    """Projectiles of one sort, in the field of the state that `field` names.
+
+    Attributes:
+        field: `"fireballs"` or `"rockets"`.
+        count: how many there can be.
+        half_width: of each, in map units.
+        looks: how often each looks for what it meets on its way of a tic.
+    """
+
+    def __init__(
+        self,
+        field: str,
+        objects: tuple[GameObject, ...],
+        *,
+        count: int,
+        half_width: int,
+        looks: int = 3,
+    ) -> None:
+        """Say what flies; see the class. The first object's pictures: in flight, and after."""
+        self.field, self.objects = field, objects
+        self.count, self.half_width, self.looks = count, half_width, looks
+
+    def none(self) -> Projectiles:
+        """None of them yet."""
+        return no_projectiles(self.count)
+
+    def sprites(self, state: Any) -> Sprites:
+        """Those in flight, and the ends of others."""
+        shots: Projectiles = getattr(state, self.field)
+        ends = jnp.where(shots.flies, 0, 1).astype(jnp.int32)
+        return Sprites(shots.position, ends, shots.flies | (shots.bursts > 0))
+
+    def from_game(self, state: Any, game: Game) -> Any:
+        """The game's; those that have burst stand still, and too many of them are left out."""
+        rows, count = game.of(*(thing.name for thing in self.objects)), self.count
+        order = np.argsort(rows[:, 4] == 0, kind="stable")[:count]
+        place, speed = np.zeros((count, 2), np.int32), np.zeros(count)
+        place[: len(order)], speed[: len(order)] = rows[order, :2], rows[order, 4]
+        bursts = (np.arange(count) < len(order)) & (speed == 0)
+        shots = getattr(state, self.field)
+        shots = shots.replace(position=place, flies=speed > 0, bursts=bursts.astype(np.int32))
+        return state.replace(**{self.field: shots})
+
+    def fly(
+        self,
+        projectiles: Projectiles,
+        bodies: tuple[jax.Array, np.ndarray, jax.Array],
+        walls: np.ndarray,
+    ) -> tuple[Projectiles, jax.Array]:
+        """A tic of the projectiles, and bool[M, N] the body that each has just hit.
+
+        Args:
+            projectiles: before it.
+            bodies: int32[N, 2] places, int32[N] half-widths, bool[N] which are there. Of two that
+                are met at once the first is hit.
+            walls: float32[L, 4] of `collision.segments`.
+        """
+        return fly(projectiles, self.half_width, bodies, walls, self.looks)
+
+
+def fireballs(count: int) -> Missiles:
+    """The fireballs of monsters, so many in flight at the same time; more replace the oldest."""
+    objects = (
+        GameObject("DoomImpBall", FIREBALL.label, _FIREBALLS),
+        GameObject("BaronBall", FIREBALL.label),
+    )
+    return Missiles("fireballs", objects, count=count, half_width=6)
+
+
+def rockets(count: int = 3, half_width: int = 11, name: str = "Rocket") -> Missiles:
+    """The player's rockets, of which more than three are never seen at the same time.
+
+    Args:
+        count: how many there can be.
+        half_width: in map units; one without any looks for bodies once a tic.
+        name: what the game calls them.
+    """
+    objects = (GameObject(name, ROCKET.label, _ROCKETS),)
+    looks = 3 if half_width else 1
+    return Missiles("rockets", objects, count=count, half_width=half_width, looks=looks)
+
+
+def with_player(
+    player: jax.Array, bodies: tuple[jax.Array, np.ndarray, jax.Array]
+) -> tuple[jax.Array, np.ndarray, jax.Array]:
+    """Bodies as `Missiles.fly` takes them, with the player first, which its rockets pass by."""
+    places, widths, there = bodies
+    return (
+        jnp.concatenate([player[None], places]),
+        np.append(np.int32(RADIUS), widths),
+        jnp.append(jnp.bool_(False), there),
+    )
+
+
+def launch(
+    before: Projectiles, weapon: Weapon, fires: jax.Array, origin: jax.Array, angle: jax.Array
+) -> Projectiles:
+    """The rockets with one more from int32[2] along an angle uint32[], if bool[] it is fired."""
+    return throw(before, fires[None], origin[None], along(angle)[None], weapon.speed)

@@ -1,52 +1,178 @@
-"""Monsters that come in the places of those who died."""
+"""How monsters come: those that wait from the first tic on, and those that come later."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .bodies import crosses, overlap
-from .creatures import Creatures, joined, placed
-from .kinds import Roster
+from ..draws import draw_index, random_bits
+from .collision import RADIUS, crosses, overlap
+from .fixed import ONE
+from .monster_ai import act
+from .monsters import Horde, Monsters
+
+TRIES = 6
+"""Random places that are looked at before a monster stays away after all."""
+# The tic of the game in which an agent sees the player first; until then it does not move.
+_FIRST_TIC = 10
+# The first look of a monster is one of so many tics.
+_FIRST_LOOKS = 10
+# The game draws its chances from so many numbers.
+_CHANCES = ONE + 1
 
 
-def respawned(
-    roster: Roster,
-    old: Creatures,
+def woken(horde: Horde, monsters: Monsters, player: jax.Array, key: jax.Array) -> Monsters:
+    """The monsters in the game's tenth tic: they have looked, seen the player, and taken a step.
+
+    Args:
+        horde: their tables; their first look is in this tic or, if they look so often, before.
+        monsters: that stand there and see the player.
+        player: int32[2], where the player is.
+        key: random.
+    """
+    looking = monsters.replace(tics=jnp.ones(len(horde), jnp.int32))
+    bits = random_bits(key, (len(horde), 2))
+    after, _ = act(horde, looking, player, jnp.bool_(False), bits)
+    since = _FIRST_TIC - horde.frame_tics[horde.stand]
+    return after.replace(tics=jnp.asarray(horde.frame_tics[horde.walk] - since))
+
+
+def asleep(
+    horde: Horde, places: np.ndarray, facing: jax.Array, health: jax.Array, bits: jax.Array
+) -> Monsters:
+    """Monsters at int32[N, 2] places, each of which looks for the player within its first ten tics.
+
+    Args:
+        horde: their tables.
+        places: map units in 16.16.
+        facing: uint32[N], where they look.
+        health: int32[N].
+        bits: uint32[N], random.
+    """
+    everybody = jnp.ones(len(horde), bool)
+    monsters = horde.placed(jnp.asarray(places), facing, everybody, health)
+    return monsters.replace(tics=1 + draw_index(bits, _FIRST_LOOKS))
+
+
+def arrived(
+    horde: Horde,
+    old: Monsters,
+    comes: jax.Array,
+    fresh: tuple[jax.Array, jax.Array, jax.Array],
+) -> Monsters:
+    """The old monsters, but new ones in the places of those that come.
+
+    Args:
+        horde: their tables.
+        old: the monsters, without those that come.
+        comes: bool[N].
+        fresh: int32[N, 2] places of those that come, uint32[N] where they look, int32[N] health.
+    """
+    place, facing, health = fresh
+    new = horde.placed(place, facing, old.present | comes, health)
+    # They tick once in the tic in which they appear.
+    new = new.replace(tics=new.tics - 1)
+
+    def chosen(fresh: jax.Array, kept: jax.Array) -> jax.Array:
+        return jnp.where(comes.reshape((-1,) + (1,) * (kept.ndim - 1)), fresh, kept)
+
+    return jax.tree.map(chosen, new, old)
+
+
+def replaced(
+    horde: Horde,
+    old: Monsters,
     killed: jax.Array,
     absence: jax.Array,
     fresh: tuple[jax.Array, jax.Array, jax.Array],
-    walls: np.ndarray,
-) -> tuple[Creatures, jax.Array]:
-    """The monsters without the dead, and with those whose time has come and who find room.
+) -> tuple[Monsters, jax.Array]:
+    """The monsters without the dead, and with those whose time has come and that find room.
 
     Args:
-        roster: their kinds.
+        horde: their tables, and the walls.
         old: the monsters.
-        killed: bool[N], who has died in this tic.
+        killed: bool[N], which have died in this tic.
         absence: int32[N], tics until there is another one in the place of each.
-        fresh: int32[N, 2] places of those who come, uint32[N] where they look, int32[N] health.
-        walls: float32[L, 4], walls that block monsters.
+        fresh: as of `arrived`.
 
     Returns:
-        The monsters, and bool[N] who has come.
+        The monsters, and bool[N] which have come.
     """
-    place, facing, health = fresh
+    place, width = fresh[0], horde.half_width
     present = old.present & ~killed
-    width = roster.half_widths
     meets = overlap(place[:, None], width[:, None], old.position[None], width[None])
     later = overlap(place[:, None], width[:, None], place[None], width[None])
     due = ~present & (absence == 0)
-    room = ~jnp.any(meets & present[None], axis=1) & ~crosses(place, width, walls)
-    room = room & ~jnp.any(later & due[None] & np.tri(len(roster), k=-1, dtype=bool), axis=1)
+    room = ~jnp.any(meets & present[None], axis=1) & ~crosses(place, width, horde.walls)
+    room = room & ~jnp.any(later & due[None] & np.tri(len(horde), k=-1, dtype=bool), axis=1)
     comes = due & room
-    new = placed(roster, place, facing, present | comes, health)
-    # They tick once in the tic in which they appear.
-    new = new.replace(tics=new.tics - 1)
-    return joined(old.replace(present=present), new, comes), comes
+    return arrived(horde, old.replace(present=present), comes, fresh), comes
 
 
 def absent(absence: jax.Array, killed: jax.Array, period: jax.Array | float) -> jax.Array:
-    """int32[N]: tics until the next one, a tic later; `period` for who has just been killed."""
+    """int32[N]: tics until the next monster, a tic later; `period` where one was just killed."""
     return jnp.where(killed, jnp.asarray(period, jnp.int32), jnp.maximum(absence - 1, 0))
+
+
+def words(horde: Horde) -> tuple[int, int]:
+    """The shape of the random bits that `invaded` needs."""
+    return len(horde.kinds), 2 + 2 * TRIES
+
+
+def invaded(
+    horde: Horde,
+    old: Monsters,
+    player: jax.Array,
+    chances: jax.Array | Sequence[float],
+    square: tuple[int, int],
+    health: jax.Array,
+    bits: jax.Array,
+) -> tuple[Monsters, jax.Array]:
+    """The monsters with those that come wherever there is room, at most one of each of K kinds.
+
+    A new one takes the place of one that is not there; while all of its kind are, none comes.
+
+    Args:
+        horde: their tables.
+        old: the monsters.
+        player: int32[2], where the player is.
+        chances: of each kind, in 65536ths.
+        square: the least and the greatest x and y of those that come, in map units.
+        health: int32[N], of new ones.
+        bits: uint32[K, W], random, of the shape `words`.
+
+    Returns:
+        The monsters, and bool[N] which have come.
+    """
+    kinds, low, high = len(horde.kinds), *square
+    wants = draw_index(bits[:, 0], _CHANCES).astype(jnp.float32) < jnp.asarray(chances)
+    places = draw_index(bits[:, 2:], (high - low) * ONE + 1) + low * ONE
+    place, room = _roomy(horde, old, player, places.reshape(kinds, TRIES, 2))
+    free = ~old.present[None] & (horde.kind_of[None] == np.arange(kinds)[:, None])
+    index = np.arange(len(horde), dtype=np.int32)
+    here = index[None] == jnp.argmax(free, axis=1)[:, None]
+    here = here & (wants & room)[:, None] & free
+    comes = jnp.any(here, axis=0)
+    facing = (bits[:, 1] >> 24) << 24
+    fresh = place[horde.kind_of], facing[horde.kind_of], health
+    return arrived(horde, old, comes, fresh), comes
+
+
+def _roomy(
+    horde: Horde, old: Monsters, player: jax.Array, places: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """Of places int32[K, T, 2] for each kind the first with room, and bool[K] whether one has."""
+    widths = np.array([kind.half_width for kind in horde.kinds], np.int32)
+    bodies = jnp.concatenate([old.position, player[None]])
+    sizes = np.append(horde.half_width, np.int32(RADIUS))
+    met = overlap(places[:, :, None], widths[:, None, None], bodies[None, None], sizes[None, None])
+    free = ~jnp.any(met & jnp.append(old.living, True)[None, None], axis=-1)
+    first = jnp.argmax(free, axis=1)
+    place = jnp.take_along_axis(places, first[:, None, None], axis=1)[:, 0]
+    # Of two that come at once to the same place the later one stays away.
+    beside = overlap(place[:, None], widths[:, None], place[None], widths[None])
+    later = jnp.any(beside & np.tri(len(widths), k=-1, dtype=bool), axis=1)
+    return place, jnp.any(free, axis=1) & ~later

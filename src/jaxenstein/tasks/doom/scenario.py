@@ -1,4 +1,4 @@
-"""What ViZDoom's own scenarios have in common here: the body, the buttons, the view."""
+"""What all of Doom's scenarios are: a body with buttons on a map, and the parts that they hold."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import abc
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Literal, TypeVar, get_args
+from typing import ClassVar, Literal, NamedTuple, TypeVar, get_args
 
 import jax
 import jax.numpy as jnp
@@ -15,25 +14,46 @@ import numpy as np
 
 from ...engine.camera import Camera
 from ...engine.level import Level
-from ...engine.scene import Scene, Sprites, Theme
-from ...environment import Params, State
+from ...engine.scene import Scene, Theme
+from ...engine.scene import Sprites as SceneSprites
+from ...engine.shade import ImageKind
+from ...environment import Info, Params, State
 from ...errors import SettingError
+from ...maps.things import RGB
 from ...maps.tilemap import TileMap
+from ...spaces import Box
 from ..draws import draw_index
 from ..first_person import FirstPerson
-from .buttons import Buttons, action_name, hold, numbered
+from ..health import FULL_HEALTH
+from ..hud import AMMUNITION, bar, check_overlay, check_strip, strip_rows
+from .arsenal import Arsenal
+from .collision import Geometry, load_geometry
 from .fixed import FRACTION_BITS, ONE, to_fixed
-from .geometry import Geometry, load_geometry
-from .lattice import Tiles, rasterise
-from .look import EYE, ROW_FOCAL_SHARE, relabelled
-from .motion import Blocked, Body, Tried, tic
-from .walls import DoomMap, load_map
+from .maps import START, DoomMap, TileGrid, load_map, rasterise
+from .monsters import Horde
+from .parts import Game, Part
+from .physics import Blocked, Body, Buttons, Reached, action_name, hold, numbered, tic
+from .view import EYE, ROW_FOCAL_SHARE, doom_theme, face_labels
 
 ButtonsAtOnce = Literal["single", "all"]
-# Map units a tic that nobody exceeds: ahead 8.33, aside 8.
+# Map units a tic that no player exceeds: ahead 8.33, aside 8.
 TOP_SPEED = 12
-# The headings that a script draws, in 65536ths of a circle: any of them, both ends included.
+# The headings that a script chooses from, in 65536ths of a circle: any of them, both ends included.
 ANY_ANGLE = (0, ONE)
+
+
+class Room(NamedTuple):
+    """Where a scenario plays.
+
+    Attributes:
+        map_name: of a file of `maps/`, without suffix.
+        floor: mean RGB of its floor's texture.
+        ceiling: likewise.
+    """
+
+    map_name: str
+    floor: RGB
+    ceiling: RGB
 
 
 class DoomState(State):
@@ -61,7 +81,11 @@ P = TypeVar("P", bound=Params)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomScenario(FirstPerson[S, P]):
-    """Base of ViZDoom's scenarios. A step is a tic of the game, of which a second has 35.
+    """A scenario: a player's body on a map, and parts. A step is a tic, of which a second has 35.
+
+    A scenario says which parts there are (`parts`), how an episode starts (`init_state`) and what
+    happens in a tic (`transition`). What is seen, what `info` and the `dict` observation tell, and
+    how a state of the running game becomes one of ours follows from the parts.
 
     Attributes:
         buttons: `"single"`: an action holds no button or one, numbered as by ViZDoom's Gymnasium
@@ -69,17 +93,20 @@ class DoomScenario(FirstPerson[S, P]):
             in the wrapper's order.
         field_of_view: as of all environments. Rows are those of the game's screen of 320 by 240
             whatever the image's size, so pixels are square only in images of the ratio 10 to 9.
+        hud: show health and ammunition as bars in a strip below the view, which then is as much
+            lower; for images of colours or greys.
+        show_weapon: show the weapon in the player's hands, and the flash of its shots, as the game
+            does by default; likewise.
     """
 
     buttons: ButtonsAtOnce = "single"
     field_of_view: float = 90.0
+    hud: bool = False
+    show_weapon: bool = False
 
-    map_name: ClassVar[str]
+    button_names: ClassVar[tuple[str, ...]]
     # Map units of a tile.
     unit: ClassVar[int] = 32
-    button_names: ClassVar[tuple[str, ...]]
-    # What the game calls the things of each look.
-    game_things: ClassVar[tuple[str, ...]]
     # Whether the tiles are large enough for patterns on walls and floor.
     takes_patterns: ClassVar[bool] = False
     # The game's count that tells whether the aim was reached, where the end does not.
@@ -95,6 +122,47 @@ class DoomScenario(FirstPerson[S, P]):
                 "look must be 'plain' in Doom's scenarios, whose tiles are too small for "
                 f"patterns, not {self.look!r}"
             )
+        check_strip(self.hud, self.observation, self.height)
+        check_overlay("show_weapon", self.show_weapon, self.observation)
+        if self.hud and not self.limits:
+            raise SettingError(f"hud=True: there is neither health nor a weapon in {self.name!r}")
+        if self.show_weapon and not self._most_ammo:
+            raise SettingError(f"show_weapon=True: there is no weapon in {self.name!r}")
+
+    @property
+    @abc.abstractmethod
+    def room(self) -> Room:
+        """Where it plays."""
+
+    @functools.cached_property
+    @abc.abstractmethod
+    def parts(self) -> tuple[Part, ...]:
+        """What the scenario holds, in the order in which things are shown."""
+
+    @functools.cached_property
+    def horde(self) -> Horde:
+        """The monsters, one of the parts of scenarios that have any."""
+        raise NotImplementedError(f"there are no monsters in {self.name!r}")
+
+    @functools.cached_property
+    def arsenal(self) -> Arsenal:
+        """The player's weapons, one of the parts of scenarios that have any."""
+        raise NotImplementedError(f"there is no weapon in {self.name!r}")
+
+    @functools.cached_property
+    def limits(self) -> dict[str, int]:
+        """The variables of the `dict` observation, each with its highest value."""
+        return {name: most for part in self.parts for name, most in part.limits.items()}
+
+    @property
+    def game_variables(self) -> tuple[str, ...]:
+        """What the game tells besides pose and health, by its names."""
+        return tuple(name for part in self.parts for name in part.game_variables)
+
+    @functools.cached_property
+    def game_labels(self) -> dict[str, int]:
+        """The label of each object of the game by its name."""
+        return {thing.name: thing.label for part in self.parts for thing in part.objects}
 
     @functools.cached_property
     def action_buttons(self) -> np.ndarray:
@@ -110,27 +178,22 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def doom_map(self) -> DoomMap:
         """The map in map units."""
-        return load_map(self.map_name)
+        return load_map(self.room.map_name)
 
     @functools.cached_property
     def geometry(self) -> Geometry:
         """What bodies meet on it."""
-        return load_geometry(self.map_name)
+        return load_geometry(self.room.map_name)
 
     @functools.cached_property
-    def tiles(self) -> Tiles:
+    def tiles(self) -> TileGrid:
         """The map as tiles."""
         return rasterise(self.doom_map, self.unit)
 
     @functools.cached_property
-    def game_labels(self) -> dict[str, int]:
-        """The label of each thing of the game by its name."""
-        return dict(zip(self.game_things, self.theme.sprite_labels.tolist(), strict=True))
-
-    @functools.cached_property
     def tilemap(self) -> TileMap:
         """The map as tiles with labels, for people and the renderer."""
-        faces = tuple(tuple(bytes(row) for row in face) for face in relabelled(self.tiles))
+        faces = tuple(tuple(bytes(row) for row in face) for face in face_labels(self.tiles))
         return TileMap(
             self.name, faces[0], faces, spawns=self.cells(self.starts), goals=self.cells(self.goals)
         )
@@ -138,17 +201,12 @@ class DoomScenario(FirstPerson[S, P]):
     @property
     def scenario(self) -> str | None:
         """Its name in ViZDoom, where that comes with it."""
-        return self.map_name.replace("-", "_")
-
-    @property
-    def game_variables(self) -> tuple[str, ...]:
-        """What the game tells besides pose and health, by its names."""
-        return ()
+        return self.room.map_name.replace("-", "_")
 
     @property
     def starts(self) -> np.ndarray:
         """float[n, 2]: places in map units where episodes start."""
-        return np.zeros((0, 2))
+        return self.doom_map.places(START)
 
     @property
     def goals(self) -> np.ndarray:
@@ -173,7 +231,7 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def level(self) -> Level:
         """The map as the renderer has it."""
-        return self.tiles.level().replace(walls=relabelled(self.tiles))
+        return self.tiles.level().replace(walls=face_labels(self.tiles))
 
     @functools.cached_property
     def camera(self) -> Camera:
@@ -188,27 +246,96 @@ class DoomScenario(FirstPerson[S, P]):
         )
 
     @functools.cached_property
-    @abc.abstractmethod
     def theme(self) -> Theme:
         """How the map looks."""
+        things = [thing for part in self.parts for thing in part.objects]
+        return doom_theme(
+            tuple((picture, thing.label) for thing in things for picture in thing.pictures),
+            floor=self.room.floor,
+            ceiling=self.room.ceiling,
+            level=self.doom_map.light,
+            unit=self.unit,
+        )
 
-    @abc.abstractmethod
-    def things(self, state: S) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """int32[N, 2] places (16.16 map units), int32[N] looks, bool[N] whether they are there."""
+    def sprites(self, state: S) -> SceneSprites:
+        """The billboards of all parts."""
+        places, looks, visible, first = [], [], [], 0
+        for part in self.parts:
+            if shown := part.sprites(state):
+                places.append(shown.places)
+                looks.append(shown.pictures + np.int32(first))
+                visible.append(shown.visible)
+            first += sum(len(thing.pictures) for thing in part.objects)
+        position = self.to_tiles(jnp.concatenate(places))
+        return SceneSprites(
+            position=position, look=jnp.concatenate(looks), visible=jnp.concatenate(visible)
+        )
 
     def scene(self, state: S, params: P) -> Scene:
         """The map and the things on it, from where the player stands."""
         del params
-        places, looks, present = self.things(state)
         return Scene(
             level=self.level,
             closed=jnp.zeros(0, bool),
             position=self.to_tiles(state.fixed_position),
             heading=to_heading(state.angle),
-            sprites=Sprites(position=self.to_tiles(places), look=looks, visible=present),
+            sprites=self.sprites(state),
             theme=self.theme,
             lift=self.lift(state),
         )
+
+    @property
+    def view_height(self) -> int:
+        """Rows of the image above the strip."""
+        return self.height - strip_rows(self.height) if self.hud else self.height
+
+    def draw(self, state: S, params: P, kind: ImageKind) -> jax.Array:
+        """Add the weapon and the strip."""
+        image = super().draw(state, params, kind)
+        if self.show_weapon:
+            for part in self.parts:
+                image = part.show(image, state, kind)
+        return jnp.concatenate([image, self.strip(state, kind)]) if self.hud else image
+
+    def strip(self, state: S, kind: ImageKind) -> jax.Array:
+        """The strip of `hud=True`: health, and at the right ammunition if there is any."""
+        rows, most, now = strip_rows(self.height), self._most_ammo, self._told(state)
+        right = self.width // 2 if most else 0
+        health = bar(now["health"] / FULL_HEALTH, rows, self.width - right, kind)
+        if not right:
+            return health
+        ammo = bar(now["ammo"] / most, rows, right, kind, AMMUNITION)
+        return jnp.concatenate([health, ammo], axis=1)
+
+    @property
+    def _most_ammo(self) -> int:
+        return self.limits.get("ammo", 0)
+
+    def _told(self, state: S) -> Info:
+        """What the parts tell of a state."""
+        return {name: value for part in self.parts for name, value in part.describe(state).items()}
+
+    def describe(self, state: S, params: P) -> Info:
+        """Add what the parts tell."""
+        return super().describe(state, params) | self._told(state)
+
+    def variables(self, state: S) -> dict[str, jax.Array]:
+        """What `limits` names: float32[1] each."""
+        told = self._told(state)
+        return {name: told[name].astype(jnp.float32)[None] for name in self.limits}
+
+    def variable_spaces(self) -> dict[str, Box]:
+        """Their spaces."""
+        kind = np.dtype(np.float32)
+        return {name: Box(0.0, float(most), (1,), kind) for name, most in self.limits.items()}
+
+    def succeeded(
+        self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
+    ) -> jax.Array:
+        """Whether the task's event happened; without one, whether the time limit was reached."""
+        if self.success_event:
+            return super().succeeded(state, reward, terminated, events, params)
+        return state.done & ~terminated
 
     def lift(self, state: S) -> jax.Array | None:
         """float32[]: tiles by which the eye is above its usual height, if that changes."""
@@ -227,8 +354,8 @@ class DoomScenario(FirstPerson[S, P]):
         tile = self.unit << FRACTION_BITS
         return jnp.stack([east, south], axis=-1).astype(jnp.float32) * jnp.float32(1 / tile)
 
-    def drawn(self, bits: jax.Array, angles: tuple[int, int]) -> dict[str, jax.Array]:
-        """The fields of a state of a body at one of the starts.
+    def start_pose(self, bits: jax.Array, angles: tuple[int, int] = (0, 0)) -> dict[str, jax.Array]:
+        """The fields of a state of a body that stands at one of the starts.
 
         Args:
             bits: uint32[2], random.
@@ -236,17 +363,20 @@ class DoomScenario(FirstPerson[S, P]):
         """
         table = [[to_fixed(value) for value in spot] for spot in self.starts.tolist()]
         spots = jnp.asarray(np.array(table, np.int32))
-        return self.placed(spots[draw_index(bits[0], len(table))], draw_angle(bits[1], angles))
+        return self.pose(spots[draw_index(bits[0], len(table))], sample_angle(bits[1], angles))
 
-    def placed(self, position: jax.Array, angle: jax.Array) -> dict[str, jax.Array]:
+    def only_pose(self) -> dict[str, jax.Array]:
+        """The same where there is one start, and the player looks east."""
+        return self.start_pose(jnp.zeros(2, jnp.uint32))
+
+    def pose(self, position: jax.Array, angle: jax.Array) -> dict[str, jax.Array]:
         """The fields of a state of a body that stands still.
 
         Args:
             position: int32[2], map units in 16.16.
             angle: uint32[].
         """
-        still = Body(position, jnp.zeros(2, jnp.int32), angle, jnp.int32(0))
-        return self._pose(still)
+        return self._pose(Body(position, jnp.zeros(2, jnp.int32), angle, jnp.int32(0)))
 
     def at_pose(self, state: S, position: jax.Array, velocity: jax.Array, angle: jax.Array) -> S:
         """The state with the body in another pose.
@@ -259,22 +389,13 @@ class DoomScenario(FirstPerson[S, P]):
         """
         return state.replace(**self._pose(Body(position, velocity, angle, jnp.int32(0))))
 
-    def with_things(self, state: S, health: int, things: np.ndarray) -> S:
-        """The state with what the game tells besides the pose.
+    def from_game(self, state: S, game: Game) -> S:
+        """The state with what the running game tells besides the pose, in numpy."""
+        return functools.reduce(lambda state, part: part.from_game(state, game), self.parts, state)
 
-        Args:
-            state: the state.
-            health: of the player.
-            things: int64[M, 6], of each thing its look, x and y in 16.16 map units, a number that
-                is the higher the later it appeared, its angle, 2**32 a circle, and its speed.
-        """
-        del health, things
-        return state
-
-    def with_variables(self, state: S, values: Mapping[str, int]) -> S:
-        """The state with the values of `game_variables`."""
-        del values
-        return state
+    def absorbed(self, state: S, lost: jax.Array) -> tuple[S, jax.Array]:
+        """The state after blows int32[N], and int32[] how much of them the player feels."""
+        return state, jnp.sum(lost, dtype=jnp.int32)
 
     def pressed(self, action: jax.Array) -> Buttons:
         """The buttons that an action holds."""
@@ -285,8 +406,10 @@ class DoomScenario(FirstPerson[S, P]):
         table = jnp.asarray(np.append(self.action_buttons, np.int32(0)))
         return table.at[action].get(mode="promise_in_bounds")
 
-    def moved(self, state: S, action: jax.Array, bodies: Blocked | None = None) -> tuple[S, Tried]:
-        """The state after the body has moved in a tic, and where it was put.
+    def moved(
+        self, state: S, action: jax.Array, bodies: Blocked | None = None
+    ) -> tuple[S, Reached]:
+        """The state after the body has moved in a tic, and the places that it reached.
 
         Args:
             state: before it.
@@ -294,8 +417,8 @@ class DoomScenario(FirstPerson[S, P]):
             bodies: tells where others are in its way, if there are any.
         """
         body = Body(state.fixed_position, state.fixed_velocity, state.angle, state.turn_tics)
-        after, tried = tic(self.geometry, body, self.pressed(action), bodies)
-        return state.replace(**self._pose(after)), tried
+        after, reached = tic(self.geometry, body, self.pressed(action), bodies)
+        return state.replace(**self._pose(after)), reached
 
     def _pose(self, body: Body) -> dict[str, jax.Array]:
         return {
@@ -314,24 +437,7 @@ def to_heading(angle: jax.Array) -> jax.Array:
     return turned.astype(jnp.float32) * jnp.float32(2 * math.pi * 2.0**-24)
 
 
-def draw_angle(bits: jax.Array, angles: tuple[int, int]) -> jax.Array:
-    """uint32[]: an angle as the game's scripts draw it: 65536ths of a circle, both ends too."""
+def sample_angle(bits: jax.Array, angles: tuple[int, int]) -> jax.Array:
+    """uint32[]: an angle as scripts of the game choose it, in 65536ths of a circle, ends too."""
     low, high = angles
     return (draw_index(bits, high - low + 1) + low).astype(jnp.uint32) << 16
-
-
-def near(tried: Tried, place: jax.Array, reach: int) -> jax.Array:
-    """bool[...]: whether the body was put where its box overlaps that of a thing.
-
-    Args:
-        tried: where the body was put.
-        place: int32[..., 2], map units in 16.16.
-        reach: the sum of the half-widths, in map units.
-    """
-
-    def close(target: jax.Array) -> jax.Array:
-        return jnp.all(jnp.abs(place - target) < reach * ONE, axis=-1)
-
-    where = [tried.target, *(tried.others[i] for i in range(tried.others.shape[0]))]
-    shaped = [target.reshape((1,) * (place.ndim - 1) + (2,)) for target in where]
-    return functools.reduce(jnp.logical_or, map(close, shaped)) & tried.moving

@@ -17,8 +17,7 @@ import numpy as np
 
 from ...batching import varying
 from ...engine.fusion import staged
-from .fixed import FRACTION_BITS, ONE, divide, multiply, rounded_fraction
-from .geometry import (
+from .collision import (
     BLOCK_BITS,
     BLOCKS,
     EDGE,
@@ -31,6 +30,7 @@ from .geometry import (
     WINDOW,
     Geometry,
 )
+from .fixed import FRACTION_BITS, ONE, divide, multiply, rounded_fraction
 
 ATTEMPTS = 6
 """Places where a sliding body is tried after the first: two in each of two rounds, two after."""

@@ -1,7 +1,8 @@
-"""Weapons of the player: when a shot leaves, what it does, and how well it is aimed.
+"""Weapons of the player: when a shot leaves, what it does, and how the player changes weapons.
 
-The tics are those of the game's tables of states, in which ATTACK is looked at while the weapon is
-ready, and once more after a shot, when a held trigger fires again.
+Numbers are those of the game's own tables (ViZDoom 1.3.2, wadsrc/static/actors/doom), in which
+ATTACK is looked at while the weapon is ready, and once more after a shot, when a held trigger
+fires again. The tics were held against the running game.
 """
 
 from __future__ import annotations
@@ -11,9 +12,25 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from ...about import Event
+from ...engine.shade import ImageKind
 from ...pytree import PyTreeNode
-from .dice import roll, spread
+from .fixed import roll
+from .view import FIST as FIST_PICTURE
+from .view import FLASH_TICS, Layer, overlay_weapon
+
+BULLETS, SHELLS, ROCKETS = range(3)
+MOST_AMMO = np.array((200, 50, 50), np.int32)
+"""The most of each ammunition."""
+SHOOTING = {
+    "shots": Event("fired", "fired {} times"),
+    "kills": Event("killed a monster", "killed {} monsters"),
+}
+"""The events of players with weapons."""
+_PISTOL_PICTURE: Layer = "pistol", ((40, 40, 46), (104, 106, 114))
+_LAUNCHER_PICTURE: Layer = "rocket-launcher", ((84, 92, 72), (40, 44, 38))
 
 
 @dataclass(frozen=True)
@@ -30,8 +47,8 @@ class Weapon:
         spread: bits by which the sum of two bytes is shifted to be the error of the angle of
             all shots of a held trigger but the first; 0 if there is none.
         speed: of the rockets that it fires, map units a tic; 0 if it fires bullets.
-        locks: whether it stays locked until ATTACK is released once it is drawn.
-        look: what it looks like in the player's hands, one of `hands.LOOKS`.
+        locks: whether it stays locked until ATTACK is released once it is raised.
+        picture: what it looks like in the player's hands, the farthest layer first.
         game_ammo: what the game calls its ammunition.
         second: tics from pressing to a second shot; -1 if there is none.
         rays: bullets of a shot.
@@ -49,7 +66,7 @@ class Weapon:
     spread: int = 0
     speed: int = 0
     locks: bool = False
-    look: str = "pistol"
+    picture: tuple[Layer, ...] = (FIST_PICTURE, _PISTOL_PICTURE)
     game_ammo: str = "AMMO2"
     second: int = -1
     rays: int = 1
@@ -58,11 +75,22 @@ class Weapon:
     reach: float = math.inf
 
     def damage(self, byte: jax.Array) -> jax.Array:
-        """int32[]: of one hit, from a random byte."""
+        """int32[...]: of one hit, from a random byte."""
         return roll(self.dice, self.sides, byte)
 
+    def show(self, image: jax.Array, trigger: Trigger, kind: ImageKind) -> jax.Array:
+        """An image with the weapon in the player's hands, once it is raised."""
+        ends = min(self.shot + FLASH_TICS, self.ready)
+        flashes = (trigger.tics >= self.shot) & (trigger.tics < ends)
+        return overlay_weapon(image, self.picture, trigger.wait == 0, flashes, kind)
 
+
+FIST = Weapon("fist", 8, 17, 22, 2, 10, spread=18, uses=0, loose=True, reach=64)
 PISTOL = Weapon("pistol", shot=4, again=14, ready=19, dice=5, sides=3, spread=18)
+CHAINSAW = Weapon("chainsaw", 0, 8, 8, 2, 10, spread=18, second=4, uses=0, loose=True, reach=65)
+SHOTGUN = Weapon("shotgun", 3, 37, 44, 5, 3, spread=18, rays=7, loose=True)
+SUPER_SHOTGUN = Weapon("super shotgun", 3, 51, 62, 5, 3, spread=19, rays=20, uses=2, loose=True)
+CHAINGUN = Weapon("chaingun", 0, 8, 8, 5, 3, spread=18, second=4)
 ROCKET_LAUNCHER = Weapon(
     "rocket launcher",
     shot=8,
@@ -72,30 +100,54 @@ ROCKET_LAUNCHER = Weapon(
     sides=8,
     speed=20,
     locks=True,
-    look="rocket launcher",
+    picture=(FIST_PICTURE, _LAUNCHER_PICTURE),
     game_ammo="AMMO5",
 )
 
 
+@dataclass(frozen=True)
+class Slot:
+    """A weapon in its place.
+
+    Attributes:
+        weapon: the weapon.
+        button: the number by which it is selected; of two with the same one the other is taken.
+        order: the lower, the sooner it is taken up when another one is empty.
+        ammo: the ammunition that it shoots.
+    """
+
+    weapon: Weapon
+    button: int = 1
+    order: int = 0
+    ammo: int = BULLETS
+
+
+SLOTS = (
+    Slot(FIST, 1, 3700),
+    Slot(CHAINSAW, 1, 2200),
+    Slot(PISTOL, 2, 1900, BULLETS),
+    Slot(SHOTGUN, 3, 1300, SHELLS),
+    Slot(SUPER_SHOTGUN, 3, 400, SHELLS),
+    Slot(CHAINGUN, 4, 700, BULLETS),
+    Slot(ROCKET_LAUNCHER, 5, 2500, ROCKETS),
+)
+"""The game's weapons, in the order in which they are stepped through."""
+
+
 class Trigger(PyTreeNode):
-    """What the weapon does.
+    """What the weapon in the player's hands does.
 
     Attributes:
         tics: int32[], since ATTACK was taken up; from the weapon's `ready` on it is ready.
         held: bool[], whether the shot before was followed by this one without a release.
         ammo: int32[], shots left.
-        wait: int32[], tics until it is drawn and takes up ATTACK at all.
+        wait: int32[], tics until it is raised and takes up ATTACK at all.
     """
 
     tics: jax.Array
     held: jax.Array
     ammo: jax.Array
     wait: jax.Array
-
-
-def drawn_weapon(weapon: Weapon, ammo: int, wait: int = 0) -> Trigger:
-    """A weapon that takes up ATTACK at once, or after so many tics."""
-    return Trigger(jnp.int32(weapon.ready), jnp.bool_(False), jnp.int32(ammo), jnp.int32(wait))
 
 
 def pull(weapon: Weapon, trigger: Trigger, attack: jax.Array) -> tuple[Trigger, jax.Array]:
@@ -113,10 +165,3 @@ def pull(weapon: Weapon, trigger: Trigger, attack: jax.Array) -> tuple[Trigger, 
     if weapon.locks:
         wait = jnp.where(attack & (trigger.wait == 1), 1, wait)
     return Trigger(tics, held, ammo, wait), fires
-
-
-def shot_angle(weapon: Weapon, trigger: Trigger, angle: jax.Array, bits: jax.Array) -> jax.Array:
-    """uint32[]: where a shot goes that is aimed along `angle`, from random bits uint32[]."""
-    if not weapon.spread:
-        return angle
-    return angle + jnp.where(trigger.held, spread(bits, weapon.spread), jnp.uint32(0))

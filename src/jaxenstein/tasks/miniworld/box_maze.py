@@ -16,7 +16,7 @@ from ..first_person import GeneratedTask
 from ..goals import NavigationParams
 from ..random_maze import carve
 from ..steering import sample_heading
-from .rooms import BRICK, FAST, BoxParams, BoxState, ReachBox
+from .rooms import BRICK, BoxState, ReachBox
 
 # Tiles of a cell's side, and from one cell to the next: walls are a tile thick.
 _CELL = 3
@@ -81,19 +81,3 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
         across, down = between[None], between[:, None]
         inside = jnp.where(across, east & ~down, jnp.where(down, south, True))
         return jnp.pad(inside, ((1, 0), (1, 0)))
-
-
-# Cells, steps, and params of each.
-_MAZES = {
-    "maze": (8, 1536, {}),
-    "maze-s2": (2, 96, {}),
-    "maze-s3": (3, 216, {}),
-    "maze-s3-fast": (3, 300, FAST),
-}
-
-
-def build(name: str) -> functools.partial[BoxMaze]:
-    """One of the mazes, by the name of its environment."""
-    cells, steps, numbers = _MAZES[name]
-    params = BoxParams(max_steps_in_episode=steps).replace(**numbers)
-    return functools.partial(BoxMaze, cells=cells, defaults=params)

@@ -242,9 +242,3 @@ def _place(bits: jax.Array, others: jax.Array, radius: float) -> jax.Array:
     places = 1 + jnp.float32(radius) + draw_unit(bits) * side
     distances = jax.vmap(_distances, (0, None))(places, others)
     return places[jnp.argmax(jnp.all(distances >= radius + _MEDKIT, axis=1))]
-
-
-def build(name: str) -> functools.partial[CollectHealth]:
-    """The environment; `name` is that of no other."""
-    del name
-    return functools.partial(CollectHealth)

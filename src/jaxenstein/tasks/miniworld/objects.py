@@ -251,17 +251,3 @@ class PutNext(ThingsRoom):
 
     def _box(self, state: GridState, colour: int) -> jax.Array:
         return self.tiles_of(state, state.things.colour == colour)
-
-
-# Class, steps, and the share of the reward that time takes.
-_ROOMS: dict[str, tuple[type[ThingsRoom], int, float]] = {
-    "pickup-objects": (PickupObjects, 400, 0.0),
-    "put-next": (PutNext, 250, 0.2),
-}
-
-
-def build(name: str) -> functools.partial[ThingsRoom]:
-    """One of these rooms, by the name of its environment."""
-    kind, steps, share = _ROOMS[name]
-    defaults = GridParams(max_steps_in_episode=steps, time_cost=share)
-    return functools.partial(kind, defaults=defaults)

@@ -38,8 +38,6 @@ BRICK = LABEL_NAMES.index("brick wall")
 # Half the side of the box; how many starts are drawn to find one that is not at the box.
 _HALF, _TRIES = 0.4, 16
 _BODY, _BOX = 0.4, 0.8 * math.sqrt(0.5)
-FAST = {"move_distance": 0.7, "turn_angle": math.radians(45), "goal_radius": 1.736}
-"""The params of the variants with long steps, which also reach the box from farther away."""
 
 
 class BoxParams(NavigationParams):
@@ -245,37 +243,32 @@ class Rooms(NamedTuple):
     """One of the layouts.
 
     Attributes:
-        steps: the time limit.
         floors: rectangles of floor: column, row, columns, rows.
         starts: where episodes start.
         boxes: where the box may be.
         settings: of `BoxRooms`.
         wall: label of the walls.
-        numbers: params that differ from those of the others.
     """
 
-    steps: int
     floors: tuple[tuple[int, int, int, int], ...]
     starts: tuple[Area, ...]
     boxes: tuple[Area, ...]
     settings: dict[str, Any] = {}  # noqa: RUF012, a tuple's default
     wall: int = DEFAULT_WALL
-    numbers: dict[str, float] = {}  # noqa: RUF012
 
 
 def _square(side: int) -> Rooms:
     def within(margin: float) -> Area:
         return 1 + margin, 1 + margin, 1 + side - margin, 1 + side - margin
 
-    steps = {10: 180, 6: 100}[side]
-    return Rooms(steps, ((1, 1, side, side),), (within(_BODY),), (within(_BOX),))
+    return Rooms(((1, 1, side, side),), (within(_BODY),), (within(_BOX),))
 
 
 def _hallway() -> Rooms:
     # What MiniWorld says of the box' and the start's places is meant of their edges.
     starts = (1 + _BODY, 1 + _BODY, 11 + _BODY, 5 - _BODY)
     boxes = (11 - _BOX, 1 + _BOX, 13 - _BOX, 5 - _BOX)
-    return Rooms(250, ((1, 1, 12, 4),), (starts,), (boxes,), {"heading": (-45.0, 45.0)})
+    return Rooms(((1, 1, 12, 4),), (starts,), (boxes,), {"heading": (-45.0, 45.0)})
 
 
 def _four_rooms() -> Rooms:
@@ -290,7 +283,7 @@ def _four_rooms() -> Rooms:
         return *rooms, *beside, *above
 
     floors = *((x, y, 6, 6) for x, y in corners), *((x, y, 2, 2) for x, y in doors)
-    return Rooms(250, floors, within(_BODY), within(_BOX))
+    return Rooms(floors, within(_BODY), within(_BOX))
 
 
 def _t_maze(*boxes: Area) -> Rooms:
@@ -298,14 +291,14 @@ def _t_maze(*boxes: Area) -> Rooms:
     south = (10 + _BOX, 15 - _BOX, 14 - _BOX, 17 - _BOX)
     start = (1 + _BODY, 7 + _BODY, 10, 11 - _BODY)
     floors = (10, 1, 4, 16), (1, 7, 9, 4)
-    return Rooms(280, floors, (start,), boxes or (north, south), {"heading": (-45.0, 45.0)})
+    return Rooms(floors, (start,), boxes or (north, south), {"heading": (-45.0, 45.0)})
 
 
 def _wall_gap() -> Rooms:
     floors = (1, 1, 14, 8), (7, 9, 3, 1), (1, 10, 14, 8)
     starts = (1 + _BODY, 10 + _BODY, 15 - _BODY, 18 - _BODY)
     boxes = (1 + _BOX, 1 + _BOX, 15 - _BOX, 9 - _BOX)
-    return Rooms(300, floors, (starts,), (boxes,), {"outside": True}, BRICK)
+    return Rooms(floors, (starts,), (boxes,), {"outside": True}, BRICK)
 
 
 def _sidewalk() -> Rooms:
@@ -316,14 +309,14 @@ def _sidewalk() -> Rooms:
         "cones": tuple((5, 10 + 2 * i) for i in range(1, 6)),
         "outside": True,
     }
-    return Rooms(150, ((1, 10, 3, 12), (4, 1, 6, 30)), (starts,), (boxes,), settings, BRICK)
+    return Rooms(((1, 10, 3, 12), (4, 1, 6, 30)), (starts,), (boxes,), settings, BRICK)
 
 
 ROOMS = {
     "hallway": _hallway(),
     "one-room": _square(10),
     "one-room-s6": _square(6),
-    "one-room-s6-fast": _square(6)._replace(steps=50, numbers=FAST),
+    "one-room-s6-fast": _square(6),
     "four-rooms": _four_rooms(),
     "t-maze": _t_maze(),
     "t-maze-left": _t_maze((12, 3, 12, 3)),
@@ -334,16 +327,14 @@ ROOMS = {
 """The layouts by the ids of their environments, without the prefix."""
 
 
-def build(name: str) -> functools.partial[BoxRooms]:
+def room(name: str) -> functools.partial[BoxRooms]:
     """One of the rooms, by the name of its environment."""
     rooms = ROOMS[name]
-    params = BoxParams(max_steps_in_episode=rooms.steps).replace(**rooms.numbers)
     return functools.partial(
         BoxRooms,
         tilemap=_map_of(name, rooms),
         starts=rooms.starts,
         boxes=rooms.boxes,
-        defaults=params,
         **rooms.settings,
     )
 

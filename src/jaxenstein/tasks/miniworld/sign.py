@@ -7,7 +7,6 @@ learning without sacrifices", 2020.
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from typing import Any, ClassVar, NamedTuple, cast
 
@@ -288,9 +287,3 @@ class Sign(ThingsRoom):
         near = jnp.sqrt(offsets[0] ** 2 + offsets[1] ** 2) < _AWAY
         wrong = jnp.any(near & ~self.target(state)[:, None, None], axis=0)
         return flood(~walls & ~wrong, self.subgoal(state).tiles)
-
-
-def build(name: str) -> functools.partial[Sign]:
-    """The environment; `name` is that of no other."""
-    del name
-    return functools.partial(Sign, defaults=DEFAULTS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,30 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...engine.art import load_art
+from ...engine.art import SIZE, load_art
 from ...engine.scene import Theme
-from ...engine.shade import Light
+from ...engine.shade import ImageKind, Light, luma, pack_rgb
 from ...maps.symbols import LABEL_COLOURS, SYMBOLS
-from ...maps.things import (
-    AMMUNITION,
-    ARMOUR,
-    CACODEMON,
-    CHAINGUN_GUY,
-    DEMON,
-    FIREBALL,
-    GOAL,
-    HELL_KNIGHT,
-    IMP,
-    MARINE,
-    MEDKIT,
-    POISON,
-    RGB,
-    ROCKET,
-    SHOTGUN_GUY,
-    WEAPON,
-    ZOMBIE,
-)
-from .lattice import Tiles
+from ...maps.things import RGB
+from .maps import TileGrid
 
 EYE = 41
 """Height of the eye above the floor in map units."""
@@ -73,13 +56,20 @@ TAN, SLATE, TILES, OCHRE = (116, 92, 72), (38, 38, 38), (88, 67, 49), (73, 64, 2
 STEEL, TUBES = (89, 89, 89), (60, 44, 44)  # STONE5, TLITE6_5
 CLAY = (89, 69, 45)  # CEIL3_3
 
+Layer = tuple[str, tuple[RGB, RGB]]
+"""A picture of `engine/art`, and the colours of its shape and of its detail."""
+FIST: Layer = "fist", ((196, 148, 108), (120, 84, 60))
+FLASH: Layer = "muzzle-flash", ((240, 132, 28), (255, 244, 190))
+# Shares of the image's rows and columns that a weapon in the player's hands takes, and tics for
+# which the flash of a shot is seen.
+HAND_ROWS, HAND_COLUMNS, FLASH_TICS = 0.4, 0.3, 4
+
 
 @dataclass(frozen=True)
 class Picture:
     """A thing as it is drawn: a square that stands on the floor, or hovers above it.
 
     Attributes:
-        label: its label id.
         art: its picture, a file in `engine/art`.
         side: of the square, in map units.
         shape: RGB of the picture's first colour.
@@ -87,7 +77,6 @@ class Picture:
         lift: of its lower side above the floor, in map units; monsters' feet are below it.
     """
 
-    label: int
     art: str
     side: float
     shape: RGB
@@ -95,56 +84,8 @@ class Picture:
     lift: float = 0
 
 
-VEST = Picture(GOAL.label, "vest", 37, (61, 84, 51), (47, 52, 40))
-MEDKIT_BOX = Picture(MEDKIT.label, "medkit-box", 29.5, (150, 152, 148), (52, 122, 46))
-BOTTLE = Picture(POISON.label, "bottle", 15.3, (72, 112, 80), (110, 140, 66))
-AMMUNITION_BOX = Picture(AMMUNITION.label, "ammunition", 26, (98, 104, 74), (226, 180, 76))
-STIMPACK = Picture(MEDKIT.label, "medkit-box", 17, (150, 152, 148), (52, 122, 46))
-HEALTH_BONUS = Picture(MEDKIT.label, "bottle", 15.3, (48, 72, 160), (110, 140, 66))
-ARMOUR_BONUS = Picture(ARMOUR.label, "vest", 17, (72, 84, 64), (47, 52, 40))
-GREEN_ARMOUR = Picture(ARMOUR.label, "vest", 37, (61, 84, 51), (47, 52, 40))
-BLUE_ARMOUR = Picture(ARMOUR.label, "vest", 37, (52, 60, 130), (40, 44, 60))
-BULLET_BOX = Picture(AMMUNITION.label, "ammunition", 28, (98, 104, 74), (226, 180, 76))
-SHELL_BOX = Picture(AMMUNITION.label, "ammunition", 28, (120, 90, 60), (190, 40, 36))
-ROCKET_BOX = Picture(AMMUNITION.label, "ammunition", 40, (92, 72, 48), (150, 146, 140))
-GUN = Picture(WEAPON.label, "gun", 56, (60, 60, 66), (120, 84, 50))
-SAW = Picture(WEAPON.label, "gun", 52, (150, 90, 40), (120, 124, 130))
-HEAVY_GUN = Picture(WEAPON.label, "gun", 58, (92, 94, 100), (52, 54, 60))
-LAUNCHER = Picture(WEAPON.label, "gun", 60, (72, 84, 64), (140, 120, 60))
-GOAL_STAR = Picture(GOAL.label, "goal", 40, (255, 216, 20), (140, 118, 11), lift=10)
-
-
-def _monster(
-    label: int, art: str, side: float, shape: RGB, detail: RGB, lift: float = 0
-) -> tuple[Picture, ...]:
-    """The pictures of a monster, pose by pose (`kinds.Pose`)."""
-    poses = ("one", "two", "aim", "dead")
-    return tuple(Picture(label, f"{art}-{pose}", side, shape, detail, lift) for pose in poses)
-
-
-# Sizes of demons, imps, marines, and fireballs are those of the game's own pictures, read off
-# screens of 1280 by 960 (`python -m fidelity.doom_sizes`).
-MONSTERS = {
-    "demon": _monster(DEMON.label, "demon", 60, (161, 68, 68), (236, 206, 190), -3.4),
-    "imp": _monster(IMP.label, "imp", 63, (82, 52, 28), (200, 170, 60), -3.4),
-    "chainsaw marine": _monster(MARINE.label, "marine", 58, (74, 98, 65), (170, 140, 60), -1.7),
-    "hell knight": _monster(HELL_KNIGHT.label, "imp", 70, (140, 104, 84), (110, 70, 52)),
-    "zombie": _monster(ZOMBIE.label, "soldier", 56, (92, 84, 60), (150, 130, 100)),
-    "shotgun guy": _monster(SHOTGUN_GUY.label, "soldier", 56, (60, 56, 52), (150, 50, 40)),
-    "chaingun guy": _monster(CHAINGUN_GUY.label, "soldier", 60, (112, 44, 36), (140, 140, 140)),
-}
-FIREBALLS = (
-    Picture(FIREBALL.label, "fireball", 16, (236, 140, 40), (255, 230, 150), lift=28),
-    Picture(FIREBALL.label, "blaze", 40, (200, 80, 20), (255, 200, 90), lift=20),
-)
-ROCKETS = (
-    Picture(ROCKET.label, "rocket", 14, (120, 116, 112), (255, 200, 90), lift=28),
-    Picture(ROCKET.label, "burst", 60, (200, 80, 20), (255, 200, 90), lift=4),
-)
-CACODEMONS = (
-    Picture(CACODEMON.label, "cacodemon", 66, (66, 38, 42), (150, 120, 60)),
-    Picture(CACODEMON.label, "cacodemon-dead", 66, (66, 38, 42), (70, 70, 160)),
-)
+VEST = Picture("vest", 37, (61, 84, 51), (47, 52, 40))
+MEDKIT_BOX = Picture("medkit-box", 29.5, (150, 152, 148), (52, 122, 46))
 
 
 @dataclass(frozen=True)
@@ -187,7 +128,7 @@ def label_of(texture: str) -> int:
     return SYMBOLS[TEXTURES[texture][0]].label
 
 
-def relabelled(tiles: Tiles) -> np.ndarray:
+def face_labels(tiles: TileGrid) -> np.ndarray:
     """uint8[4, rows, columns]: what the faces of a map's walls show, as label ids.
 
     Sides that nobody sees show what another side of the tile shows, or the first texture.
@@ -200,12 +141,17 @@ def relabelled(tiles: Tiles) -> np.ndarray:
 
 
 def doom_theme(
-    pictures: tuple[Picture, ...], *, floor: RGB, ceiling: RGB, level: float, unit: int
+    pictures: tuple[tuple[Picture, int], ...],
+    *,
+    floor: RGB,
+    ceiling: RGB,
+    level: float,
+    unit: int,
 ) -> Theme:
     """The look of a scenario.
 
     Args:
-        pictures: of the things, in the order of `Sprites.look`.
+        pictures: of the things, each with its label id, in the order of `Sprites.look`.
         floor: mean RGB of its texture.
         ceiling: likewise.
         level: the sector's light, 0 to 255.
@@ -215,8 +161,9 @@ def doom_theme(
     for texture, (_, rgb) in TEXTURES.items():
         colours[label_of(texture)] = rgb
     plain = np.zeros_like(load_art("door"))
-    radii = np.array([picture.side / 2 for picture in pictures])
-    lifts = np.array([picture.lift for picture in pictures])
+    shown = [picture for picture, _ in pictures]
+    radii = np.array([picture.side / 2 for picture in shown])
+    lifts = np.array([picture.lift for picture in shown])
     return Theme(
         wall_colours=colours,
         wall_panels=np.zeros(len(colours), np.int32),
@@ -224,10 +171,67 @@ def doom_theme(
         panel_accent=np.zeros(3, np.float32),
         floor=np.array((floor, floor), np.float32),
         ceiling=np.array(ceiling, np.float32),
-        sprite_art=np.stack([load_art(picture.art) for picture in pictures]),
-        sprite_colours=np.array([(p.shape, p.detail) for p in pictures], np.float32),
+        sprite_art=np.stack([load_art(picture.art) for picture in shown]),
+        sprite_colours=np.array([(p.shape, p.detail) for p in shown], np.float32),
         sprite_radius=(radii / unit).astype(np.float32),
         sprite_drop=((EYE - lifts - radii) / unit).astype(np.float32),
-        sprite_labels=np.array([picture.label for picture in pictures], np.uint8),
+        sprite_labels=np.array([label for _, label in pictures], np.uint8),
         light=DoomLight(level, unit),
     )
+
+
+def overlay_weapon(
+    image: jax.Array,
+    layers: tuple[Layer, ...],
+    raised: jax.Array,
+    flashes: jax.Array,
+    kind: ImageKind,
+) -> jax.Array:
+    """An image with a weapon in the player's hands over it.
+
+    Args:
+        image: uint8[height, width, 3], or uint8[height, width] of grays.
+        layers: what the weapon looks like, the farthest first.
+        raised: bool[], whether the weapon is in sight.
+        flashes: bool[], whether the flash of a shot is.
+        kind: of the image; those without colours or grays stay as they are.
+    """
+    if kind not in ("rgb", "gray"):
+        return image
+    height, width = image.shape[:2]
+    rows, columns = max(1, round(HAND_ROWS * height)), max(1, round(HAND_COLUMNS * width))
+    there, paint = _stamps(layers, rows, columns, kind)
+    covers = jnp.where(flashes, there[1], there[0]) & raised
+    colour = jnp.where(flashes, paint[1], paint[0])
+    left = (width - columns) // 2
+    place = np.s_[height - rows :, left : left + columns]
+    covers = covers if kind == "gray" else covers[..., None]
+    return image.at[place].set(jnp.where(covers, colour, image[place]))
+
+
+@functools.cache
+def _stamps(
+    layers: tuple[Layer, ...], rows: int, columns: int, kind: ImageKind
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of a weapon at rest and of one that fires: bool[2, rows, columns] and its colours there."""
+    pictures = [_piled(layers), _piled((FLASH, *layers))]
+    there, colours = (np.stack(parts) for parts in zip(*pictures, strict=True))
+    row = ((np.arange(rows) + 0.5) * SIZE / rows).astype(int)[:, None]
+    column = ((np.arange(columns) + 0.5) * SIZE / columns).astype(int)[None]
+    there, colours = there[:, row, column], colours[:, row, column]
+    if kind == "gray":
+        words = pack_rgb(list(np.moveaxis(colours, -1, 0).astype(np.float32)), np.float32(1))
+        colours = luma(words)
+    return there, colours.astype(np.uint8)
+
+
+def _piled(layers: tuple[Layer, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """bool[32, 32] where one of the pictures is, and uint8[32, 32, 3] the colours of the last."""
+    there, image = np.zeros((SIZE, SIZE), bool), np.zeros((SIZE, SIZE, 3), np.uint8)
+    bits = np.arange(SIZE, dtype=np.uint32)[::-1]
+    for art, colours in layers:
+        shape, detail = (load_art(art)[:, None] >> bits[None, :, None] & 1).astype(bool)
+        there |= shape
+        for plane, colour in zip((shape, detail), colours, strict=True):
+            image[plane] = colour
+    return there, image

@@ -13,31 +13,32 @@ import numpy as np
 
 from ...about import About, Event
 from ...environment import Info
-from ...maps.things import RGB
 from ...params import Params, Scalar, number
 from ..draws import random_bits
-from .aiming import TURN_AND_SHOOT
-from .arena import DoomArena, DoomArenaParams, DoomArenaState
-from .buttons import ATTACK, TURN_LEFT, TURN_RIGHT
-from .creatures import placed
+from ..health import FULL_HEALTH
+from .arsenal import Arsenal
+from .collision import Geometry, build_geometry, segments
+from .fight import FightParams, FightState, before_fight, fight
 from .fixed import direction
-from .geometry import Geometry, build_geometry
-from .kinds import CHAINSAW_MARINE, DEMON, Kind
-from .lattice import Tiles, fill
-from .look import CEILING, GREY
-from .respawn import absent, respawned
-from .shooter import EVENTS
-from .waking import begun
-from .walls import Line
+from .maps import Line, TileGrid, fill
+from .monster_kinds import CHAINSAW_MARINE, DEMON
+from .monsters import Horde
+from .parts import Health, Part
+from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
+from .players import TURN_AND_SHOOT
+from .respawn import absent, replaced, woken
+from .scenario import DoomScenario, Room
+from .view import CEILING, GREY
+from .weapons import PISTOL, SHOOTING, Slot
 
 # How far away monsters appear, in map units.
 DISTANCE = 735
-# Nobody is pushed so far from the middle as these walls are.
+# No player is pushed so far from the middle as these walls are.
 _BOUNDS = 512
 _FIFTHS = (0, 13107, 26214, 39321, 52428)
 
 
-class DoomCenterParams(DoomArenaParams):
+class DoomCenterParams(FightParams):
     """The numbers of the task.
 
     Attributes:
@@ -55,7 +56,7 @@ class DoomCenterParams(DoomArenaParams):
     absence: Scalar = number(90, 1)
 
 
-class DoomCenterState(DoomArenaState):
+class DoomCenterState(FightState):
     """State of the task.
 
     Attributes:
@@ -66,7 +67,7 @@ class DoomCenterState(DoomArenaState):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
+class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     """Shoot monsters that come from all sides; the player turns, but does not walk.
 
     Two demons and three marines with chainsaws. One that dies is replaced by another at the wall,
@@ -75,22 +76,31 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
     """
 
     params_class: ClassVar[type[Params]] = DoomCenterParams
-    map_name: ClassVar[str] = "defend-the-center"
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
-    cast: ClassVar[tuple[Kind, ...]] = (
-        CHAINSAW_MARINE,
-        DEMON,
-        CHAINSAW_MARINE,
-        DEMON,
-        CHAINSAW_MARINE,
-    )
-    floor: ClassVar[RGB] = GREY
-    ceiling: ClassVar[RGB] = CEILING
-    ammo: ClassVar[int] = 26
-    draw_tics: ClassVar[int] = 6
+
+    @property
+    def room(self) -> Room:
+        """A round hall."""
+        return Room("defend-the-center", floor=GREY, ceiling=CEILING)
 
     @functools.cached_property
-    def tiles(self) -> Tiles:
+    def horde(self) -> Horde:
+        """Three marines and two demons in turn."""
+        kinds = [CHAINSAW_MARINE, DEMON, CHAINSAW_MARINE, DEMON, CHAINSAW_MARINE]
+        return Horde(kinds, walls=segments(self.doom_map.walls))
+
+    @functools.cached_property
+    def arsenal(self) -> Arsenal:
+        """The pistol."""
+        return Arsenal([Slot(PISTOL)], shots=26, raise_tics=6)
+
+    @functools.cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Health, weapon, monsters."""
+        return Health(FULL_HEALTH), self.arsenal, self.horde
+
+    @functools.cached_property
+    def tiles(self) -> TileGrid:
         """The round hall in tiles."""
         return fill(self.doom_map, self.unit)
 
@@ -102,20 +112,15 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
         return build_geometry([Line(*a, *b, "-") for a, b in itertools.pairwise(corners)])
 
     def init_state(self, key: jax.Array, params: DoomCenterParams) -> DoomCenterState:
-        """Five monsters around the player, who have noticed it and taken a step."""
-        count = len(self.roster)
+        """Five monsters around the player, which have noticed it and taken a step."""
+        count, pose = len(self.horde), self.only_pose()
         angle = jnp.asarray(np.array(_FIFTHS, np.uint32) << 16)
         health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
-        creatures = placed(
-            self.roster, _at_wall(angle), angle + np.uint32(1 << 31), jnp.ones(count, bool), health
-        )
-        body = self.drawn(jnp.zeros(2, jnp.uint32), (0, 0))
-        player = body["fixed_position"]
+        facing = angle + np.uint32(1 << 31)
+        monsters = self.horde.placed(_at_wall(angle), facing, jnp.ones(count, bool), health)
         return DoomCenterState(
-            **body,
-            **self.armed(),
-            creatures=begun(self.roster, creatures, player, key, self.monster_walls),
-            kills=jnp.int32(0),
+            **pose,
+            **before_fight(self, woken(self.horde, monsters, pose["fixed_position"], key)),
             absence=jnp.zeros(count, jnp.int32),
         )
 
@@ -124,29 +129,21 @@ class DoomDefendTheCenter(DoomArena[DoomCenterState, DoomCenterParams]):
     ) -> tuple[DoomCenterState, jax.Array, jax.Array, Info]:
         """Fight; the dead are taken away, and after a while others come."""
         fight_key, spawn_key = jax.random.split(key)
-        state, fought = self.fight(fight_key, state, action, params)
-        state = self._replaced(spawn_key, state, fought.killed, params)
-        dead = state.health <= 0
-        kills = jnp.sum(fought.killed, dtype=jnp.int32)
+        living, before = state.monsters.living, state.kills
+        state, fought = fight(self, fight_key, state, action, params)
+        killed = living & ~state.monsters.living
+        absence = absent(state.absence, killed, params.absence)
+        bits = random_bits(spawn_key, (len(self.horde), 2))
+        place = _at_wall(bits[:, 0] & np.uint32(0xFFFF0000))
+        health = jnp.broadcast_to(jnp.asarray(params.monster_health), (len(self.horde),))
+        fresh = place, (bits[:, 1] >> 24) << 24, health
+        monsters, _ = replaced(self.horde, state.monsters, killed, absence, fresh)
+        state = state.replace(monsters=monsters, absence=absence)
+        dead, kills = state.health <= 0, state.kills - before
         reward = kills.astype(jnp.float32) * params.kill_reward
         reward = reward - jnp.where(dead, params.death_penalty, 0)
         events = {"shots": fought.fires.astype(jnp.int32), "kills": kills, "died": dead}
         return state, reward, dead, events
-
-    def _replaced(
-        self, key: jax.Array, state: DoomCenterState, killed: jax.Array, params: DoomCenterParams
-    ) -> DoomCenterState:
-        """The state without the dead, and with those whose time has come and who find room."""
-        count = len(self.roster)
-        absence = absent(state.absence, killed, params.absence)
-        bits = random_bits(key, (count, 2))
-        place = _at_wall(bits[:, 0] & np.uint32(0xFFFF0000))
-        health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
-        fresh = place, (bits[:, 1] >> 24) << 24, health
-        creatures, _ = respawned(
-            self.roster, state.creatures, killed, absence, fresh, self.monster_walls
-        )
-        return state.replace(creatures=creatures, absence=absence)
 
     def about(self) -> About:
         """What the task says of itself."""
@@ -172,7 +169,7 @@ def about_defence(**events: Event) -> About:
             "kill_reward": "{:+g} for each monster that dies",
             "death_penalty": "-{:g} at death",
         },
-        events={**EVENTS, **events, "died": Event("died")},
+        events={**SHOOTING, **events, "died": Event("died")},
         variables={
             "health": "0 to 100",
             "ammo": "bullets left",

@@ -1,4 +1,4 @@
-"""What a step passes on: states, what an action led to, and one action for several steps."""
+"""States, the outcome of a step, and one action held for several steps of the world."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ Advanced = tuple[S, jax.Array, jax.Array, Info]
 """state, float32[] reward, bool[] terminated, events."""
 
 
-class Turn(NamedTuple, Generic[S]):
-    """What an action led to, without a picture of it.
+class Outcome(NamedTuple, Generic[S]):
+    """What an action led to, without an observation of it.
 
     Attributes:
-        state: what to act in next: a first state where the step reset.
+        state: the state to act in next: a first state where the step reset.
         final: the state that the action led to, before a reset.
         reward: float32[].
         terminated: bool[], the task's own end.

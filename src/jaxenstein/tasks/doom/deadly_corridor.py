@@ -1,0 +1,215 @@
+"""ViZDoom's Deadly Corridor, tic by tic: get past six marksmen to the armour at the end."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...about import About, Choose, Event, Player
+from ...environment import Info
+from ...params import Params, Scalar, number
+from ...players.chance import NO_OP
+from ..health import FULL_HEALTH
+from .arsenal import Arsenal
+from .collision import Geometry, build_geometry, offsets, segments
+from .fight import FightParams, FightState, before_fight, fight
+from .fixed import ONE
+from .items import Goal
+from .maps import ARMOUR, MapThing, TileGrid, fill
+from .monster_ai import sight
+from .monster_kinds import CHAINGUN_GUY, SHOTGUN_GUY, ZOMBIE, standing
+from .monsters import Horde
+from .my_way_home import REACH
+from .parts import Health, Part
+from .physics import ALL_MOVES, FORWARD, touches
+from .players import only, turn_and_shoot, walker
+from .respawn import asleep
+from .scenario import DoomScenario, Room
+from .view import BROWN
+from .weapons import PISTOL, SHOOTING, Slot
+
+# The game's numbers of the kinds of monsters; to which eighth of a circle those of a side look.
+_KINDS = {3004: ZOMBIE, 9: SHOTGUN_GUY, 65: CHAINGUN_GUY}
+_SOUTH_WEST, _NORTH_WEST = 5, 3
+# The player does not move in the first tics of the game; from so far off, along the corridor, the
+# player `storm` shoots at monsters, in map units.
+_FROZEN, _STORMS = 7, 420
+
+
+class DoomCorridorParams(FightParams):
+    """The numbers of the task.
+
+    Attributes:
+        goal_reward: reward of reaching the armour.
+        death_penalty: taken off the reward of the tic in which the player dies.
+        way_reward: reward of each map unit nearer to the end of the corridor.
+        monster_health: of each.
+    """
+
+    max_steps_in_episode: Scalar = 2100
+    discount: Scalar = 0.99
+    goal_reward: Scalar = 1000.0
+    death_penalty: Scalar = 100.0
+    way_reward: Scalar = 1.0
+    monster_health: Scalar = number(1, 1)
+    damage_factor: Scalar = number(2.0, 0)
+
+
+class DoomCorridorState(FightState):
+    """State of the task.
+
+    Attributes:
+        taken: bool[], whether the armour was reached; the next tic ends the episode.
+    """
+
+    taken: jax.Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
+    """Reach the armour at the end of a corridor with six marksmen in its alcoves.
+
+    They never leave their places, one hit kills each, and what they hit hurts twice. Reward: way in
+    map units along the corridor, `goal_reward` at the armour, and minus `death_penalty` for
+    dying, which terminates. The tic after the armour was reached terminates, too.
+    """
+
+    params_class: ClassVar[type[Params]] = DoomCorridorParams
+    success_event: ClassVar[str] = "reached_goal"
+    button_names: ClassVar[tuple[str, ...]] = ALL_MOVES
+
+    @property
+    def room(self) -> Room:
+        """A corridor with alcoves."""
+        return Room("deadly-corridor", floor=BROWN, ceiling=BROWN)
+
+    @functools.cached_property
+    def tiles(self) -> TileGrid:
+        """The corridor and its alcoves in tiles."""
+        return fill(self.doom_map, self.unit)
+
+    @functools.cached_property
+    def geometry(self) -> Geometry:
+        """The corridor's own walls, and the rails before the alcoves."""
+        walls = [w for w in self.doom_map.walls if w.x0 == w.x1 or abs(w.y0) == abs(w.y1) == 32]
+        return build_geometry([*walls, *self.doom_map.rails])
+
+    @property
+    def goals(self) -> np.ndarray:
+        """float[1, 2]: the armour."""
+        return self.doom_map.places(ARMOUR)
+
+    @property
+    def _marksmen(self) -> list[MapThing]:
+        found = [thing for thing in self.doom_map.things if thing.kind in _KINDS]
+        return sorted(found, key=lambda thing: thing.id)
+
+    @functools.cached_property
+    def horde(self) -> Horde:
+        """The monsters of the map by their ids: they stay in their places, and react at once."""
+        walls = segments(self.doom_map.walls)
+        kinds = [standing(_KINDS[thing.kind]) for thing in self._marksmen]
+        return Horde(kinds, walls=walls, opaque=walls, fast=True)
+
+    @functools.cached_property
+    def arsenal(self) -> Arsenal:
+        """The pistol."""
+        return Arsenal([Slot(PISTOL)], shots=52, raise_tics=15)
+
+    @functools.cached_property
+    def goal(self) -> Goal:
+        """The armour."""
+        return Goal((self.goals[0] * ONE).astype(np.int32))
+
+    @functools.cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Health, weapon, monsters, armour."""
+        return Health(FULL_HEALTH), self.arsenal, self.horde, self.goal
+
+    def init_state(self, key: jax.Array, params: DoomCorridorParams) -> DoomCorridorState:
+        """The monsters of the map, which look every now and then."""
+        count = len(self.horde)
+        bits = jax.random.bits(key, (count,), jnp.uint32)
+        spots = np.array([(thing.x, thing.y) for thing in self._marksmen])
+        eighths = np.where(spots[:, 1] > 0, _SOUTH_WEST, _NORTH_WEST).astype(np.uint32)
+        facing = jnp.asarray(eighths << np.uint32(29))
+        health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
+        return DoomCorridorState(
+            **self.only_pose(),
+            **before_fight(
+                self, asleep(self.horde, (spots * ONE).astype(np.int32), facing, health, bits)
+            ),
+            taken=jnp.bool_(False),
+        )
+
+    def transition(
+        self,
+        key: jax.Array,
+        state: DoomCorridorState,
+        action: jax.Array,
+        params: DoomCorridorParams,
+    ) -> tuple[DoomCorridorState, jax.Array, jax.Array, Info]:
+        """Fight, and look whether the armour was touched."""
+        before, leaves, kills = state.fixed_position[0], state.taken, state.kills
+        action = jnp.where(state.time < _FROZEN, NO_OP, action)
+        state, fought = fight(self, key, state, action, params)
+        reached = touches(fought.reached, jnp.asarray(self.goal.place), REACH) & ~leaves
+        way = (state.fixed_position[0] - before).astype(jnp.float32) * jnp.float32(1 / ONE)
+        dead = (state.health <= 0) & ~leaves
+        reward = way * params.way_reward + jnp.where(reached, params.goal_reward, 0)
+        reward = reward - jnp.where(dead, params.death_penalty, 0)
+        events = {"shots": fought.fires.astype(jnp.int32), "kills": state.kills - kills}
+        events |= {"reached_goal": reached, "died": dead}
+        return state.replace(taken=leaves | reached), reward, dead | leaves, events
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        return About(
+            aim="reached the armour",
+            ends="where the player dies, and in the tic after the armour was reached",
+            rewards={
+                "way_reward": "{:+g} a map unit of the way",
+                "goal_reward": "{:+g} at the armour",
+                "death_penalty": "-{:g} at death",
+            },
+            events={**SHOOTING, "reached_goal": Event("reached the armour"), "died": Event("died")},
+            variables={"health": "0 to 100", "ammo": "bullets left", "killed": "monsters killed"},
+            captions=("health", "ammo"),
+            players={"run": RUN, "storm": STORM},
+            expert="storm",
+            lasting=("taken",),
+        )
+
+
+def storm(env: DoomDeadlyCorridor, params: Any) -> Choose:
+    """Shoot the monsters that see the player and are near; then walk on to the armour."""
+    aim, walk = turn_and_shoot(env, params), walker(env)
+    goal = jnp.asarray(env.goal.place)
+
+    def choose(key: jax.Array, state: DoomCorridorState) -> jax.Array:
+        monsters = state.monsters
+        distance = offsets(state.fixed_position, monsters.position)[:, 0]
+        near = sight(monsters, state.fixed_position, env.horde.opaque)
+        near = near & monsters.living & (jnp.abs(distance) < _STORMS)
+        shoots = aim(key, only(state, near))
+        return jnp.where(jnp.any(near), shoots, walk(state, goal))
+
+    return choose
+
+
+STORM = Player("shoots what is near, then walks on; sees the whole state", storm)
+
+
+def run(env: DoomDeadlyCorridor, params: Any) -> Choose:
+    """Run straight on."""
+    del params
+    ahead = env.index_of(FORWARD)
+    return lambda key, state: jnp.int32(ahead)
+
+
+RUN = Player("runs straight on, whatever comes", run)

@@ -1,0 +1,147 @@
+"""ViZDoom's Defend the Line, tic by tic: turn and shoot what stands at the other side of a room."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...about import About
+from ...environment import Info
+from ...params import Params, Scalar, number
+from ..health import FULL_HEALTH
+from .arsenal import Arsenal
+from .collision import segments
+from .defend_the_center import DoomCenterParams, about_defence
+from .fight import FightState, before_fight, fight, fly_fireballs
+from .fixed import ONE
+from .monster_kinds import DEMON, IMP, standing
+from .monsters import Horde
+from .parts import Health, Part
+from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
+from .projectiles import HITS, Missiles, Projectiles, fireballs
+from .respawn import absent, replaced, woken
+from .scenario import DoomScenario, Room
+from .view import CRATES
+from .weapons import PISTOL, Slot
+
+# Imps and demons stand at this x, at these y.
+LINE = 64
+_IMPS, _DEMONS = (90, 200, 400), (150, 300, 450)
+
+
+class DoomLineParams(DoomCenterParams):
+    """The numbers of the task.
+
+    Attributes:
+        monster_health: of the first ones.
+        growth: how much more health than the last one each new monster of a place has.
+    """
+
+    growth: Scalar = number(4, 0)
+
+
+class DoomLineState(FightState):
+    """State of the task.
+
+    Attributes:
+        fireballs: those in flight.
+        absence: int32[6], tics until a new monster takes the place of one that died.
+        strength: int32[6], the health of the next one.
+    """
+
+    fireballs: Projectiles
+    absence: jax.Array
+    strength: jax.Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
+    """Shoot monsters at the other side of a room; the player turns, but does not walk.
+
+    Three imps stay there and throw fireballs, and three demons run up. One that dies is replaced at
+    its place by a stronger one. Ammunition never ends. Reward: `kill_reward` for each monster that
+    dies, whoever killed it, and minus `death_penalty` for dying, which ends; the game knows no time
+    limit, here it is 2100 tics.
+    """
+
+    params_class: ClassVar[type[Params]] = DoomLineParams
+    button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
+
+    @property
+    def room(self) -> Room:
+        """A rectangular room."""
+        return Room("defend-the-line", floor=CRATES, ceiling=CRATES)
+
+    @functools.cached_property
+    def horde(self) -> Horde:
+        """The imps, and then the demons."""
+        kinds = [standing(IMP)] * len(_IMPS) + [DEMON] * len(_DEMONS)
+        return Horde(kinds, walls=segments(self.doom_map.walls))
+
+    @functools.cached_property
+    def arsenal(self) -> Arsenal:
+        """The pistol."""
+        return Arsenal([Slot(PISTOL)], shots=79, most=200, raise_tics=4)
+
+    @functools.cached_property
+    def fireballs(self) -> Missiles:
+        """What the imps throw."""
+        return fireballs(24)
+
+    @functools.cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Health, weapon, monsters, fireballs."""
+        return Health(FULL_HEALTH), self.arsenal, self.horde, self.fireballs
+
+    @property
+    def _fresh(self) -> tuple[jax.Array, jax.Array]:
+        """Where monsters stand and look: int32[6, 2], uint32[6]."""
+        places = np.array([(LINE, y) for y in _IMPS + _DEMONS], np.int32) * np.int32(ONE)
+        return jnp.asarray(places), jnp.full(len(places), np.uint32(1 << 31))
+
+    def init_state(self, key: jax.Array, params: DoomLineParams) -> DoomLineState:
+        """Six monsters, which have noticed the player and taken a step."""
+        count, pose = len(self.horde), self.only_pose()
+        health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
+        monsters = self.horde.placed(*self._fresh, jnp.ones(count, bool), health)
+        return DoomLineState(
+            **pose,
+            **before_fight(self, woken(self.horde, monsters, pose["fixed_position"], key)),
+            fireballs=self.fireballs.none(),
+            absence=jnp.zeros(count, jnp.int32),
+            strength=health + params.growth,
+        )
+
+    def transition(
+        self, key: jax.Array, state: DoomLineState, action: jax.Array, params: DoomLineParams
+    ) -> tuple[DoomLineState, jax.Array, jax.Array, Info]:
+        """Fight; the dead are taken away, and after a while stronger ones come."""
+        fight_key, ball_key = jax.random.split(key)
+        living, before = state.monsters.living, state.kills
+        state, fought = fight(self, fight_key, state, action, params)
+        state, hits = fly_fireballs(self, self.fireballs, ball_key, state, fought, params)
+        killed = living & ~state.monsters.living
+        absence = absent(state.absence, killed, params.absence)
+        fresh = *self._fresh, state.strength
+        monsters, comes = replaced(self.horde, state.monsters, killed, absence, fresh)
+        trigger = state.trigger
+        state = state.replace(
+            monsters=monsters,
+            absence=absence,
+            strength=state.strength + jnp.where(comes, params.growth, 0),
+            trigger=trigger.replace(ammo=jnp.minimum(trigger.ammo + 1, self.arsenal.most)),
+        )
+        dead, kills = state.health <= 0, state.kills - before
+        reward = kills.astype(jnp.float32) * params.kill_reward
+        reward = reward - jnp.where(dead, params.death_penalty, 0)
+        events = {"shots": fought.fires.astype(jnp.int32), "kills": kills}
+        return state, reward, dead, events | {"hits": hits, "died": dead}
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        return about_defence(**HITS)

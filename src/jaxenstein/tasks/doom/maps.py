@@ -1,0 +1,341 @@
+"""Maps of ViZDoom's scenarios: their files in map units, their tiles, and where things fit.
+
+Doom's x grows eastwards and y northwards. Walls are seen from one side only, and the floors are
+flat. A map of tiles has north up, and its rows run southwards.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib import resources
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...engine.level import Level, compile_level
+from ...errors import MapError
+from ..draws import draw_index
+from .fixed import FRACTION_BITS
+
+START, MAP_SPOT, ARMOUR = 1, 9001, 2018
+"""Kinds of things: where the player starts, places that scripts know, the green armour."""
+WALL = 2
+"""The label of solid tiles without a face of their own (the engine's first wall)."""
+THING_RADIUS = 20
+"""Half-width of things to take, in map units."""
+GRAIN = 4
+"""The borders of where things may lie stand on a lattice of this many map units."""
+_WEST, _EAST, _NORTH, _SOUTH = range(4)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A wall: seen from (x0, y0) to (x1, y1) the open side lies on the right, in map units."""
+
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+    texture: str
+
+
+@dataclass(frozen=True)
+class MapThing:
+    """An object of the map: its number in the game's list of kinds, its id and its place."""
+
+    kind: int
+    id: int
+    x: float
+    y: float
+
+
+@dataclass(frozen=True)
+class DoomMap:
+    """What a flat map with straight walls consists of.
+
+    Attributes:
+        walls: in the order of the game's own list, which decides between equals.
+        things: by kind and id.
+        floor: height of the floor in map units.
+        ceiling: height of the ceiling.
+        light: light level, 0 to 255.
+        rails: what stops bodies and neither bullets nor eyes.
+    """
+
+    walls: tuple[Line, ...]
+    things: tuple[MapThing, ...]
+    floor: float
+    ceiling: float
+    light: float
+    rails: tuple[Line, ...] = ()
+
+    def of_kind(self, kind: int) -> tuple[MapThing, ...]:
+        """The things of a kind by their ids."""
+        return tuple(thing for thing in self.things if thing.kind == kind)
+
+    def places(self, *kinds: int) -> np.ndarray:
+        """float64[n, 2]: where the things of the first of these kinds stand that the map has."""
+        found = next(filter(None, map(self.of_kind, kinds)), ())
+        return np.array([(thing.x, thing.y) for thing in found], np.float64).reshape(-1, 2)
+
+    def text(self) -> str:
+        """The map as a file of `maps/` has it, without its first comment."""
+        lines = [f"height {self.floor:g} {self.ceiling:g}", f"light {self.light:g}"]
+        lines += [f"thing {t.kind} {t.id} {t.x:.9g} {t.y:.9g}" for t in self.things]
+        lines += [f"wall {w.x0} {w.y0} {w.x1} {w.y1} {w.texture}" for w in self.walls]
+        lines += [f"rail {w.x0} {w.y0} {w.x1} {w.y1} {w.texture}" for w in self.rails]
+        return "".join(line + "\n" for line in lines)
+
+
+@functools.cache
+def load_map(name: str) -> DoomMap:
+    """A map of this package, by the name of its file without suffix."""
+    folder = resources.files("jaxenstein.tasks.doom").joinpath("maps")
+    return parse_map(folder.joinpath(f"{name}.txt").read_text("ascii"))
+
+
+def parse_map(text: str) -> DoomMap:
+    """A map from its text; see `DoomMap.text`. Lines that begin with `#` are comments."""
+    walls, rails, things, heights, light = [], [], [], (0.0, 0.0), 0.0
+    for line in text.splitlines():
+        word, *rest = line.split()
+        if word in ("wall", "rail"):
+            x0, y0, x1, y1 = map(int, rest[:4])
+            (walls if word == "wall" else rails).append(Line(x0, y0, x1, y1, rest[4]))
+        elif word == "thing":
+            things.append(MapThing(int(rest[0]), int(rest[1]), float(rest[2]), float(rest[3])))
+        elif word == "height":
+            heights = float(rest[0]), float(rest[1])
+        elif word == "light":
+            light = float(rest[0])
+    return DoomMap(tuple(walls), tuple(things), *heights, light, tuple(rails))
+
+
+def ends_of(walls: Sequence[Line]) -> np.ndarray:
+    """int64[L, 2, 2]: both ends of each wall, x and y in map units."""
+    return np.array([(w.x0, w.y0, w.x1, w.y1) for w in walls], np.int64).reshape(-1, 2, 2)
+
+
+@dataclass(frozen=True)
+class TileGrid:
+    """A map on a lattice.
+
+    Attributes:
+        solid: bool[rows, columns], first row in the north, with a border of solid tiles.
+        faces: uint8[4, rows, columns] as in `engine.level.Level.walls`; 0 where open, `WALL` on
+            sides that nobody sees, else `WALL + 1` plus the number of the face's texture.
+        textures: their names.
+        west: x of the first column's west side in map units.
+        north: y of the first row's north side.
+        unit: map units a tile.
+    """
+
+    solid: np.ndarray
+    faces: np.ndarray
+    textures: tuple[str, ...]
+    west: int
+    north: int
+    unit: int
+
+    def to_position(self, x: float, y: float) -> tuple[float, float]:
+        """Map units to (x, y) in tiles."""
+        return (x - self.west) / self.unit, (self.north - y) / self.unit
+
+    def text(self, things: Iterable[MapThing] = ()) -> str:
+        """The map as text, with `S` for map spots and `G` for the armour."""
+        lines = [["#" if solid else "." for solid in row] for row in self.solid]
+        for thing in things:
+            symbol = {MAP_SPOT: "S", ARMOUR: "G"}.get(thing.kind)
+            if symbol:
+                column, row = (math.floor(v) for v in self.to_position(thing.x, thing.y))
+                lines[row][column] = symbol
+        return "".join("".join(line) + "\n" for line in lines)
+
+    def level(self) -> Level:
+        """The map as the engine draws it."""
+        return compile_level(self.faces, np.zeros((0, 2), np.int32))
+
+
+def rasterise(doom_map: DoomMap, unit: int = 16) -> TileGrid:
+    """The tiles of a map whose walls all stand on a lattice.
+
+    A tile is open if a line from its centre to the west crosses an odd number of walls.
+
+    Args:
+        doom_map: the map.
+        unit: map units a tile.
+
+    Raises:
+        MapError: if a wall does not stand on the lattice.
+    """
+    walls = doom_map.walls
+    for wall in walls:
+        ends = wall.x0, wall.y0, wall.x1, wall.y1
+        if any(end % unit for end in ends):
+            raise MapError(f"the wall {ends} does not stand on a lattice of {unit} map units")
+    (west, south), (east, north) = (
+        f(ends_of(walls), axis=(0, 1)).tolist() for f in (np.min, np.max)
+    )
+    west, north = west - unit, north + unit
+    columns, rows = (east - west) // unit + 1, (north - south) // unit + 1
+    inside = np.zeros((rows, columns), bool)
+    for wall in walls:
+        if wall.x0 == wall.x1:
+            first, last = sorted((north - y) // unit for y in (wall.y0, wall.y1))
+            inside[first:last, (wall.x0 - west) // unit :] ^= True
+    textures = tuple(sorted({wall.texture for wall in walls}))
+    faces = np.where(inside, 0, WALL).astype(np.uint8)[None].repeat(4, axis=0)
+    for wall in walls:
+        _show(wall, faces, textures.index(wall.texture) + WALL + 1, west, north, unit)
+    return TileGrid(~inside, faces, textures, west, north, unit)
+
+
+def fill(doom_map: DoomMap, unit: int) -> TileGrid:
+    """The tiles nearest to a map whose walls run anywhere: solid where the centre is not inside.
+
+    Every face shows the first wall's texture.
+    """
+    ends = ends_of(doom_map.walls)
+    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
+    west, south = (math.floor(v / unit) * unit - unit for v in low)
+    east, north = (math.ceil(v / unit) * unit + unit for v in high)
+    x = np.arange(west, east, unit) + unit / 2
+    y = np.arange(north, south, -unit)[:, None] - unit / 2
+    inside = np.zeros((len(y), len(x)), bool)
+    for (x0, y0), (x1, y1) in ends[ends[:, 0, 1] != ends[:, 1, 1]]:
+        crossing = x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+        inside ^= ((y0 > y) != (y1 > y)) & (x > crossing)
+    faces = np.where(inside, 0, WALL + 1).astype(np.uint8)[None].repeat(4, axis=0)
+    return TileGrid(~inside, faces, (doom_map.walls[0].texture,), west, north, unit)
+
+
+def _show(wall: Line, faces: np.ndarray, label: int, west: int, north: int, unit: int) -> None:
+    """Write a wall's label onto the faces of the solid tiles behind it."""
+    left, right = sorted((x - west) // unit for x in (wall.x0, wall.x1))
+    top, bottom = sorted((north - y) // unit for y in (wall.y0, wall.y1))
+    if left == right:
+        # Going north, the open side on the right is the east one.
+        face, column = (_EAST, left - 1) if wall.y1 > wall.y0 else (_WEST, left)
+        target = faces[face, top:bottom, column]
+    else:
+        # Going east, the open side on the right is the south one.
+        face, row = (_SOUTH, top - 1) if wall.x1 > wall.x0 else (_NORTH, top)
+        target = faces[face, row, left:right]
+    if (target == 0).any():
+        raise MapError(f"the wall {wall} has its open side on the left")
+    target[:] = label
+
+
+def outline(solid: np.ndarray, unit: int) -> tuple[Line, ...]:
+    """The walls of a map of tiles: a segment along each straight run of solid tiles.
+
+    The map's south-western corner is the origin, and everything outside is solid.
+
+    Args:
+        solid: bool[rows, columns], first row in the north.
+        unit: map units a tile.
+    """
+    padded = np.pad(solid, 1, constant_values=True)
+    rows = len(solid)
+    lines = []
+    # Of a border between two rows: what is solid on one side of it and open on the other.
+    for row in range(rows + 1):
+        above, below = padded[row, 1:-1], padded[row + 1, 1:-1]
+        y = (rows - row) * unit
+        lines += [Line(a * unit, y, b * unit, y, "-") for a, b in _runs(above & ~below)]
+        lines += [Line(b * unit, y, a * unit, y, "-") for a, b in _runs(below & ~above)]
+    for column in range(solid.shape[1] + 1):
+        left, right = padded[1:-1, column], padded[1:-1, column + 1]
+        x = column * unit
+        for top, bottom in _runs(left & ~right):
+            lines.append(Line(x, (rows - bottom) * unit, x, (rows - top) * unit, "-"))
+        for top, bottom in _runs(right & ~left):
+            lines.append(Line(x, (rows - top) * unit, x, (rows - bottom) * unit, "-"))
+    return tuple(lines)
+
+
+def _runs(there: np.ndarray) -> list[tuple[int, int]]:
+    """(first, past the last) of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.pad(there.astype(np.int8), 1)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+@dataclass(frozen=True, eq=False)
+class FreePlaces:
+    """Places for the centres of things: rectangles of R by a lattice of 4 map units.
+
+    Attributes:
+        corner: int32[R, 2], west and south end of each in map units.
+        columns: int32[R], how many cells each is wide.
+        before: int32[R], cells of all the rectangles up to and with this one.
+    """
+
+    corner: np.ndarray
+    columns: np.ndarray
+    before: np.ndarray
+
+    def sample(self, bits: jax.Array) -> jax.Array:
+        """int32[..., 2]: uniform places in map units (16.16), from random bits uint32[..., 3]."""
+        cell = draw_index(bits[..., 0], int(self.before[-1]))
+        later = cell[..., None] >= jnp.asarray(self.before).reshape((1,) * cell.ndim + (-1,))
+        row = jnp.sum(later, axis=-1, dtype=jnp.int32)
+        first = np.concatenate([[0], self.before[:-1]]).astype(np.int32)
+        corner, columns, start = (
+            jnp.asarray(table).at[row].get(mode="promise_in_bounds")
+            for table in (self.corner, self.columns, first)
+        )
+        within = cell - start
+        offset = jnp.stack([within % columns, within // columns], axis=-1)
+        fine = (bits[..., 1:] >> (32 - FRACTION_BITS - GRAIN.bit_length() + 1)).astype(jnp.int32)
+        return ((corner + offset * GRAIN) << FRACTION_BITS) + fine
+
+
+@functools.cache
+def load_free_places(map_name: str) -> FreePlaces:
+    """Where things of half-width 20 fit on a map: anywhere that they do not stick into a wall."""
+    walls = load_map(map_name).walls
+    ends = ends_of(walls)
+    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
+    axes = [np.arange(low[i], high[i], GRAIN) + GRAIN / 2 for i in (0, 1)]
+    least, most = ends.min(axis=1), ends.max(axis=1)
+    near = [
+        (axis[None] < most[:, i, None] + THING_RADIUS)
+        & (axis[None] > least[:, i, None] - THING_RADIUS)
+        for i, axis in enumerate(axes)
+    ]
+    hit = np.einsum("wx,wy->xy", near[0].astype(np.int32), near[1].astype(np.int32)) > 0
+    # Inside the walls there is no wall to touch, either: a line to the west tells.
+    crossed = np.zeros(hit.shape, np.int32)
+    for (x0, y0), (x1, y1) in ends:
+        if x0 == x1:
+            crossed += (
+                (axes[0][:, None] > x0)
+                & (axes[1][None] > min(y0, y1))
+                & (axes[1][None] < max(y0, y1))
+            )
+    return _rectangles(~hit & (crossed % 2 == 1), low)
+
+
+def _rectangles(free: np.ndarray, low: np.ndarray) -> FreePlaces:
+    """Free cells bool[columns, rows] as rectangles: runs along x, joined over rows."""
+    found: list[list[int]] = []
+    live: dict[tuple[int, int], int] = {}
+    for row in range(free.shape[1]):
+        runs = _runs(free[:, row])
+        live = {run: live[run] if run in live else len(found) + i for i, run in enumerate(runs)}
+        # Numbers of new rectangles must follow each other.
+        for run in runs:
+            if live[run] >= len(found):
+                live[run] = len(found)
+                found.append([run[0], row, run[1] - run[0], 0])
+            found[live[run]][3] += 1
+    table = np.array(found, np.int32)
+    return FreePlaces(
+        corner=(table[:, :2] * GRAIN + low).astype(np.int32),
+        columns=table[:, 2],
+        before=np.cumsum(table[:, 2] * table[:, 3]).astype(np.int32),
+    )

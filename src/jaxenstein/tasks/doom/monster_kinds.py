@@ -1,0 +1,272 @@
+"""Kinds of monsters: health, size, speed, looks, and the frames that they go through.
+
+Numbers are those of the game's own tables (ViZDoom 1.3.2, wadsrc/static/actors/doom). Sizes of the
+pictures of demons, imps and marines are those of the game's own pictures, read off screens of 1280
+by 960 (`python -m fidelity.doom_sizes`).
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field, replace
+
+from ...maps import things
+from ...maps.things import RGB
+from .view import Picture
+
+FOREVER = 1 << 30
+"""Tics of a frame that stays."""
+
+
+class Act(enum.IntEnum):
+    """What a monster does as a frame begins; those from `BITE` on are attacks."""
+
+    NOTHING, WATCH, CHASE, BITE, SHOOT, THROW = range(6)
+
+
+class Pose(enum.IntEnum):
+    """What a monster looks like."""
+
+    ONE, TWO, AIM, DEAD = range(4)
+
+
+@dataclass(frozen=True)
+class MonsterFrame:
+    """A frame of a monster's animation.
+
+    Attributes:
+        tics: how long it lasts.
+        pose: what it shows.
+        act: what begins it.
+        back: how many frames earlier it goes on while the player can still be attacked; -1 for
+            nothing of the kind.
+    """
+
+    tics: int
+    pose: Pose
+    act: Act = Act.NOTHING
+    back: int = -1
+
+
+def _standing(tics: int) -> tuple[MonsterFrame, ...]:
+    return (MonsterFrame(tics, Pose.ONE, Act.WATCH),)
+
+
+def _walking(tics: int) -> tuple[MonsterFrame, ...]:
+    poses = (Pose.ONE, Pose.ONE, Pose.TWO, Pose.TWO)
+    return tuple(MonsterFrame(tics, pose, Act.CHASE) for pose in poses)
+
+
+def _pictures(
+    art: str, side: float, shape: RGB, detail: RGB, lift: float = 0
+) -> tuple[Picture, ...]:
+    """The pictures of a monster, pose by pose."""
+    return tuple(Picture(f"{art}-{pose.name.lower()}", side, shape, detail, lift) for pose in Pose)
+
+
+@dataclass(frozen=True)
+class MonsterKind:
+    """A kind of monster.
+
+    Attributes:
+        name: what it is called.
+        game_name: what the game calls it.
+        label: its label id.
+        pictures: what it looks like, pose by pose (`Pose`).
+        health: of a new one.
+        half_width: in map units.
+        speed: map units a step.
+        stand: frames of one that has not noticed the player.
+        walk: of one that has, and after all others.
+        melee: of one that attacks a player near by; none if it cannot.
+        missile: of one that attacks from afar.
+        flinch: tics for which pain stops it.
+        pain_chance: of 256, to flinch when hit.
+        dice: damage is this times a die.
+        sides: of that die.
+        rays: bullets of a shot.
+        spread: bits by which the sum of two bytes is shifted to be the error of their angle.
+        reach: how far they go, in map units.
+        ball_speed: of what it throws, map units a tic.
+        ball_dice: the damage of that is this times a die.
+        ball_sides: of that die.
+        die: frames of one that dies.
+    """
+
+    name: str
+    game_name: str
+    label: int
+    pictures: tuple[Picture, ...]
+    health: int
+    half_width: int
+    speed: int
+    stand: tuple[MonsterFrame, ...]
+    walk: tuple[MonsterFrame, ...]
+    melee: tuple[MonsterFrame, ...] = ()
+    missile: tuple[MonsterFrame, ...] = ()
+    flinch: int = 4
+    pain_chance: int = 0
+    dice: int = 0
+    sides: int = 1
+    rays: int = 0
+    spread: int = 0
+    reach: float = 2048
+    ball_speed: int = 10
+    ball_dice: int = 3
+    ball_sides: int = 8
+    die: tuple[MonsterFrame, ...] = field(default=(MonsterFrame(FOREVER, Pose.DEAD),))
+
+
+def standing(kind: MonsterKind) -> MonsterKind:
+    """A kind that never leaves its place."""
+    return replace(kind, speed=0)
+
+
+DEMON = MonsterKind(
+    "demon",
+    "Demon",
+    things.DEMON.label,
+    _pictures("demon", 60, (161, 68, 68), (236, 206, 190), -3.4),
+    health=150,
+    half_width=30,
+    speed=10,
+    stand=_standing(10),
+    walk=_walking(2),
+    melee=(
+        MonsterFrame(8, Pose.AIM),
+        MonsterFrame(8, Pose.AIM),
+        MonsterFrame(8, Pose.AIM, Act.BITE),
+    ),
+    pain_chance=180,
+    dice=4,
+    sides=10,
+)
+_THROWING = (
+    MonsterFrame(8, Pose.AIM),
+    MonsterFrame(8, Pose.AIM),
+    MonsterFrame(6, Pose.TWO, Act.THROW),
+)
+IMP = MonsterKind(
+    "imp",
+    "DoomImp",
+    things.IMP.label,
+    _pictures("imp", 63, (82, 52, 28), (200, 170, 60), -3.4),
+    health=60,
+    half_width=20,
+    speed=8,
+    stand=_standing(10),
+    walk=_walking(3),
+    melee=_THROWING,
+    missile=_THROWING,
+    pain_chance=200,
+    dice=3,
+    sides=8,
+)
+CHAINSAW_MARINE = MonsterKind(
+    "chainsaw marine",
+    "MarineChainsawVzd",
+    things.MARINE.label,
+    _pictures("marine", 58, (74, 98, 65), (170, 140, 60), -1.7),
+    health=100,
+    half_width=16,
+    speed=8,
+    stand=_standing(8),
+    walk=_walking(4),
+    melee=(MonsterFrame(4, Pose.AIM), MonsterFrame(4, Pose.AIM, Act.SHOOT, back=0)),
+    pain_chance=160,
+    dice=2,
+    sides=10,
+    rays=1,
+    spread=18,
+    reach=65,
+)
+_CACODEMON_COLOURS = (66, 38, 42), (150, 120, 60)
+CACODEMON = MonsterKind(
+    "cacodemon",
+    "Cacodemon",
+    things.CACODEMON.label,
+    (
+        *(Picture("cacodemon", 66, *_CACODEMON_COLOURS),) * 3,
+        Picture("cacodemon-dead", 66, (66, 38, 42), (70, 70, 160)),
+    ),
+    health=400,
+    half_width=31,
+    speed=8,
+    stand=_standing(10),
+    walk=(MonsterFrame(3, Pose.ONE, Act.CHASE),),
+    flinch=12,
+    pain_chance=128,
+)
+_BRUISING = (*_THROWING[:2], MonsterFrame(8, Pose.TWO, Act.THROW))
+HELL_KNIGHT = MonsterKind(
+    "hell knight",
+    "HellKnight",
+    things.HELL_KNIGHT.label,
+    _pictures("imp", 70, (140, 104, 84), (110, 70, 52)),
+    health=500,
+    half_width=24,
+    speed=8,
+    stand=_standing(10),
+    walk=_walking(3),
+    melee=_BRUISING,
+    missile=_BRUISING,
+    pain_chance=50,
+    dice=10,
+    sides=8,
+    ball_speed=15,
+    ball_dice=8,
+)
+ZOMBIE = MonsterKind(
+    "zombie",
+    "Zombieman",
+    things.ZOMBIE.label,
+    _pictures("soldier", 56, (92, 84, 60), (150, 130, 100)),
+    health=20,
+    half_width=20,
+    speed=8,
+    stand=_standing(10),
+    walk=_walking(4),
+    missile=(
+        MonsterFrame(10, Pose.AIM),
+        MonsterFrame(8, Pose.AIM, Act.SHOOT),
+        MonsterFrame(8, Pose.AIM),
+    ),
+    flinch=6,
+    pain_chance=200,
+    dice=3,
+    sides=5,
+    rays=1,
+    spread=20,
+)
+SHOTGUN_GUY = replace(
+    ZOMBIE,
+    name="shotgun guy",
+    game_name="ShotgunGuy",
+    label=things.SHOTGUN_GUY.label,
+    pictures=_pictures("soldier", 56, (60, 56, 52), (150, 50, 40)),
+    health=30,
+    walk=_walking(3),
+    missile=(
+        MonsterFrame(10, Pose.AIM),
+        MonsterFrame(10, Pose.AIM, Act.SHOOT),
+        MonsterFrame(10, Pose.AIM),
+    ),
+    pain_chance=170,
+    rays=3,
+)
+CHAINGUN_GUY = replace(
+    ZOMBIE,
+    name="chaingun guy",
+    game_name="ChaingunGuy",
+    label=things.CHAINGUN_GUY.label,
+    pictures=_pictures("soldier", 60, (112, 44, 36), (140, 140, 140)),
+    health=70,
+    walk=_walking(3),
+    missile=(
+        MonsterFrame(10, Pose.AIM),
+        MonsterFrame(4, Pose.AIM, Act.SHOOT),
+        MonsterFrame(4, Pose.AIM, Act.SHOOT),
+        MonsterFrame(1, Pose.AIM, back=2),
+    ),
+    pain_chance=170,
+)
