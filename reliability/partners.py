@@ -29,8 +29,9 @@ class Partner:
 
 
 _TORCH = "torch==2.13.0"
-_GYMNASIUM = ("test_gymnasium.py", "test_gymnasium_vector.py")
-_GYMNAX = ("test_gymnax.py",)
+_EVERY = "test_contract.py"
+_GYMNASIUM = ("test_gymnasium.py", "test_gymnasium_vector.py", _EVERY)
+_GYMNAX = ("test_gymnax.py", _EVERY)
 # gymnax imports six without requiring it, and what once brought it along no longer does.
 PARTNERS: dict[str, Partner] = {
     "gymnasium-1.1": Partner(("gymnasium==1.1.1",), _GYMNASIUM, ("gymnasium",)),
@@ -38,15 +39,15 @@ PARTNERS: dict[str, Partner] = {
     "gymnax-0.0.9": Partner(("gymnax==0.0.9", "six"), _GYMNAX, ("gymnax",)),
     "gymnax": Partner(("gymnax>=1.0.1", "six"), _GYMNAX, ("gymnax",)),
     "rejax": Partner(("rejax>=0.1.3", "gymnax==0.0.9", "six"), _GYMNAX, ("gymnax", "rejax")),
-    "stoa": Partner(("stoa-env>=0.1.2",), ("test_stoa.py",), ("stoa",)),
+    "stoa": Partner(("stoa-env>=0.1.2",), ("test_stoa.py", _EVERY), ("stoa",)),
     "vizdoom": Partner(("vizdoom>=1.3",), ("test_vizdoom.py",), ("vizdoom",)),
-    "torch": Partner((_TORCH,), ("test_torch.py",), ("torch",), "3.11"),
+    "torch": Partner((_TORCH,), ("test_torch.py", _EVERY), ("torch",), "3.11"),
     "torchrl": Partner(
         (_TORCH, "torchrl>=0.14", "gymnasium>=1.4"), ("test_torchrl.py",), ("torchrl",), "3.11"
     ),
     "sb3": Partner(
         (_TORCH, "stable-baselines3>=2.4"),
-        ("test_sb3.py",),
+        ("test_sb3.py", _EVERY),
         ("torch", "stable_baselines3"),
         "3.11",
     ),

@@ -17,7 +17,7 @@ from examples.custom_task import Fruit
 from jaxenstein import SettingError, TrajectoryError, UnknownEnvironmentError, registry
 from jaxenstein.cli import main
 from jaxenstein.environment import Environment
-from jaxenstein.recipe import recipe_of
+from jaxenstein.spec import spec_of
 from jaxenstein.tasks.first_person import SETTINGS, FirstPerson
 from jaxenstein.tasks.health_gathering import HealthGathering
 
@@ -172,14 +172,14 @@ def test_wrong_modules_and_names_are_told(importable: str, tmp_path: Path) -> No
 @pytest.mark.parametrize("name", ["slow", "Slow"])
 def test_recipes_name_the_module_and_import_nothing(importable: str, name: str) -> None:
     env, params = make(f"{importable}:{name}", number=5, **SIZE)
-    recipe = recipe_of(env, params)
-    assert recipe.id == f"{importable}:{name}"
-    assert recipe.settings["number"] == 5
-    built, _ = recipe.build()
+    spec = spec_of(env, params)
+    assert spec.id == f"{importable}:{name}"
+    assert spec.settings["number"] == 5
+    built, _ = spec.build()
     assert built.name == env.name
     del sys.modules[importable]
     with pytest.raises(UnknownEnvironmentError, match=f"run no code: import {importable} first"):
-        recipe.build()
+        spec.build()
 
 
 def test_a_map_may_have_the_name_of_an_id() -> None:
@@ -194,7 +194,7 @@ def test_a_map_may_have_the_name_of_an_id() -> None:
 def test_what_an_id_does_not_build_is_kept_by_no_recipe() -> None:
     jaxenstein.register("mine", Fruit)
     with pytest.raises(TrajectoryError, match="'fruit' cannot be kept"):
-        recipe_of(Fruit(), Fruit().default_params)
+        spec_of(Fruit(), Fruit().default_params)
 
 
 def test_every_command_takes_a_task_of_ones_own(

@@ -1,17 +1,14 @@
-"""What a task says of itself beside its rules: to readers, to players, and to what judges it."""
+"""What a task says of itself beside its rules, for people, for players and for tests."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    import jax
+import jax
 
-    from .environment import AnyEnvironment
-
-Choose = Callable[["jax.Array", Any], "jax.Array"]
+Choose = Callable[[jax.Array, Any], jax.Array]
 """(key, state) -> int32[], the next action; it keeps nothing from one step to the next."""
 
 
@@ -48,8 +45,8 @@ class Player:
     make: Callable[[Any, Any], Choose]
     waits: str = ""
 
-    def __call__(self, env: AnyEnvironment, params: Any) -> Choose:
-        """What chooses the actions."""
+    def __call__(self, env: Any, params: Any) -> Choose:
+        """The function that chooses the actions in an environment with these params."""
         return self.make(env, params)
 
 

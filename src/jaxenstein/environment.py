@@ -16,8 +16,8 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar, cast, get_args
 import jax
 import jax.numpy as jnp
 
+from ._jax.batching import select, where_any
 from .about import About
-from .batching import select, where_any
 from .calls import as_kind, as_static, checked_action, compiled
 from .errors import SettingError, nearest
 from .fields import check, choice, number

@@ -1,4 +1,4 @@
-"""What can be set of an environment, for flags and files alike, and the recipe that it makes."""
+"""What can be set of an environment, for flags and files alike, and the spec that it makes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from . import registry
 from .errors import SettingError, nearest
 from .fields import Domain, Option, as_tuples, check_names, check_value, names_of, options_of
-from .recipe import Recipe
+from .spec import Spec
 from .tasks.first_person import SEEN, SETTINGS, FirstPerson
 from .tasks.steering import HEADING
 
@@ -73,13 +73,13 @@ def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def changed(recipe: Recipe, given: Mapping[str, Any]) -> Recipe:
-    """A recipe with some options changed; another environment is seen as the one before was.
+def changed(spec: Spec, given: Mapping[str, Any]) -> Spec:
+    """A spec with some options changed; another environment is seen as the one before was.
 
     Raises:
         JAXensteinError: it cannot be built.
     """
-    before = given_by(recipe)
+    before = given_by(spec)
     if any(name in given for name in PLACES):
         before = {name: value for name, value in before.items() if name in SETTINGS}
     merged = merge(before, given)
@@ -89,10 +89,10 @@ def changed(recipe: Recipe, given: Mapping[str, Any]) -> Recipe:
         for table in (merged, merged.get("settings") or {}):
             for name in {"look_seeds", "look_range"} - set(asked):
                 table.pop(name, None)
-    return recipe_from(merged)
+    return spec_from(merged)
 
 
-def recipe_from(given: Mapping[str, Any]) -> Recipe:
+def spec_from(given: Mapping[str, Any]) -> Spec:
     """How to build the environment that the options name.
 
     Raises:
@@ -110,14 +110,14 @@ def recipe_from(given: Mapping[str, Any]) -> Recipe:
     if "map" in given:
         settings |= {name: given[name] for name in (*MAP_TEXTS, "heading") if name in given}
         settings["text"] = given["map"]
-    recipe = Recipe(given.get("env"), 0, settings, {})
-    env, defaults = recipe.build(warn=True)
+    spec = Spec(given.get("env"), 0, settings, {})
+    env, defaults = spec.build(warn=True)
     _check_params(params, env, defaults)
-    recipe = dataclasses.replace(recipe, params=params, version=env.version)
-    recipe.build()
+    spec = dataclasses.replace(spec, params=params, version=env.version)
+    spec.build()
     # An id may have been an alias, or known to this process alone.
-    id = None if recipe.id is None else registry.portable_id(recipe.id)
-    return dataclasses.replace(recipe, id=id)
+    id = None if spec.id is None else registry.portable_id(spec.id)
+    return dataclasses.replace(spec, id=id)
 
 
 def _check_params(params: Mapping[str, Any], env: Any, defaults: Any) -> None:
@@ -131,13 +131,13 @@ def _check_params(params: Mapping[str, Any], env: Any, defaults: Any) -> None:
     check_names(params, numbers, "param")
 
 
-def given_by(recipe: Recipe) -> dict[str, Any]:
-    """The options that `recipe_from` makes a recipe of."""
-    settings = dict(recipe.settings)
-    given: dict[str, Any] = {"env": recipe.id}
-    if recipe.id is None:
+def given_by(spec: Spec) -> dict[str, Any]:
+    """The options that `spec_from` makes a spec of."""
+    settings = dict(spec.settings)
+    given: dict[str, Any] = {"env": spec.id}
+    if spec.id is None:
         given = {"map": settings.pop("text")}
     for name in ("heading", *MAP_TEXTS, *SETTINGS):
         if settings.get(name) is not None:
             given[name] = settings.pop(name)
-    return given | {"settings": settings, "params": dict(recipe.params)}
+    return given | {"settings": settings, "params": dict(spec.params)}

@@ -9,7 +9,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
-from .batching import select, varying
+from ._jax.batching import select, varying
 from .pytree import PyTreeNode
 
 Info = dict[str, Any]

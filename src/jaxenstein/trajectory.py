@@ -16,7 +16,7 @@ from typing import Any
 
 from .errors import SettingError
 from .files import atomic, check_writable
-from .recipe import TEXTS, Recipe
+from .spec import TEXTS, Spec
 
 FORMAT = "jaxenstein-trajectory"
 FORMAT_VERSION = 1
@@ -83,7 +83,7 @@ class Trajectory:
         made_by: versions of this package, JAX, numpy and Python, and the hardware.
     """
 
-    environment: Recipe
+    environment: Spec
     seed: int
     actions: tuple[int, ...]
     checks: Checks
@@ -115,21 +115,21 @@ def check_trajectory(path: str | Path) -> None:
 
 def to_text(trajectory: Trajectory) -> str:
     """The content of a trajectory's file."""
-    recipe, checks = trajectory.environment, trajectory.checks
-    texts = TEXTS if recipe.id is None else ()
+    spec, checks = trajectory.environment, trajectory.checks
+    texts = TEXTS if spec.id is None else ()
     settings = {
         name: value.splitlines() if name in texts else value
-        for name, value in recipe.settings.items()
+        for name, value in spec.settings.items()
     }
     entries = {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "made_by": dict(trajectory.made_by),
         "environment": {
-            "id": recipe.id,
-            "version": recipe.version,
+            "id": spec.id,
+            "version": spec.version,
             "settings": settings,
-            "params": dict(recipe.params),
+            "params": dict(spec.params),
         },
         "seed": trajectory.seed,
         "actions": runs(trajectory.actions),

@@ -11,8 +11,10 @@ import pytest
 @pytest.mark.parametrize(
     ("name", "partner", "needed"),
     [
-        ("gymnax", "gymnax.environments", "gymnax"),
-        ("stoa", "stoa", "stoa-env"),
+        ("gymnax", "gymnax.environments", "needs gymnax"),
+        ("stoa", "stoa", "needs stoa-env"),
+        ("sb3", "stable_baselines3.common.vec_env", "Stable-Baselines3 is not installed"),
+        ("torch", "torch", "PyTorch is not installed"),
     ],
 )
 def test_a_missing_partner_is_named_with_its_extra(
@@ -21,5 +23,5 @@ def test_a_missing_partner_is_named_with_its_extra(
     monkeypatch.setitem(sys.modules, partner, None)
     monkeypatch.setitem(sys.modules, partner.split(".")[0], None)
     monkeypatch.delitem(sys.modules, f"jaxenstein.adapters.{name}", raising=False)
-    with pytest.raises(ImportError, match=rf"needs {needed} .*pip install 'jaxenstein\[{name}\]'"):
+    with pytest.raises(ImportError, match=rf"{needed} .*pip install 'jaxenstein\[{name}\]'"):
         importlib.import_module(f"jaxenstein.adapters.{name}")

@@ -17,26 +17,25 @@ from jaxenstein.errors import SettingError
 
 pytest.importorskip("stoa")
 # Raised inside of Stoa and of what it imports.
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning:(stoa|chex|flax).*")
+pytestmark = [
+    pytest.mark.usefixtures("plain_frames"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning:(stoa|chex|flax).*"),
+]
 
 import stoa  # noqa: E402
 from stoa.core_wrappers.auto_reset import CachedAutoResetWrapper  # noqa: E402
 from stoa.core_wrappers.vmap import VmapWrapper  # noqa: E402
 
 from jaxenstein.adapters import stoa as adapter  # noqa: E402
+from tests.adapters.corridor import FORWARD, MAP, SIZE  # noqa: E402
 
-CORRIDOR = """
-#####
-#S.G#
-#####
-"""
-LEFT, FORWARD = 0, 2
+LEFT = 0
 LIMIT = 12
 
 
 def corridor(**settings: Any) -> adapter.StoaEnvironment:
-    settings = {"autoreset": None, "height": 12, "width": 16, "heading": 0.0, **settings}
-    env, params = jaxenstein.from_ascii(CORRIDOR, **settings)
+    settings = {"autoreset": None, **SIZE, "heading": 0.0, **settings}
+    env, params = jaxenstein.from_ascii(MAP, **settings)
     return adapter.StoaEnvironment(env, params.replace(max_steps_in_episode=LIMIT))
 
 
@@ -175,29 +174,9 @@ def test_other_wrappers(env: adapter.StoaEnvironment) -> None:
     assert step.truncated()
 
 
-@pytest.mark.parametrize(("final_observation", "frames"), [(False, 1), (True, 2)])
-def test_frames_drawn_a_step_with_resets_of_its_own(
-    monkeypatch: pytest.MonkeyPatch, final_observation: bool, frames: int
-) -> None:
-    settings = {"name": f"counted-{final_observation}", "final_observation": final_observation}
-    env = corridor(autoreset="same-step", **settings)
-    state, _ = env.reset(jax.random.key(0))
-    drawn = []
-    original = type(env.env).observe
-    monkeypatch.setattr(
-        type(env.env), "observe", lambda *args: (drawn.append(1), original(*args))[1]
-    )
-    jax.make_jaxpr(lambda state: env.step(state, LEFT))(state)
-    assert len(drawn) == frames
-
-
 def test_mistakes_are_named(env: adapter.StoaEnvironment) -> None:
     with pytest.raises(SettingError, match="autoreset=None or autoreset='same-step'"):
         adapter.make("simple", autoreset="next-step")
-    with pytest.raises(SettingError, match="must be a NavigationParams"):
-        adapter.StoaEnvironment(env.env, jaxenstein.make("health-gathering")[1])
-    with pytest.raises(SettingError, match=r"as jaxenstein\.make returns it"):
-        adapter.StoaEnvironment("simple")  # type: ignore[arg-type]
     assert env != corridor()
     assert env in {env}
     assert "autoreset=None" in repr(env)

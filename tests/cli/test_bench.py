@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from jaxenstein.cli import main
-from jaxenstein.recipe import Recipe
-from jaxenstein.settings import recipe_from
+from jaxenstein.settings import spec_from
+from jaxenstein.spec import Spec
 from jaxenstein.speed import measuring
 from jaxenstein.speed.measuring import BenchmarkError, Settings, measure_apart, summarise
 
 
 def fake(settings: Settings) -> dict[str, object]:
-    seen, rates = settings.recipe["settings"], np.array([1e3, 2e3, 3e3])
+    seen, rates = settings.spec["settings"], np.array([1e3, 2e3, 3e3])
     return {
         "id": settings.name,
         "width": seen["width"],
@@ -61,7 +61,7 @@ def test_summary_is_median_and_quartiles() -> None:
 @pytest.mark.slow
 def test_measures_in_a_process_of_its_own() -> None:
     core = min(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
-    small = recipe_from({"env": "simple", "height": 8, "width": 8, "frame_skip": 3})
+    small = spec_from({"env": "simple", "height": 8, "width": 8, "frame_skip": 3})
     settings = Settings("small", asdict(small), batch=2, steps=4, repeats=3, core=core)
     result = measure_apart(settings)
     rates = result["steps_per_second"]
@@ -83,7 +83,7 @@ def test_measures_in_a_process_of_its_own() -> None:
 def test_failing_process_is_told_in_one_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    nowhere = Settings("x", asdict(Recipe("nowhere", 0, {}, {})), batch=2, steps=4, repeats=3)
+    nowhere = Settings("x", asdict(Spec("nowhere", 0, {}, {})), batch=2, steps=4, repeats=3)
     with pytest.raises(BenchmarkError, match=r"^measuring x with batch 2 failed: .*nowhere"):
         measure_apart(nowhere)
 

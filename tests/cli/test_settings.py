@@ -10,7 +10,7 @@ import pytest
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.opening import given_options
 from jaxenstein.errors import SettingError
-from jaxenstein.settings import changed, given_by, recipe_from
+from jaxenstein.settings import changed, given_by, spec_from
 from jaxenstein.tasks.first_person import SEEN, FirstPerson
 
 # Each with what it needs besides, and how it is told the environment.
@@ -49,7 +49,7 @@ def test_flags_become_settings_and_params(command: str) -> None:
         *("--set", "sprite_layers=2", "--param", "discount=0.5", "--param", "goal-reward=3"),
     ]
     options = build_parser().parse_args([command, *COMMANDS[command], *arguments])
-    env, params = recipe_from({"env": "simple", **given_options(options)}).build()
+    env, params = spec_from({"env": "simple", **given_options(options)}).build()
     settings = {"field_of_view": 90, "frame_skip": 2, "observation": "depth", "sprite_layers": 2}
     settings |= {"look": "random", "look_range": 0.5, "look_seeds": (3, 9)}
     assert {name: getattr(env, name) for name in settings} == settings
@@ -89,11 +89,11 @@ def test_mistakes_are_told_in_one_line(
 
 
 def test_another_look_takes_the_place_of_that_of_a_run() -> None:
-    trained = recipe_from({"env": "simple", "look": "random", "look_seeds": [0, 100]})
+    trained = spec_from({"env": "simple", "look": "random", "look_seeds": [0, 100]})
     other = changed(trained, {"settings": {"look_seeds": [100, 200], "look_range": 0.5}})
     assert (
         other.build()[0]
-        == recipe_from(
+        == spec_from(
             {"env": "simple", "look": "random", "look_seeds": [100, 200], "look_range": 0.5}
         ).build()[0]
     )
@@ -101,7 +101,7 @@ def test_another_look_takes_the_place_of_that_of_a_run() -> None:
     assert isinstance(plain, FirstPerson)
     assert plain.look == "plain"
     with pytest.raises(SettingError, match="look_seeds is of look='random' alone"):
-        recipe_from({"env": "simple", "look_seeds": [0, 100]})
+        spec_from({"env": "simple", "look_seeds": [0, 100]})
 
 
 def test_a_recipe_comes_back_from_its_options() -> None:
@@ -113,17 +113,17 @@ def test_a_recipe_comes_back_from_its_options() -> None:
         "settings": {"ceiling": [1, 2, 3]},
         "params": {"discount": 0.5},
     }
-    recipe = recipe_from(given)
-    assert recipe_from(given_by(recipe)) == recipe
-    other = recipe_from({"env": "health-gathering", "settings": {"hud": True}, "width": 9})
-    assert recipe_from(given_by(other)) == other
+    spec = spec_from(given)
+    assert spec_from(given_by(spec)) == spec
+    other = spec_from({"env": "health-gathering", "settings": {"hud": True}, "width": 9})
+    assert spec_from(given_by(other)) == other
 
 
 def test_a_changed_recipe_keeps_how_it_is_seen() -> None:
-    recipe = recipe_from(
+    spec = spec_from(
         {"env": "health-gathering", "settings": {"hud": True}, "height": 9, "horizon": 5}
     )
-    longer = changed(recipe, {"horizon": 6})
-    assert longer == dataclasses.replace(recipe, params={"max_steps_in_episode": 6})
-    elsewhere = changed(recipe, {"env": "simple"})
+    longer = changed(spec, {"horizon": 6})
+    assert longer == dataclasses.replace(spec, params={"max_steps_in_episode": 6})
+    elsewhere = changed(spec, {"env": "simple"})
     assert (elsewhere.id, elsewhere.settings, elsewhere.params) == ("simple", {"height": 9}, {})

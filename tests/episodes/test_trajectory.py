@@ -20,7 +20,7 @@ from jaxenstein.episodes.recorder import record, replay
 from jaxenstein.episodes.session import Session
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import TrajectoryError
-from jaxenstein.recipe import recipe_of
+from jaxenstein.spec import spec_of
 from jaxenstein.tasks.goals import NavigationParams
 from jaxenstein.tasks.navigation import Navigation
 from jaxenstein.trajectory import Trajectory, runs
@@ -125,11 +125,11 @@ def test_runs() -> None:
 @pytest.mark.parametrize("id", jaxenstein.environment_ids())
 def test_every_environment_can_be_kept(id: str) -> None:
     env, params = jaxenstein.make(id, height=9, width=np.int64(11), observation="gray")
-    recipe = recipe_of(env, params.replace(max_steps_in_episode=7, discount=0.25))
-    assert recipe.id == env.name
-    assert recipe.params == {"max_steps_in_episode": 7, "discount": 0.25}
-    json.dumps(dict(recipe.settings))
-    built, numbers = recipe.build()
+    spec = spec_of(env, params.replace(max_steps_in_episode=7, discount=0.25))
+    assert spec.id == env.name
+    assert spec.params == {"max_steps_in_episode": 7, "discount": 0.25}
+    json.dumps(dict(spec.settings))
+    built, numbers = spec.build()
     assert built == dataclasses.replace(env, autoreset=None)
     assert int(numbers.max_steps_in_episode) == 7
 
@@ -142,7 +142,7 @@ def test_own_settings_are_kept() -> None:
         jaxenstein.from_ascii(MAP, floor=((1, 2, 3), (4, 5, 6)), ceiling=(7, 8, 9), heading=None),
         jaxenstein.from_ascii(MAP, name="simple", heading=90),
     ):
-        env, _ = recipe_of(*made).build()
+        env, _ = spec_of(*made).build()
         assert env == dataclasses.replace(made[0], autoreset=None)
 
 
@@ -156,17 +156,17 @@ def test_environments_that_cannot_be_built_again_are_told(world: World) -> None:
     own = Own(tilemap=env.tilemap, height=12, width=16)
     for other in (stripped, own):
         with pytest.raises(TrajectoryError, match="neither make nor from_ascii"):
-            recipe_of(other, other.default_params)
+            spec_of(other, other.default_params)
     episode = record(own, None, [2, 2])
     assert episode.trajectory is None
     with pytest.raises(SettingError, match="no trajectory to save"):
         episode.save("never.json")
     with pytest.raises(TrajectoryError, match="'discount' has the shape"):
-        recipe_of(env, params.replace(discount=np.ones(3, np.float32)))
+        spec_of(env, params.replace(discount=np.ones(3, np.float32)))
     with pytest.raises(SettingError, match="living_reward must be a finite number, not nan"):
-        recipe_of(env, NavigationParams(living_reward=np.nan))
+        spec_of(env, NavigationParams(living_reward=np.nan))
     with pytest.raises(SettingError, match="must be a NavigationParams"):
-        recipe_of(env, {})
+        spec_of(env, {})
 
 
 # Replays that differ.
@@ -206,8 +206,8 @@ def test_differences_in_long_episodes_name_a_range(world: World) -> None:
 
 
 def test_another_behaviour_is_found_and_versions_are_told(walk: Trajectory) -> None:
-    recipe = walk.environment
-    slower = dataclasses.replace(recipe, version=3, params={**recipe.params, "move_distance": 0.1})
+    spec = walk.environment
+    slower = dataclasses.replace(spec, version=3, params={**spec.params, "move_distance": 0.1})
     other = dataclasses.replace(
         walk, environment=slower, made_by={**walk.made_by, "jaxenstein": "0.0.1"}
     )

@@ -10,7 +10,7 @@ import pytest
 import jaxenstein
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.ascii import parse_ascii
-from jaxenstein.recipe import recipe_of
+from jaxenstein.spec import spec_of
 from jaxenstein.tasks.levels import closed_doors
 
 NAME = "key-corridor-s3r1"
@@ -64,7 +64,7 @@ def test_levels_do_not_depend_on_the_kind_of_generator():
 def test_equal_levels_make_equal_environments_and_recipes():
     one, params = jaxenstein.make(NAME, levels=range(3, 9))
     assert one == jaxenstein.make(NAME, levels=[3, 9])[0]
-    assert recipe_of(one, params).build()[0] == dataclasses.replace(one, autoreset=None)
+    assert spec_of(one, params).build()[0] == dataclasses.replace(one, autoreset=None)
 
 
 def test_closed_doors_are_found_by_their_places() -> None:

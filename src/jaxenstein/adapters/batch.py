@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._jax.packing import Packing
 from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError
-from ..packing import Packing
-from . import programs
+from . import batch_calls
 
 # Environments that are reset and drawn in one call after a step in which some ended.
 _TOGETHER = 8
@@ -122,7 +122,7 @@ class Batch:
         self.autoreset = autoreset
         self.num_envs = num_envs
         self.params = self.env.check_params(params)
-        self._mesh = programs.mesh_for(num_envs) if spread else None
+        self._mesh = batch_calls.mesh_for(num_envs) if spread else None
         # Of each environment its stream and its state, and what a step tells beside them.
         self._kept: jax.Array | None = None
         self._layouts: tuple[Packing, Packing] | None = None
@@ -157,7 +157,7 @@ class Batch:
     def _layout(self) -> tuple[Packing, Packing]:
         """Of the stream and state of an environment, and of reward, ends and info."""
         if self._layouts is None:
-            self._layouts = programs.layouts(self.env, self.params)
+            self._layouts = batch_calls.layouts(self.env, self.params)
         return self._layouts
 
     def reset(
@@ -187,10 +187,10 @@ class Batch:
         keys = self._seeded(_seeds(seed, self.num_envs), chosen)
         kept = self._layout[0]
         if chosen.all():
-            out = programs.reset(self.env, kept, keys, self.params)
+            out = batch_calls.reset(self.env, kept, keys, self.params)
         else:
             states, mask = self._streams()[1], jnp.asarray(chosen)
-            out = programs.reset_some(self.env, kept, keys, states, mask, self.params)
+            out = batch_calls.reset_some(self.env, kept, keys, states, mask, self.params)
         self._kept, observation, info = out
         return observation, {name: np.array(value) for name, value in info.items()}
 
@@ -218,7 +218,7 @@ class Batch:
             valid = (actions >= 0) & (actions < self.env.num_actions)
             actions = np.where(valid, actions, -1).astype(np.int32)
         layouts = *self._layout, self._numbers
-        self._kept, observation, outcome = programs.step(
+        self._kept, observation, outcome = batch_calls.step(
             self._stepped, (self._mesh, *layouts), self._kept, actions, self._packed_params
         )
         stepped = Stepped(observation, *self._layout[1].read(outcome), ended=None)
@@ -238,7 +238,7 @@ class Batch:
             some = indices[first : first + together]
             # Filled up with the last one again, which writes the same values once more.
             padded = np.pad(some, (0, together - some.size), mode="edge").astype(np.int32)
-            self._kept, observation, final, first_info = programs.restart(
+            self._kept, observation, final, first_info = batch_calls.restart(
                 self.env, self._layout[0], self._kept, observation, padded, self.params
             )
             frames.append(jax.tree.map(lambda leaf, n=some.size: np.asarray(leaf)[:n], final))
@@ -255,11 +255,11 @@ class Batch:
         fresh = [int(i) for i in np.flatnonzero(chosen) if seeds[i] is not None]
         if self._kept is None:
             drawn = [secrets.randbits(32) if seed is None else seed for seed in seeds]
-            return programs.keys_of(drawn)
+            return batch_calls.keys_of(drawn)
         keys = self._streams()[0]
         if not fresh:
             return keys
-        return keys.at[np.array(fresh)].set(programs.keys_of([seeds[i] or 0 for i in fresh]))
+        return keys.at[np.array(fresh)].set(batch_calls.keys_of([seeds[i] or 0 for i in fresh]))
 
 
 def _seeds(seed: Any, count: int) -> list[int | None]:

@@ -13,10 +13,10 @@ from ..files import atomic, check_writable
 from ..progress import Progress, si
 from .arguments import Parser, UsageError, add_environment, add_seed, flag, size, whole
 from .listing import format_table
-from .opening import given_options, import_module_of, open_recipe
+from .opening import given_options, import_module_of, open_spec
 
 if TYPE_CHECKING:
-    from ..recipe import Recipe
+    from ..spec import Spec
 
 HELP = "measure steps per second, compile time and memory"
 DESCRIPTION = """\
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> None:
     plan = [
         Settings(
             name=name,
-            recipe=dataclasses.asdict(recipe),
+            spec=dataclasses.asdict(spec),
             batch=batch,
             steps=options.steps,
             repeats=options.repeats,
@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> None:
             core=options.core,
         )
         # A wrong id or setting is told before anything is measured.
-        for recipe, name in _environments(options)
+        for spec, name in _environments(options)
         for batch in options.batch
     ]
     results = []
@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> None:
         print(f"wrote {options.json}")
 
 
-def _environments(options: argparse.Namespace) -> list[tuple[Recipe, str]]:
+def _environments(options: argparse.Namespace) -> list[tuple[Spec, str]]:
     """How to build what is measured, and its names."""
     given = given_options(options)
     for id in options.ids:
@@ -110,8 +110,8 @@ def _environments(options: argparse.Namespace) -> list[tuple[Recipe, str]]:
     if options.size is not None:
         given = dict(zip(("height", "width"), options.size, strict=True)) | given
     if "map_file" in given and not options.ids:
-        return [open_recipe(given)]
-    return [open_recipe({**given, "env": id}) for id in options.ids or ["my-way-home"]]
+        return [open_spec(given)]
+    return [open_spec({**given, "env": id}) for id in options.ids or ["my-way-home"]]
 
 
 def table(results: list[dict[str, Any]]) -> str:

@@ -21,7 +21,7 @@ IMPORT = "--import"
 """The flag that names a module of tasks or bonuses of one's own."""
 
 if TYPE_CHECKING:
-    from ..recipe import Recipe
+    from ..spec import Spec
     from ..tasks.first_person import FirstPerson
 
 
@@ -54,7 +54,7 @@ def _entry(option: str, text: str) -> tuple[str, Any]:
 
 
 def open_environment(
-    given: Mapping[str, Any], instead_of: Recipe | None = None
+    given: Mapping[str, Any], instead_of: Spec | None = None
 ) -> tuple[FirstPerson[Any, Any], Any, str]:
     """An environment, without automatic resets; warnings about its map are printed.
 
@@ -69,14 +69,14 @@ def open_environment(
         UsageError: neither an ID nor a map is given.
         JAXensteinError: it cannot be built.
     """
-    recipe, name = open_recipe(given, instead_of)
-    env, params = recipe.build()
+    spec, name = open_spec(given, instead_of)
+    env, params = spec.build()
     return cast("FirstPerson[Any, Any]", env), params, name
 
 
-def open_recipe(given: Mapping[str, Any], instead_of: Recipe | None = None) -> tuple[Recipe, str]:
+def open_spec(given: Mapping[str, Any], instead_of: Spec | None = None) -> tuple[Spec, str]:
     """How to build that environment, and the name for files."""
-    from ..settings import changed, recipe_from
+    from ..settings import changed, spec_from
 
     named = len({"env", "map_file"} & set(given))
     if named == 2 or (named == 0 and instead_of is None):
@@ -88,7 +88,7 @@ def open_recipe(given: Mapping[str, Any], instead_of: Recipe | None = None) -> t
     )
     with telling_warnings():
         options = with_map(given)
-        return (changed(instead_of, options) if instead_of else recipe_from(options)), name
+        return (changed(instead_of, options) if instead_of else spec_from(options)), name
 
 
 @contextlib.contextmanager

@@ -100,12 +100,12 @@ def run(options: argparse.Namespace) -> None:
     else:
         env, params, name = open_for(agent, options)
     from ..interactive.game import AgentGame, Game, play, wait_for
-    from ..recipe import recipe_of
+    from ..spec import spec_of
     from ..trajectory import check_trajectory
 
     if options.save is not None:
         check_trajectory(options.save)
-        recipe_of(env, params)
+        spec_of(env, params)
 
     def load() -> Game:
         keep, note = options.record is not None, _note(env)

@@ -28,7 +28,7 @@ from .opening import baselines, given_options, open_environment
 
 if TYPE_CHECKING:
     from ..baselines.runs.agents import TrainedPolicy
-    from ..recipe import Recipe
+    from ..spec import Spec
     from ..tasks.first_person import FirstPerson
 
 HELP = "write one episode as a GIF or MP4, with the map from above"
@@ -99,14 +99,14 @@ def run(options: argparse.Namespace) -> None:
     check_pictures(options)
     if (options.out, options.sheet, options.save) == (None, None, None):
         raise UsageError("jaxenstein record: give at least one of --out, --sheet and --save")
-    from ..recipe import recipe_of
+    from ..spec import spec_of
     from ..trajectory import check_trajectory
 
     if options.save is not None:
         check_trajectory(options.save)
-    recipe = None if options.save is None else recipe_of(env, params)
+    spec = None if options.save is None else spec_of(env, params)
     policy, steps = _policy(env, params, options, agent)
-    episode = play_shown(env, params, options.seed, policy, steps, recipe)
+    episode = play_shown(env, params, options.seed, policy, steps, spec)
     written = save_pictures(episode, options)
     if options.save is not None:
         episode.save(options.save)
@@ -123,7 +123,7 @@ def play_shown(
     seed: int,
     policy: Policy,
     steps: int,
-    recipe: Recipe | None = None,
+    spec: Spec | None = None,
 ) -> Episode:
     """Play an episode, of at most so many steps, under a progress line."""
     from ..episodes.recorder import play
@@ -131,7 +131,7 @@ def play_shown(
 
     with Progress(steps, "playing", compiles=True) as progress:
         session = Session(env, params, seed)
-        episode = play(session, policy, steps, recipe, notify=progress.update)
+        episode = play(session, policy, steps, spec, notify=progress.update)
         progress.total = max(episode.steps, 1)
     return episode
 

@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from .._jax.staging import staged
 from ..pytree import PyTreeNode
 from .camera import Camera
-from .fusion import staged
 from .image_columns import ImageColumns
 from .level import WORD, Array
 from .scene import CEILING, FLOOR, Scene, Theme

@@ -12,7 +12,7 @@ integer operation each. A ray that leaves the map wraps around and may report a 
 there, but always farther away than where it left the map through a solid tile of the other
 kind of line, and the nearer hit of the two kinds wins.
 
-The rays are aimed, marched and looked up in three stages (see `fusion`): every result of a stage
+The rays are aimed, marched and looked up in three stages (see `staging`): every result of a stage
 that used a march directly would repeat it, and a place rounded twice might be two tiles.
 """
 
@@ -26,10 +26,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from ..batching import varying
+from .._jax.batching import varying
+from .._jax.staging import staged
 from ..pytree import PyTreeNode, static
 from .camera import Camera
-from .fusion import staged
 from .level import WORD, Level, occupancy
 from .lines import Crossed, Fixed, crossed, fixed_lines, shut
 

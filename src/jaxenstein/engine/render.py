@@ -1,9 +1,9 @@
 """From a scene to an image: rays, then columns, then pixels.
 
-Each stage is finished before the next one starts (see `fusion`):
+Each stage is finished before the next one starts (see `_jax.staging`):
 
 1. `raycast.cast`: one ray a column finds its wall.
-2. `columns.prepare`: all that the pixels of a column have in common, billboards included.
+2. `image_columns.prepare`: all that the pixels of a column have in common, billboards included.
 3. `pixels.paint`: one comparison tells wall from floor and ceiling, one shifted word a panel from
    its wall and a billboard from what is behind it.
 """
@@ -18,9 +18,9 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from ..batching import by_most, by_own
+from .._jax.batching import by_most, by_own
+from .._jax.staging import staged
 from .camera import Camera
-from .fusion import staged
 from .image_columns import ImageColumns, prepare
 from .pixels import Rows, paint, paint_rows
 from .raycast import cast

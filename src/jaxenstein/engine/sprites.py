@@ -15,9 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from .._jax.staging import repeat, staged
 from ..pytree import PyTreeNode
 from .camera import Camera
-from .fusion import repeat, staged
 from .level import WORD, Array
 from .scene import Sprites, Theme
 from .shade import ImageKind, pack_rgb, tone

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from ..machine import made_by
-from ..recipe import Recipe, recipe_of
+from ..spec import Spec, spec_of
 from ..trajectory import DIGITS, Checks, Trajectory, digest_spacing
 from .session import Session
 
@@ -58,30 +58,30 @@ def _thinned(digests: Sequence[bytes], every: int) -> tuple[str, ...]:
     return tuple(hashlib.sha256(b"".join(group)).hexdigest()[:DIGITS] for group in groups)
 
 
-def trajectory_of(session: Session, recipe: Recipe | None = None) -> Trajectory:
+def trajectory_of(session: Session, spec: Spec | None = None) -> Trajectory:
     """The trajectory of a session, found by playing its actions once more.
 
     Args:
         session: an episode, finished or not.
-        recipe: how its environment is built, if that is known.
+        spec: how its environment is built, if that is known.
 
     Raises:
         TrajectoryError: neither `make` nor `from_ascii` builds its environment.
     """
-    recipe = recipe or recipe_of(session.env, session.params)
+    spec = spec or spec_of(session.env, session.params)
     again = Session(session.env, session.params, session.seed)
     digests = Digests()
     digests.add(again)
     for action in session.actions:
         again.step(action)
         digests.add(again)
-    return make_trajectory(again, digests, recipe)
+    return make_trajectory(again, digests, spec)
 
 
-def make_trajectory(session: Session, digests: Digests, recipe: Recipe) -> Trajectory:
+def make_trajectory(session: Session, digests: Digests, spec: Spec) -> Trajectory:
     """The trajectory of a session, given the digests of all that it has shown."""
     return Trajectory(
-        environment=recipe,
+        environment=spec,
         seed=session.seed,
         actions=tuple(session.actions),
         checks=digests.checks(session),

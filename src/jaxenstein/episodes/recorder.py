@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import SettingError, TrajectoryError
-from ..recipe import Recipe, recipe_of
+from ..spec import Spec, spec_of
 from ..tasks.first_person import FirstPerson
 from ..tasks.levels import closed_doors
 from ..trajectory import Trajectory
@@ -74,10 +74,10 @@ def record(
         raise SettingError(f"steps must be at least 1, not {steps!r}")
     limit = limit if steps is None else min(whole_action(steps), limit)
     try:
-        recipe = recipe_of(env, params)
+        spec = spec_of(env, params)
     except TrajectoryError:
-        recipe = None
-    return play(Session(env, params, seed), chosen, limit, recipe)
+        spec = None
+    return play(Session(env, params, seed), chosen, limit, spec)
 
 
 def _policy(
@@ -102,7 +102,7 @@ def play(
     session: Session,
     policy: Policy,
     steps: int,
-    recipe: Recipe | None = None,
+    spec: Spec | None = None,
     *,
     beyond: bool = False,
     notify: Callable[[int], object] | None = None,
@@ -113,7 +113,7 @@ def play(
         session: just reset.
         policy: chooses the actions.
         steps: the most steps to take.
-        recipe: how the environment is built, for the trajectory; None for none.
+        spec: how the environment is built, for the trajectory; None for none.
         beyond: whether to take all steps, even after the end, where the old episode goes on.
         notify: called with the number of steps taken.
     """
@@ -124,7 +124,7 @@ def play(
 
     def add_frame() -> None:
         builder.add_frame(image_of(session.observation), snapshot(session.state))
-        if recipe is not None:
+        if spec is not None:
             digests.add(session)
 
     add_frame()
@@ -136,7 +136,7 @@ def play(
             builder.events[-1] = ", ".join(filter(None, [builder.events[-1], words]))
         if notify is not None:
             notify(len(session.actions))
-    trajectory = None if recipe is None else make_trajectory(session, digests, recipe)
+    trajectory = None if spec is None else make_trajectory(session, digests, spec)
     return dataclasses.replace(
         builder.build(env, session.params, tilemap),
         ending="terminated" if session.terminated else "truncated" * session.truncated,
@@ -297,13 +297,13 @@ def replay(trajectory: Trajectory, *, notify: Callable[[int], object] | None = N
     Raises:
         JAXensteinError: its environment cannot be built any more.
     """
-    recipe = trajectory.environment
-    env, params = recipe.build()
-    recipe = dataclasses.replace(recipe, version=env.version)
+    spec = trajectory.environment
+    env, params = spec.build()
+    spec = dataclasses.replace(spec, version=env.version)
     session = Session(env, params, trajectory.seed)
     actions = Script(trajectory.actions)
     count = len(trajectory.actions)
-    episode = play(session, actions, count, recipe, notify=notify, beyond=True)
+    episode = play(session, actions, count, spec, notify=notify, beyond=True)
     assert episode.trajectory is not None
     differences = trajectory.checks.differences(episode.trajectory.checks)
     return Replay(episode, trajectory, differences)

@@ -12,7 +12,7 @@ from ..environment import AnyEnvironment
 from ..errors import JAXensteinError, TrajectoryError
 from ..fields import Domain, names_of
 from ..files import reason_of
-from ..recipe import TEXTS, Recipe
+from ..spec import TEXTS, Spec
 from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory, digest_spacing
 from .session import NO_OP
 
@@ -60,14 +60,14 @@ def _read(table: Any) -> Trajectory:
             f"this version reads up to {FORMAT_VERSION}: a newer jaxenstein is needed"
         )
     _only(table, "", ("format", "format_version", *names_of(Trajectory)))
-    recipe = _recipe(_take(table, "environment", _object))
+    spec = _spec(_take(table, "environment", _object))
     try:
-        env, _ = recipe.try_out()
+        env, _ = spec.try_out()
     except JAXensteinError as error:
         raise TrajectoryError(f"'environment': {error}") from error
     actions = _actions(table, env)
     return Trajectory(
-        environment=recipe,
+        environment=spec,
         seed=_take(table, "seed", Domain("whole", 0, 2**32 - 1)),
         actions=actions,
         checks=_checks(_take(table, "checks", _object), len(actions)),
@@ -80,9 +80,9 @@ def _made_by(table: Table) -> dict[str, str]:
     return {name: _take(made_by, name, _text, "made_by.") for name in made_by}
 
 
-def _recipe(table: Table) -> Recipe:
+def _spec(table: Table) -> Spec:
     within = "environment."
-    _only(table, within, names_of(Recipe))
+    _only(table, within, names_of(Spec))
     settings = dict(_take(table, "settings", _object, within))
     id = _take(table, "id", lambda value: None if value is None else _text(value), within)
     for name in ("autoreset", "final_observation"):
@@ -96,7 +96,7 @@ def _recipe(table: Table) -> Recipe:
                 settings[name] = _take(settings, name, _lines, f"{within}settings.")
         settings["name"] = _take(settings, "name", _text, f"{within}settings.")
     params = _take(table, "params", _object, within)
-    return Recipe(
+    return Spec(
         id=id,
         version=_take(table, "version", Domain("whole", 0), within),
         settings={name: _frozen(value) for name, value in settings.items()},

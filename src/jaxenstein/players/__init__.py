@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 
+from .._jax.batching import select, varying
 from ..about import Choose, Player
-from ..batching import select, varying
 from ..errors import SettingError, nearest
 from ..pytree import PyTreeNode
 from .chance import IDLE, UNIFORM

@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._jax.batching import varying
 from ..about import Choose, Player
-from ..batching import varying
 from ..engine.motion import forward, touched_door, walk
 from ..errors import SettingError
 from ..maps.reach import open_tiles, walking_distances

@@ -29,7 +29,7 @@ class Settings:
 
     Attributes:
         name: of the environment, for people.
-        recipe: how it is built: the fields of a `Recipe`, which JSON can hold.
+        spec: how it is built: the fields of a `Spec`, which JSON can hold.
         batch: environments side by side.
         steps: steps of each environment in one repeat.
         repeats: measured repeats, after one that warms up.
@@ -38,7 +38,7 @@ class Settings:
     """
 
     name: str
-    recipe: Mapping[str, Any]
+    spec: Mapping[str, Any]
     batch: int
     steps: int
     repeats: int
@@ -90,14 +90,14 @@ def measure(settings: Settings) -> dict[str, Any]:
 
     from .. import registry
     from ..fields import as_tuples
-    from ..recipe import Recipe
+    from ..spec import Spec
     from ..tasks.first_person import SETTINGS
     from .random_rollout import make_random_rollout
 
     # The command line named it, so its module may be imported.
-    registry.import_module_of(settings.recipe["id"])
-    texts = {name: as_tuples(value) for name, value in settings.recipe["settings"].items()}
-    env, params = Recipe(**{**settings.recipe, "settings": texts}).build()
+    registry.import_module_of(settings.spec["id"])
+    texts = {name: as_tuples(value) for name, value in settings.spec["settings"].items()}
+    env, params = Spec(**{**settings.spec, "settings": texts}).build()
     env = dataclasses.replace(env, autoreset="same-step")
     compiling = _compile_times(env, params, settings.batch)
     rollout, start = make_random_rollout(env, params, settings.batch, settings.steps)

@@ -16,8 +16,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._jax.batching import select, where_few
 from ..about import About, Event
-from ..batching import select, where_few
 from ..engine.level import Level, level_from_walls
 from ..engine.scene import Scene, Sprites, Theme
 from ..environment import Info, Scalar, State

@@ -11,8 +11,8 @@ from typing import Any, Literal, TypeVar, cast
 import jax
 import numpy as np
 
+from .._jax.batching import select, where_few
 from ..about import About
-from ..batching import select, where_few
 from ..engine.camera import Camera
 from ..engine.level import Level
 from ..engine.render import render

@@ -14,8 +14,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._jax.batching import varying
 from ..about import About, Event
-from ..batching import varying
 from ..engine.scene import Scene
 from ..environment import Info, Scalar
 from ..errors import SettingError

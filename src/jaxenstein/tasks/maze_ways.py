@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..batching import varying
+from .._jax.batching import varying
 from ..engine.level import Array
 from .draws import draw_index
 

@@ -205,7 +205,7 @@ def test_position_and_heading_follow_from_the_pose() -> None:
 
 
 def test_only_known_buttons_at_once() -> None:
-    with pytest.raises(jaxenstein.SettingError, match="buttons must be 'single' or 'all'"):
+    with pytest.raises(jaxenstein.SettingError, match="buttons must be one of 'single', 'all'"):
         make("doom-my-way-home", buttons="two")
     env, _ = make("doom-my-way-home", buttons="all")
     assert env.num_actions == 32

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 
 from ...errors import SettingError
 from ...fields import as_tuples, check, check_whole, choice
-from ...recipe import Recipe
+from ...spec import Spec
 from ..config import Config, HParams
 from ..learner import Learner
 from ..state import IMPLEMENTATION
@@ -41,7 +41,7 @@ class Experiment:
             convolutions and with one layer of patches; recipe tuned has tiny.
     """
 
-    environment: Recipe
+    environment: Spec
     config: Config
     hparams: Mapping[str, float | None]
     seeds: tuple[int, ...]
@@ -115,7 +115,7 @@ class Experiment:
             if plain["format"] != FORMAT:
                 raise SettingError(f"format {plain['format']!r}, not {FORMAT}")
             place = plain["environment"]
-            environment = Recipe(
+            environment = Spec(
                 place["id"], place["version"], _tuples(place["settings"]), place["params"]
             )
             config = Config.of(_tuples(plain["config"]))

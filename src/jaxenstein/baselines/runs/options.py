@@ -17,7 +17,7 @@ from typing import Any
 from ...errors import SettingError, one_line
 from ...fields import Domain, Option, check_names, options_of
 from ...files import reason_of
-from ...settings import checked, environment_options, recipe_from
+from ...settings import checked, environment_options, spec_from
 from ...settings import given_by as environment_given_by
 from ..config import Algorithm, Config, HParams, algorithms
 from ..networks import PATCHES, SMALL
@@ -167,7 +167,7 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
             raise SettingError(f"{name} is given, and varied by the grid: leave one of them out")
     given = {**defaults_of(given), **given}
     place = SIZE if "map" in given else {"env": "simple", **SIZE}
-    environment = recipe_from({**place, **given})
+    environment = spec_from({**place, **given})
     config = Config.of(_picked(given, TRAINING))
     experiment = Experiment(
         environment=environment,

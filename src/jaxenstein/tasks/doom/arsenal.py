@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import where_few
+from ..._jax.batching import where_few
 from ...engine.shade import ImageKind
 from ...environment import Info
 from ...pytree import PyTreeNode

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...about import About, Choose, Player
 from ...environment import Info
+from ...fields import choice
 from ...params import Params, Scalar
 from ...players.chance import NO_OP
 from ..draws import draw_index
@@ -88,6 +89,7 @@ class Target(Part):
         return state.replace(target=rows[0, :2].astype(np.int32)) if len(rows) else state
 
 
+Hall = Literal["basic", "simpler-basic"]
 _ROOMS = {
     "basic": Room("basic", floor=TAN, ceiling=SLATE),
     "simpler-basic": Room("simpler-basic", floor=TILES, ceiling=OCHRE),
@@ -108,7 +110,7 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
         rocket: whether the weapon is the rocket launcher.
     """
 
-    hall: Literal["basic", "simpler-basic"] = "basic"
+    hall: Hall = choice("basic", Hall)
     rocket: bool = False
 
     params_class: ClassVar[type[Params]] = DoomBasicParams

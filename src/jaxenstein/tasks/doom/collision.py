@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import varying
+from ..._jax.batching import varying
 from .fixed import ONE, direction
 from .maps import Line, ends_of, load_map
 

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import select, where_few
+from ..._jax.batching import select, where_few
 from ...params import Params, Scalar, number
 from ...pytree import PyTreeNode
 from ..draws import random_bits

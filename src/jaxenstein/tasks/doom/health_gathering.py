@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._jax.batching import where_few
 from ...about import About, Choose, Event, Player
-from ...batching import where_few
 from ...environment import Info
 from ...maps import things
 from ...params import Params, Scalar, number

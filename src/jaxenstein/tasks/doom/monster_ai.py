@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import where_few
+from ..._jax.batching import where_few
 from .collision import RADIUS, bearing, crosses, is_seen, overlap, ranked
 from .fixed import ONE, byte
 from .monster_kinds import Act

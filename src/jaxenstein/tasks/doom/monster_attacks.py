@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import where_few
+from ..._jax.batching import where_few
 from .collision import RADIUS, along, bearing, first_body
 from .fixed import byte, roll, spread
 from .monster_ai import in_reach, sight

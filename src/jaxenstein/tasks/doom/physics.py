@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import where_few
+from ..._jax.batching import where_few
 from ...pytree import PyTreeNode
 from .collision import Geometry
 from .fixed import ONE, direction

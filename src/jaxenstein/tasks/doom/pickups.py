@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import varying, where_few
+from ..._jax.batching import varying, where_few
 from ..draws import random_bits
 from ..health import FULL_HEALTH
 from .collision import BLOCK_BITS, RADIUS, Geometry

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._jax.batching import varying
 from ...about import Event
-from ...batching import varying
 from ...maps.things import FIREBALL, ROCKET
 from ...pytree import PyTreeNode
 from .collision import RADIUS, along, crosses

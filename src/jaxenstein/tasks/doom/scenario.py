@@ -6,7 +6,7 @@ import abc
 import dataclasses
 import functools
 import math
-from typing import ClassVar, Literal, NamedTuple, TypeVar, get_args
+from typing import ClassVar, Literal, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +19,7 @@ from ...engine.scene import Sprites as SceneSprites
 from ...engine.shade import ImageKind
 from ...environment import Info, Params, State
 from ...errors import SettingError
+from ...fields import choice
 from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...spaces import Box
@@ -99,7 +100,7 @@ class DoomScenario(FirstPerson[S, P]):
             does by default; likewise.
     """
 
-    buttons: ButtonsAtOnce = "single"
+    buttons: ButtonsAtOnce = choice("single", ButtonsAtOnce)
     field_of_view: float = 90.0
     hud: bool = False
     show_weapon: bool = False
@@ -115,8 +116,6 @@ class DoomScenario(FirstPerson[S, P]):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        if self.buttons not in get_args(ButtonsAtOnce):
-            raise SettingError(f"buttons must be 'single' or 'all', not {self.buttons!r}")
         if self.look != "plain" and not self.takes_patterns:
             raise SettingError(
                 "look must be 'plain' in Doom's scenarios, whose tiles are too small for "

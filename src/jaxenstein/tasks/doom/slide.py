@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import varying
-from ...engine.fusion import staged
+from ..._jax.batching import varying
+from ..._jax.staging import staged
 from .collision import (
     BLOCK_BITS,
     BLOCKS,

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...batching import varying
+from ..._jax.batching import varying
 from ...params import number
 from ..draws import draw_index
 from .sketch import COLOURS, Sketch

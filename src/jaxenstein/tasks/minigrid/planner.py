@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from ..._jax.batching import select, varying
 from ...about import Choose, Player
-from ...batching import select, varying
 from ...engine.motion import forward, touched_door
 from ...players.walking import FAR, Movement, flood, movement_of, walk_down
 from ..steering import FORWARD, INTERACT, TURN_LEFT

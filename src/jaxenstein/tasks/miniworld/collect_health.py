@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._jax.batching import select
 from ...about import About, Choose, Event, Player
-from ...batching import select
 from ...engine.motion import forward
 from ...engine.scene import Scene, Sprites
 from ...environment import Info, Params, Scalar, State

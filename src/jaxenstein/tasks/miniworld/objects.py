@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._jax.batching import select
 from ...about import About, Choose, Player
-from ...batching import select
 from ...engine.scene import Scene, Theme
 from ...environment import Info
 from ...fields import check_whole

@@ -14,8 +14,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._jax.batching import varying
 from ...about import About, Choose, Player
-from ...batching import varying
 from ...engine.level import Level
 from ...engine.motion import forward, walk
 from ...environment import Info, Scalar

@@ -1,10 +1,10 @@
-"""Keeping XLA's CPU compiler from computing a stage again inside its consumer.
+"""Stages that are finished before they are used, which XLA's CPU compiler would compute again.
 
 XLA fuses producers into consumers. Where a consumer has one element per pixel and the producer
 one per column, the CPU compiler then repeats the column's work for every pixel, tens of times
 slower. `jax.lax.optimization_barrier` forbids it, but the CPU compiler of JAX 0.10 drops the
 barrier. A conditional is never fused through, provided its predicate is unknown to the compiler
-and is one scalar for the whole batch (a batched predicate turns into a select). Hence this file.
+and is one scalar for the whole batch (a batched predicate turns into a select).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jax import lax
 from jax.custom_batching import custom_vmap
 
-from ..batching import lifted, varying
+from .batching import lifted, mapped, of_batch, spread, varying, zeros
 
 # Bits of a NaN that no computation makes.
 _NEVER = 0x7FA5A5A5
@@ -51,10 +51,7 @@ def _staged(stage: Callable[..., Any]) -> Callable[..., Any]:
 
     @call.def_vmap
     def _(axis_size: int, in_batched: list[Any], *args: Any) -> tuple[Any, Any]:
-        axes = jax.tree.map(lambda batched: 0 if batched else None, tuple(in_batched))
-        mapped = jax.vmap(stage, in_axes=axes, axis_size=axis_size)
-        out = _staged(mapped)(*args)
-        return out, jax.tree.map(lambda _: True, out)
+        return of_batch(_staged(mapped(stage, axis_size, in_batched))(*args))
 
     return call
 
@@ -100,15 +97,10 @@ def _repeat(body: Callable[..., Any]) -> Callable[..., Any]:
     ) -> tuple[Any, Any]:
         if in_batched[0]:
             rounds = jnp.max(rounds) if axis_size else jnp.int32(0)
-
-        def spread(leaf: jax.Array, batched: bool) -> jax.Array:
-            return leaf if batched else jnp.broadcast_to(leaf, (axis_size, *leaf.shape))
-
-        carry = jax.tree.map(spread, carry, in_batched[1])
-        axes = jax.tree.map(lambda batched: 0 if batched else None, in_batched[2])
-        mapped = jax.vmap(body, in_axes=(None, 0, axes), axis_size=axis_size)
-        out = _repeat(mapped)(rounds, carry, constants)
-        return out, jax.tree.map(lambda _: True, out)
+        carry = spread(axis_size, in_batched[1], carry)
+        every = jax.tree.map(lambda _: True, carry)
+        whole = mapped(body, axis_size, [False, every, in_batched[2]])
+        return of_batch(_repeat(whole)(rounds, carry, constants))
 
     return call
 
@@ -140,7 +132,7 @@ def _behind_cond(stage: Callable[..., Any]) -> Callable[..., Any]:
         shapes = jax.eval_shape(stage, *args)
 
         def never(*_: Any) -> Any:
-            return varying(jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes), args)
+            return varying(zeros(shapes), args)
 
         def always_so(*args: Any) -> Any:
             return varying(stage(*args), args)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxenstein.batching import by_most, by_own, where_any, where_few
-from jaxenstein.engine.fusion import repeat, staged
+from jaxenstein._jax.batching import by_most, by_own, where_any, where_few
+from jaxenstein._jax.staging import repeat, staged
 
 NEEDS = [np.zeros((2, 3), bool), np.array([[0, 0, 0], [0, 1, 0]], bool), np.ones((2, 3), bool)]
 

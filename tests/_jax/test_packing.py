@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.packing import Packing
+from jaxenstein._jax.packing import Packing
 from tests.baselines.worlds import enable_x64
 
 TYPES = ("float32", "int32", "uint32", "bool", "uint8", "int8", "int16", "float16", "bfloat16")

@@ -1,4 +1,4 @@
-"""How an environment and its params are built again: by `make`, or by `from_ascii` from a text."""
+"""The description from which an environment is built again, by `make` or by `from_ascii`."""
 
 from __future__ import annotations
 
@@ -26,12 +26,11 @@ from .tasks.navigation import Navigation
 
 # The texts of a custom map, which files hold line by line.
 TEXTS = ("text", "faces")
-Settings = Mapping[str, Any]
 
 
 @dataclasses.dataclass(frozen=True)
-class Recipe:
-    """What an environment and its params are built from.
+class Spec:
+    """The description from which an environment and its params are built again.
 
     Attributes:
         id: what `make` takes, or None for a custom map.
@@ -42,7 +41,7 @@ class Recipe:
 
     id: str | None
     version: int
-    settings: Settings
+    settings: Mapping[str, Any]
     params: Mapping[str, bool | int | float]
 
     def build(self, *, warn: bool = False) -> tuple[AnyEnvironment, Any]:
@@ -65,7 +64,7 @@ class Recipe:
         return env, env.check_params(params.replace(**self.params))
 
     def try_out(self) -> tuple[AnyEnvironment, Any]:
-        """As `build`, for a recipe of somebody else's file: looks at the values of all settings.
+        """As `build`, for a spec of somebody else's file: looks at the values of all settings.
 
         A reset is traced; nothing is compiled.
 
@@ -82,7 +81,7 @@ class Recipe:
         return env, params
 
 
-def recipe_of(env: AnyEnvironment, params: Any) -> Recipe:
+def spec_of(env: AnyEnvironment, params: Any) -> Spec:
     """How an environment and its params can be built again.
 
     Raises:
@@ -92,13 +91,13 @@ def recipe_of(env: AnyEnvironment, params: Any) -> Recipe:
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
     changes = _changed(env, params)
     for id, settings in _candidates(env):
-        recipe = Recipe(id, env.version, settings, {})
+        spec = Spec(id, env.version, settings, {})
         try:
-            built, _ = recipe.build()
+            built, _ = spec.build()
         except JAXensteinError:
             continue
         if built == env:
-            return dataclasses.replace(recipe, params=changes)
+            return dataclasses.replace(spec, params=changes)
     raise TrajectoryError(
         f"the environment {env.name!r} cannot be kept in a trajectory: neither make nor "
         "from_ascii builds one that is equal to it"

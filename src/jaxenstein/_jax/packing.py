@@ -1,7 +1,7 @@
 """Trees of small arrays in rows of 32-bit words: one array to hand over instead of many.
 
-A compiled call from Python takes its time for each array that goes in or comes out, whatever its
-size; in a step of one environment that is more than the step itself.
+Without this a compiled call from Python takes its time for each array that goes in or comes out,
+whatever its size; in a step of one environment that is more than the step itself.
 """
 
 from __future__ import annotations

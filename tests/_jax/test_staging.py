@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxenstein.engine.fusion import repeat, staged
+from jaxenstein._jax.staging import repeat, staged
 
 
 def stage(position, table, flags):

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
-from ..batching import select
+from .._jax.batching import select
+from .._jax.packing import Packing
 from ..environment import AnyEnvironment, outcome_of
-from ..packing import Packing
 
 
 def keys_of(seeds: Sequence[int]) -> jax.Array:
