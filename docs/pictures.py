@@ -33,7 +33,7 @@ from jaxenstein.baselines.runs.trained import pretrained
 from jaxenstein.errors import SettingError
 from jaxenstein.files import atomic, make_folder
 from jaxenstein.tasks.first_person import FirstPerson
-from jaxenstein.view.episode import Episode, compose, overview
+from jaxenstein.view.episode import Episode, Pictures, overview
 from jaxenstein.view.recording import save_png
 from jaxenstein.view.topdown import draw_map
 
@@ -88,7 +88,7 @@ def save_webp(pictures: Sequence[np.ndarray], path: Path) -> None:
 def animate(episode: Episode, name: str, scale: int = 1) -> int:
     """Write the animation of an episode and its still; returns the bytes of the animation."""
     every = -(-episode.steps // (PICTURES - 1))
-    pictures = list(compose(episode, scale=scale, map_size=BESIDE, every=every))
+    pictures = list(Pictures(episode, scale=scale, map_size=BESIDE, every=every))
     path = EPISODES / f"{name}.webp"
     save_webp(pictures, path)
     save_webp(pictures[len(pictures) // 2 :][:1], EPISODES / f"{name}-still.webp")

@@ -14,11 +14,18 @@ import jax
 import jax.numpy as jnp
 
 import jaxenstein
-from jaxenstein.tasks.minigrid.aims import DROP, PICK_UP, Aim
-from jaxenstein.tasks.minigrid.rooms import RIGHT, RoomSketch
-from jaxenstein.tasks.minigrid.sketch import COLOURS
-from jaxenstein.tasks.minigrid.state import BALL_KIND, BOX_KIND, KEY_KIND, GridState
-from jaxenstein.tasks.minigrid.world import GridParams, GridWorld
+from jaxenstein.tasks.minigrid.sketch import COLOURS, RIGHT, RoomSketch
+from jaxenstein.tasks.minigrid.state import (
+    BALL_KIND,
+    BOX_KIND,
+    DROP,
+    KEY_KIND,
+    PICK_UP,
+    GridState,
+    Step,
+    Subgoal,
+)
+from jaxenstein.tasks.minigrid.world import GridWorld
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -39,21 +46,18 @@ class BringBack(GridWorld):
             sketch.put(BALL_KIND, colours[i], (1, 0))
         return sketch.start_room((0, 0)).state(asked=(BALL_KIND, colours[sketch.number(0, 3)]))
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether it lies in the first room; no end is a failure."""
-        del before, action, params
-        there = self.tiles_of(after, self.asked_for(after))[:, :5]
+        there = self.tiles_of(step.after, self.asked_for(step.after))[:, :5]
         return jnp.any(there), jnp.bool_(False)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """Fetch it, and drop it on any tile of the first room."""
         held = jnp.any(state.things.held & self.asked_for(state))
         floor = (jnp.asarray(state.level.walls)[0] == 0) & (jnp.arange(11) < 5)[None]
         free = floor & ~self.tiles_of(state, state.things.lying)
         where = jnp.where(held, free, self.tiles_of(state, self.asked_for(state)))
-        return Aim(where, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
+        return Subgoal(where, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
 
 
 if __name__ == "__main__":

@@ -60,10 +60,10 @@ def our_mazes(plan: MazePlan, count: int, seed: int) -> list[Maze]:
     """Mazes of this project."""
     import jax
 
-    from jaxenstein.tasks.random_maze import draw_maze
+    from jaxenstein.tasks.random_maze import sample_maze
 
     keys = jax.random.split(jax.random.key(seed), count)
-    mazes = jax.device_get(jax.jit(jax.vmap(lambda key: draw_maze(key, plan)))(keys))
+    mazes = jax.device_get(jax.jit(jax.vmap(lambda key: sample_maze(key, plan)))(keys))
     return list(zip(mazes.open, mazes.room, strict=True))
 
 

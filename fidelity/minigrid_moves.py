@@ -20,17 +20,17 @@ Cell = tuple[int, int]
 # What ends the worlds that are counted, by their sources: a goal to stand on, a thing to pick up,
 # or a locked door to open.
 ENDS = {
-    "open_worlds:Empty": "goal",
-    "open_worlds:FourRooms": "goal",
+    "open_rooms:Empty": "goal",
+    "open_rooms:FourRooms": "goal",
     "multi_room:MultiRoom": "goal",
-    "open_worlds:Crossing": "goal",
-    "open_worlds:LavaGap": "goal",
-    "open_worlds:DistShift": "goal",
-    "locked:DoorKey": "goal",
-    "locked:LockedRoom": "goal",
-    "rooms:UnlockPickup": "box",
-    "rooms:Unlock": "locked",
-    "mazes:KeyCorridorBall": "ball",
+    "open_rooms:Crossing": "goal",
+    "open_rooms:LavaGap": "goal",
+    "open_rooms:DistShift": "goal",
+    "doors:DoorKey": "goal",
+    "doors:LockedRoom": "goal",
+    "doors:UnlockPickup": "box",
+    "doors:Unlock": "locked",
+    "doors:KeyCorridorBall": "ball",
 }
 
 

@@ -35,10 +35,10 @@ SIGNIFICANCE = 0.05
 KINDS = ("key", "ball", "box", "goal", "lava")
 # Worlds with an instruction, and the attributes in which MiniGrid keeps it.
 ASKED = {
-    "errands:Fetch": (("targetColor", "targetType"),),
-    "errands:GoToDoor": (("target_color", None),),
-    "errands:GoToObject": (("target_color", "targetType"),),
-    "errands:PutNear": (("moveColor", "move_type"), ("target_color", "target_type")),
+    "instructions:Fetch": (("targetColor", "targetType"),),
+    "instructions:GoToDoor": (("target_color", None),),
+    "instructions:GoToObject": (("target_color", "targetType"),),
+    "instructions:PutNear": (("moveColor", "move_type"), ("target_color", "target_type")),
 }
 
 
@@ -82,7 +82,7 @@ def from_ours(state: Any, name: str) -> Observation:
     found: Observation = {"walls": [], "doors": [], "things": [], "colours": [], "asked": []}
     walls = np.asarray(state.level.walls)[0]
     # Doors of GoToDoor do not stand on the map's border, which it has for that.
-    shift = 1 if source_of(name) == "errands:GoToDoor" else 0
+    shift = 1 if source_of(name) == "instructions:GoToDoor" else 0
     for row, column in np.argwhere(walls != 0).tolist():
         label = int(walls[row, column])
         place = f"{column - shift},{row - shift}"
@@ -187,7 +187,7 @@ def compared(name: str, resets: int, ids: int) -> bool:
     """Compare the levels of one of several ids, and print how; whether a table is beyond chance."""
     both = samples(name, resets)
     found = chances(*both)
-    if source_of(name) in ("multi_room:MultiRoom", "errands:GoToDoor"):
+    if source_of(name) in ("multi_room:MultiRoom", "instructions:GoToDoor"):
         del found["walls"]  # what lies outside of the rooms is solid here
     beyond = [table for table, chance in found.items() if chance < SIGNIFICANCE / len(found) / ids]
     shown = ", ".join(f"{table} {chance:.3f}" for table, chance in found.items())

@@ -32,7 +32,7 @@ from fidelity import players
 from jaxenstein.players import UNIFORM, play
 from jaxenstein.tasks.miniworld.box_maze import BoxMazeState
 from jaxenstein.tasks.miniworld.collect_health import CollectHealthState
-from jaxenstein.tasks.miniworld.reach_box import BoxState
+from jaxenstein.tasks.miniworld.rooms import BoxState
 
 SIGNIFICANCE = 0.05
 # Metres and tiles from one cell of a maze to the next.

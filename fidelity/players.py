@@ -19,8 +19,8 @@ from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.environment import Environment
 from jaxenstein.players import Choose, Player, play, player_of, players_of
 from jaxenstein.tasks.maze import Maze, far_starts
-from jaxenstein.tasks.navigation import Navigation
-from jaxenstein.tasks.steering import centres, draw_heading
+from jaxenstein.tasks.navigation import MapGoalTask
+from jaxenstein.tasks.steering import centres, sample_heading
 
 # Measured with ViZDoom 1.3.2; skip 4 repeats each action four times, which players here do not.
 ORIGINALS = {
@@ -64,7 +64,7 @@ def all_starts(env: Any, params: Any, most: int) -> tuple[Any, bool]:
 
     More than `most` of them are thinned out to a random sample. Generated layouts: `most` seeds.
     """
-    if not isinstance(env, Navigation):
+    if not isinstance(env, MapGoalTask):
         return first_states(env, params, most, seed=2), False
     distance = env.start_distance if isinstance(env, Maze) else 0
     starts, counts = far_starts(env.tilemap, distance)
@@ -78,7 +78,7 @@ def all_starts(env: Any, params: Any, most: int) -> tuple[Any, bool]:
     return states.replace(
         goal=jnp.asarray(rows[:, 0]),
         position=centres(env.tilemap.spawns)[rows[:, 1]],
-        heading=jax.vmap(lambda b: draw_heading(b, env.heading))(jnp.asarray(bits)),
+        heading=jax.vmap(lambda b: sample_heading(b, env.heading))(jnp.asarray(bits)),
     ), complete
 
 

@@ -18,12 +18,11 @@ from .text_maps import from_ascii, from_file
 from .version import __version__
 
 if TYPE_CHECKING:
-    from .episodes.recorder import record
-    from .episodes.replaying import Replay, replay
+    from .episodes.recorder import Replay, record, replay
     from .episodes.session import Session
     from .episodes.trajectory_file import load_trajectory
     from .machine import use_cores
-    from .maps.sample_maps import sample_map
+    from .maps.map_files import sample_map
     from .trajectory import Trajectory
     from .view.episode import Episode
     from .view.frames import Frame, show
@@ -34,13 +33,13 @@ register_once_imported()
 _LAZY = {
     "Episode": ".view.episode",
     "Frame": ".view.frames",
-    "Replay": ".episodes.replaying",
+    "Replay": ".episodes.recorder",
     "Session": ".episodes.session",
     "Trajectory": ".trajectory",
     "load_trajectory": ".episodes.trajectory_file",
     "record": ".episodes.recorder",
-    "replay": ".episodes.replaying",
-    "sample_map": ".maps.sample_maps",
+    "replay": ".episodes.recorder",
+    "sample_map": ".maps.map_files",
     "show": ".view.frames",
     "use_cores": ".machine",
 }

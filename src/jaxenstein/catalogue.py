@@ -225,62 +225,62 @@ ROWS: tuple[Row, ...] = (
           ("put-next", "objects:PutNext", "put the red box down beside the yellow one", 250,
            {"time_cost": 0.2}),
           ("sign", "sign:Sign", "a sign out of sight tells which thing to go to", 0, None))),
-    *(_grid(_KEY, "door-key-{size}x{size}", "locked:DoorKey", 10 * n**2,
+    *(_grid(_KEY, "door-key-{size}x{size}", "doors:DoorKey", 10 * n**2,
             "a key, a locked door, and the goal behind it", size=n) for n in (5, 6, 8, 16)),
-    _grid(_KEY, "four-rooms", "open_worlds:FourRooms", 100, "four rooms, start and goal anywhere"),
-    *(_grid(_KEY, f"empty-{'random-' * bool(start)}{n}x{n}", "open_worlds:Empty", 4 * n**2,
+    _grid(_KEY, "four-rooms", "open_rooms:FourRooms", 100, "four rooms, start and goal anywhere"),
+    *(_grid(_KEY, f"empty-{'random-' * bool(start)}{n}x{n}", "open_rooms:Empty", 4 * n**2,
             "an empty room, the goal in its corner", size=n, **start)
       for start, sizes in (({}, (5, 6, 8, 16)), ({"random_start": True}, (5, 6))) for n in sizes),
     *(_grid(_KEY, f"multi-room-{id}", "multi_room:MultiRoom", 20 * rooms,
             "a chain of {rooms} rooms joined by doors, the goal in the last",
             rooms=rooms, room_size=size)
       for id, rooms, size in (("n2-s4", 2, 4), ("n4-s5", 4, 5), ("n6", 6, 10))),
-    *(_grid(shown, f"{id}-crossing-s{n}n{count}", "open_worlds:Crossing", 4 * n**2,
+    *(_grid(shown, f"{id}-crossing-s{n}n{count}", "open_rooms:Crossing", 4 * n**2,
             f"{what} ({count}) to cross by gaps", size=n, crossings=count, obstacle=obstacle)
       for shown, id, obstacle, what in (
           (_LAVA, "lava", "lava", "streams of lava"), (_KEY, "simple", "wall", "walls"))
       for n, count in ((9, 1), (9, 2), (9, 3), (11, 5))),
-    *(_grid(_LAVA, "lava-gap-s{size}", "open_worlds:LavaGap", 4 * n**2,
+    *(_grid(_LAVA, "lava-gap-s{size}", "open_rooms:LavaGap", 4 * n**2,
             "a stream of lava with one gap", size=n) for n in (5, 6, 7)),
-    *(_grid(_LAVA, f"dist-shift{number}", "open_worlds:DistShift", 252,
+    *(_grid(_LAVA, f"dist-shift{number}", "open_rooms:DistShift", 252,
             "two strips of lava, the second in row {strip_row}", strip_row=row)
       for number, row in ((1, 2), (2, 5))),
-    *(_grid(_BALLS, f"dynamic-obstacles-{'random-' * start}{n}x{n}", "wanderers:DynamicObstacles",
+    *(_grid(_BALLS, f"dynamic-obstacles-{'random-' * start}{n}x{n}", "open_rooms:DynamicObstacles",
             4 * n**2, "a room in which balls wander ({obstacles}), which must not be walked into",
             size=n, obstacles=count, random_start=start)
       for n, count, starts in ((5, 2, 2), (6, 3, 2), (8, 4, 1), (16, 8, 1))
       for start in (False, True)[:starts]),
-    _grid(_KEY, "locked-room", "locked:LockedRoom", 190,
+    _grid(_KEY, "locked-room", "doors:LockedRoom", 190,
           "six rooms at a hall, one locked, its key in another"),
-    *(_grid(_KEY, "red-blue-doors-{size}x{size}", "locked:RedBlueDoors", 20 * n**2,
+    *(_grid(_KEY, "red-blue-doors-{size}x{size}", "doors:RedBlueDoors", 20 * n**2,
             "open the red door, then the blue one", size=n) for n in (6, 8)),
-    _grid(_KEY, "unlock", "rooms:Unlock", 288, "a key, and a locked door to open"),
-    *(_grid(_BOXES, "blocked-" * blocked + "unlock-pickup", "rooms:UnlockPickup", moves,
+    _grid(_KEY, "unlock", "doors:Unlock", 288, "a key, and a locked door to open"),
+    *(_grid(_BOXES, "blocked-" * blocked + "unlock-pickup", "doors:UnlockPickup", moves,
             "pick up the box behind a locked door", blocked=blocked)
       for blocked, moves in ((False, 288), (True, 576))),
-    *(_grid(_KEY, "key-corridor-s{room_size}r{room_rows}", "mazes:KeyCorridorBall", 30 * n**2,
+    *(_grid(_KEY, "key-corridor-s{room_size}r{room_rows}", "doors:KeyCorridorBall", 30 * n**2,
             "key-corridor by the source's rule: pick the ball up with empty hands", 1,
             room_size=n, room_rows=rows)
       for n, rows in ((3, 1), (3, 2), (3, 3), (4, 3), (5, 3), (6, 3))),
-    *(_grid(_BOXES, f"obstructed-maze-{id}", "mazes:ObstructedMaze", 144 * moves,
+    *(_grid(_BOXES, f"obstructed-maze-{id}", "doors:ObstructedMaze", 144 * moves,
             "a ball behind locked doors, keys in boxes: {hidden}, balls before doors: {blocked}",
             quarters=quarters, start_aside=id[0] == "2", hidden=hidden, blocked=blocked)
       for id, moves, quarters, hidden, blocked in (
           ("1dl", 2, 0, False, False), ("1dlh", 2, 0, True, False), ("1dlhb", 2, 0, True, True),
           ("2dl", 4, 1, False, False), ("2dlh", 4, 1, True, False), ("2dlhb", 4, 1, True, True),
           ("1q", 5, 1, True, True), ("2q", 11, 2, True, True), ("full", 25, 4, True, True))),
-    *(_grid(_KEY, f"memory-s{n}{'-random' * bool(length)}", "errands:Memory", 5 * n**2,
+    *(_grid(_KEY, f"memory-s{n}{'-random' * bool(length)}", "instructions:Memory", 5 * n**2,
             "a thing in a room, and its like at one end of a crossing: memory", size=n, **length)
       for length, sizes in (({}, (7, 9, 11, 13)), ({"random_length": True}, (13, 17)))
       for n in sizes),
-    *(_grid(_ASKED, "fetch-{size}x{size}-n{objects}", "errands:Fetch", 5 * n**2,
+    *(_grid(_ASKED, "fetch-{size}x{size}-n{objects}", "instructions:Fetch", 5 * n**2,
             "pick up the one of {objects} things that is asked for", size=n, objects=count)
       for n, count in ((5, 2), (6, 2), (8, 3))),
-    *(_grid(_ASKED, "go-to-door-{size}x{size}", "errands:GoToDoor", 4 * n**2,
+    *(_grid(_ASKED, "go-to-door-{size}x{size}", "instructions:GoToDoor", 4 * n**2,
             "say done beside the door that is asked for", size=n) for n in (5, 6, 8)),
-    *(_grid(_ASKED, "go-to-object-{size}x{size}-n2", "errands:GoToObject", 5 * n**2,
+    *(_grid(_ASKED, "go-to-object-{size}x{size}-n2", "instructions:GoToObject", 5 * n**2,
             "say done beside the thing that is asked for", size=n) for n in (6, 8)),
-    *(_grid(_ASKED, "put-near-{size}x{size}-n{objects}", "errands:PutNear", 5 * n,
+    *(_grid(_ASKED, "put-near-{size}x{size}-n{objects}", "instructions:PutNear", 5 * n,
             "put one of {objects} things down near another, as asked", size=n, objects=count)
       for n, count in ((6, 2), (8, 3))),
     # Doom's angles grow counter-clockwise, those of my-way-home clockwise: 0 to 3.6 degrees there

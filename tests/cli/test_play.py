@@ -24,7 +24,7 @@ from jaxenstein.cli import main
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive import terminal as terminal_module
 from jaxenstein.interactive import window as window_module
-from jaxenstein.interactive.display import Box
+from jaxenstein.interactive.display import Rectangle
 from jaxenstein.tasks.steering import FORWARD, INTERACT, TURN_RIGHT
 from tests.reference.emulator import Emulator
 
@@ -85,7 +85,7 @@ def play_in_window(monkeypatch: pytest.MonkeyPatch) -> PlayInWindow:
     return run
 
 
-def cut(look: dict[str, Any], box: Box) -> np.ndarray:
+def cut(look: dict[str, Any], box: Rectangle) -> np.ndarray:
     return look["pixels"][box.top : box.top + box.height, box.left : box.left + box.width]
 
 

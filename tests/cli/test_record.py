@@ -24,7 +24,7 @@ from jaxenstein.maps.symbols import LABEL_COLOURS
 from jaxenstein.maps.things import APPLE, GOAL, KEY, MEDKIT
 from jaxenstein.tasks.first_person import FirstPerson
 from jaxenstein.view import glyphs
-from jaxenstein.view.episode import CAPTION_HEIGHT, Episode, compose, overview
+from jaxenstein.view.episode import CAPTION_HEIGHT, Episode, Pictures, overview
 from jaxenstein.view.ground import FLOOR
 from jaxenstein.view.topdown import draw_map
 
@@ -74,11 +74,11 @@ def test_episode_tells_what_happened(world: World, episode: Episode) -> None:
 
 def test_pictures_show_view_and_path(episode: Episode) -> None:
     played = episode
-    pictures = list(compose(played, with_map=True, scale=10))
+    pictures = list(Pictures(played, with_map=True, scale=10))
     assert len(pictures) == played.steps + 1
     assert len({picture.shape for picture in pictures}) == 1
     assert (pictures[0] != pictures[-1]).any()
-    plain = next(iter(compose(played, with_map=False, scale=10)))
+    plain = next(iter(Pictures(played, with_map=False, scale=10)))
     assert plain.shape[1] < pictures[0].shape[1]
     np.testing.assert_array_equal(
         plain[6:86, 6:86], np.kron(played.frames[0], np.ones((10, 10, 1)))
@@ -86,8 +86,8 @@ def test_pictures_show_view_and_path(episode: Episode) -> None:
 
 
 def test_long_episodes_can_be_thinned_out(episode: Episode) -> None:
-    every = list(compose(episode, with_map=True, scale=4))
-    some = list(compose(episode, with_map=True, scale=4, every=7))
+    every = list(Pictures(episode, with_map=True, scale=4))
+    some = list(Pictures(episode, with_map=True, scale=4, every=7))
     chosen = [*range(0, episode.steps, 7), episode.steps]
     assert len(some) == len(chosen)
     for shot, i in zip(some, chosen, strict=True):
@@ -132,9 +132,9 @@ def test_things_appear_and_vanish_from_frame_to_frame() -> None:
 
 def test_a_new_start_is_no_path() -> None:
     played = moving_things()
-    *_, last = compose(played, with_map=True, scale=96)
+    *_, last = Pictures(played, with_map=True, scale=96)
     played.visible[:] = False
-    *_, bare = compose(played, with_map=True, scale=96)
+    *_, bare = Pictures(played, with_map=True, scale=96)
     # The map is the right part, 56 pixels a tile; between old and new start there is floor.
     left = last.shape[1] - 6 - 8 * 56
     top = (last.shape[0] - CAPTION_HEIGHT - 3 * 56) // 2

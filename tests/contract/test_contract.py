@@ -25,13 +25,11 @@ from jaxenstein.tasks.health import HealthTask
 from jaxenstein.tasks.health_gathering import HealthGathering
 from jaxenstein.tasks.key_corridor import KeyCorridor
 from jaxenstein.tasks.memory_maze import MemoryMaze
-from jaxenstein.tasks.minigrid.aims import DROP
-from jaxenstein.tasks.minigrid.errands import PutNear
-from jaxenstein.tasks.minigrid.rooms import PickUpWorld
-from jaxenstein.tasks.minigrid.state import HELD
-from jaxenstein.tasks.minigrid.world import GridWorld
+from jaxenstein.tasks.minigrid.instructions import PutNear
+from jaxenstein.tasks.minigrid.state import DROP, HELD
+from jaxenstein.tasks.minigrid.world import GridWorld, PickUpWorld
 from jaxenstein.tasks.miniworld.collect_health import CollectHealth
-from jaxenstein.tasks.miniworld.reach_box import ReachBox
+from jaxenstein.tasks.miniworld.rooms import ReachBox
 from tests.contract.ids import IDS
 from tests.reference.frames import plain_frame
 
@@ -185,7 +183,7 @@ def about_to_end(env, state):
     if isinstance(env, PickUpWorld):
         return in_hand(env, state)
     if isinstance(env, GridWorld):
-        row, column = np.argwhere(np.asarray(env.aim(state).tiles))[0]
+        row, column = np.argwhere(np.asarray(env.subgoal(state).tiles))[0]
         return state.replace(position=jnp.asarray([column + 0.5, row + 0.5], jnp.float32))
     return state.replace(position=jnp.asarray(env.tilemap.goals[state.goal], jnp.float32) + 0.5)
 
@@ -201,7 +199,7 @@ def about_to_put(env, state):
     state = in_hand(env, state)
     lies = np.asarray(env.tiles_of(state, state.things.lying))
     free = (np.asarray(state.level.walls[0]) == 0) & ~lies
-    for row, column in np.argwhere(np.asarray(env.aim(state).tiles)).tolist():
+    for row, column in np.argwhere(np.asarray(env.subgoal(state).tiles)).tolist():
         for quarter, (right, down) in enumerate(((1, 0), (0, 1), (-1, 0), (0, -1))):
             if free[row - down, column - right]:
                 place = [column - right + 0.5, row - down + 0.5]

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.players import player_of
-from jaxenstein.players.playing import play
+from jaxenstein.players import play, player_of
 
 SIZE = {"height": 8, "width": 8}
 WIDE = "#" * 90 + "\n#S" + "." * 86 + "G#\n" + "#" * 90

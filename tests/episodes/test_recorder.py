@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import jax
@@ -11,6 +12,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein import SettingError
+from jaxenstein.episodes.policies import Forward
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from tests.episodes.world import World
@@ -68,3 +70,33 @@ def test_doors_that_open_on_the_map_are_those_before_the_agent() -> None:
         for slot, door in enumerate(doors):
             assert (door.column, door.row) != place or not played.closed[step, slot]
     assert opened >= 2
+
+
+NAMES = ("turn left", "turn right", "forward", "backward", "interact")
+
+
+def at(x: float, y: float = 0.0) -> Any:
+    """A session as far as this policy looks at it."""
+    return SimpleNamespace(state=SimpleNamespace(position=np.array([x, y])))
+
+
+def test_forward_policy_walks_then_tries_the_door_then_turns() -> None:
+    policy = Forward(NAMES, np.random.default_rng(0))
+    policy.DRIFT = 0.0
+    moving = [policy(at(i)) for i in range(5)]
+    assert moving == [2] * 5
+    stuck = [policy(at(4)) for _ in range(12)]
+    assert stuck[:2] == [4, 2]
+    assert stuck[2] in (0, 1)
+    assert stuck.count(2) >= 2
+
+
+def test_forward_policy_needs_three_actions_only() -> None:
+    policy = Forward(NAMES[:3], np.random.default_rng(0))
+    taken = {policy(at(0)) for _ in range(100)}
+    assert taken == {0, 1, 2}
+
+
+def test_forward_policy_says_what_it_lacks() -> None:
+    with pytest.raises(SettingError, match="missing: turn right"):
+        Forward(("turn left", "forward"), np.random.default_rng(0))

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.episodes.digests import digest, trajectory_of
-from jaxenstein.episodes.recorder import record
-from jaxenstein.episodes.replaying import replay
+from jaxenstein.episodes.recorder import record, replay
 from jaxenstein.episodes.session import Session
 from jaxenstein.episodes.trajectory_file import load_trajectory
 from jaxenstein.errors import TrajectoryError

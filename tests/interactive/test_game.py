@@ -13,7 +13,7 @@ import pytest
 import jaxenstein
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.controls import ACTION_KEYS, keys_of
-from jaxenstein.interactive.display import Box, Display, Event
+from jaxenstein.interactive.display import Display, Event, Rectangle
 from jaxenstein.interactive.game import Game, draw, play, wait_for
 from jaxenstein.registry import ENTRIES
 from jaxenstein.tasks.steering import BACKWARD, FORWARD, INTERACT, TURN_LEFT, TURN_RIGHT
@@ -170,8 +170,8 @@ def test_health_is_shown_and_there_is_nothing_to_carry() -> None:
     assert f"health {float(reference.info['health']):g}" in game.status()[0]
 
 
-@pytest.mark.parametrize("room", [Box(0, 0, 230, 90), Box(0, 0, 115, 400)])
-def test_the_map_shows_agent_and_path(game: Game, room: Box) -> None:
+@pytest.mark.parametrize("room", [Rectangle(0, 0, 230, 90), Rectangle(0, 0, 115, 400)])
+def test_the_map_shows_agent_and_path(game: Game, room: Rectangle) -> None:
     tap(game, *"wwwwwwwwww")
     image = game.map_image(room)
     scale = min(room.width // 11, room.height // 3)
@@ -191,7 +191,7 @@ def test_the_map_shows_agent_and_path(game: Game, room: Box) -> None:
     assert np.abs(np.subtract(at(x, y), PATH[0])).max() > 12
     # In a display of characters it is drawn larger than it is shown.
     assert game.map_image(room, 3).shape == (9 * scale, 33 * scale, 3)
-    assert game.map_image(Box(0, 0, 1, 1)).shape == (3, 11, 3)
+    assert game.map_image(Rectangle(0, 0, 1, 1)).shape == (3, 11, 3)
 
 
 @pytest.mark.parametrize("kind", ["depth", "dict"])
@@ -239,12 +239,12 @@ class Script(Display):
     def close(self) -> None:
         self.keys.clear()
 
-    def area(self, lines: int) -> Box:
+    def area(self, lines: int) -> Rectangle:
         raise NotImplementedError
 
-    def beside_area(self, lines: int) -> Box:
+    def beside_area(self, lines: int) -> Rectangle:
         assert lines == 2
-        return Box(0, 0, 110, 60)
+        return Rectangle(0, 0, 110, 60)
 
     def make_room(self, beside: bool) -> None:
         self.room.append(beside)

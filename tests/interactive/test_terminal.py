@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from jaxenstein.interactive.display import Box, DisplayError, Event
+from jaxenstein.interactive.display import DisplayError, Event, Rectangle
 from jaxenstein.interactive.terminal import HALF_BLOCK, Keys, Terminal
 from tests.reference.emulator import Emulator
 
@@ -35,7 +35,7 @@ def terminal(emulator: Emulator) -> Iterator[Terminal]:
         yield terminal
 
 
-def cut(picture: np.ndarray, box: Box | None) -> np.ndarray:
+def cut(picture: np.ndarray, box: Rectangle | None) -> np.ndarray:
     assert box is not None
     return picture[box.top : box.top + box.height, box.left : box.left + box.width]
 

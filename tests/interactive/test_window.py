@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxenstein.interactive.display import Box, DisplayError, Event, arrange, fit
+from jaxenstein.interactive.display import DisplayError, Event, Rectangle, arrange, fit
 from jaxenstein.interactive.window import Window
 from jaxenstein.view.recording import BACKGROUND
 
@@ -28,7 +28,7 @@ def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[Window]:
         yield window
 
 
-def cut(window: Window, box: Box | None) -> np.ndarray:
+def cut(window: Window, box: Rectangle | None) -> np.ndarray:
     """What a window shows in a box."""
     assert box is not None
     return window.pixels()[box.top : box.top + box.height, box.left : box.left + box.width]
@@ -43,7 +43,7 @@ def squares(frame: np.ndarray, scale: int) -> np.ndarray:
 def test_pictures_fit_in_whole_multiples(
     room_wide: int, room_high: int, height: int, width: int
 ) -> None:
-    box = fit(Box(5, 7, room_wide, room_high), height, width)
+    box = fit(Rectangle(5, 7, room_wide, room_high), height, width)
     assert box.left >= 5
     assert box.left + box.width <= 5 + room_wide
     assert box.top >= 7
@@ -61,7 +61,7 @@ def test_pictures_fit_in_whole_multiples(
 @settings(deadline=None)
 @given(SIZES, SIZES, SIZES, SIZES)
 def test_two_pictures_do_not_overlap(wide: int, high: int, height: int, width: int) -> None:
-    area, side = Box(0, 0, 2 * wide + 6, high), Box(wide + 6, 0, wide, high)
+    area, side = Rectangle(0, 0, 2 * wide + 6, high), Rectangle(wide + 6, 0, wide, high)
     frame, beside = np.zeros((12, 16, 3), np.uint8), np.zeros((height, width, 3), np.uint8)
     first, second = arrange(area, side, frame, beside, 6)
     assert first is not None

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from jaxenstein.errors import MapError
 from jaxenstein.maps import TileMap, parse_ascii
-from jaxenstein.maps.symbols import DECAL_LABELS, SYMBOLS, WALL_LABELS, decal_label, door_label
+from jaxenstein.maps.symbols import DECAL_LABELS, SYMBOLS, WALL_LABELS, door_label
 from jaxenstein.maps.tilemap import FACES
 
 MAP = "#####\n#S'G#\n#####"
@@ -26,7 +26,7 @@ def test_a_decal_on_one_face() -> None:
     assert tilemap.faces is not None
     assert tilemap.tiles == parse_ascii(MAP).tiles
     for name, face in zip(FACES, tilemap.faces, strict=True):
-        expected = decal_label(1) if name == "south" else 2
+        expected = DECAL_LABELS[0] if name == "south" else 2
         assert face[0][1] == expected
         assert face[0][:1] + face[0][2:] == b"\2\2\2\2"
         assert face[1][2] == door_label(0, locked=False)

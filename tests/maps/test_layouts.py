@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxenstein.errors import MapError
-from jaxenstein.maps import Door, Key, TileMap, layout_names, load_layout
+from jaxenstein.maps import TileMap, layout_names, load_layout
 from jaxenstein.maps.reach import flood, open_tiles
 from jaxenstein.maps.symbols import DECAL_LABELS, SYMBOLS
 
@@ -76,33 +76,6 @@ def test_names() -> None:
         load_layout("my-way-home.regions")
     with pytest.raises(MapError, match="unknown layout"):
         load_layout("dmlab-static-01.faces")
-
-
-def test_simple() -> None:
-    tilemap = load_layout("simple")
-    assert (tilemap.columns, tilemap.rows) == (9, 5)
-    solid = tilemap.walls != 0
-    assert not solid[1:4, 1:8][[0, 2]].any()
-    assert solid[2, 2:7].all()
-    assert (~solid).sum() == 16
-    assert tilemap.spawns == ((1, 1),)
-    assert tilemap.goals == ((7, 3),)
-
-
-def test_key_door() -> None:
-    tilemap = load_layout("key-door")
-    assert (tilemap.columns, tilemap.rows) == (11, 3)
-    assert tilemap.spawns == ((1, 1),)
-    assert tilemap.keys == (Key(3, 1, 0),)
-    assert tilemap.doors == (Door(5, 1, 0, True),)
-    assert tilemap.goals == ((9, 1),)
-    assert [tile == 0 for tile in tilemap.tiles[1]] == [
-        *[False],
-        *[True] * 4,
-        False,
-        *[True] * 4,
-        False,
-    ]
 
 
 def test_my_way_home_is_the_scenarios_map() -> None:
@@ -215,9 +188,3 @@ def test_random_goal_mazes_have_candidates_everywhere(name: str) -> None:
     assert round(float(np.mean([len(ways) for ways in far]))) == starts
     assert round(float(np.mean([np.mean(ways) for ways in far])), 1) == mean
     assert max(map(max, far)) == greatest
-
-
-def test_walls_without_faces() -> None:
-    plain = load_layout("dmlab-static-01", regions=False)
-    assert plain.faces is None
-    assert plain.tiles == load_layout("dmlab-static-01").tiles

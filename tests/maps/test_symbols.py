@@ -8,8 +8,16 @@ import re
 import numpy as np
 import pytest
 
+from jaxenstein.engine.art import load_art
 from jaxenstein.maps import symbols
-from jaxenstein.maps.symbols import LABEL_COLOURS, LABEL_NAMES, SYMBOLS, decal_label, door_label
+from jaxenstein.maps.symbols import (
+    DECAL_LABELS,
+    DOOR_LABELS,
+    LABEL_COLOURS,
+    LABEL_NAMES,
+    SYMBOLS,
+    door_label,
+)
 from jaxenstein.maps.things import (
     AMMUNITION,
     APPLE,
@@ -19,6 +27,7 @@ from jaxenstein.maps.things import (
     CACODEMON,
     CHAINGUN_GUY,
     COLOUR_NAMES,
+    COLOURS,
     DEMON,
     FIREBALL,
     GOAL,
@@ -31,9 +40,13 @@ from jaxenstein.maps.things import (
     POISON,
     ROCKET,
     SHOTGUN_GUY,
+    THING_OF,
+    THINGS,
     WEAPON,
     ZOMBIE,
+    Thing,
 )
+from jaxenstein.view.glyphs import GLYPHS
 
 
 def test_label_ids_are_those_of_the_contract() -> None:
@@ -41,7 +54,7 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert (symbols.CEILING, symbols.FLOOR, symbols.DEFAULT_WALL) == (0, 1, 2)
     coloured = [SYMBOLS[c].label for c in "123456789ACDFHIJKLMOQTUWXZ"]
     assert coloured == list(range(3, 29))
-    assert [decal_label(number) for number in range(1, 65)] == list(range(29, 93))
+    assert list(DECAL_LABELS) == list(range(29, 93))
     assert [door_label(c, locked=False) for c in range(6)] == list(range(93, 99))
     assert [door_label(c, locked=True) for c in range(6)] == list(range(99, 105))
     assert KEY.labels == range(105, 111)
@@ -74,7 +87,7 @@ def test_symbols_of_the_paper() -> None:
 def test_decals_are_the_characters_after_latin_1() -> None:
     for number in range(1, 65):
         symbol = SYMBOLS[chr(0x100 + number)]
-        assert (symbol.kind, symbol.label) == ("wall", decal_label(number))
+        assert (symbol.kind, symbol.label) == ("wall", DECAL_LABELS[number - 1])
         assert symbol.meaning == LABEL_NAMES[symbol.label] == f"decal {number}"
         assert symbol.label in symbols.DECAL_LABELS
         assert symbol.label in symbols.WALL_LABELS
@@ -95,12 +108,6 @@ def test_ascii_without_a_meaning_stays_unknown() -> None:
     assert free == set("fghjkloqtuvwx0V!$%&()*-/<>?[]^_`{|}~")
     beyond = {character for character in SYMBOLS if ord(character) > 126}
     assert beyond == {chr(0x100 + number) for number in range(1, 65)}
-
-
-@pytest.mark.parametrize("number", [0, 65, -1])
-def test_no_label_for_an_unknown_decal(number: int) -> None:
-    with pytest.raises(ValueError, match=f"decal {number} is not in 1 to 64"):
-        decal_label(number)
 
 
 def test_door_labels_name_their_door() -> None:
@@ -199,3 +206,32 @@ def test_first_walls_differ_in_more_than_brightness() -> None:
 def test_key_and_door_colours_can_be_told_apart() -> None:
     assert closest(list(KEY.labels), 1.0) > 0.15
     assert closest(list(KEY.labels), 0.25) > 0.05
+
+
+def test_labels_follow_those_of_doors_without_gaps() -> None:
+    labels = [label for thing in THINGS for label in thing.labels]
+    assert labels == list(range(DOOR_LABELS.stop, len(LABEL_NAMES))) == list(THING_OF)
+    for label, thing in THING_OF.items():
+        assert LABEL_NAMES[label] in thing.names
+        assert LABEL_NAMES[label].removesuffix(thing.name).strip() in ("", *COLOUR_NAMES)
+        assert tuple(LABEL_COLOURS[label]) in [rgb for _, rgb in COLOURS] + [thing.colour]
+
+
+@pytest.mark.parametrize("thing", THINGS, ids=lambda thing: thing.name)
+def test_a_row_is_complete(thing: Thing) -> None:
+    assert load_art(thing.art)[0].any()
+    assert thing.glyph is None or thing.glyph in GLYPHS
+    # The billboard lies between floor and ceiling, which are half a tile from the eye.
+    assert thing.radius > 0
+    assert abs(thing.drop) + thing.radius <= 0.5
+    assert len(thing.symbols) in (0, len(thing.labels))
+    for character, label in zip(thing.symbols, thing.labels, strict=bool(thing.symbols)):
+        assert (SYMBOLS[character].kind, SYMBOLS[character].label) == (thing.name, label)
+    if thing.spawn_symbol:
+        assert SYMBOLS[thing.spawn_symbol].spawn
+
+
+def test_without_a_detail_the_second_colour_is_a_darker_first() -> None:
+    key, apple = THINGS[0], THINGS[2]
+    assert key.paints(key.labels[2]) == ((52, 96, 236), pytest.approx((28.6, 52.8, 129.8)))
+    assert apple.paints(apple.label) == ((232, 24, 56), (60, 140, 40))

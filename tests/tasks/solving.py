@@ -9,7 +9,7 @@ from jaxenstein.tasks.explore import Explore
 from jaxenstein.tasks.key_corridor import KeyCorridor
 from jaxenstein.tasks.memory_maze import MemoryMaze
 from jaxenstein.tasks.minigrid.world import GridWorld
-from jaxenstein.tasks.miniworld.reach_box import BoxRooms
+from jaxenstein.tasks.miniworld.rooms import BoxRooms
 from jaxenstein.tasks.miniworld.sign import Sign
 from tests.tasks.minigrid import search
 from tests.tasks.minigrid.search import flood, marked

@@ -9,7 +9,9 @@ import pytest
 
 import jaxenstein
 from jaxenstein.errors import SettingError
+from jaxenstein.maps.ascii import parse_ascii
 from jaxenstein.spec import spec_of
+from jaxenstein.tasks.levels import closed_doors
 
 NAME = "key-corridor-s3r1"
 
@@ -63,3 +65,17 @@ def test_equal_levels_make_equal_environments_and_recipes():
     one, params = jaxenstein.make(NAME, levels=range(3, 9))
     assert one == jaxenstein.make(NAME, levels=[3, 9])[0]
     assert spec_of(one, params).build()[0] == dataclasses.replace(one, autoreset=None)
+
+
+def test_closed_doors_are_found_by_their_places() -> None:
+    tilemap = parse_ascii("######\n#SrRb#\n#..BG#\n######", "doors", goal_required=False)
+    places = [(door.column, door.row) for door in tilemap.doors]
+    assert len(places) == 2
+    # A level that has them the other way round, between doors that are not there.
+    level = np.array([(0, 0), places[1], (0, 0), places[0]])
+    closed = np.array([[True, False, True, True], [True, True, True, False]])
+    found = closed_doors(tilemap, level, closed)
+    np.testing.assert_array_equal(found, [[True, False], [False, True]])
+    np.testing.assert_array_equal(closed_doors(tilemap, level[:2], closed[0, :2]), [True, False])
+    bare = parse_ascii("####\n#SG#\n####", "bare")
+    assert closed_doors(bare, np.zeros((0, 2)), np.zeros((5, 0))).shape == (5, 0)

@@ -294,16 +294,6 @@ def test_places_are_uniform():
         assert chi_square(counts, len(places) / 64) < 63 + 4 * 11.2
 
 
-def test_truncates_at_the_limit():
-    state = first_state()
-    params = task()[0].check_params(task()[1].replace(max_steps_in_episode=5))
-    for t in range(1, 6):
-        _, state, reward, terminated, truncated, _ = task()[2](
-            jax.random.key(t), state, jnp.int32(RIGHT), params
-        )
-        assert (float(reward), bool(terminated), bool(truncated)) == (1, False, t == 5)
-
-
 # The strip
 
 
@@ -334,13 +324,6 @@ def test_strip_shows_the_health():
         assert filled.sum(axis=1).tolist() == [count] * 2
         assert filled[:, :count].all()
         assert (strip[1:-1, 1 + count : -1] == EMPTY).all()
-
-
-def test_the_strip_warns_by_red():
-    (red, yellow, green) = (paint for _, paint in LEVELS)
-    assert red[0] > 2 * max(red[1:])
-    assert min(yellow[:2]) > 2 * yellow[2]
-    assert green[1] > 2 * max(green[0], green[2])
 
 
 def test_strip_of_grays():

@@ -8,8 +8,8 @@ import pytest
 
 from fidelity.labmaze_layouts import PLANS, broken_rules, observe
 from jaxenstein.errors import SettingError
-from jaxenstein.tasks.random_maze import MazePlan, _rectangles, draw_in_rooms, draw_maze
-from jaxenstein.tasks.straighten import straighten
+from jaxenstein.tasks.maze_ways import straighten
+from jaxenstein.tasks.random_maze import MazePlan, _rectangles, sample_in_rooms, sample_maze
 
 SMALL, LARGE = MazePlan(11, 6, fewest=4), PLANS["memory-15"]
 
@@ -17,9 +17,9 @@ SMALL, LARGE = MazePlan(11, 6, fewest=4), PLANS["memory-15"]
 @functools.cache
 def drawn(plan, count):
     def draw(key):
-        maze = draw_maze(key, plan)
+        maze = sample_maze(key, plan)
         bits = jax.random.bits(key, (plan.size**2,), "uint32")
-        return maze, draw_in_rooms(bits, maze, plan.rooms, 3)
+        return maze, sample_in_rooms(bits, maze, plan.rooms, 3)
 
     keys = jax.random.split(jax.random.key(3), count)
     return jax.device_get(jax.jit(jax.vmap(draw))(keys))

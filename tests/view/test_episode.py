@@ -14,7 +14,7 @@ from PIL import Image
 
 from jaxenstein import SettingError
 from jaxenstein.maps.ascii import parse_ascii
-from jaxenstein.view.episode import NOTEBOOK_FRAMES, Episode, compose
+from jaxenstein.view.episode import NOTEBOOK_FRAMES, Episode, Pictures
 
 FIELD = parse_ascii("#####\n#S.G#\n#####")
 
@@ -101,7 +101,7 @@ def test_a_notebook_stays_small() -> None:
 def test_pictures_are_the_same_in_any_order() -> None:
     episode = walk(30)
     drawn: list[int] = []
-    pictures = compose(episode, every=4, notify=drawn.append)
+    pictures = Pictures(episode, every=4, notify=drawn.append)
     in_order = list(pictures)
     assert len(pictures) == len(in_order) == 9
     assert drawn == list(range(1, 10))
@@ -110,7 +110,7 @@ def test_pictures_are_the_same_in_any_order() -> None:
     with pytest.raises(IndexError):
         pictures[9]
     with pytest.raises(SettingError, match="every must be"):
-        compose(episode, every=0)
+        Pictures(episode, every=0)
 
 
 def test_files_by_suffix(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from jaxenstein.maps.symbols import DECAL_LABELS, LABEL_COLOURS, door_label
 from jaxenstein.maps.things import APPLE, GOAL, KEY, MEDKIT
 from jaxenstein.maps.tilemap import TileMap
 from jaxenstein.view import glyphs, ground, topdown
-from jaxenstein.view.topdown import MapPicture, draw_map, fitting_scale
+from jaxenstein.view.topdown import MapPicture, draw_map
 
 SCALE = 20
 TEXT = """\
@@ -46,7 +46,7 @@ def pixel(picture: MapPicture, x: float, y: float) -> tuple[int, ...]:
 
 def test_size_is_a_whole_number_of_pixels_a_tile(tilemap: TileMap) -> None:
     assert draw_map(tilemap, scale=SCALE).image().size == (11 * SCALE, 7 * SCALE)
-    assert fitting_scale(tilemap, 480) == 43
+    assert draw_map(tilemap).scale == 43
     assert max(draw_map(tilemap, size=480).image().size) == 473
 
 

@@ -13,7 +13,7 @@ from ..adapters.vizdoom import GameSession
 from ..episodes.policies import Policy
 from ..episodes.recorder import play
 from ..episodes.session import Session
-from ..view.episode import Episode, Pictures, compose
+from ..view.episode import Episode, Pictures
 
 # Both are shown at the size of the game's smallest screen.
 HEIGHT, WIDTH, SCALE, MAP = 120, 160, 2, 240
@@ -63,7 +63,7 @@ def film(policy: Any, seed: int, every: int = 1) -> tuple[Both, str]:
     here = _episode(
         session, policy, lambda played: np.asarray(draw(played.state, played.params)), env.name
     )
-    pictures = [compose(part, scale=SCALE, map_size=MAP, every=every) for part in (here, there)]
+    pictures = [Pictures(part, scale=SCALE, map_size=MAP, every=every) for part in (here, there)]
     return Both(*pictures), f"{here.summary()}; {there.summary()}"
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..files import atomic, check_writable
 from ..progress import Progress
-from ..view.episode import compose
+from ..view.episode import Pictures
 from ..view.recording import check_animation, save_animation
 from .arguments import Parser, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
@@ -158,5 +158,5 @@ def _film(policy: Any, options: argparse.Namespace) -> None:
     episode = play_shown(env, params, options.seed, policy, int(env.most_steps(params)))
     episode = dataclasses.replace(episode, name=policy.name)
     with Progress(episode.steps + 1, "drawing", unit="frames") as progress:
-        save_animation(compose(episode, notify=progress.update), options.gif, options.fps)
+        save_animation(Pictures(episode, notify=progress.update), options.gif, options.fps)
     print(f"{episode.summary()}, wrote {options.gif}")

@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> None:
         print(legend())
         return
     if options.samples:
-        from ..maps.sample_maps import SAMPLES, sample_map
+        from ..maps.map_files import SAMPLES, sample_map
 
         maps = [f"samples/{name}: {about}\n{sample_map(name)}" for name, about in SAMPLES.items()]
         print("\n\n".join(maps))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..interactive.display import DisplayError
 from ..progress import Progress
-from ..view.episode import Episode, compose
+from ..view.episode import Episode, Pictures
 from ..view.recording import check_animation, save_animation, scale_to
 from .arguments import (
     OF_FILES,
@@ -99,8 +99,7 @@ def run(options: argparse.Namespace) -> None:
         env, params, name = open_environment(_size(given, options.native, terminal) | given)
     else:
         env, params, name = open_for(agent, options)
-    from ..interactive.game import Game, play, wait_for
-    from ..interactive.watching import AgentGame
+    from ..interactive.game import AgentGame, Game, play, wait_for
     from ..spec import spec_of
     from ..trajectory import check_trajectory
 
@@ -219,7 +218,7 @@ class Film(Sequence[np.ndarray]):
         """Take episodes of one environment, so that all pictures are of one size."""
         self._progress = progress
         scale = scale_to(episodes[0].frames.shape[1:3], RECORDED_VIEW)
-        self._parts = [compose(part, scale=scale, map_size=RECORDED_MAP) for part in episodes]
+        self._parts = [Pictures(part, scale=scale, map_size=RECORDED_MAP) for part in episodes]
 
     def __len__(self) -> int:
         """How many there are."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ..episodes.policies import GENERAL, Policy, Script, named_policy
 from ..files import check_writable
 from ..progress import Progress
-from ..view.episode import SHEET_VIEWS, Episode, compose, save_sheet
+from ..view.episode import SHEET_VIEWS, Episode, Pictures, save_sheet
 from ..view.recording import ANIMATIONS, check_animation, save_animation
 from .arguments import (
     OF_FILES,
@@ -194,7 +194,7 @@ def save_pictures(episode: Episode, options: argparse.Namespace) -> list[Path]:
     if options.out is not None:
         frames = -(-episode.steps // options.every) + 1
         with Progress(frames, "drawing", unit="frames") as progress:
-            pictures = compose(
+            pictures = Pictures(
                 episode,
                 with_map=options.map,
                 scale=options.scale,

@@ -34,7 +34,7 @@ def fill(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Replay the file, write the pictures, and say whether it is the same."""
     check_pictures(options)
-    from ..episodes.replaying import replay
+    from ..episodes.recorder import replay
     from ..episodes.trajectory_file import load_trajectory
 
     trajectory = load_trajectory(options.file)

@@ -15,7 +15,7 @@ import numpy as np
 from ..files import check_writable, make_folder
 from ..progress import Progress, si
 from ..view.frames import image_of, picture
-from ..view.recording import contact_sheet, evenly, mosaic, save_gif, scale_to
+from ..view.recording import evenly, mosaic, save_gif, save_png, scale_to
 from .arguments import Parser, add_environment, add_seed, flag, whole
 from .opening import given_options, open_environment
 
@@ -217,4 +217,5 @@ def write_pictures(frames: np.ndarray, gif: Path, sheet: Path) -> None:
     save_gif([mosaic(shot, columns, scale=scale) for shot in frames], gif, GIF_FPS)
     times = evenly(len(frames), SHEET_COLUMNS)
     chosen = frames[times, :SHEET_ENVS].swapaxes(0, 1).reshape(-1, *frames.shape[2:])
-    contact_sheet(chosen, len(times), sheet, scale=scale_to((height, width), SHEET_HEIGHT))
+    scale = scale_to((height, width), SHEET_HEIGHT)
+    save_png(mosaic(chosen, len(times), scale=scale), sheet)

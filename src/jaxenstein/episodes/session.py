@@ -11,9 +11,7 @@ import numpy as np
 
 from ..environment import AnyEnvironment
 from ..errors import SettingError
-
-# The action that does nothing, in place of all that are outside an action space.
-NO_OP = -1
+from ..players.chance import NO_OP
 
 
 class Session:

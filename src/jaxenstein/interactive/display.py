@@ -33,7 +33,7 @@ class Event(NamedTuple):
     key: str = ""
 
 
-class Box(NamedTuple):
+class Rectangle(NamedTuple):
     """A rectangle in pixels."""
 
     left: int
@@ -54,8 +54,8 @@ class Display(abc.ABC):
 
     finer: ClassVar[int]
     gap: ClassVar[int]
-    view: Box | None = None
-    beside: Box | None = None
+    view: Rectangle | None = None
+    beside: Rectangle | None = None
 
     def __enter__(self) -> Self:
         """The display."""
@@ -88,10 +88,10 @@ class Display(abc.ABC):
         """
 
     @abc.abstractmethod
-    def area(self, lines: int) -> Box:
+    def area(self, lines: int) -> Rectangle:
         """The room for pictures above so many lines of text, in pixels."""
 
-    def beside_area(self, lines: int) -> Box:
+    def beside_area(self, lines: int) -> Rectangle:
         """The room for a picture beside the frame, above so many lines of text."""
         area = self.area(lines)
         width = max(1, int(BESIDE_SHARE * (area.width - self.gap)))
@@ -99,7 +99,7 @@ class Display(abc.ABC):
 
     def arranged(
         self, frame: np.ndarray | None, beside: np.ndarray | None, lines: int
-    ) -> list[tuple[np.ndarray, Box]]:
+    ) -> list[tuple[np.ndarray, Rectangle]]:
         """The pictures that there are and where they go, which `view` and `beside` say from now."""
         area, side = self.area(lines), self.beside_area(lines)
         self.view, self.beside = arrange(area, side, frame, beside, self.gap)
@@ -119,7 +119,7 @@ class Display(abc.ABC):
         """
 
 
-def fit(area: Box, height: int, width: int) -> Box:
+def fit(area: Rectangle, height: int, width: int) -> Rectangle:
     """Where a picture goes: in the middle, at the largest whole multiple of its size that fits.
 
     It is shrunk, keeping its shape, only where it does not fit as it is.
@@ -133,12 +133,12 @@ def fit(area: Box, height: int, width: int) -> Box:
     scale = float(int(room)) if room >= 1 else room
     wide, high = max(1, round(width * scale)), max(1, round(height * scale))
     left = area.left + (area.width - wide) // 2
-    return Box(left, area.top + (area.height - high) // 2, wide, high)
+    return Rectangle(left, area.top + (area.height - high) // 2, wide, high)
 
 
 def arrange(
-    area: Box, side: Box, frame: np.ndarray | None, beside: np.ndarray | None, gap: int
-) -> tuple[Box | None, Box | None]:
+    area: Rectangle, side: Rectangle, frame: np.ndarray | None, beside: np.ndarray | None, gap: int
+) -> tuple[Rectangle | None, Rectangle | None]:
     """Where a frame and a picture beside it go.
 
     Args:

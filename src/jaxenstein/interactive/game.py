@@ -1,4 +1,4 @@
-"""Playing by hand, without anything to show it on: episodes, keys, texts, the map, the record."""
+"""Playing by hand, or watching an agent, without anything to show it on: keys, texts, the map."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+from ..episodes.policies import Policy
 from ..episodes.recorder import EpisodeBuilder, event_text, longest_step, snapshots
 from ..episodes.session import Session
 from ..maps.things import COLOUR_NAMES
@@ -19,7 +20,7 @@ from ..view.episode import Episode
 from ..view.frames import image_of, picture
 from ..view.topdown import MapPicture, draw_map
 from .controls import Controls, keys_of
-from .display import Box, Display, Event
+from .display import Display, Event, Rectangle
 
 if TYPE_CHECKING:
     from ..tasks.first_person import FirstPerson
@@ -181,7 +182,7 @@ class Game:
         rate = f"Time passes only when you act, at most {self._fps:g} times a second."
         return [*lines, "", rate, *([self._note] if self._note else [])]
 
-    def map_image(self, room: Box, finer: int = 1) -> np.ndarray:
+    def map_image(self, room: Rectangle, finer: int = 1) -> np.ndarray:
         """uint8[h, w, 3]: the map with the agent and its path, for a room of that size.
 
         Args:
@@ -253,6 +254,41 @@ class Game:
             return None
         carried = np.asarray(self._variables(self.session.state)["carried_keys"])
         return [name for name, here in zip(COLOUR_NAMES, carried, strict=True) if here]
+
+
+class AgentControls(Controls):
+    """An agent in the place of keys: it acts whenever time allows."""
+
+    def __init__(self, choose: Callable[[], int], fps: float) -> None:
+        """Take what chooses the next action, and the most actions a second."""
+        super().__init__((), fps)
+        self._choose = choose
+
+    def due(self, now: float) -> float | None:
+        """Seconds until the next action."""
+        return max(0.0, self._ready - now)
+
+    def take(self, now: float) -> int | None:
+        """The action to take now, if one is due."""
+        if now < self._ready:
+            return None
+        self._ready = now + self._interval
+        return self._choose()
+
+
+class AgentGame(Game):
+    """A game that a policy plays; people pause it, look at the map, and begin the next episode."""
+
+    def __init__(self, env: Any, params: Any, policy: Policy, **kwargs: Any) -> None:
+        """Take the policy; the other arguments are those of `Game`."""
+        super().__init__(env, params, **kwargs)
+        self._controls = AgentControls(lambda: int(policy(self.session)), kwargs.get("fps", 15.0))
+        # Compiles what the policy needs, before anything is shown.
+        policy(self.session)
+
+    def help(self) -> list[str]:
+        """What the keys do."""
+        return [f"{key}: {what}" for key, what in COMMANDS.items()]
 
 
 def wait_for(display: Display, load: Callable[[], Game]) -> Game | None:

@@ -20,7 +20,7 @@ import numpy as np
 from PIL import Image
 
 from ..view.recording import BACKGROUND, TEXT
-from .display import LONGEST_WAIT, Box, Display, DisplayError, Event
+from .display import LONGEST_WAIT, Display, DisplayError, Event, Rectangle
 
 HALF_BLOCK = "\u2580"
 # Alternate screen, no cursor, no wrapping at the right edge; and back.
@@ -253,10 +253,10 @@ class Terminal(Display):
             events.append(Event("redraw"))
         return [*events, Event("close")] if self._gone else events
 
-    def area(self, lines: int) -> Box:
+    def area(self, lines: int) -> Rectangle:
         """The room for pictures above so many lines of text, in pixels."""
         columns, rows = self._size
-        return Box(0, 0, columns, 2 * max(1, rows - lines))
+        return Rectangle(0, 0, columns, 2 * max(1, rows - lines))
 
     def _read(self, timeout: float) -> list[str]:
         """The keys pressed within some seconds."""
@@ -295,7 +295,7 @@ def _tap(key: str) -> tuple[Event, Event]:
     return Event("press", key), Event("release", key)
 
 
-def _paste(canvas: np.ndarray, picture: np.ndarray, box: Box) -> None:
+def _paste(canvas: np.ndarray, picture: np.ndarray, box: Rectangle) -> None:
     """Draw a picture into a box, sharp where it grows and by the average where it shrinks."""
     shrunk = box.width < picture.shape[1]
     how = Image.Resampling.BOX if shrunk else Image.Resampling.NEAREST

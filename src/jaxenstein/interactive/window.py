@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..view.recording import BACKGROUND, TEXT
-from .display import LONGEST_WAIT, Box, Display, DisplayError, Event
+from .display import LONGEST_WAIT, Display, DisplayError, Event, Rectangle
 
 # Pixels around the pictures, at the sides of text, and of a line of text.
 GAP, MARGIN, LINE, LETTERS = 6, 12, 22, 22
@@ -152,13 +152,13 @@ class Window(Display):
         """Close the window; closing it again does nothing."""
         self._pygame.display.quit()
 
-    def area(self, lines: int) -> Box:
+    def area(self, lines: int) -> Rectangle:
         """The room for pictures above so many lines of text."""
         width, height = self.size
         text = lines * LINE + GAP if lines else 0
-        return Box(GAP, GAP, max(1, width - 2 * GAP), max(1, height - 2 * GAP - text))
+        return Rectangle(GAP, GAP, max(1, width - 2 * GAP), max(1, height - 2 * GAP - text))
 
-    def _draw(self, surface: Any, picture: np.ndarray, box: Box) -> None:
+    def _draw(self, surface: Any, picture: np.ndarray, box: Rectangle) -> None:
         pygame = self._pygame
         height, width = picture.shape[:2]
         image = pygame.image.frombuffer(picture.tobytes(), (width, height), "RGB")

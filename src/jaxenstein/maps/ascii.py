@@ -9,8 +9,7 @@ from collections.abc import Collection
 from importlib.resources.abc import Traversable
 
 from ..errors import MapError, MapWarning, nearest
-from .faces import read_faces, read_regions
-from .page import make_page, split_lines
+from .faces import make_page, read_faces, read_regions, split_lines
 from .reach import problems
 from .symbols import PEACEFUL, SYMBOLS, Symbol
 from .tilemap import Door, Item, Key, TileMap

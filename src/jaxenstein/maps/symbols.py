@@ -138,13 +138,6 @@ class Symbol:
         return self.label if self.kind in ("wall", "door") else 0
 
 
-def decal_label(number: int) -> int:
-    """Label id of decal `number`, from 1 to 64."""
-    if not 1 <= number <= len(DECALS):
-        raise ValueError(f"decal {number} is not in 1 to {len(DECALS)}")
-    return DECAL_LABELS[number - 1]
-
-
 def door_label(colour: int, locked: bool) -> int:
     """Label id of a door with a colour index, locked or not."""
     if not 0 <= colour < len(COLOURS):

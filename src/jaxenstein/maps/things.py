@@ -84,6 +84,11 @@ class Thing:
         return shape, self.detail or tuple(part * DETAIL_SHADE for part in shape)
 
 
+def _monster(name: str, label: int, colour: RGB, art: str, detail: RGB, symbol: str) -> Thing:
+    """One of those that maps of shooters may hold."""
+    return Thing(name, label, colour, art, 0.4, 0.1, detail, symbol, role="monster")
+
+
 KEY = Thing("key", 105, None, "key", 0.25, 0.15, symbols="rnbpye", glyph="key")
 GOAL = Thing("goal", 111, (255, 216, 20), "goal", 0.32, 0.1, symbols="G", glyph="star")
 # These two lie on the floor, below the horizon.
@@ -121,77 +126,17 @@ LAVA = Thing("lava", 127, (255, 106, 0), "lava", 0.5, 0.0, detail=(255, 196, 40)
 
 # Doom's monsters.
 CACODEMON = Thing("cacodemon", 128, (178, 62, 66), "cacodemon", 0.4, 0.1, detail=(240, 220, 120))
-DEMON = Thing(
-    "demon",
-    129,
-    (206, 96, 110),
-    "demon-one",
-    0.4,
-    0.1,
-    detail=(240, 220, 210),
-    symbols="d",
-    role="monster",
-)
-MARINE = Thing(
-    "marine",
-    130,
-    (92, 140, 80),
-    "soldier-one",
-    0.4,
-    0.1,
-    detail=(190, 170, 80),
-    symbols="m",
-    role="monster",
-)
-IMP = Thing(
-    "imp",
-    131,
-    (150, 96, 56),
-    "imp-one",
-    0.4,
-    0.1,
-    detail=(230, 200, 60),
-    symbols="i",
-    role="monster",
-)
+DEMON = _monster("demon", 129, (206, 96, 110), "demon-one", (240, 220, 210), "d")
+MARINE = _monster("marine", 130, (92, 140, 80), "soldier-one", (190, 170, 80), "m")
+IMP = _monster("imp", 131, (150, 96, 56), "imp-one", (230, 200, 60), "i")
 FIREBALL = Thing("fireball", 132, (255, 150, 40), "fireball", 0.15, 0.1, detail=(255, 236, 160))
 # On MiniWorld's sidewalk.
 CONE = Thing("cone", 133, (240, 104, 24), "cone", 0.3, 0.2, detail=(240, 240, 236))
 
 # Doom's marksmen and rockets.
-ZOMBIE = Thing(
-    "zombie",
-    134,
-    (156, 138, 96),
-    "soldier-one",
-    0.4,
-    0.1,
-    detail=(200, 180, 140),
-    symbols="z",
-    role="monster",
-)
-SHOTGUN_GUY = Thing(
-    "shotgun guy",
-    135,
-    (116, 92, 112),
-    "soldier-one",
-    0.4,
-    0.1,
-    detail=(220, 80, 60),
-    symbols="s",
-    role="monster",
-)
-CHAINGUN_GUY = Thing(
-    "chaingun guy",
-    136,
-    (176, 60, 48),
-    "soldier-one",
-    0.4,
-    0.1,
-    detail=(190, 190, 190),
-    symbols="c",
-    role="monster",
-)
+ZOMBIE = _monster("zombie", 134, (156, 138, 96), "soldier-one", (200, 180, 140), "z")
+SHOTGUN_GUY = _monster("shotgun guy", 135, (116, 92, 112), "soldier-one", (220, 80, 60), "s")
+CHAINGUN_GUY = _monster("chaingun guy", 136, (176, 60, 48), "soldier-one", (190, 190, 190), "c")
 ROCKET = Thing("rocket", 137, (190, 186, 170), "rocket", 0.15, 0.1, detail=(255, 210, 120))
 AMMUNITION = Thing(
     "ammunition",

@@ -170,15 +170,12 @@ class TileMap:
         """What the walls' faces show as text, for `parse_ascii`; None if `faces` is None."""
         if self.faces is None:
             return None
+        shown = TILE_CHARACTERS | dict.fromkeys(DOOR_LABELS, TILE_CHARACTERS[0])
         blocks = [
-            f"{name}\n" + "".join("".join(map(_face_character, row)) + "\n" for row in face)
+            f"{name}\n" + "".join("".join(shown[tile] for tile in row) + "\n" for row in face)
             for name, face in zip(FACES, self.faces, strict=True)
         ]
         return "\n".join(blocks)
-
-
-def _face_character(label: int) -> str:
-    return TILE_CHARACTERS[0 if label in DOOR_LABELS else label]
 
 
 def _as_array(tiles: Tiles) -> np.ndarray:

@@ -1,17 +1,22 @@
 """Scripted players: what a task yields to nobody, to chance, and to one who sees the whole state.
 
 Nothing here knows a task. Tasks declare who else plays them (`Environment.about`), and find here
-what such players are made of: `walking` has paths and steps, `playing` plays many episodes.
+what such players are made of: `walking` has paths and steps.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import functools
+from typing import TYPE_CHECKING, Any
 
+import jax
+import jax.numpy as jnp
+
+from .._jax.batching import select, varying
 from ..about import Choose, Player
 from ..errors import SettingError, nearest
+from ..pytree import PyTreeNode
 from .chance import IDLE, UNIFORM
-from .playing import Played, play
 
 if TYPE_CHECKING:
     from ..environment import AnyEnvironment
@@ -39,6 +44,61 @@ def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
             f"{env.name!r} has no player {name!r}{nearest(name, players)}; it has {known}"
         )
     return players[wanted]
+
+
+class Played(PyTreeNode):
+    """What came of B episodes.
+
+    Attributes:
+        returned: float32[B], undiscounted sums of rewards.
+        length: int32[B], decisions: of `frame_skip` steps of the world each.
+        terminated: bool[B], whether the task ended it; else the time limit did.
+        successes: int32[B], how often the task's aim was reached.
+    """
+
+    returned: jax.Array
+    length: jax.Array
+    terminated: jax.Array
+    successes: jax.Array
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def play(env: AnyEnvironment, player: Player, params: Any, key: jax.Array, states: Any) -> Played:
+    """Play one episode from each state to its end.
+
+    Args:
+        env: the environment; its `autoreset` does not matter.
+        player: who plays, such as `player_of(env)`.
+        params: its params.
+        key: the random key of all steps.
+        states: B first states, each leaf with a leading axis `B`.
+    """
+    choose = player(env, params)
+    batch = states.done.shape[0]
+
+    def advance(key: jax.Array, state: Any) -> tuple[Any, jax.Array, jax.Array]:
+        policy_key, step_key = jax.random.split(key)
+        action = choose(policy_key, state)
+        after, _, terminated, info = env.advance(step_key, state, action, params)
+        success = (info["success"] & ~state.done).astype(jnp.int32)
+        return select(state.done, state, after), terminated & ~state.done, success
+
+    def body(carry: tuple[Any, ...]) -> tuple[Any, ...]:
+        key, states, terminated, successes = carry
+        key, step_key = jax.random.split(key)
+        states, ended, reached = jax.vmap(advance)(jax.random.split(step_key, batch), states)
+        return key, states, terminated | ended, successes + reached
+
+    start = key, states, jnp.zeros(batch, bool), jnp.zeros(batch, jnp.int32)
+    start = varying(start, start, params)
+    end = jax.lax.while_loop(lambda carry: ~jnp.all(carry[1].done), body, start)
+    _, states, terminated, successes = end
+    return Played(
+        returned=states.episode_return,
+        length=-(-states.time // env.frame_skip),
+        terminated=terminated,
+        successes=successes,
+    )
 
 
 __all__ = [

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -39,7 +39,7 @@ _TURNS, _LEAST_GAIN = 6, 1e-3
 _CHANCE = 0.25
 
 
-class Gait(NamedTuple):
+class Movement(NamedTuple):
     """How a body moves: the numbers of its actions, and what one decision does.
 
     Attributes:
@@ -59,36 +59,14 @@ class Gait(NamedTuple):
     steps: int
 
 
-class OnFoot(Protocol):
-    """An environment whose aim is a place on the map."""
-
-    @property
-    def name(self) -> str:
-        """Its id or name."""
-        ...
-
-    @property
-    def action_names(self) -> Sequence[str]:
-        """Its actions, "turn left", "turn right" and "forward" among them."""
-        ...
-
-    def scene(self, state: Any, params: Any) -> Scene:
-        """What there is to see."""
-        ...
-
-    def distance_field(self, state: Any) -> jax.Array:
-        """int32[rows, columns]: tiles on foot to where to go next; `FAR` where there is no way."""
-        ...
-
-
-def gait(env: Any, params: Any) -> Gait:
+def movement_of(env: Any, params: Any) -> Movement:
     """How an environment moves whose params have `turn_angle` and `move_distance`.
 
     Raises:
         SettingError: it has no actions to walk with.
     """
     angle = params.turn_angle * env.frame_skip
-    return Gait(*walking_actions(env.action_names), angle, params.move_distance, env.frame_skip)
+    return Movement(*walking_actions(env.action_names), angle, params.move_distance, env.frame_skip)
 
 
 def walking_actions(names: Sequence[str]) -> tuple[int, int, int]:
@@ -106,9 +84,13 @@ def walking_actions(names: Sequence[str]) -> tuple[int, int, int]:
     return left, right, ahead
 
 
-def shortest_path(env: OnFoot, params: Any) -> Choose:
-    """Walk down `env.distance_field`, and open the doors on the way by the action "interact"."""
-    body = gait(env, params)
+def shortest_path(env: Any, params: Any) -> Choose:
+    """Walk down `env.distance_field`, and open the doors on the way by the action "interact".
+
+    The field is a function of the state: int32[rows, columns], tiles on foot to where to go next,
+    `FAR` where there is no way.
+    """
+    body = movement_of(env, params)
     interact = list(env.action_names).index("interact") if "interact" in env.action_names else None
 
     def choose(key: jax.Array, state: Any) -> jax.Array:
@@ -123,7 +105,7 @@ def shortest_path(env: OnFoot, params: Any) -> Choose:
 
 
 def walk_down(
-    body: Gait, scene: Scene, field: jax.Array, key: jax.Array
+    body: Movement, scene: Scene, field: jax.Array, key: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     """int32[], the next action on the way down a field; int32[2], the tile that it leads to.
 
@@ -143,7 +125,7 @@ def walk_down(
 SHORTEST_PATH = Player("walks the shortest path; sees the whole state", shortest_path)
 
 
-def towards(body: Gait, scene: Scene, offset: jax.Array, slack: float = 0.5) -> jax.Array:
+def towards(body: Movement, scene: Scene, offset: jax.Array, slack: float = 0.5) -> jax.Array:
     """int32[]: the next action on the way to a place that lies open before the player.
 
     Forward if no turn brings the heading nearer to the place, else that turn. Where turns are
@@ -168,7 +150,7 @@ def towards(body: Gait, scene: Scene, offset: jax.Array, slack: float = 0.5) -> 
 
 
 def _turns(
-    body: Gait, scene: Scene, offset: jax.Array, slack: float = 0.5
+    body: Movement, scene: Scene, offset: jax.Array, slack: float = 0.5
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Radians to the right of a place; whether they are few enough; the turns to the nearest."""
     error = jnp.arctan2(offset[1], offset[0]) - scene.heading
@@ -178,7 +160,7 @@ def _turns(
 
 
 def best_stride(
-    body: Gait, scene: Scene, offset: jax.Array, field: jax.Array, key: jax.Array
+    body: Movement, scene: Scene, offset: jax.Array, field: jax.Array, key: jax.Array
 ) -> jax.Array:
     """int32[]: as `towards`, for wide turns and long strides, which are looked at before.
 
@@ -215,7 +197,7 @@ def best_stride(
 
 
 def _stride(
-    body: Gait, scene: Scene, field: jax.Array, turns: jax.Array
+    body: Movement, scene: Scene, field: jax.Array, turns: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     """What is left to go after a decision to walk, so many turns to the right; the least on it."""
     step = forward(scene.heading + turns * body.angle) * body.step
@@ -254,7 +236,7 @@ def _beside(field: jax.Array, cell: jax.Array) -> tuple[jax.Array, jax.Array]:
     return beside, jnp.where(inside, field[safe[:, 1], safe[:, 0]], FAR)
 
 
-def _blocked(body: Gait, scene: Scene, turns: jax.Array) -> jax.Array:
+def _blocked(body: Movement, scene: Scene, turns: jax.Array) -> jax.Array:
     """bool[]: whether a step would not move the player after so many turns to the right."""
     step = forward(scene.heading + turns * body.angle) * body.step
     after = walk(scene.level, scene.closed, scene.position, step)

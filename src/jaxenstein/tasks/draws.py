@@ -1,4 +1,4 @@
-"""Random draws from bits, so that a reset needs one call of the generator."""
+"""Samples from random bits, so that a reset needs one call of the generator."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def draw_index(bits: jax.Array, count: int | jax.Array) -> jax.Array:
     return jnp.minimum(index, count - 1)
 
 
-def draw_seed(key: jax.Array, seeds: tuple[int, int] | None) -> jax.Array:
+def sample_seed(key: jax.Array, seeds: tuple[int, int] | None) -> jax.Array:
     """uint32[]: any seed, or one of those from the first to before the second of two.
 
     Args:

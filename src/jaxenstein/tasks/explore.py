@@ -28,9 +28,9 @@ from ..maps.things import APPLE, BALL, BOX, COLOUR_NAMES, GOAL, RGB
 from ..players.walking import SHORTEST_PATH, flood
 from .appearance import build_theme
 from .draws import draw_index, draw_unit
-from .generated import GeneratedTask
-from .random_maze import MazePlan, RandomMaze, beside_rooms, draw_in_rooms, draw_maze
-from .random_path import draw_closed
+from .first_person import GeneratedTask
+from .maze_ways import sample_closed
+from .random_maze import MazePlan, RandomMaze, beside_rooms, sample_in_rooms, sample_maze
 from .steering import ACTION_NAMES, SteeringParams, steer
 
 Kind = Literal["goal", "apples", "objects"]
@@ -106,7 +106,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         kind: what there is: `"goal"`, one; `"apples"` on half of the places; `"objects"` of
             different looks on half of the places, half of which pay while the others cost, and
             which lie elsewhere in each round.
-        plan: what mazes are drawn.
+        plan: what mazes are sampled.
         starts: places to start from in each room.
         places: places for things in each room.
         doors: the most doors, which stand where rooms and corridors meet, or 0 for none. In each
@@ -161,15 +161,15 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         return build_theme(looks, doors=self.doors > 0, floor=FLOOR, ceiling=SKY)
 
     def init_state(self, key: jax.Array, params: ExploreParams) -> ExploreState:
-        """Draw a maze, what lies where, and what pays; then the first start."""
+        """Sample a maze, what lies where, and what pays; then the first start."""
         del params
         level_key, start_key = jax.random.split(key)
         maze_key, things_key = jax.random.split(self.level_key(level_key))
-        maze = draw_maze(maze_key, self.plan)
+        maze = sample_maze(maze_key, self.plan)
         cells, rooms = self.plan.size**2, self.plan.rooms
         most, count = rooms * self.places, self.most_things
         bits = jax.random.bits(things_key, (cells + most + count,), jnp.uint32)
-        drawn = draw_in_rooms(bits[:cells], maze, rooms, self.starts + self.places)
+        drawn = sample_in_rooms(bits[:cells], maze, rooms, self.starts + self.places)
         drawn = drawn.astype(jnp.float32) + 0.5
         places = drawn[:, self.starts :].reshape(-1, 2)
         # Those of rooms that the maze lacks come last.
@@ -228,7 +228,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         bits = jax.random.bits(jax.random.fold_in(key, 1), (count,), jnp.uint32)
         ends = (jnp.floor(at).astype(jnp.int32) for at in (state.things[0], state.position))
         floor = _floor(state, jnp.zeros(self.doors, bool))
-        return state.replace(closed=draw_closed(bits, floor, state.level.doors, *ends))
+        return state.replace(closed=sample_closed(bits, floor, state.level.doors, *ends))
 
     def transition(
         self, key: jax.Array, state: ExploreState, action: jax.Array, params: ExploreParams
@@ -246,7 +246,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
             events["took_bad"] = bad
         state = state.replace(position=position, heading=heading, left=state.left & ~taken)
         over = ~jnp.any(state.left & state.good)
-        # A way through the maze is dear, so it is drawn for those alone who need one.
+        # A way through the maze is expensive, so it is sampled only where one is needed.
         few = where_few(self._begin_round) if self.doors else None
         begun = few(over, key, state) if few else self._begin_round(key, state)
         state = select(over, begun, state)

@@ -11,6 +11,8 @@ from typing import Any, Literal, TypeVar, cast
 import jax
 import numpy as np
 
+from .._jax.batching import select, where_few
+from ..about import About
 from ..engine.camera import Camera
 from ..engine.level import Level
 from ..engine.render import render
@@ -21,7 +23,7 @@ from ..errors import SettingError
 from ..fields import choice, number, of_form
 from ..maps.tilemap import TileMap
 from ..spaces import Box, Dict, Space
-from .draws import draw_seed
+from .draws import sample_seed
 from .levels import read_level
 from .looks import Look, patterned, randomised
 from .steering import SteeringParams
@@ -85,7 +87,7 @@ class FirstPerson(Environment[S, P]):
             return state
         # From a key of its own, so that all else is as without it.
         seeds = cast("tuple[int, int] | None", self.look_seeds)
-        return state.replace(look=draw_seed(jax.random.fold_in(key, _LOOKS), seeds))
+        return state.replace(look=sample_seed(jax.random.fold_in(key, _LOOKS), seeds))
 
     def dressed(self, scene: Scene, state: S) -> Scene:
         """A scene of the task in the look of a state."""
@@ -179,6 +181,52 @@ class FirstPerson(Environment[S, P]):
                 )
             return Dict({"image": image, **variables})
         return image
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GeneratedTask(FirstPerson[S, P]):
+    """Base of tasks that draw a level at each reset; other bases of a task follow this one.
+
+    `init_state` draws what belongs to the level, such as walls and things, from one key and what
+    an episode adds, such as its start, from another:
+
+        level_key, start_key = jax.random.split(key)
+        level = ...  # drawn from self.level_key(level_key) and nothing else
+
+    Attributes:
+        levels: None for levels without end, or seeds of levels: `range(first, stop)` or (first,
+            stop). Every episode has one of these levels, each equally likely. A seed is the same
+            level on every machine.
+    """
+
+    levels: tuple[int, int] | range | None = of_form(None, "seeds")
+
+    @property
+    def level_range(self) -> tuple[int, int] | None:
+        """The first seed of a level and the one past the last; None for levels without end."""
+        return None if self.levels is None else (int(self.levels[0]), int(self.levels[1]))
+
+    def level_key(self, key: jax.Array) -> jax.Array:
+        """The key that a level is drawn from: `key` itself, or that of one of the seeds.
+
+        Args:
+            key: of the episode, for nothing else.
+        """
+        if self.level_range is None:
+            return key
+        seed = sample_seed(key, self.level_range)
+        # The kind of generator that users may change is not to change the levels.
+        return jax.random.key(seed, impl="threefry2x32")
+
+    def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
+        """As `Environment.reset_where`; levels are expensive: only those needed are sampled."""
+        fresh = where_few(self.first_state)(over, key, jax.lax.stop_gradient(params))
+        return select(over, fresh, state)
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        several = self.level_range is None or self.level_range[1] > self.level_range[0] + 1
+        return dataclasses.replace(super().about(), generated=several)
 
 
 SETTINGS = tuple(

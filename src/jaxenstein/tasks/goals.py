@@ -1,7 +1,6 @@
-"""Reaching a goal: what such tasks have in common, whether their map is fixed or drawn at reset.
+"""Tasks that end at a goal, and those of them with keys and doors on the way.
 
-Keys are picked up by walking over them, doors are opened by the action "interact", a locked one
-with a key of its colour.
+Their map is fixed or sampled at reset.
 """
 
 from __future__ import annotations
@@ -50,17 +49,26 @@ DEFAULTS = NavigationParams()
 S = TypeVar("S", bound=Any)
 
 
+def add_sprites(scene: Scene, position: jax.Array, look: jax.Array, visible: jax.Array) -> Scene:
+    """A scene with more sprites after its own.
+
+    Args:
+        scene: the scene.
+        position: float32[N, 2], (x, y) in tiles.
+        look: int32[N], rows of the theme's sprite tables.
+        visible: bool[N].
+    """
+    more = Sprites(position, look, visible)
+    joined = jax.tree.map(lambda own, new: jnp.concatenate([own, new]), scene.sprites, more)
+    return scene.replace(sprites=joined)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GoalTask(FirstPerson[S, NavigationParams]):
-    """Base of tasks that end at a goal, perhaps behind doors that need keys.
+    """Base of tasks that end at a goal.
 
-    Actions: turn left, turn right, move forward, move backward, interact. A move into anything
-    solid is cancelled. Keys are picked up by walking over them and kept; interact opens the door
-    in front, a locked one if a key of its colour is carried. Doors stay open.
-
-    Reward: `goal_reward` on reaching the goal, which terminates, and `living_reward` each step.
-
-    States have `opened`, bool[D], and `taken`, bool[K] (or bool[] of one key).
+    A move into anything solid is cancelled. Reward: `goal_reward` on reaching the goal, which
+    terminates, and `living_reward` each step.
 
     Attributes:
         defaults: the params that `params=None` stands for.
@@ -68,7 +76,6 @@ class GoalTask(FirstPerson[S, NavigationParams]):
 
     defaults: NavigationParams = DEFAULTS
 
-    action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES
     # Also where it does not end the episode.
     success_event: ClassVar[str] = "reached_goal"
 
@@ -86,17 +93,14 @@ class GoalTask(FirstPerson[S, NavigationParams]):
     def level_of(self, state: S) -> Level:
         """The walls and doors of a state."""
 
+    def closed_of(self, state: S) -> jax.Array:
+        """bool[D]: which doors are closed; here there are none."""
+        del state
+        return jnp.zeros(0, bool)
+
     @abc.abstractmethod
     def goal_of(self, state: S) -> jax.Array:
         """float32[2]: the place of the goal in tiles."""
-
-    @abc.abstractmethod
-    def keys_of(self, state: S) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The keys: float32[K, 2] places, int32[K] sprite looks, int32[K] colour indices."""
-
-    @abc.abstractmethod
-    def locks_of(self, state: S) -> tuple[jax.Array, jax.Array]:
-        """The doors: bool[D], which are locked ones; int32[D], the colour of the key of each."""
 
     @abc.abstractmethod
     def distance_field(self, state: S) -> jax.Array:
@@ -105,21 +109,16 @@ class GoalTask(FirstPerson[S, NavigationParams]):
     def transition(
         self, key: jax.Array, state: S, action: jax.Array, params: NavigationParams
     ) -> tuple[S, jax.Array, jax.Array, Info]:
-        """Move, open a door, pick up keys, look whether the goal is reached."""
+        """Move, and check whether the goal is reached."""
         del key
-        before, level = state, self.level_of(state)
         pose = state.position, state.heading
-        position, heading = steer(level, ~state.opened, *pose, action, params)
+        position, heading = steer(
+            self.level_of(state), self.closed_of(state), *pose, action, params
+        )
         state = state.replace(position=position, heading=heading)
-        state = self._pick_up(self._open(state, level, action, params), params)
         reached = self._distance(state) <= params.goal_radius
         reward = params.living_reward + jnp.where(reached, params.goal_reward, 0)
-        events = {
-            "reached_goal": reached,
-            "picked_key": jnp.any(state.taken & ~before.taken),
-            "opened_door": jnp.any(state.opened & ~before.opened),
-        }
-        return state, reward, reached, events
+        return state, reward, reached, {"reached_goal": reached}
 
     def describe(self, state: S, params: NavigationParams) -> Info:
         """Add the straight-line distance to the goal, in tiles."""
@@ -131,34 +130,76 @@ class GoalTask(FirstPerson[S, NavigationParams]):
             aim="reached the goal",
             ends="at the goal",
             rewards={"goal_reward": "{:+g} at the goal", "living_reward": "{:+g} a step"},
-            events={
-                "picked_key": Event("picked up a key"),
-                "opened_door": Event("opened a door"),
-                "reached_goal": Event("reached the goal"),
-            },
+            events={"reached_goal": Event("reached the goal")},
             variables={"distance_to_goal": "tiles to the goal, in a straight line"},
             players={"shortest_path": SHORTEST_PATH},
             expert="shortest_path",
-            lasting=("opened", "taken"),
         )
 
     def scene(self, state: S, params: NavigationParams) -> Scene:
-        """The map with its closed doors, the goal and the keys left."""
+        """The map with its closed doors, and the goal."""
         del params
-        keys, looks, _ = self.keys_of(state)
-        sprites = Sprites(
-            position=jnp.concatenate([self.goal_of(state)[None], keys]),
-            look=jnp.concatenate([jnp.zeros(1, jnp.int32), looks]),
-            visible=jnp.concatenate([jnp.ones(1, bool), ~state.taken.reshape(-1)]),
-        )
         return Scene(
             level=self.level_of(state),
-            closed=~state.opened,
+            closed=self.closed_of(state),
             position=state.position,
             heading=state.heading,
-            sprites=sprites,
+            sprites=Sprites(self.goal_of(state)[None], jnp.zeros(1, jnp.int32), jnp.ones(1, bool)),
             theme=self.theme,
         )
+
+    def _distance(self, state: S) -> jax.Array:
+        return jnp.sqrt(jnp.sum((self.goal_of(state) - state.position) ** 2))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class KeysAndDoorsTask(GoalTask[S]):
+    """Base of tasks that end at a goal behind doors, some of which need keys.
+
+    Actions: turn left, turn right, move forward, move backward, interact. Keys are picked up by
+    walking over them and kept; interact opens the door in front, a locked one if a key of its
+    colour is carried. Doors stay open.
+
+    States have `opened`, bool[D], and `taken`, bool[K] (or bool[] of one key).
+    """
+
+    action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES
+
+    @abc.abstractmethod
+    def keys_of(self, state: S) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """The keys: float32[K, 2] places, int32[K] sprite looks, int32[K] colour indices."""
+
+    @abc.abstractmethod
+    def locks_of(self, state: S) -> tuple[jax.Array, jax.Array]:
+        """The doors: bool[D], which are locked ones; int32[D], the colour of the key of each."""
+
+    def closed_of(self, state: S) -> jax.Array:
+        """bool[D]: the doors that have not been opened."""
+        return ~state.opened
+
+    def transition(
+        self, key: jax.Array, state: S, action: jax.Array, params: NavigationParams
+    ) -> tuple[S, jax.Array, jax.Array, Info]:
+        """Move, open a door, pick up keys, and check whether the goal is reached."""
+        before = state
+        state, reward, reached, events = super().transition(key, state, action, params)
+        state = self._pick_up(self._open(state, action, params), params)
+        events["picked_key"] = jnp.any(state.taken & ~before.taken)
+        events["opened_door"] = jnp.any(state.opened & ~before.opened)
+        return state, reward, reached, events
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        about = super().about()
+        events = {"picked_key": Event("picked up a key"), "opened_door": Event("opened a door")}
+        events |= about.events
+        return dataclasses.replace(about, events=events, lasting=("opened", "taken"))
+
+    def scene(self, state: S, params: NavigationParams) -> Scene:
+        """Add the keys that are left."""
+        scene = super().scene(state, params)
+        places, looks, _ = self.keys_of(state)
+        return add_sprites(scene, places, looks, ~state.taken.reshape(-1))
 
     def variables(self, state: S) -> dict[str, jax.Array]:
         """`carried_keys`: float32[6], which key colours are carried (red, green, blue, ... )."""
@@ -168,11 +209,11 @@ class GoalTask(FirstPerson[S, NavigationParams]):
         """The space of `carried_keys`."""
         return {"carried_keys": Box(0.0, 1.0, (len(COLOUR_NAMES),), np.dtype(np.float32))}
 
-    def _open(self, state: S, level: Level, action: jax.Array, params: NavigationParams) -> S:
+    def _open(self, state: S, action: jax.Array, params: NavigationParams) -> S:
         if not state.opened.shape[0]:
             return state
         arm = forward(state.heading) * params.interact_distance
-        touched = touched_door(level, ~state.opened, state.position, arm)
+        touched = touched_door(self.level_of(state), ~state.opened, state.position, arm)
         locked, colours = self.locks_of(state)
         allowed = ~locked | self._carried(state)[colours]
         return state.replace(opened=state.opened | (touched & allowed & (action == INTERACT)))
@@ -188,6 +229,3 @@ class GoalTask(FirstPerson[S, NavigationParams]):
         """bool[6]: which key colours are carried."""
         same = self.keys_of(state)[2][:, None] == np.arange(len(COLOUR_NAMES), dtype=np.int32)[None]
         return jnp.any(same & state.taken.reshape(-1)[:, None], axis=0)
-
-    def _distance(self, state: S) -> jax.Array:
-        return jnp.sqrt(jnp.sum((self.goal_of(state) - state.position) ** 2))

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..about import About, Choose, Event, Player
-from ..engine.level import WORD, Level, compile_level, pack_bits
+from ..engine.level import WORD, pack_bits
 from ..engine.scene import Scene, Sprites, Theme
 from ..engine.shade import ImageKind
 from ..environment import Info, Params, Scalar, State
@@ -24,12 +24,12 @@ from ..maps.things import MEDKIT, RGB
 from ..maps.tilemap import TileMap
 from ..params import number
 from ..players.chance import NO_OP
-from ..players.walking import gait, towards
+from ..players.walking import movement_of, towards
 from .appearance import build_theme
 from .draws import draw_unit
-from .first_person import FirstPerson
 from .health import FULL_HEALTH, HealthTask, P, S, about_health
 from .hud import bar, check_strip, strip_rows
+from .navigation import FixedMap
 from .steering import ACTION_NAMES, FORWARD, SteeringParams, steer
 
 # Tiles of the room from wall to wall: 1216 of Doom's map units, 32 of which are a tile.
@@ -89,7 +89,7 @@ class HealthGatheringState(State):
 
 def greedy_medkits(env: HealthGathering, params: HealthGatheringParams) -> Choose:
     """Go to the nearest medkit, wait there until all of it is needed, then take it."""
-    body = gait(env, params)
+    body = movement_of(env, params)
 
     def choose(key: jax.Array, state: HealthGatheringState) -> jax.Array:
         del key
@@ -111,30 +111,10 @@ GREEDY_MEDKITS = Player(
 )
 
 
-class HealthRoom(HealthTask[S, P], FirstPerson[S, P]):
+class HealthRoom(HealthTask[S, P], FixedMap[S, P]):
     """Base of tasks of health in one room with medkits in it."""
 
     ceiling: ClassVar[RGB] = CEILING
-
-    @functools.cached_property
-    def tilemap(self) -> TileMap:
-        """The room, with its wall one tile thick; the task's own."""
-        raise NotImplementedError
-
-    @functools.cached_property
-    def map_size(self) -> tuple[int, int]:
-        """(columns, rows) of the map in tiles."""
-        return self.tilemap.columns, self.tilemap.rows
-
-    def tilemap_of(self, state: S) -> TileMap:
-        """The room."""
-        del state
-        return self.tilemap
-
-    @functools.cached_property
-    def level(self) -> Level:
-        """The room compiled for the renderer."""
-        return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
 
     @functools.cached_property
     def theme(self) -> Theme:
@@ -169,7 +149,7 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
         check_strip(self.hud, self.observation, self.height)
 
     @functools.cached_property
-    def tilemap(self) -> TileMap:
+    def tilemap(self) -> TileMap:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The room, with its wall one tile thick."""
         side = ROOM // 2
         rows = ["U" * (ROOM + 2), *["U" + "." * ROOM + "U"] * ROOM, "U" * (ROOM + 2)]

@@ -11,28 +11,29 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..engine.level import Level, level_from_walls
+from ..engine.level import Level
 from ..engine.scene import Theme
 from ..environment import State
 from ..errors import SettingError
-from ..maps.symbols import DEFAULT_WALL, door_label
-from ..maps.things import COLOUR_NAMES, GOAL, KEY
+from ..maps.things import GOAL, KEY
 from ..maps.tilemap import Key, TileMap
 from ..params import number
 from ..players.walking import flood
 from .appearance import build_theme
 from .draws import draw_index
-from .generated import GeneratedTask
-from .goals import GoalTask, NavigationParams
+from .first_person import GeneratedTask
+from .goals import KeysAndDoorsTask, NavigationParams
 from .levels import read_level
+from .minigrid.sketch import COLOURS, Sketch
+from .minigrid.state import BALL_KIND, KEY_KIND, place_of
 
 WEST, EAST = 0, 1
-_COLOURS = len(COLOUR_NAMES)
 
 
 class KeyCorridorState(State):
@@ -58,10 +59,12 @@ class KeyCorridorState(State):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class KeyCorridor(GeneratedTask[KeyCorridorState, NavigationParams], GoalTask[KeyCorridorState]):
+class KeyCorridor(
+    GeneratedTask[KeyCorridorState, NavigationParams], KeysAndDoorsTask[KeyCorridorState]
+):
     """Fetch the key in the west, open the locked door in the east, reach the goal behind it.
 
-    Actions and reward are those of `GoalTask`.
+    Actions and reward are those of `KeysAndDoorsTask`.
 
     Attributes:
         room_size: tiles from a room's wall to its opposite one, both included; at least 3.
@@ -99,28 +102,24 @@ class KeyCorridor(GeneratedTask[KeyCorridorState, NavigationParams], GoalTask[Ke
         return 3 * step + 1, self.room_rows * step + 1
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> KeyCorridorState:
-        """Draw a layout, and a start in the hall that does not face the locked door."""
+        """Sample a layout, and a start in the hall that does not face the locked door."""
         del params
         layout_key, start_key = jax.random.split(key)
-        layout_key = self.level_key(layout_key)
-        rows, places = self.room_rows, self._door_count
-        bits = jax.random.bits(layout_key, (5 + 2 * places,), jnp.uint32)
-        locked_row, key_row = draw_index(bits[0], rows), draw_index(bits[1], rows)
-        colour = draw_index(bits[2], _COLOURS)
-        doors, locked, labels = self._draw_doors(bits[5:], locked_row, colour)
-        level = self._build(doors, labels)
-        position, heading = self._draw_start(start_key, doors, locked)
-        step = self.room_size - 1
+        sketch, colour = corridor_sketch(
+            self.level_key(layout_key), start_key, self.room_size, self.room_rows
+        )
+        drawn = sketch.state()
+        key_place, goal = drawn.things.tile.astype(jnp.float32) + 0.5
         return KeyCorridorState(
-            position=position,
-            heading=heading,
-            level=level,
-            locked=locked,
-            opened=jnp.zeros(places, bool),
-            key=self._inside(bits[3], jnp.int32(0), key_row * step),
+            position=drawn.position,
+            heading=drawn.heading,
+            level=drawn.level,
+            locked=drawn.doors.locked,
+            opened=drawn.doors.opened,
+            key=key_place,
             key_colour=colour,
             taken=jnp.bool_(False),
-            goal=self._inside(bits[4], jnp.int32(2 * step), locked_row * step),
+            goal=goal,
         )
 
     def level_of(self, state: KeyCorridorState) -> Level:
@@ -167,96 +166,92 @@ class KeyCorridor(GeneratedTask[KeyCorridorState, NavigationParams], GoalTask[Ke
             keys=(Key(column, row, int(state.key_colour)),),
         )
 
-    @property
-    def _door_count(self) -> int:
-        """Places for doors: each side's to the hall, then each side's between rows."""
-        return 2 * self.room_rows + 2 * (self.room_rows - 1)
 
-    def _draw_doors(
-        self, bits: jax.Array, locked_row: jax.Array, colour: jax.Array
-    ) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """int32[D, 2] (column, row) of the doors, bool[D] the locked one, int32[D] labels.
+def corridor_sketch(
+    layout_key: jax.Array, start_key: jax.Array, size: int, rows: int
+) -> tuple[Sketch, jax.Array]:
+    """A layout of rooms: the sketch with key, ball, doors and start; int32[], the key's colour.
 
-        MiniGrid adds doors one by one, in random order, until all rooms are connected. That is:
-        each wall has a random priority, and doors are in all walls up to the least priority at
-        which they connect everything. An absent door stands at (0, 0).
-        """
-        rows, step = self.room_rows, self.room_size - 1
-        places = self._door_count
-        hall = np.arange(places) < 2 * rows
-        index = np.arange(places, dtype=np.int32)
-        # Ties are broken by the index, so that no two priorities are equal.
-        priority = (bits[:places] & ~jnp.uint32(15)) | index.astype(np.uint32)
-        locked = jnp.asarray(index) == rows + locked_row
-        between = np.arange(max(rows - 1, 0), dtype=np.int32)
-        beside = (between == locked_row) | (between + 1 == locked_row)
-        shut = jnp.concatenate([jnp.zeros(2 * rows + rows - 1, bool), beside])
-        never = jnp.uint32(0xFFFFFFFF)
-        order = jnp.where(shut, never, jnp.where(locked, jnp.uint32(0), priority))
-        needed = jnp.uint32(0)
-        for side in (WEST, EAST):
-            to_hall = [order[side * rows + i] for i in range(rows)]
-            down = [order[2 * rows + side * (rows - 1) + i] for i in range(rows - 1)]
-            needed = jnp.maximum(needed, _bottleneck(to_hall, down))
-        present = ((order <= needed) & ~shut) | locked
-        along = 1 + draw_index(bits[places:], self.room_size - 2)
-        # The same bits serve for the colour: their low ones are not used for the place.
-        painted = draw_index(bits[places:] << 12, _COLOURS)
-        side_of = np.where(hall, index // rows, (index - 2 * rows) // max(rows - 1, 1))
-        line = np.where(hall, index % rows, (index - 2 * rows) % max(rows - 1, 1))
-        column = jnp.where(hall, (1 + side_of) * step, 2 * step * side_of + along)
-        row = jnp.where(hall, line * step + along, (line + 1) * step)
-        doors = jnp.stack([column, row], axis=-1).astype(jnp.int32)
-        labels = jnp.where(
-            locked, door_label(0, locked=True) + colour, door_label(0, locked=False) + painted
-        )
-        return jnp.where(present[:, None], doors, 0), locked, labels
+    Args:
+        layout_key: of all but the start.
+        start_key: of the start.
+        size: tiles of a room's side, walls included.
+        rows: rows of rooms.
+    """
+    step, places = size - 1, 4 * rows - 2
+    sketch = Sketch(layout_key, 3 * step + 1, rows * step + 1, 5 + 2 * places)
+    locked_row, key_row = sketch.number(0, rows), sketch.number(0, rows)
+    colour = sketch.colour()
+    key_tile = _tile_of_room(sketch, step, 0, key_row)
+    goal_tile = _tile_of_room(sketch, step, 2, locked_row)
+    sketch.wall(sketch.lattice(step))
+    # The hall has no walls between its rooms.
+    sketch.clear(sketch.area(step + 1, 1, step - 1, rows * step - 1))
+    there, locked = _doors_there(sketch.bits(places), locked_row, rows)
+    bits = sketch.bits(places)
+    along = 1 + draw_index(bits, size - 2)
+    # The same bits serve for the colour: their low ones are not used for the place.
+    colours = jnp.where(locked, colour, draw_index(bits << 12, COLOURS))
+    for i, (column, row) in enumerate(_door_places(step, rows, along)):
+        column, row = (jnp.where(there[i], part, 0) for part in (column, row))
+        sketch.door(column, row, jnp.where(there[i], colours[i], 0), locked[i])
+    sketch.thing(KEY_KIND, colour, key_tile)
+    sketch.thing(BALL_KIND, 0, goal_tile)
+    door = jnp.sum(jnp.where(locked, along, 0), dtype=jnp.int32) + locked_row * step
+    return _start(sketch, start_key, step, rows, door), colour
 
-    def _build(self, doors: jax.Array, labels: jax.Array) -> Level:
-        """The level of a layout."""
-        columns, rows = self.map_size
-        step = self.room_size - 1
-        solid = np.zeros((rows, columns), bool)
-        solid[::step] = solid[:, ::step] = True
-        # The hall has no walls between its rooms.
-        solid[1:-1, step + 1 : 2 * step] = False
-        walls = jnp.asarray(np.where(solid, DEFAULT_WALL, 0).astype(np.int32))
-        row, column = np.indices((rows, columns), np.int32)
-        for i in range(self._door_count):
-            here = (column == doors[i, 0]) & (row == doors[i, 1]) & (doors[i, 0] > 0)
-            walls = jnp.where(here, labels[i], walls)
-        return level_from_walls(walls.astype(jnp.uint8), doors)
 
-    def _draw_start(
-        self, key: jax.Array, doors: jax.Array, locked: jax.Array
-    ) -> tuple[jax.Array, jax.Array]:
-        """A tile of the hall's middle room and one of four headings, not facing the locked door.
+def _tile_of_room(sketch: Sketch, step: int, column: int, row: jax.Array) -> jax.Array:
+    """int32[2]: a random tile of the room in a column and a row of rooms."""
+    width = step - 1
+    tile = sketch.number(0, width * width)
+    return jnp.stack([column * step + 1 + tile % width, row * step + 1 + tile // width])
 
-        The open walls between the hall's rooms belong to the room as well.
-        """
-        step, middle = self.room_size - 1, self.room_rows // 2
-        first = middle * step + (1 if middle == 0 else 0)
-        last = (middle + 1) * step - (1 if middle == self.room_rows - 1 else 0)
-        width, height = step - 1, last - first + 1
-        count = 4 * width * height
-        door = jnp.sum(jnp.where(locked[:, None], doors, 0), axis=0, dtype=jnp.int32)
-        # Choices run over headings, then columns, then rows; the bad one faces east.
-        bad = ((door[1] - first) * width + (width - 1)) * 4
-        exists = (door[1] >= first) & (door[1] <= last)
-        bits = jax.random.bits(key, (), jnp.uint32)
-        choice = draw_index(bits, count - exists.astype(jnp.int32))
-        choice = choice + (exists & (choice >= bad)).astype(jnp.int32)
-        tile = choice // 4
-        place = jnp.stack([step + 1 + tile % width, first + tile // width])
-        heading = (choice % 4).astype(jnp.float32) * jnp.float32(np.pi / 2)
-        return place.astype(jnp.float32) + 0.5, heading
 
-    def _inside(self, bits: jax.Array, column: jax.Array, row: jax.Array) -> jax.Array:
-        """float32[2]: the centre of a random tile in the room whose corner is given."""
-        width = self.room_size - 2
-        tile = draw_index(bits, width * width)
-        place = jnp.stack([column + 1 + tile % width, row + 1 + tile // width])
-        return place.astype(jnp.float32) + 0.5
+def _door_places(
+    step: int, rows: int, along: jax.Array
+) -> Iterator[tuple[int | jax.Array, int | jax.Array]]:
+    """(column, row) of each place for a door: on each side those to the hall, then between rows.
+
+    Args:
+        step: tiles from a wall of a room to the opposite one.
+        rows: rows of rooms.
+        along: int32[D], the tile of each along its wall.
+    """
+    index = iter(along)
+    for side in (WEST, EAST):
+        yield from (((1 + side) * step, row * step + next(index)) for row in range(rows))
+    for side in (WEST, EAST):
+        yield from ((2 * step * side + next(index), row * step) for row in range(1, rows))
+
+
+def _doors_there(bits: jax.Array, locked_row: jax.Array, rows: int) -> tuple[jax.Array, jax.Array]:
+    """bool[D], the places where doors are; bool[D], which of them is the locked one.
+
+    MiniGrid adds doors one by one, in random order, until all rooms are connected. That is:
+    each wall has a random priority, and doors are in all walls up to the least priority at
+    which they connect everything.
+
+    Args:
+        bits: uint32[D], random.
+        locked_row: int32[], the row of the locked room.
+        rows: rows of rooms.
+    """
+    index = np.arange(len(bits), dtype=np.int32)
+    # Ties are broken by the index, so that no two priorities are equal.
+    priority = (bits & ~jnp.uint32(15)) | index.astype(np.uint32)
+    locked = jnp.asarray(index) == rows + locked_row
+    between = np.arange(rows - 1, dtype=np.int32)
+    beside = (between == locked_row) | (between + 1 == locked_row)
+    shut = jnp.concatenate([jnp.zeros(3 * rows - 1, bool), beside])
+    order = jnp.where(locked, jnp.uint32(0), priority)
+    order = jnp.where(shut, jnp.uint32(0xFFFFFFFF), order)
+    needed = jnp.uint32(0)
+    for side in (WEST, EAST):
+        to_hall = [order[side * rows + i] for i in range(rows)]
+        down = [order[2 * rows + side * (rows - 1) + i] for i in range(rows - 1)]
+        needed = jnp.maximum(needed, _bottleneck(to_hall, down))
+    return ((order <= needed) & ~shut) | locked, locked
 
 
 def _bottleneck(to_hall: list[jax.Array], down: list[jax.Array]) -> jax.Array:
@@ -272,3 +267,23 @@ def _bottleneck(to_hall: list[jax.Array], down: list[jax.Array]) -> jax.Array:
     for i in reversed(range(len(best) - 1)):
         best[i] = jnp.minimum(best[i], jnp.maximum(best[i + 1], down[i]))
     return functools.reduce(jnp.maximum, best)
+
+
+def _start(sketch: Sketch, key: jax.Array, step: int, rows: int, door: jax.Array) -> Sketch:
+    """Begin in the hall's middle room in one of four headings, not facing the locked door.
+
+    The open walls between the hall's rooms belong to the room as well.
+
+    Args:
+        sketch: the layout.
+        key: of the start.
+        step: tiles from a wall of a room to the opposite one.
+        rows: rows of rooms.
+        door: int32[], the row of the locked door, which is in the hall's eastern wall.
+    """
+    room = sketch.area(step + 1, rows // 2 * step, step - 1, step + 1) & ~sketch.walls
+    spots = jnp.stack([room & ~sketch.tile(2 * step - 1, door), room, room, room], axis=-1)
+    choice = draw_index(jax.random.bits(key, (), jnp.uint32), jnp.sum(spots, dtype=jnp.int32))
+    place = place_of(spots, choice)
+    tile, heading = place // 4, place % 4
+    return sketch.start((tile % sketch.columns, tile // sketch.columns), heading)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..engine.level import Level, unpack_bits
 from ..maps.symbols import DEFAULT_WALL, DOOR_LABELS, WALL_LABELS, door_label
-from ..maps.tilemap import Door, TileMap, Tiles
+from ..maps.tilemap import Door, TileMap
 
 _COLOURS = len(DOOR_LABELS) // 2
 
@@ -36,7 +36,7 @@ def read_level(name: str, level: Level) -> TileMap:
             place = column - level.margin, row - level.margin
             doors.append(Door(*place, kind % _COLOURS, locked=kind >= _COLOURS))
     inside = slice(level.margin, rows - level.margin), slice(level.margin, columns - level.margin)
-    shown = [_tiles(face[inside]) for face in faces]
+    shown = [tuple(bytes(row) for row in face[inside]) for face in faces]
     return TileMap(
         name=name,
         tiles=shown[0],
@@ -62,7 +62,3 @@ def closed_doors(tilemap: TileMap, doors: Any, closed: Any) -> np.ndarray:
     closed = np.asarray(closed, bool)
     unknown = np.ones((*closed.shape[:-1], 1), bool)
     return np.concatenate([closed, unknown], axis=-1)[..., slots]
-
-
-def _tiles(labels: np.ndarray) -> Tiles:
-    return tuple(bytes(row) for row in labels)

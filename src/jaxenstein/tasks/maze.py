@@ -24,9 +24,9 @@ from ..maps.reach import open_tiles, walking_distances
 from ..maps.things import APPLE
 from ..maps.tilemap import Cell, TileMap
 from .draws import draw_index
-from .goals import NavigationParams
+from .goals import NavigationParams, add_sprites
 from .navigation import Navigation, NavigationState
-from .steering import centres, draw_heading
+from .steering import centres, sample_heading
 
 
 class MazeParams(NavigationParams):
@@ -92,11 +92,12 @@ class Maze(Navigation):
         return self.tilemap.goals if self.drawn_apples else self.tilemap.apples
 
     @functools.cached_property
-    def _looks(self) -> tuple[int, ...]:
-        return (*super()._looks, *((APPLE.label,) if self.apple_cells else ()))
+    def sprite_labels(self) -> tuple[int, ...]:
+        """Those of the goal and the keys, then that of apples if there are any."""
+        return (*super().sprite_labels, *((APPLE.label,) if self.apple_cells else ()))
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> MazeState:
-        """Draw the goal, the start, the heading and the apples."""
+        """Sample the goal, the start, the heading and the apples."""
         del params
         bits = jax.random.bits(key, (3 + self.drawn_apples,), jnp.uint32)
         goal = draw_index(bits[0], len(self.tilemap.goals))
@@ -107,13 +108,12 @@ class Maze(Navigation):
         else:
             apples = jnp.arange(len(self.apple_cells), dtype=jnp.int32)
         return MazeState(
-            position=self._draw_start(bits[1], goal),
-            heading=draw_heading(bits[2], self.heading),
+            position=self._sample_start(bits[1], goal),
+            heading=sample_heading(bits[2], self.heading),
             goal=goal,
-            opened=jnp.zeros(len(self.tilemap.doors), bool),
-            taken=jnp.zeros(len(self.tilemap.keys), bool),
             apples=apples,
             eaten=jnp.zeros(apples.shape, bool),
+            **self.all_left(),
         )
 
     def transition(
@@ -133,11 +133,10 @@ class Maze(Navigation):
             return state, reward, reached, events
         bits = jax.random.bits(key, (2,), jnp.uint32)
         anew = state.replace(
-            position=self._draw_start(bits[0], state.goal),
-            heading=draw_heading(bits[1], self.heading),
-            opened=jnp.zeros_like(state.opened),
-            taken=jnp.zeros_like(state.taken),
+            position=self._sample_start(bits[0], state.goal),
+            heading=sample_heading(bits[1], self.heading),
             eaten=jnp.zeros_like(state.eaten),
+            **self.all_left(),
         )
         state = jax.tree.map(lambda a, b: jnp.where(reached, a, b), anew, state)
         return state, reward, jnp.zeros_like(reached), events | {"respawned": reached}
@@ -176,16 +175,10 @@ class Maze(Navigation):
         scene = super().scene(state, params)
         if not self.apple_cells:
             return scene
-        old = scene.sprites
-        look = jnp.full(state.apples.shape, self._looks.index(APPLE.label), jnp.int32)
-        sprites = old.replace(
-            position=jnp.concatenate([old.position, centres(self.apple_cells)[state.apples]]),
-            look=jnp.concatenate([old.look, look]),
-            visible=jnp.concatenate([old.visible, ~state.eaten]),
-        )
-        return scene.replace(sprites=sprites)
+        look = jnp.full(state.apples.shape, self.sprite_labels.index(APPLE.label), jnp.int32)
+        return add_sprites(scene, centres(self.apple_cells)[state.apples], look, ~state.eaten)
 
-    def _draw_start(self, bits: jax.Array, goal: jax.Array) -> jax.Array:
+    def _sample_start(self, bits: jax.Array, goal: jax.Array) -> jax.Array:
         """float32[2]: the centre of a start far enough from the goal, each equally likely."""
         starts, counts = far_starts(self.tilemap, self.start_distance)
         index = draw_index(bits, jnp.asarray(counts)[goal])

@@ -23,13 +23,13 @@ from ..environment import Info, Scalar, State
 from ..fields import check_whole, number
 from ..maps.symbols import LABEL_NAMES
 from ..maps.things import BALL, DETAIL_SHADE, RGB
-from ..players.walking import SHORTEST_PATH, flood, gait, remaining
+from ..players.walking import SHORTEST_PATH, flood, movement_of, remaining
 from ..spaces import Box
 from .appearance import build_theme
 from .draws import draw_index, draw_unit
-from .generated import GeneratedTask
+from .first_person import GeneratedTask
 from .hud import frame
-from .random_maze import MazePlan, draw_in_rooms, draw_maze
+from .random_maze import MazePlan, sample_in_rooms, sample_maze
 from .steering import SteeringParams, go
 
 # The colours of the things, and what the frame has of their brightness. The original's sixth is a
@@ -92,7 +92,7 @@ class MemoryMazeState(State):
 
 def fetch(env: MemoryMaze, params: MemoryMazeParams) -> Choose:
     """Walk the shortest path, and walk on while turning wherever that gains something."""
-    plain, body = SHORTEST_PATH(env, params), gait(env, params)
+    plain, body = SHORTEST_PATH(env, params), movement_of(env, params)
 
     def choose(key: jax.Array, state: MemoryMazeState) -> jax.Array:
         action = plain(key, state)
@@ -118,7 +118,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
     another one is. Only time ends the episode.
 
     Attributes:
-        plan: what mazes are drawn.
+        plan: what mazes are sampled.
         things: how many there are, 2 to 6, at most one for each room.
         defaults: the params that `params=None` stands for.
     """
@@ -169,14 +169,14 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         )
 
     def init_state(self, key: jax.Array, params: MemoryMazeParams) -> MemoryMazeState:
-        """Draw a maze with its things, then a start and what is asked for first."""
+        """Sample a maze with its things, then a start and what is asked for first."""
         del params
         level_key, start_key = jax.random.split(key)
         maze_key, things_key = jax.random.split(self.level_key(level_key))
-        maze = draw_maze(maze_key, self.plan)
+        maze = sample_maze(maze_key, self.plan)
         size, most = self.plan.size, self.plan.rooms
         bits = jax.random.bits(things_key, (size**2 + most + 9,), jnp.uint32)
-        cells = draw_in_rooms(bits[: size**2], maze, most, 2)
+        cells = sample_in_rooms(bits[: size**2], maze, most, 2)
         own = bits[size**2 : size**2 + most]
         # Rooms in random order, those that the maze lacks behind the others.
         there = np.arange(most, dtype=np.int32) < maze.rooms

@@ -1,10 +1,10 @@
-"""Finding a goal in a fixed map: walls, keys, doors."""
+"""Finding a goal on a fixed map, with or without keys and doors."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -13,37 +13,63 @@ import numpy as np
 from ..about import About
 from ..engine.level import Level, compile_level
 from ..engine.scene import Theme
-from ..environment import State
+from ..environment import Params, State
 from ..maps.ascii import load_layout
 from ..maps.things import GOAL, KEY, RGB
 from ..maps.tilemap import Cell, TileMap
 from ..players.walking import distance_tables
 from .appearance import CEILING, FLOOR, build_theme, check_rgb
 from .draws import draw_index
-from .goals import GoalTask, NavigationParams
-from .steering import centres, draw_heading, heading_range
+from .first_person import FirstPerson
+from .goals import GoalTask, KeysAndDoorsTask, NavigationParams
+from .steering import centres, heading_range, sample_heading
+
+S = TypeVar("S", bound=Any)
+P = TypeVar("P", bound=Params)
 
 
-class NavigationState(State):
-    """State of a navigation task; D doors and K keys on the map.
+class FixedMap(FirstPerson[S, P]):
+    """Base of tasks whose map is always the same; other bases of a task follow this one."""
+
+    tilemap: TileMap
+
+    @functools.cached_property
+    def level(self) -> Level:
+        """The map compiled for the renderer: constants of every program."""
+        return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
+
+    @functools.cached_property
+    def map_size(self) -> tuple[int, int]:
+        """(columns, rows) of the map in tiles."""
+        return self.tilemap.columns, self.tilemap.rows
+
+    def tilemap_of(self, state: S) -> TileMap:
+        """The map."""
+        del state
+        return self.tilemap
+
+    def level_of(self, state: S) -> Level:
+        """The map's level."""
+        del state
+        return self.level
+
+
+class MapGoalState(State):
+    """State of a task with a goal on a fixed map.
 
     Attributes:
         goal: int32[], index into the map's goals.
-        opened: bool[D], which doors are open.
-        taken: bool[K], which keys have been picked up.
     """
 
     goal: jax.Array
-    opened: jax.Array
-    taken: jax.Array
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Navigation(GoalTask[NavigationState]):
-    """Reach the goal of a map; actions and reward are those of `GoalTask`.
+class MapGoalTask(FixedMap[S, NavigationParams], GoalTask[S]):
+    """Base of tasks with a goal on a fixed map.
 
     Attributes:
-        tilemap: the map. At each reset one of its spawns and one of its goals is drawn.
+        tilemap: the map. At each reset one of its spawns and one of its goals is sampled.
         heading: degrees of the first heading: None for any, a number, or (lowest, highest).
         floor: RGB of the two tiles of the floor's checker.
         ceiling: RGB of the ceiling.
@@ -62,33 +88,26 @@ class Navigation(GoalTask[NavigationState]):
         check_rgb("ceiling", self.ceiling, (3,))
 
     @functools.cached_property
-    def level(self) -> Level:
-        """The map compiled for the renderer: constants of every program."""
-        return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
-
-    @functools.cached_property
     def theme(self) -> Theme:
         """How the map looks."""
         doors = bool(self.tilemap.doors)
-        return build_theme(self._looks, doors=doors, floor=self.floor, ceiling=self.ceiling)
+        labels = self.sprite_labels
+        return build_theme(labels, doors=doors, floor=self.floor, ceiling=self.ceiling)
 
     @functools.cached_property
-    def _looks(self) -> tuple[int, ...]:
-        """Labels of the sprites' looks: the goal's, then one for each key colour of the map."""
-        return GOAL.label, *sorted({KEY.labels[key.colour] for key in self.tilemap.keys})
+    def sprite_labels(self) -> tuple[int, ...]:
+        """Labels of the sprites' looks, the goal's first."""
+        return (GOAL.label,)
 
-    def init_state(self, key: jax.Array, params: NavigationParams) -> NavigationState:
-        """Draw start, heading and goal, each uniformly."""
-        del params
+    def sample_start(self, key: jax.Array) -> dict[str, jax.Array]:
+        """Fields of the state: start, heading and goal, each uniform."""
         bits = jax.random.bits(key, (3,), jnp.uint32)
         spawn = draw_index(bits[0], len(self.tilemap.spawns))
-        return NavigationState(
-            position=centres(self.tilemap.spawns)[spawn],
-            heading=draw_heading(bits[1], self.heading),
-            goal=draw_index(bits[2], len(self.tilemap.goals)),
-            opened=jnp.zeros(len(self.tilemap.doors), bool),
-            taken=jnp.zeros(len(self.tilemap.keys), bool),
-        )
+        return {
+            "position": centres(self.tilemap.spawns)[spawn],
+            "heading": sample_heading(bits[1], self.heading),
+            "goal": draw_index(bits[2], len(self.tilemap.goals)),
+        }
 
     def about(self) -> About:
         """What the task says of itself."""
@@ -96,30 +115,47 @@ class Navigation(GoalTask[NavigationState]):
         one = {"the goal is one of the map's": lambda s: (s.goal >= 0) & (s.goal < goals)}
         return dataclasses.replace(super().about(), holds=one)
 
-    @functools.cached_property
-    def map_size(self) -> tuple[int, int]:
-        """(columns, rows) of the map in tiles."""
-        return self.tilemap.columns, self.tilemap.rows
-
-    def tilemap_of(self, state: NavigationState) -> TileMap:
-        """The map."""
-        del state
-        return self.tilemap
-
-    def level_of(self, state: NavigationState) -> Level:
-        """The map's level."""
-        del state
-        return self.level
-
-    def goal_of(self, state: NavigationState) -> jax.Array:
+    def goal_of(self, state: S) -> jax.Array:
         """float32[2]: the place of the goal in tiles."""
         return centres(self.tilemap.goals)[state.goal]
+
+
+class NavigationState(MapGoalState):
+    """State of a navigation task; D doors and K keys on the map.
+
+    Attributes:
+        opened: bool[D], which doors are open.
+        taken: bool[K], which keys have been picked up.
+    """
+
+    opened: jax.Array
+    taken: jax.Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Navigation(KeysAndDoorsTask[NavigationState], MapGoalTask[NavigationState]):
+    """Reach the goal of a map; actions and reward are those of `KeysAndDoorsTask`."""
+
+    @functools.cached_property
+    def sprite_labels(self) -> tuple[int, ...]:
+        """Labels of the sprites' looks: the goal's, then one for each key colour of the map."""
+        return GOAL.label, *sorted({KEY.labels[key.colour] for key in self.tilemap.keys})
+
+    def init_state(self, key: jax.Array, params: NavigationParams) -> NavigationState:
+        """Sample start, heading and goal, each uniformly."""
+        del params
+        return NavigationState(**self.sample_start(key), **self.all_left())
+
+    def all_left(self) -> dict[str, jax.Array]:
+        """Fields of the state: all doors closed, no key taken."""
+        doors, keys = len(self.tilemap.doors), len(self.tilemap.keys)
+        return {"opened": jnp.zeros(doors, bool), "taken": jnp.zeros(keys, bool)}
 
     def keys_of(self, state: NavigationState) -> tuple[jax.Array, jax.Array, jax.Array]:
         """The map's keys: places, sprite looks, colour indices."""
         del state
         keys = self.tilemap.keys
-        looks = [self._looks.index(KEY.labels[key.colour]) for key in keys]
+        looks = [self.sprite_labels.index(KEY.labels[key.colour]) for key in keys]
         colours = [key.colour for key in keys]
         places = centres([(key.column, key.row) for key in keys])
         return places, jnp.array(looks, jnp.int32), jnp.array(colours, jnp.int32)

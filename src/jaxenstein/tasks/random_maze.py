@@ -22,7 +22,7 @@ from ..errors import SettingError
 from ..fields import check_whole
 from ..pytree import PyTreeNode
 from .draws import draw_index
-from .straighten import shift, straighten
+from .maze_ways import shift, straighten
 
 # How often rooms are drawn anew where they are too few; of 9x9 mazes, one in fifty has too few.
 TRIES = 16
@@ -48,7 +48,7 @@ class RandomMaze(PyTreeNode):
 
 @dataclasses.dataclass(frozen=True)
 class MazePlan:
-    """What mazes are drawn.
+    """What mazes are sampled.
 
     Attributes:
         size: rows and columns, the border included: an odd number from 7 to 63.
@@ -82,16 +82,16 @@ class MazePlan:
         return self.size // 2
 
 
-def draw_maze(key: jax.Array, plan: MazePlan) -> RandomMaze:
-    """Draw a maze.
+def sample_maze(key: jax.Array, plan: MazePlan) -> RandomMaze:
+    """Sample a maze.
 
     Args:
         key: the random key.
-        plan: what mazes are drawn.
+        plan: what mazes are sampled.
     """
     points, tries = plan.lattice**2, plan.rooms * TRIES
     bits = jax.random.bits(key, (tries + 3 * points,), jnp.uint32)
-    room, rooms = _draw_rooms(bits[:tries].reshape(TRIES, -1), plan)
+    room, rooms = _sample_rooms(bits[:tries].reshape(TRIES, -1), plan)
     region, links = carve(bits[tries : tries + points], room)
     doors = _connect(bits[tries + points :], region)
     links, left = _wall_up(room, links, doors)
@@ -112,7 +112,7 @@ def draw_maze(key: jax.Array, plan: MazePlan) -> RandomMaze:
     )
 
 
-def draw_in_rooms(bits: jax.Array, maze: RandomMaze, rooms: int, count: int) -> jax.Array:
+def sample_in_rooms(bits: jax.Array, maze: RandomMaze, rooms: int, count: int) -> jax.Array:
     """int32[rooms, count, 2]: (column, row) of different random cells of each room.
 
     Args:
@@ -170,7 +170,7 @@ def _rectangles(plan: MazePlan) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(masks), np.array([int(weight * scale) for weight in weights], np.int32)
 
 
-def _draw_rooms(bits: jax.Array, plan: MazePlan) -> tuple[jax.Array, jax.Array]:
+def _sample_rooms(bits: jax.Array, plan: MazePlan) -> tuple[jax.Array, jax.Array]:
     """int32[K, K], the number of each point's room or 0; int32[], how many rooms there are.
 
     Rectangles are drawn among those that are apart from all before them, which is what drawing
@@ -178,7 +178,7 @@ def _draw_rooms(bits: jax.Array, plan: MazePlan) -> tuple[jax.Array, jax.Array]:
 
     Args:
         bits: uint32[TRIES, rooms], random.
-        plan: what mazes are drawn.
+        plan: what mazes are sampled.
     """
     masks, weights = _rectangles(plan)
 

@@ -82,7 +82,7 @@ def centres(cells: Any) -> jax.Array:
     return jnp.asarray(np.array(cells, np.float32).reshape(-1, 2) + np.float32(0.5))
 
 
-def draw_heading(bits: jax.Array, heading: Any) -> jax.Array:
+def sample_heading(bits: jax.Array, heading: Any) -> jax.Array:
     """float32[] radians, uniform over what a heading setting allows, from uint32 bits."""
     low, high = heading_range(heading)
     return turn(jnp.float32(low), jnp.float32(high - low) * draw_unit(bits))

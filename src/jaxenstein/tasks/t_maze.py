@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import cast
+from typing import ClassVar, cast
 
 import jax
 import jax.numpy as jnp
@@ -15,10 +15,9 @@ from ..environment import Info, Scalar
 from ..maps.ascii import load_layout
 from ..maps.things import KEY
 from ..params import number
-from ..spaces import Box
-from .first_person import FirstPerson
+from ..players.walking import distance_tables
 from .goals import NavigationParams
-from .navigation import Navigation, NavigationState
+from .navigation import MapGoalState, MapGoalTask
 from .steering import ACTION_NAMES, centres
 
 # Tiles ahead of the start where the cue stands.
@@ -42,7 +41,7 @@ DEFAULTS = TMazeParams()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class TMaze(Navigation):
+class TMaze(MapGoalTask[MapGoalState]):
     """Walk to the end of the arm that a key told of: a red one the western, a blue one the eastern.
 
     The key stands before the agent for the first steps of an episode and then is gone; the ends
@@ -53,25 +52,28 @@ class TMaze(Navigation):
     defaults: TMazeParams = DEFAULTS
     heading: float | tuple[float, float] | None = 270.0
 
-    # pyright takes a tuple of another length for another type.
-    action_names = ACTION_NAMES[:3]  # pyright: ignore[reportIncompatibleVariableOverride]
+    action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES[:3]
 
     @functools.cached_property
-    def _looks(self) -> tuple[int, ...]:
+    def sprite_labels(self) -> tuple[int, ...]:
         """Labels of the cues of the western and the eastern arm: a red and a blue key."""
         return KEY.labels[0], KEY.labels[2]
 
+    def init_state(self, key: jax.Array, params: NavigationParams) -> MapGoalState:
+        """Sample the arm that pays, which is the goal."""
+        del params
+        return MapGoalState(**self.sample_start(key))
+
     def transition(
-        self, key: jax.Array, state: NavigationState, action: jax.Array, params: NavigationParams
-    ) -> tuple[NavigationState, jax.Array, jax.Array, Info]:
-        """Move, and look whether one of the ends is reached."""
+        self, key: jax.Array, state: MapGoalState, action: jax.Array, params: NavigationParams
+    ) -> tuple[MapGoalState, jax.Array, jax.Array, Info]:
+        """Move, and check whether one of the ends is reached."""
         state, reward, reached, events = super().transition(key, state, action, params)
         offset = centres(self.tilemap.goals) - state.position[None]
         ends = jnp.sqrt(jnp.sum(offset**2, axis=-1)) <= params.goal_radius
         wrong = jnp.any(ends) & ~reached
         reward = reward + jnp.where(wrong, cast(TMazeParams, params).wrong_reward, 0)
-        events = {"reached_goal": events["reached_goal"], "reached_wrong_end": wrong}
-        return state, reward, reached | wrong, events
+        return state, reward, reached | wrong, events | {"reached_wrong_end": wrong}
 
     def about(self) -> About:
         """What the task says of itself."""
@@ -91,28 +93,16 @@ class TMaze(Navigation):
             variables={"distance_to_goal": "tiles to the right end, in a straight line"},
         )
 
-    def scene(self, state: NavigationState, params: NavigationParams) -> Scene:
+    def scene(self, state: MapGoalState, params: NavigationParams) -> Scene:
         """The maze, and the cue while it is in sight."""
         column, row = self.tilemap.spawns[0]
         cue = centres([(column, row - CUE_AHEAD)])
-        return Scene(
-            level=self.level,
-            closed=jnp.zeros(0, bool),
-            position=state.position,
-            heading=state.heading,
-            sprites=Sprites(
-                cue, state.goal[None], (state.time < cast(TMazeParams, params).cue_steps)[None]
-            ),
-            theme=self.theme,
-        )
+        shown = (state.time < cast(TMazeParams, params).cue_steps)[None]
+        return super().scene(state, params).replace(sprites=Sprites(cue, state.goal[None], shown))
 
-    def variables(self, state: NavigationState) -> dict[str, jax.Array]:
-        """None: there are no keys to carry."""
-        return FirstPerson.variables(self, state)
-
-    def variable_spaces(self) -> dict[str, Box]:
-        """None."""
-        return FirstPerson.variable_spaces(self)
+    def distance_field(self, state: MapGoalState) -> jax.Array:
+        """int32[rows, columns]: tiles on foot to the right end."""
+        return jnp.asarray(distance_tables(self.tilemap))[0, state.goal].astype(jnp.int32)
 
 
 def t_maze() -> functools.partial[TMaze]:

@@ -20,11 +20,12 @@ from .recording import (
     ANIMATIONS,
     BACKGROUND,
     TEXT,
-    contact_sheet,
     encode_gif,
     enlarge,
     evenly,
+    mosaic,
     save_animation,
+    save_png,
     scale_to,
 )
 from .topdown import JUMP, MapPicture, draw_map
@@ -121,7 +122,7 @@ class Episode:
         elif suffix == ".png":
             save_sheet(self, path)
         elif suffix in ANIMATIONS:
-            save_animation(compose(self, every=every), path, fps)
+            save_animation(Pictures(self, every=every), path, fps)
         else:
             raise SettingError(f"{path} should end in {', '.join(ANIMATIONS)}, .png or .json")
 
@@ -133,7 +134,7 @@ class Episode:
         """The animation with its summary, what notebooks ask for; of long episodes a part."""
         every = -(-self.steps // (NOTEBOOK_FRAMES - 1)) or 1
         scale = scale_to(self.frames.shape[1:3], NOTEBOOK_VIEW)
-        pictures = compose(self, scale=scale, map_size=NOTEBOOK_MAP, every=every)
+        pictures = Pictures(self, scale=scale, map_size=NOTEBOOK_MAP, every=every)
         data = base64.b64encode(encode_gif(pictures)).decode()
         text = html.escape(self.summary() + (f" (every {every} steps shown)" if every > 1 else ""))
         return (
@@ -151,7 +152,8 @@ def save_sheet(episode: Episode, path: str | Path) -> None:
     """
     times = evenly(len(episode.frames), SHEET_VIEWS)
     scale = scale_to(episode.frames.shape[1:3], SHEET_HEIGHT)
-    contact_sheet(episode.frames[times], min(SHEET_COLUMNS, len(times)), path, scale=scale)
+    columns = min(SHEET_COLUMNS, len(times))
+    save_png(mosaic(episode.frames[times], columns, scale=scale), path)
 
 
 class Pictures(Sequence[np.ndarray]):
@@ -164,15 +166,28 @@ class Pictures(Sequence[np.ndarray]):
         self,
         episode: Episode,
         *,
-        with_map: bool,
-        scale: int,
-        every: int,
-        map_size: int,
-        notify: Callable[[int], object] | None,
+        with_map: bool = True,
+        scale: int | None = None,
+        every: int = 1,
+        map_size: int = MAP_SIZE,
+        notify: Callable[[int], object] | None = None,
     ) -> None:
-        """Take the arguments of `compose`."""
+        """Prepare them.
+
+        Args:
+            episode: the episode; without a tile map there is no map picture.
+            with_map: whether to show the map.
+            scale: factor by which the view is enlarged, None for a good size.
+            every: show every so many steps; the first and the last frame always.
+            map_size: pixels that the longer side of the map comes close to.
+            notify: called with the number of pictures drawn so far while they are gone through.
+
+        Raises:
+            SettingError: `every` is below 1.
+        """
+        check_whole("every", every)
         self._episode = episode
-        self._scale = scale
+        self._scale = scale or scale_to(episode.frames.shape[1:3], VIEW_HEIGHT)
         self._notify = notify
         self._times = [*range(0, episode.steps, every), episode.steps]
         tilemap = episode.tilemap if with_map else None
@@ -207,36 +222,6 @@ class Pictures(Sequence[np.ndarray]):
             shot = overview(ground, episode, time).image()
         text = caption(episode, time)
         return compose_side_by_side(episode.frames[time], shot, text, scale=self._scale)
-
-
-def compose(
-    episode: Episode,
-    *,
-    with_map: bool = True,
-    scale: int | None = None,
-    every: int = 1,
-    map_size: int = MAP_SIZE,
-    notify: Callable[[int], object] | None = None,
-) -> Pictures:
-    """The pictures of an episode: uint8[h, w, 3], one a frame.
-
-    Args:
-        episode: the episode; without a tile map there is no map picture.
-        with_map: whether to show the map.
-        scale: factor by which the view is enlarged, None for a good size.
-        every: show every so many steps; the first and the last frame always.
-        map_size: pixels that the longer side of the map comes close to.
-        notify: called with the number of pictures drawn so far while they are gone through.
-    """
-    check_whole("every", every)
-    return Pictures(
-        episode,
-        with_map=with_map,
-        scale=scale or scale_to(episode.frames.shape[1:3], VIEW_HEIGHT),
-        every=every,
-        map_size=map_size,
-        notify=notify,
-    )
 
 
 def overview(ground: MapPicture, episode: Episode, step: int) -> MapPicture:

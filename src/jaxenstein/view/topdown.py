@@ -35,11 +35,6 @@ VIEW_RANGE, VIEW_RAYS, VIEW_STEP = 6.0, 48, 0.04
 MOST_MARKS = 24
 
 
-def fitting_scale(tilemap: TileMap, size: int) -> int:
-    """Pixels a tile, at least 1, for a picture whose longer side is close to `size` pixels."""
-    return max(1, size // max(tilemap.rows, tilemap.columns))
-
-
 class MapPicture:
     """A picture of a map under construction: draw on it, then take `image()`.
 
@@ -272,6 +267,6 @@ def draw_map(tilemap: TileMap, *, scale: int | None = None, size: int = 480) -> 
         size: length in pixels that the longer side of the picture should come close to without
             exceeding it, unless there are more tiles than that.
     """
-    scale = fitting_scale(tilemap, size) if scale is None else scale
+    scale = scale or max(1, size // max(tilemap.rows, tilemap.columns))
     canvas = draw_ground(tilemap, scale * OVERSAMPLING)
     return MapPicture(tilemap, canvas, scale).marks()

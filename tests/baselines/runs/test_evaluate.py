@@ -24,7 +24,7 @@ from jaxenstein.baselines.runs.trained import Result, load_trained
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
-from jaxenstein.interactive.watching import AgentGame
+from jaxenstein.interactive.game import AgentGame
 
 
 def test_greedy_policy_is_what_the_network_says_of_the_whole_sequence(folder: RunFolder) -> None:

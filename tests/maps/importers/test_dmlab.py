@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from jaxenstein.errors import MapError, MapWarning
 from jaxenstein.maps import parse_ascii
 from jaxenstein.maps.importers.dmlab import build_tilemap, read_maze, wall_label
-from jaxenstein.maps.symbols import SYMBOLS, decal_label
+from jaxenstein.maps.symbols import DECAL_LABELS, SYMBOLS
 from jaxenstein.maps.tilemap import FACES, MAX_SIZE, TileMap
 from tests.reference import labmaps
 
@@ -122,20 +122,20 @@ def test_a_decal_is_on_one_face_only(
     picture = "1111111\n1S.a.a1\n1.111.1\n1.1.1.1\n1.111.1\n1.....1\n1111111"
     tilemap = convert(labmaps.write_map(picture, decals={side: "cat"}))
     shown = faces_of(tilemap, *tile)
-    assert shown.pop(face) == decal_label(1)
+    assert shown.pop(face) == DECAL_LABELS[0]
     assert set(shown.values()) == {RED}
-    assert tilemap.tiles[tile[1]][tile[0]] == decal_label(1)
-    assert (tilemap.walls == decal_label(1)).sum() == 1
+    assert tilemap.tiles[tile[1]][tile[0]] == DECAL_LABELS[0]
+    assert (tilemap.walls == DECAL_LABELS[0]).sum() == 1
 
 
 def test_decals_are_numbered_in_the_files_order() -> None:
     decals = {(0, 0, "east"): "cat", (0, 0, "north"): "dog", (1, 0, "west"): "cow"}
     tilemap = convert(labmaps.write_map("33333\n3S3G3\n33333", decals={**decals}))
-    assert faces_of(tilemap, 2, 1)["west"] == decal_label(1)
-    assert faces_of(tilemap, 1, 0)["south"] == decal_label(2)
-    assert faces_of(tilemap, 2, 1)["east"] == decal_label(3)
+    assert faces_of(tilemap, 2, 1)["west"] == DECAL_LABELS[0]
+    assert faces_of(tilemap, 1, 0)["south"] == DECAL_LABELS[1]
+    assert faces_of(tilemap, 2, 1)["east"] == DECAL_LABELS[2]
     twice = convert(labmaps.write_map("33333\n3S3G3\n33333", decals=dict.fromkeys(decals, "cat")))
-    assert (twice.walls == decal_label(1)).sum() == 3
+    assert (twice.walls == DECAL_LABELS[0]).sum() == 3
 
 
 def test_more_decals_than_labels() -> None:

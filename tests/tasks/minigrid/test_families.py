@@ -11,9 +11,8 @@ import pytest
 import jaxenstein
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.errors import SettingError
-from jaxenstein.players import player_of
-from jaxenstein.players.playing import play
-from jaxenstein.tasks.minigrid.errands import GoToDoor, Memory
+from jaxenstein.players import play, player_of
+from jaxenstein.tasks.minigrid.instructions import GoToDoor, Memory
 from tests.tasks.minigrid.drawn import drawn
 from tests.tasks.minigrid.search import (
     BALL,

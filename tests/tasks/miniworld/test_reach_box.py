@@ -195,18 +195,6 @@ def test_numbers_of_the_variants() -> None:
     assert int(task("one-room-s6-fast")[1].max_steps_in_episode) == 50
 
 
-def test_levels_are_of_a_range_of_seeds() -> None:
-    env, params = jaxenstein.make("miniworld-maze-s3", height=8, width=8, levels=range(5, 7))
-    keys = jax.random.split(jax.random.key(0), 64)
-    states = jax.jit(jax.vmap(lambda key: env.init_state(key, params)))(keys)
-    levels = {
-        (wall.tobytes(), goal.tobytes())
-        for wall, goal in zip(np.asarray(states.level.walls), np.asarray(states.goal), strict=True)
-    }
-    assert len(levels) == 2
-    assert len({place.tobytes() for place in np.asarray(states.position)}) > 32
-
-
 @pytest.mark.parametrize("name", ["sidewalk", "maze-s3-fast"])
 def test_the_shortest_path_reaches_the_box(name) -> None:
     check_player(name)

@@ -56,7 +56,7 @@ class MultiRoom(GridWorld):
     room_size: int = number(10, LEAST, 10)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw chains until one has all its rooms; then doors, start and goal.
+        """Sample chains until one has all its rooms; then doors, start and goal.
 
         Where none has after 2**14 rooms, which is all but impossible, what there is of the last
         one is taken: a goal that can be reached by fewer doors.

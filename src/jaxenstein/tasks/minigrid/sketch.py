@@ -1,7 +1,7 @@
 """Laying out a world inside of a compiled reset: walls, doors, things and the start.
 
-Places are drawn among the tiles that are free, so that no draw is ever rejected. Choosing until a
-free tile comes up, as MiniGrid does, has the same distribution.
+Places are sampled among the tiles that are free, so that no sample is ever rejected. Trying until
+a free tile comes up, as MiniGrid does, has the same distribution.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ from ...engine.level import level_from_walls
 from ...maps.symbols import DEFAULT_WALL, door_label
 from ...maps.things import COLOUR_NAMES
 from ..draws import draw_index
-from .state import BOXED, GONE, LYING, Doors, GridState, Things, mask_of
+from .state import BOXED, GONE, LYING, Doors, GridState, Things, mask_of, place_of
 
 COLOURS = len(COLOUR_NAMES)
 Number = int | jax.Array
 Tile = tuple[Number, Number] | jax.Array
 # Right, down, left, up: (column, row) of a step in each of the four headings.
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+RIGHT, DOWN, LEFT, UP = range(4)
+ROOM_SIZE = 6
+"""Tiles of a room's side, walls included, unless a world says otherwise."""
 
 
 class Sketch:
@@ -40,10 +43,10 @@ class Sketch:
         """Put up the outer walls.
 
         Args:
-            key: of all that is drawn.
+            key: of all that is sampled.
             columns: of the world, walls included.
             rows: likewise.
-            draws: the most numbers that are drawn.
+            draws: the most numbers that are sampled.
         """
         self.columns, self.rows = columns, rows
         self._column, self._row = np.indices((columns, rows), np.int32).transpose(0, 2, 1)
@@ -78,9 +81,7 @@ class Sketch:
 
     def tile_in(self, mask: jax.Array) -> jax.Array:
         """int32[2], a random tile (column, row) of a mask that has one."""
-        rank = jnp.cumsum(mask.reshape(-1).astype(jnp.int32))
-        chosen = self.number(0, rank[-1])
-        place = jnp.sum(rank <= chosen, dtype=jnp.int32)
+        place = place_of(mask, self.number(0, jnp.sum(mask, dtype=jnp.int32)))
         return jnp.stack([place % self.columns, place // self.columns])
 
     # Parts of the map.
@@ -89,6 +90,10 @@ class Sketch:
         """bool[rows, columns], a rectangle of tiles."""
         across = (self._column >= left) & (self._column < left + columns)
         return jnp.asarray(across & (self._row >= top) & (self._row < top + rows))
+
+    def lattice(self, step: int) -> jax.Array:
+        """bool[rows, columns], every so many columns and rows: the walls of rooms in a grid."""
+        return jnp.asarray((self._column % step == 0) | (self._row % step == 0))
 
     def tile(self, column: Number, row: Number) -> jax.Array:
         """bool[rows, columns], one tile."""
@@ -120,7 +125,7 @@ class Sketch:
     def door(
         self, column: Number, row: Number, colour: Number, locked: bool | jax.Array = False
     ) -> int:
-        """Put a door into a wall; returns its number."""
+        """Put a door into a wall, or at (0, 0) one that is absent; returns its number."""
         tile = _tile((column, row))
         here = mask_of(tile[None], jnp.ones(1, bool), self.walls.shape)
         self.walls, self.taken = self.walls & ~here, self.taken | here
@@ -175,8 +180,7 @@ class Sketch:
         if facing_free:
             ahead = [jnp.roll(self.taken, (-dy, -dx), (0, 1)) for dx, dy in STEPS]
             spots = spots & ~jnp.stack(ahead)
-        rank = jnp.cumsum(spots.reshape(-1).astype(jnp.int32))
-        place = jnp.sum(rank <= self.number(0, rank[-1]), dtype=jnp.int32)
+        place = place_of(spots, self.number(0, jnp.sum(spots, dtype=jnp.int32)))
         heading, spot = place // self.walls.size, place % self.walls.size
         tile = jnp.stack([spot % self.columns, spot // self.columns])
         return self.start(tile, heading)
@@ -192,13 +196,15 @@ class Sketch:
         """
         assert self._start is not None, "nobody said where the agent starts"
         tile, heading = self._start
-        spots, colours, locks = _columns(self._doors, 3)
-        spots = _stack(spots).reshape(-1, 2)
-        colour, locked = _stack(colours), _stack(locks).astype(bool)
+        spots = _stack([tile for tile, _, _ in self._doors]).reshape(-1, 2)
+        colour = _stack([colour for _, colour, _ in self._doors])
+        locked = _stack([locked for _, _, locked in self._doors]).astype(bool)
         walls = jnp.where(self.walls, DEFAULT_WALL, 0)
         first = jnp.where(locked, door_label(0, locked=True), door_label(0, locked=False))
         if self._doors:
             walls = walls.at[spots[:, 1], spots[:, 0]].set(first + colour)
+            # Where doors stand that the layout does not have.
+            walls = walls.at[0, 0].set(DEFAULT_WALL)
         nothing = jnp.zeros(0, jnp.int32)
         none = Things(nothing, nothing, jnp.zeros((0, 2), jnp.int32), nothing, nothing)
         things = jax.tree.map(lambda *parts: jnp.concatenate(parts), none, *self._things)
@@ -212,6 +218,67 @@ class Sketch:
         )
 
 
+class RoomSketch(Sketch):
+    """A grid of rooms that is being laid out; rooms are named by (column, row) of the grid.
+
+    Each inner wall has one place for a door, drawn uniformly along it.
+    """
+
+    def __init__(self, key: jax.Array, across: int, down: int, size: int = ROOM_SIZE) -> None:
+        """Put up all walls, and draw the places of doors.
+
+        Args:
+            key: of all that is sampled.
+            across: rooms from west to east.
+            down: rooms from north to south.
+            size: tiles of a room's side, walls included.
+        """
+        step = size - 1
+        super().__init__(key, across * step + 1, down * step + 1)
+        self._step = step
+        self.wall(self.lattice(step))
+        # MiniGrid keeps things away from this tile, wherever the agent starts.
+        middle = (across // 2) * step + size // 2, (down // 2) * step + size // 2
+        near = abs(self._column - middle[0]) + abs(self._row - middle[1]) < 2
+        self._kept_free = jnp.asarray(near)
+        self._places: dict[tuple[int, int, int], tuple[Number, Number]] = {}
+        for row in range(down):
+            for column in range(across):
+                self._draw_places(column, row, column < across - 1, row < down - 1)
+
+    def _draw_places(self, column: int, row: int, east: bool, south: bool) -> None:
+        left, top, step = column * self._step, row * self._step, self._step
+        if east:
+            place = left + step, self.number(top + 1, top + step)
+            self._places[column, row, RIGHT] = self._places[column + 1, row, LEFT] = place
+        if south:
+            place = self.number(left + 1, left + step), top + step
+            self._places[column, row, DOWN] = self._places[column, row + 1, UP] = place
+
+    def room(self, column: Number, row: Number) -> jax.Array:
+        """bool[rows, columns], a room with its walls."""
+        step = self._step
+        return self.area(column * step, row * step, step + 1, step + 1)
+
+    def door_in(
+        self, room: tuple[int, int], side: int, colour: Number, *, locked: bool = False
+    ) -> tuple[Number, Number]:
+        """Put a door into a room's wall; returns the tile in front of it, inside of the room."""
+        column, row = self._places[(*room, side)]
+        self.door(column, row, colour, locked)
+        return column - STEPS[side][0], row - STEPS[side][1]
+
+    def put(self, kind: Number, colour: Number, room: tuple[Number, Number]) -> int:
+        """Lay a thing down in a room; returns its number."""
+        spots = self.room(*room) & self.free & ~self._kept_free
+        return self.thing(kind, colour, self.tile_in(spots))
+
+    def start_room(self, room: tuple[int, int]) -> RoomSketch:
+        """Begin anywhere in a room, not right before a thing or a door."""
+        self.start_in(self.room(*room), facing_free=True)
+        return self
+
+
 def _tile(tile: Tile) -> jax.Array:
     return tile if isinstance(tile, jax.Array) else _stack(tile)
 
@@ -220,7 +287,3 @@ def _stack(values: object) -> jax.Array:
     """int32, numbers and arrays of them as one array."""
     parts = [jnp.asarray(value, jnp.int32) for value in values]  # type: ignore[attr-defined]
     return jnp.stack(parts) if parts else jnp.zeros(0, jnp.int32)
-
-
-def _columns(rows: list, count: int) -> list[list]:
-    return [[row[i] for row in rows] for i in range(count)]

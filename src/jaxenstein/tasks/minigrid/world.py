@@ -22,24 +22,28 @@ from ...environment import Info, Scalar
 from ...maps.things import COLOUR_NAMES
 from ...params import number
 from ...spaces import Box
-from ..generated import GeneratedTask
+from ..first_person import GeneratedTask
 from ..steering import ACTION_NAMES, SteeringParams, steer
-from .aims import NOWHERE, Aim
-from .hand import handle, tile_in_front
-from .player import PLANNER
-from .sights import scene_of, theme_of
+from .planner import PLANNER
 from .state import (
     DOOR_KIND,
     GOAL_KIND,
     GONE,
     KINDS,
     LAVA_KIND,
+    NOWHERE,
+    PICK_UP,
     PORTABLE,
     GridState,
+    Step,
+    Subgoal,
     beside,
+    handle,
     mask_of,
     solid_level,
+    tile_in_front,
 )
+from .view import scene_of, theme_of
 
 _NAMES = (*(thing.name for thing in KINDS), "door")
 
@@ -112,33 +116,30 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
 
     @abc.abstractmethod
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the walls, doors and things, the start and the instruction, from a key alone."""
+        """Sample the walls, doors and things, the start and the instruction, from a key alone."""
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
-        """bool[], bool[]: whether a step solved the world, and whether it spoilt it.
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
+        """bool[], bool[]: whether a step solved the world, and whether it failed.
 
         Here the goal is reached by standing on its tile.
         """
-        del before, action, params
-        here = after.things.at(after.cell)
-        return jnp.any(here & after.things.of(GOAL_KIND)), jnp.bool_(False)
+        here = step.after.things.at(step.after.cell)
+        return jnp.any(here & step.after.things.of(GOAL_KIND)), jnp.bool_(False)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """What solves the world from here, whatever may be in the way; here the goal."""
-        return Aim(self.tiles_of(state, state.things.of(GOAL_KIND)), jnp.int32(NOWHERE))
+        return Subgoal(self.tiles_of(state, state.things.of(GOAL_KIND)), jnp.int32(NOWHERE))
 
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
     ) -> tuple[GridState, jax.Array, jax.Array, Info]:
-        """Move, use the hand, let the world move, and look what came of it."""
+        """Move, use the hand, let the world move, and judge what came of it."""
         before = state
         pose = state.position, state.heading
         position, heading = steer(*solid_level(state), *pose, action, params)
         state = state.replace(position=position, heading=heading)
         state = handle(state, action, params.interact_distance, hands=self.hands)
-        solved, failed = self.judge(before, state, action, params)
+        solved, failed = self.judge(Step(before, state, action, params))
         burnt = jnp.any(state.things.at(state.cell) & state.things.of(LAVA_KIND))
         solved, failed = solved & ~burnt, (failed | burnt) & ~(solved & ~burnt)
         state = self.drift(key, state, params)
@@ -158,10 +159,10 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         """What the task says of itself."""
         return About(
             aim=self.aim_words,
-            ends="where it is solved or spoilt",
+            ends="where it is solved or failed",
             rewards={
                 "goal_reward": "{:+g} if solved",
-                "fail_reward": "{:+g} if spoilt",
+                "fail_reward": "{:+g} if failed",
                 "living_reward": "{:+g} a step",
             },
             events={
@@ -254,6 +255,21 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         """bool[]: whether the agent's tile shares an edge with one of bool[rows, columns]."""
         column, row = state.cell
         return beside(tiles)[row, column]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PickUpWorld(GridWorld):
+    """Base of worlds that are solved by picking up what is asked for."""
+
+    aim_words: ClassVar[str] = "picked up what was asked for"
+
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
+        """Whether it is in the hand."""
+        return jnp.any(step.after.things.held & self.asked_for(step.after)), jnp.bool_(False)
+
+    def subgoal(self, state: GridState) -> Subgoal:
+        """To pick it up."""
+        return Subgoal(self.tiles_of(state, self.asked_for(state)), jnp.int32(PICK_UP))
 
 
 def _events(before: GridState, after: GridState) -> Info:

@@ -12,11 +12,11 @@ import numpy as np
 from ...engine.level import Level, level_from_walls
 from ...params import number
 from ..draws import draw_index, draw_unit
-from ..generated import GeneratedTask
+from ..first_person import GeneratedTask
 from ..goals import NavigationParams
 from ..random_maze import carve
-from ..steering import draw_heading
-from .reach_box import BRICK, BoxState, ReachBox
+from ..steering import sample_heading
+from .rooms import BRICK, BoxState, ReachBox
 
 # Tiles of a cell's side, and from one cell to the next: walls are a tile thick.
 _CELL = 3
@@ -46,7 +46,7 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
     cells: int = number(8, 1, 15)
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> BoxMazeState:
-        """Draw the maze and the place of its box, then a start."""
+        """Sample the maze and the place of its box, then a start."""
         level_key, start_key = jax.random.split(key)
         count = self.cells
         bits = jax.random.bits(self.level_key(level_key), (count**2 + 3,), jnp.uint32)
@@ -56,11 +56,9 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
         near = jnp.sum((places - goal[None]) ** 2, axis=-1) <= jnp.square(params.goal_radius)
         return BoxMazeState(
             position=places[jnp.argmin(near)],
-            heading=draw_heading(starts[-1, 0], None),
+            heading=sample_heading(starts[-1, 0], None),
             level=level_from_walls(jnp.where(self._floor(bits[:-3]), 0, BRICK).astype(jnp.uint8)),
             goal=goal,
-            opened=jnp.zeros(0, bool),
-            taken=jnp.zeros(0, bool),
         )
 
     def level_of(self, state: BoxMazeState) -> Level:

@@ -21,12 +21,12 @@ from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...params import number
 from ...players.chance import NO_OP
-from ...players.walking import Gait, gait, towards
+from ...players.walking import Movement, movement_of, towards
 from ..draws import draw_unit
 from ..health import FULL_HEALTH, about_health
 from ..health_gathering import HealthRoom
-from ..steering import ACTION_NAMES, SteeringParams, draw_heading, steer
-from .reach_box import CEILING
+from ..steering import ACTION_NAMES, SteeringParams, sample_heading, steer
+from .rooms import CEILING
 
 # Tiles of the room's side, medkits, and how many places are drawn for one that lies apart.
 ROOM, MEDKITS, _TRIES = 16, 18, 8
@@ -71,7 +71,7 @@ def collector(env: CollectHealth, params: CollectHealthParams) -> Choose:
     It waits there, and picks it up when hardly any health is left. What it leaves lies around it,
     so that the next one is not too far away.
     """
-    body = gait(env, params)
+    body = movement_of(env, params)
     damage = jnp.asarray(params.damage, jnp.float32)
     often = damage * body.steps
 
@@ -91,7 +91,7 @@ def collector(env: CollectHealth, params: CollectHealthParams) -> Choose:
     return choose
 
 
-def _decisions(body: Gait, heading: jax.Array, offset: jax.Array) -> jax.Array:
+def _decisions(body: Movement, heading: jax.Array, offset: jax.Array) -> jax.Array:
     """float32[n]: how many it takes until the hand touches medkits at float32[n, 2] from here."""
     error = jnp.arctan2(offset[:, 1], offset[:, 0]) - heading
     error = jnp.abs(jnp.mod(error + math.pi, 2 * math.pi) - math.pi)
@@ -109,7 +109,7 @@ def _behind_others(offset: jax.Array) -> jax.Array:
     return jnp.any(between & ~np.eye(MEDKITS, dtype=bool), axis=1)
 
 
-def _worth(medkits: jax.Array, body: Gait, often: jax.Array) -> jax.Array:
+def _worth(medkits: jax.Array, body: Movement, often: jax.Array) -> jax.Array:
     """float32[18]: how many ways there are from each to another one, and on to a third.
 
     Each within what full health allows after half a turn.
@@ -143,7 +143,7 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
     ceiling: ClassVar[RGB] = CEILING
 
     @functools.cached_property
-    def tilemap(self) -> TileMap:
+    def tilemap(self) -> TileMap:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The room, with its wall one tile thick."""
         walls = np.full((ROOM + 2, ROOM + 2), DEFAULT_WALL, np.uint8)
         walls[1:-1, 1:-1] = 0
@@ -164,7 +164,7 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
         medkits, _ = jax.lax.scan(lay, nowhere, turns)
         return CollectHealthState(
             position=_place(bits[-2], medkits, _BODY),
-            heading=draw_heading(bits[-1, 0, 0], None),
+            heading=sample_heading(bits[-1, 0, 0], None),
             health=jnp.int32(FULL_HEALTH),
             medkits=medkits,
         )

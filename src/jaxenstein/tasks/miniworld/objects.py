@@ -15,21 +15,71 @@ import numpy as np
 
 from ..._jax.batching import select
 from ...about import About, Choose, Player
-from ...engine.scene import Theme
+from ...engine.scene import Scene, Theme
 from ...environment import Info
 from ...fields import check_whole
 from ...maps.things import COLOUR_NAMES
 from ...params import number
-from ...players.straight import walk_straight
-from ..minigrid.aims import DROP, PICK_UP, Aim
-from ..minigrid.player import planner
+from ...players.walking import FAR, Movement, towards, walk_down
+from ..minigrid.planner import planner
 from ..minigrid.sketch import COLOURS, Sketch
-from ..minigrid.state import BALL_KIND, BOX_KIND, GONE, KEY_KIND, GridState, beside
+from ..minigrid.state import (
+    BALL_KIND,
+    BOX_KIND,
+    DROP,
+    GONE,
+    KEY_KIND,
+    PICK_UP,
+    GridState,
+    Step,
+    Subgoal,
+    beside,
+)
 from ..minigrid.world import GridParams, GridWorld
-from ..steering import ACTION_NAMES, draw_heading
-from .reach_box import ASPHALT, CEILING, FLOOR, SKY
+from ..steering import ACTION_NAMES, sample_heading
+from .rooms import ASPHALT, CEILING, FLOOR, SKY
 
 RED, YELLOW = (COLOUR_NAMES.index(name) for name in ("red", "yellow"))
+# Tiles from a way to the middles of those that are solid: half a tile's diagonal and a little.
+_KEPT_OFF = 0.8
+# Turns by which a heading may be off.
+_TURNS_OFF = 0.75
+
+
+def walk_straight(
+    body: Movement, scene: Scene, field: jax.Array, key: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """As `walk_down`, but straight ahead where the ground is open.
+
+    Of the tiles that lie open before the player and are nearer to the target, it goes to the one
+    by which the whole way is shortest; along corners it goes from tile to tile.
+    """
+    stepwise, target = walk_down(body, scene, field, key)
+    row, column = np.indices(field.shape, np.float32)
+    tiles = jnp.asarray(np.stack([column.reshape(-1), row.reshape(-1)], axis=-1) + np.float32(0.5))
+    offsets, left = tiles - scene.position[None], field.reshape(-1)
+    cell = jnp.floor(scene.position).astype(jnp.int32)
+    lies_open = _lies_open(offsets, left >= FAR) & (left < field[cell[1], cell[0]])
+    ways = jnp.sqrt(jnp.sum(offsets**2, axis=-1)) + left.astype(jnp.float32)
+    best = jnp.argmin(jnp.where(lies_open, ways, jnp.inf))
+    straight = towards(body, scene, offsets[best], _TURNS_OFF)
+    return jnp.where(jnp.any(lies_open), straight, stepwise), target
+
+
+def _lies_open(offsets: jax.Array, solid: jax.Array) -> jax.Array:
+    """bool[n]: whether a straight way to each of n tiles keeps off all that are solid.
+
+    Args:
+        offsets: float32[n, 2], from the player to the middle of each.
+        solid: bool[n].
+    """
+    length = jnp.maximum(jnp.sum(offsets**2, axis=-1), 1e-6)
+    # How far along each way (rows) the middle of each tile (columns) is passed.
+    along = jnp.sum(offsets[:, None] * offsets[None], axis=-1) / length[:, None]
+    past = offsets[None] - jnp.clip(along, 0, 1)[..., None] * offsets[:, None]
+    # What lies behind only gets farther away.
+    near = (along > 0) & (jnp.sum(past**2, axis=-1) < _KEPT_OFF**2)
+    return ~jnp.any(near & solid[None], axis=1)
 
 
 def plan(env: ThingsRoom, params: GridParams) -> Choose:
@@ -96,7 +146,7 @@ class ThingsRoom(GridWorld):
 
 
 def _any_heading(sketch: Sketch, state: GridState) -> GridState:
-    return state.replace(heading=draw_heading(sketch.bits(1)[0], None))
+    return state.replace(heading=sample_heading(sketch.bits(1)[0], None))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -121,7 +171,7 @@ class PickupObjects(ThingsRoom):
         check_whole("objects", self.objects, 1, min(30, self.size**2 // 2))
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the things and the start."""
+        """Sample the things and the start."""
         sketch = Sketch(key, self.size + 2, self.size + 2)
         for _ in range(self.objects):
             kind = sketch.number(KEY_KIND, BOX_KIND + 1)
@@ -129,16 +179,13 @@ class PickupObjects(ThingsRoom):
         sketch.start_in(sketch.free & beside(sketch.free))
         return _any_heading(sketch, sketch.state())
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether nothing lies there any more."""
-        del before, action, params
-        return ~jnp.any(after.things.lying), jnp.bool_(False)
+        return ~jnp.any(step.after.things.lying), jnp.bool_(False)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """To pick up whatever lies there."""
-        return Aim(self.tiles_of(state, state.things.lying), jnp.int32(PICK_UP))
+        return Subgoal(self.tiles_of(state, state.things.lying), jnp.int32(PICK_UP))
 
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
@@ -169,7 +216,7 @@ class PutNext(ThingsRoom):
     aim_words: ClassVar[str] = "put the red box beside the yellow one"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw where the boxes are, the red one not beside the yellow one, and the start."""
+        """Sample where the boxes are, the red one not beside the yellow one, and the start."""
         sketch = Sketch(key, self.size + 2, self.size + 2)
         yellow = sketch.tile_in(sketch.free)
         sketch.thing(BOX_KIND, YELLOW, yellow)
@@ -179,15 +226,12 @@ class PutNext(ThingsRoom):
         sketch.start_in(sketch.free & beside(sketch.free))
         return _any_heading(sketch, sketch.state())
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether the two lie beside each other."""
-        del before, action, params
-        red, yellow = (self._box(after, colour) for colour in (RED, YELLOW))
+        red, yellow = (self._box(step.after, colour) for colour in (RED, YELLOW))
         return jnp.any(red & beside(yellow)), jnp.bool_(False)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """To pick up the nearer one of the two, then to drop it beside the other.
 
         If there is no room beside one of them, that is the one to pick up.
@@ -203,7 +247,7 @@ class PutNext(ThingsRoom):
             jnp.any(state.things.held & (state.things.colour == colour)) for colour in (RED, YELLOW)
         ]
         tiles = select(held[0], spots[1], select(held[1], spots[0], nearer))
-        return Aim(tiles, jnp.where(held[0] | held[1], DROP, PICK_UP).astype(jnp.int32))
+        return Subgoal(tiles, jnp.where(held[0] | held[1], DROP, PICK_UP).astype(jnp.int32))
 
     def _box(self, state: GridState, colour: int) -> jax.Array:
         return self.tiles_of(state, state.things.colour == colour)

@@ -1,21 +1,242 @@
-"""MiniWorld's rooms, a tile a metre: where their floor is, where episodes start, where boxes are.
+"""MiniWorld's rooms with a red box to reach: their rules, where their floor is, where things are.
 
 Bodies keep 0.4 m from walls there, boxes half their diagonal, 0.57 m.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar, cast
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
-from ...maps.symbols import DEFAULT_WALL
+from ...about import About, Event
+from ...engine.scene import Scene, Theme
+from ...environment import Info, Scalar, State
+from ...maps.symbols import DEFAULT_WALL, LABEL_NAMES
+from ...maps.things import BOX, CONE, RGB
 from ...maps.tilemap import TileMap
-from .reach_box import BRICK, Area, BoxRooms
+from ...params import number
+from ...players.walking import flood
+from ..appearance import build_theme
+from ..draws import draw_unit
+from ..goals import GoalTask, NavigationParams, add_sprites
+from ..navigation import FixedMap
+from ..steering import ACTION_NAMES, centres, heading_range, sample_heading
 
+Area = tuple[float, float, float, float]
+"""Where something may be: least x, least y, most x, most y in tiles."""
+FLOOR: tuple[RGB, RGB] = ((150, 150, 154), (134, 134, 140))
+CEILING: RGB = (196, 198, 204)
+ASPHALT: tuple[RGB, RGB] = ((92, 92, 96), (86, 86, 90))
+SKY: RGB = (64, 209, 255)
+BRICK = LABEL_NAMES.index("brick wall")
+# Half the side of the box; how many starts are drawn to find one that is not at the box.
+_HALF, _TRIES = 0.4, 16
 _BODY, _BOX = 0.4, 0.8 * math.sqrt(0.5)
+
+
+class BoxParams(NavigationParams):
+    """The numbers of the task.
+
+    Attributes:
+        time_cost: share of `goal_reward` that is lost by the time limit, in proportion to the
+            steps taken.
+    """
+
+    max_steps_in_episode: Scalar = number(250, 1)
+    goal_radius: Scalar = 1.153
+    time_cost: Scalar = number(0.2, 0, 1)
+
+
+DEFAULTS = BoxParams()
+
+
+class BoxState(State):
+    """State of the task.
+
+    Attributes:
+        goal: float32[2], (x, y) of the box in tiles.
+    """
+
+    goal: jax.Array
+
+
+S = TypeVar("S", bound=Any)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ReachBox(GoalTask[S]):
+    """Base of tasks that are to reach a red box; the sooner, the more it pays.
+
+    Actions: turn left, turn right, forward. Reward: 1 - 0.2 t / T at the box, which terminates,
+    where t counts the steps and T is their limit.
+    """
+
+    defaults: NavigationParams = DEFAULTS
+
+    action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES[:3]
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the rooms look."""
+        return self._theme(FLOOR, CEILING)
+
+    def _theme(self, floor: tuple[RGB, RGB], ceiling: RGB, *more: int) -> Theme:
+        """That of the box, and of things that stand on the floor besides, by their labels."""
+        theme = build_theme((BOX.label, *more), doors=False, floor=floor, ceiling=ceiling)
+        radius = np.array([_HALF, *np.asarray(theme.sprite_radius)[1:]], np.float32)
+        return theme.replace(sprite_radius=radius, sprite_drop=np.float32(0.5) - radius)
+
+    def transition(
+        self, key: jax.Array, state: S, action: jax.Array, params: NavigationParams
+    ) -> tuple[S, jax.Array, jax.Array, Info]:
+        """Move, and check whether the box is reached."""
+        time = state.time + 1
+        state, reward, reached, events = super().transition(key, state, action, params)
+        late = time.astype(jnp.float32) / jnp.asarray(params.max_steps_in_episode, jnp.float32)
+        lost = params.goal_reward * cast(BoxParams, params).time_cost * late
+        return state, reward - jnp.where(reached, lost, 0), reached, events
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        return dataclasses.replace(
+            super().about(),
+            aim="reached the box",
+            ends="at the box",
+            rewards={
+                "goal_reward": "{:+g} at the box, less what the time takes",
+                "living_reward": "{:+g} a step",
+            },
+            events={"reached_goal": Event("reached the box")},
+            variables={"distance_to_goal": "tiles to the box, in a straight line"},
+        )
+
+    def goal_of(self, state: S) -> jax.Array:
+        """float32[2]: the place of the box in tiles."""
+        return state.goal
+
+    def distance_field(self, state: S) -> jax.Array:
+        """int32[rows, columns]: tiles on foot to the box."""
+        level = self.level_of(state)
+        walls = jnp.asarray(level.walls)[0] != 0
+        row, column = np.indices(walls.shape, np.int32)
+        cell = jnp.floor(state.goal).astype(jnp.int32)
+        return flood(~walls & self._allowed(walls.shape), (column == cell[0]) & (row == cell[1]))
+
+    def _allowed(self, shape: tuple[int, ...]) -> np.ndarray:
+        """bool[rows, columns], where a player may walk."""
+        return np.ones(shape, bool)
+
+
+def sample_away(
+    bits: jax.Array, areas: tuple[Area, ...], goal: jax.Array, radius: Scalar
+) -> jax.Array:
+    """float32[2]: a place in one of the areas that is not within a radius of the goal.
+
+    Args:
+        bits: uint32[n, 3]; only if all of n places are too near, the first one is taken.
+        areas: where.
+        goal: float32[2].
+        radius: tiles.
+    """
+    places = jax.vmap(functools.partial(sample_place, areas=areas))(bits)
+    near = jnp.sum((places - goal[None]) ** 2, axis=-1) <= jnp.square(radius)
+    return places[jnp.argmin(near)]
+
+
+def sample_place(bits: jax.Array, areas: tuple[Area, ...]) -> jax.Array:
+    """float32[2]: a place in one of the areas, uniform over all, from uint32[3]."""
+    table = np.array(areas, np.float32).reshape(-1, 2, 2)
+    # An area may be a single place.
+    sizes = np.maximum(np.prod(table[:, 1] - table[:, 0], axis=1), 1e-6)
+    upto = (np.cumsum(sizes) / np.sum(sizes)).astype(np.float32)[:-1]
+    chosen = jnp.sum(draw_unit(bits[0]) >= upto, dtype=jnp.int32)
+    low, high = jnp.asarray(table)[chosen]
+    return low + (high - low) * draw_unit(bits[1:])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BoxRooms(FixedMap[BoxState, NavigationParams], ReachBox[BoxState]):
+    """A red box to reach in rooms that stay as they are.
+
+    Attributes:
+        tilemap: the rooms.
+        starts: areas to start from, any place of which is equally likely.
+        boxes: areas for the box.
+        heading: degrees of the first heading: None for any, a number, or (lowest, highest).
+        street: an area that ends the episode, without a reward.
+        cones: places of cones, which warn of it.
+        outside: whether there is a sky above.
+    """
+
+    tilemap: TileMap
+    starts: tuple[Area, ...]
+    boxes: tuple[Area, ...]
+    heading: float | tuple[float, float] | None = None
+    street: Area | None = None
+    cones: tuple[tuple[float, float], ...] = ()
+    outside: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        heading_range(self.heading)
+
+    @functools.cached_property
+    def theme(self) -> Theme:
+        """How the rooms look."""
+        look = (ASPHALT, SKY) if self.outside else (FLOOR, CEILING)
+        return self._theme(*look, *([CONE.label] if self.cones else []))
+
+    def init_state(self, key: jax.Array, params: NavigationParams) -> BoxState:
+        """Sample the box, and a start from which it is not reached yet."""
+        bits = jax.random.bits(key, (_TRIES + 2, 3), jnp.uint32)
+        goal = sample_place(bits[0], self.boxes)
+        return BoxState(
+            position=sample_away(bits[1:-1], self.starts, goal, params.goal_radius),
+            heading=sample_heading(bits[-1, 0], self.heading),
+            goal=goal,
+        )
+
+    def transition(
+        self, key: jax.Array, state: BoxState, action: jax.Array, params: NavigationParams
+    ) -> tuple[BoxState, jax.Array, jax.Array, Info]:
+        """Move, and check whether the box is reached, or the street."""
+        state, reward, over, events = super().transition(key, state, action, params)
+        if self.street is not None:
+            low, high = np.array(self.street, np.float32).reshape(2, 2)
+            inside = jnp.all((state.position >= low) & (state.position < high))
+            events["stepped_off"] = inside & ~over
+            over = over | inside
+        return state, reward, over, events
+
+    def about(self) -> About:
+        """What the task says of itself."""
+        about = super().about()
+        if self.street is None:
+            return about
+        events = {**about.events, "stepped_off": Event("stepped onto the street")}
+        return dataclasses.replace(about, ends="at the box, and on the street", events=events)
+
+    def scene(self, state: BoxState, params: NavigationParams) -> Scene:
+        """The rooms, the box and the cones."""
+        scene = super().scene(state, params)
+        count = len(self.cones)
+        places = centres(np.array(self.cones, np.float32) - np.float32(0.5))
+        return add_sprites(scene, places, jnp.ones(count, jnp.int32), jnp.ones(count, bool))
+
+    def _allowed(self, shape: tuple[int, ...]) -> np.ndarray:
+        """All but the street."""
+        if self.street is None:
+            return super()._allowed(shape)
+        row, column = np.indices(shape)
+        left, top, right, bottom = self.street
+        return ~((column >= left) & (column < right) & (row >= top) & (row < bottom))
 
 
 class Rooms(NamedTuple):

@@ -8,26 +8,36 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import ClassVar, cast
+from typing import Any, ClassVar, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...about import About
+from ..._jax.batching import varying
+from ...about import About, Choose, Player
+from ...engine.level import Level
+from ...engine.motion import forward, walk
 from ...environment import Info, Scalar
 from ...maps.symbols import LABEL_NAMES
 from ...maps.things import COLOUR_NAMES
 from ...params import number
-from ...players.walking import SHORTEST_PATH, flood
+from ...players.walking import SHORTEST_PATH, Movement, flood, movement_of, shortest_path
 from ..draws import draw_unit
-from ..minigrid.aims import DONE, NOWHERE, Aim
 from ..minigrid.sketch import Sketch
-from ..minigrid.state import BOX_KIND, KEY_KIND, GridState
+from ..minigrid.state import (
+    BOX_KIND,
+    DONE,
+    KEY_KIND,
+    NOWHERE,
+    GridState,
+    Step,
+    Subgoal,
+    solid_level,
+)
 from ..minigrid.world import GridParams
-from ..steering import ACTION_NAMES, draw_heading
+from ..steering import ACTION_NAMES, sample_heading
 from .objects import ThingsRoom
-from .two_legs import TWO_LEGS
 
 # (column, row) of the things: of each kind one in red, green and blue.
 _COLOURS = ("red", "green", "blue")
@@ -41,6 +51,9 @@ _COLUMN, _ROWS = 11, slice(10, 13)
 _SIGNS = np.array([LABEL_NAMES.index(f"{name} wall") for name in _COLOURS], np.int32)
 # Where episodes start: least (x, y), and most.
 _START = np.array(((4.6, 4.6), (6.4, 7.4)), np.float32)
+# Turns before either leg, either way, and the most strides of one.
+_FIRST, _SECOND, _STRIDES = 4, 2, 14
+_NEVER = 2**14
 # Tiles around the wrong things that the player keeps away from.
 _AWAY = 2.2
 
@@ -61,6 +74,126 @@ class SignParams(GridParams):
 
 
 DEFAULTS = SignParams()
+
+
+class Surroundings(NamedTuple):
+    """What a leg is walked on, and what there is to touch.
+
+    Attributes:
+        level: walls and things.
+        closed: bool[D], which of them are there.
+        things: float32[N, 2], (x, y) in tiles.
+        right: bool[N], which of them is to be touched; the others end the episode.
+        radius: float32[], tiles at which one is touched.
+    """
+
+    level: Level
+    closed: jax.Array
+    things: jax.Array
+    right: jax.Array
+    radius: Any
+
+
+class Leg(NamedTuple):
+    """Positions after 0, 1, 2, ... strides; S is the most strides and one.
+
+    Attributes:
+        position: float32[S, 2].
+        open: bool[S], whether all strides so far went ahead, and touched nothing wrong.
+        there: bool[S], whether the right thing is touched.
+    """
+
+    position: jax.Array
+    open: jax.Array
+    there: jax.Array
+
+
+def two_legs(env: Any, params: Any) -> Choose:
+    """A player for steps so long, and limits so short, that going from tile to tile takes too many.
+
+    It looks at all ways of two straight legs: some turns, some strides, some turns, some strides.
+    It takes the first action of the one with the fewest. Without any it walks on tiles.
+    """
+    body, otherwise = movement_of(env, params), shortest_path(env, params)
+    numbers = [np.arange(-most, most + 1, dtype=np.float32) for most in (_FIRST, _SECOND)]
+
+    def choose(key: jax.Array, state: GridState) -> jax.Array:
+        level, closed = solid_level(state)
+        middle = state.things.tile.astype(jnp.float32) + 0.5
+        room = Surroundings(level, closed, middle, env.target(state), params.touch_radius)
+
+        def second(position: jax.Array, heading: jax.Array, turns: jax.Array) -> Leg:
+            return _leg(body, room, position, heading + turns * body.angle)
+
+        def first(turns: jax.Array) -> tuple[Leg, Leg]:
+            heading = state.heading + turns * body.angle
+            leg = _leg(body, room, state.position, heading)
+            ends = jax.vmap(second, (None, None, 0))
+            return leg, jax.vmap(ends, (0, None, None))(
+                leg.position, heading, jnp.asarray(numbers[1])
+            )
+
+        legs = jax.vmap(first)(jnp.asarray(numbers[0]))
+        action, found = _first_action(body, *legs, *numbers)
+        return jnp.where(found, action, otherwise(key, state))
+
+    return choose
+
+
+def _first_action(
+    body: Movement, leg: Leg, then: Leg, first: np.ndarray, second: np.ndarray
+) -> tuple[jax.Array, jax.Array]:
+    """int32[], what to do first on the shortest way that ends at the right thing; bool[], if any.
+
+    Args:
+        body: how it moves.
+        leg: the first ones, [F, S].
+        then: the second ones from each of their places, [F, S, T, S].
+        first: float32[F], turns to the right before the first ones.
+        second: float32[T], before the second ones.
+    """
+    strides = np.arange(_STRIDES + 1, dtype=np.int32)
+    turns = np.abs(first).astype(np.int32)[:, None, None, None]
+    more = np.abs(second).astype(np.int32)[:, None] + strides
+    ends = leg.open[:, :, None, None] & then.open & then.there
+    actions = jnp.where(ends, turns + strides[:, None, None] + more, np.int32(_NEVER))
+    chosen = jnp.argmin(actions)
+    spin, stride, again, _ = jnp.unravel_index(chosen, actions.shape)
+    # Without a first leg the turns of both are one.
+    turn = jnp.asarray(first)[spin]
+    turn = jnp.where((turn == 0) & (stride == 0), jnp.asarray(second)[again], turn)
+    turned = jnp.where(turn > 0, jnp.int32(body.right), jnp.int32(body.left))
+    action = jnp.where(turn == 0, jnp.int32(body.forward), turned)
+    return action, actions.reshape(-1)[chosen] < _NEVER
+
+
+def _leg(body: Movement, room: Surroundings, position: jax.Array, heading: jax.Array) -> Leg:
+    """Walk straight ahead from a place."""
+    step = forward(heading) * body.step
+
+    def stride(carry: tuple[jax.Array, jax.Array], _: None) -> tuple[Any, Any]:
+        before, going = carry
+        after = walk(room.level, room.closed, before, step)
+        there, wrong = _touched(room, after)
+        going = going & jnp.any(after != before) & ~wrong
+        return (after, going), (after, going, there)
+
+    start = varying((position, jnp.bool_(True)), position, heading, room)
+    _, walked = jax.lax.scan(stride, start, length=_STRIDES * body.steps)
+    here = position, jnp.bool_(True), _touched(room, position)[0]
+    decided = jax.tree.map(lambda leaf: leaf[body.steps - 1 :: body.steps], walked)
+    return Leg(*jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), here, decided))
+
+
+def _touched(room: Surroundings, position: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """bool[]: whether the right thing is touched; bool[]: whether another is, and not that."""
+    distance = jnp.sqrt(jnp.sum((room.things - position[None]) ** 2, axis=-1))
+    touched = distance < room.radius
+    right = jnp.any(touched & room.right)
+    return right, jnp.any(touched & ~room.right) & ~right
+
+
+TWO_LEGS = Player("takes the shortest way of two straight legs; sees the whole state", two_legs)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,7 +217,7 @@ class Sign(ThingsRoom):
     fail_words: ClassVar[str] = "touched something else, or gave up"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the kind, the colour and the start."""
+        """Sample the kind, the colour and the start."""
         sketch = Sketch(key, 12, 15)
         sketch.wall(sketch.area(7, 7, 4, 1))
         for kind, tiles in _TILES.items():
@@ -99,7 +232,7 @@ class Sign(ThingsRoom):
         return state.replace(
             level=state.level.replace(walls=walls),
             position=_START[0] + draw_unit(bits[:2]) * (_START[1] - _START[0]),
-            heading=draw_heading(bits[2], None),
+            heading=sample_heading(bits[2], None),
         )
 
     def target(self, state: GridState) -> jax.Array:
@@ -108,21 +241,18 @@ class Sign(ThingsRoom):
         said = jnp.asarray(_SIGNS)[state.things.colour] == sign
         return state.things.of(state.asked[0, 0]) & said
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether it is touched; or something else is, or the agent gives up."""
-        del before
-        middle = after.things.tile.astype(jnp.float32) + 0.5
-        distance = jnp.sqrt(jnp.sum((middle - after.position[None]) ** 2, axis=-1))
-        touched = distance < cast(SignParams, params).touch_radius
-        right = self.target(after)
+        middle = step.after.things.tile.astype(jnp.float32) + 0.5
+        distance = jnp.sqrt(jnp.sum((middle - step.after.position[None]) ** 2, axis=-1))
+        touched = distance < cast(SignParams, step.params).touch_radius
+        right = self.target(step.after)
         solved = jnp.any(touched & right)
-        return solved, (jnp.any(touched & ~right) | (action == DONE)) & ~solved
+        return solved, (jnp.any(touched & ~right) | (step.action == DONE)) & ~solved
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """The tile of what is asked for."""
-        return Aim(self.tiles_of(state, self.target(state)), jnp.int32(NOWHERE))
+        return Subgoal(self.tiles_of(state, self.target(state)), jnp.int32(NOWHERE))
 
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
@@ -156,4 +286,4 @@ class Sign(ThingsRoom):
         offsets = column[None] - place[:, :1, None], row[None] - place[:, 1:, None]
         near = jnp.sqrt(offsets[0] ** 2 + offsets[1] ** 2) < _AWAY
         wrong = jnp.any(near & ~self.target(state)[:, None, None], axis=0)
-        return flood(~walls & ~wrong, self.aim(state).tiles)
+        return flood(~walls & ~wrong, self.subgoal(state).tiles)

@@ -45,12 +45,8 @@ def theme_of(kinds: Sequence[int], camera: Camera, *, asks: bool) -> Theme:
         sprite_radius=np.where(table, theme.sprite_radius, radius).astype(np.float32),
         sprite_drop=np.where(table, theme.sprite_drop, drop).astype(np.float32),
     )
-    return _with_doors(theme, radius, drop) if asks and DOOR_KIND in kinds_asked(kinds) else theme
-
-
-def kinds_asked(kinds: Sequence[int]) -> tuple[int, ...]:
-    """The kinds that an instruction may name: what can be carried, or doors if nothing can."""
-    return _small(kinds) or (DOOR_KIND,)
+    # Instructions name what can be carried, or doors if nothing can.
+    return _with_doors(theme, radius, drop) if asks and not _small(kinds) else theme
 
 
 def scene_of(
@@ -64,7 +60,8 @@ def scene_of(
 ) -> Scene:
     """What there is to see in a state; without hands or instructions nothing is spent on them."""
     things = state.things
-    looks = _first_looks(kinds, small=False)[things.kind] + _shade(things.colour, things.kind)
+    looks = _first_looks(kinds, small=False)[things.kind]
+    looks = looks + jnp.where(things.kind < PORTABLE, things.colour, 0)
     held = jnp.stack([_sum(things.kind, things.held), _sum(things.colour, things.held)])
     small = jnp.concatenate([jnp.where(jnp.any(things.held), held, -1)[None], state.asked])
     shown = np.flatnonzero([hands and bool(_small(kinds)), asks, asks]).astype(np.int32)
@@ -101,10 +98,6 @@ def _first_looks(kinds: Sequence[int], *, small: bool) -> jax.Array:
         count += len(KINDS[kind].labels)
     looks[DOOR_KIND] = count
     return jnp.asarray(looks)
-
-
-def _shade(colour: jax.Array, kind: jax.Array) -> jax.Array:
-    return jnp.where(kind < PORTABLE, colour, 0)
 
 
 def _sum(values: jax.Array, which: jax.Array) -> jax.Array:

@@ -12,21 +12,25 @@ import numpy as np
 from ...fields import check_whole
 from ...params import number
 from ..steering import INTERACT
-from .aims import DONE, DROP, PICK_UP, Aim
-from .rooms import PickUpWorld
 from .sketch import COLOURS, Sketch
 from .state import (
     BALL_KIND,
     BOX_KIND,
+    DONE,
     DOOR_KIND,
+    DROP,
     GOAL_KIND,
     KEY_KIND,
+    NOWHERE,
+    PICK_UP,
     PORTABLE,
     GridState,
+    Step,
+    Subgoal,
     around,
     beside,
 )
-from .world import GridParams, GridWorld
+from .world import GridWorld, PickUpWorld
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,7 +51,7 @@ class GoToDoor(GridWorld):
     fail_words: ClassVar[str] = "said done elsewhere"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the room, its doors, the start and the instruction."""
+        """Sample the room, its doors, the start and the instruction."""
         # A margin of one tile, since doors do not stand on a map's border.
         sketch = Sketch(key, self.size + 2, self.size + 2)
         columns, rows = sketch.number(5, self.size + 1), sketch.number(5, self.size + 1)
@@ -66,18 +70,15 @@ class GoToDoor(GridWorld):
         """bool[rows, columns], where what is asked for is."""
         return self.door_tiles(state, state.doors.colour == state.asked[0, 1])
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether the agent says done in the right place; or elsewhere, or interacts."""
-        del before, params
-        there = self.stands_beside(after, self.target(after))
-        said = action == DONE
-        return said & there, (said & ~there) | (action == INTERACT)
+        there = self.stands_beside(step.after, self.target(step.after))
+        said = step.action == DONE
+        return said & there, (said & ~there) | (step.action == INTERACT)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """To say done beside it."""
-        return Aim(self.target(state), jnp.int32(DONE))
+        return Subgoal(self.target(state), jnp.int32(DONE))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -95,7 +96,7 @@ class GoToObject(GoToDoor):
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the things, the start and the instruction."""
+        """Sample the things, the start and the instruction."""
         sketch = Sketch(key, self.size, self.size)
         drawn = _different(sketch, self.objects)
         for kind, colour in drawn:
@@ -126,7 +127,7 @@ class Fetch(PickUpWorld):
     fail_words: ClassVar[str] = "picked up something else"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the things, the start, and which of them to fetch.
+        """Sample the things, the start, and which of them to fetch.
 
         In MiniGrid two things may shut the agent, or the thing to fetch, into a corner; here
         these layouts, two in ten thousand, have another start or another target.
@@ -146,12 +147,10 @@ class Fetch(PickUpWorld):
         chosen = jnp.sum(rank <= sketch.number(0, rank[-1]), dtype=jnp.int32)
         return sketch.state(asked=(things[chosen, 0], things[chosen, 1]))
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether that is in the hand, or something else."""
-        solved, _ = super().judge(before, after, action, params)
-        return solved, jnp.any(after.things.held) & ~solved
+        solved, _ = super().judge(step)
+        return solved, jnp.any(step.after.things.held) & ~solved
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -180,7 +179,7 @@ class PutNear(GridWorld):
         check_whole("objects", self.objects, 2, 2 if self.size < 8 else 3)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the things, none of which is beside another, the start and the instruction."""
+        """Sample the things, none of which is beside another, the start and the instruction."""
         sketch = Sketch(key, self.size, self.size)
         drawn, near = _different(sketch, self.objects), jnp.zeros((self.size, self.size), bool)
         for kind, colour in drawn:
@@ -192,21 +191,19 @@ class PutNear(GridWorld):
         moved, other = drawn[order[0]], drawn[order[1]]
         return sketch.state(asked=(moved[0], moved[1]), near=(other[0], other[1]))
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether it lies there now; or was dropped elsewhere, or not dropped; or is another."""
-        del params
+        held, after = step.before.things.held, step.after
         moved = self.asked_for(after)
-        dropped = jnp.any(before.things.held & after.things.lying)
-        tried = (action == DROP) & jnp.any(before.things.held)
+        dropped = jnp.any(held & after.things.lying)
+        tried = (step.action == DROP) & jnp.any(held)
         tile = jnp.sum(jnp.where(moved[:, None], after.things.tile, 0), axis=0, dtype=jnp.int32)
         other = self.tiles_of(after, self.asked_for(after, 1))
         near = jnp.any(other & around(tile, other.shape))
         wrong = jnp.any(after.things.held & ~moved)
         return dropped & near & ~wrong, wrong | (tried & ~(dropped & near))
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """To pick it up, then to drop it on a free tile around the other."""
         moved = self.asked_for(state)
         held = jnp.any(state.things.held & moved)
@@ -218,7 +215,7 @@ class PutNear(GridWorld):
         own = jnp.zeros(shape, bool).at[row, column].set(True)
         spots = around(tile, shape) & ~taken & ~own
         tiles = jnp.where(held, spots, self.tiles_of(state, moved))
-        return Aim(tiles, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
+        return Subgoal(tiles, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
 
 
 def _different(sketch: Sketch, count: int) -> jax.Array:
@@ -249,7 +246,7 @@ class Memory(GridWorld):
     fail_words: ClassVar[str] = "went to the other one"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the first thing, which of both is where, the hall's length and the start."""
+        """Sample the first thing, which of both is where, the hall's length and the start."""
         size, middle, green = self.size, self.size // 2, 1
         sketch = Sketch(key, size, size)
         end = sketch.number(4, size - 2) if self.random_length else jnp.int32(size - 3)
@@ -273,16 +270,13 @@ class Memory(GridWorld):
         like = things.kind[1] == things.kind[0]
         return jnp.where(like, before[0], before[1]), jnp.where(like, before[1], before[0])
 
-    def judge(
-        self, before: GridState, after: GridState, action: jax.Array, params: GridParams
-    ) -> tuple[jax.Array, jax.Array]:
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Which of the two tiles the agent is on, if any."""
-        del before, action, params
-        right, wrong = self.ends(after)
-        return jnp.all(after.cell == right), jnp.all(after.cell == wrong)
+        right, wrong = self.ends(step.after)
+        return jnp.all(step.after.cell == right), jnp.all(step.after.cell == wrong)
 
-    def aim(self, state: GridState) -> Aim:
+    def subgoal(self, state: GridState) -> Subgoal:
         """The tile before the like thing."""
         column, row = self.ends(state)[0]
         tiles = jnp.zeros(state.level.walls.shape[-2:], bool).at[row, column].set(True)
-        return Aim(tiles, jnp.int32(-1))
+        return Subgoal(tiles, jnp.int32(NOWHERE))

@@ -8,7 +8,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.cli import main
-from jaxenstein.maps.sample_maps import SAMPLES, sample_map
+from jaxenstein.maps.map_files import SAMPLES, sample_map
 
 
 @pytest.mark.parametrize("name", SAMPLES)

@@ -1,19 +1,35 @@
-"""Worlds with a goal to walk to: open floor, walls with gaps, lava."""
+"""Worlds with a goal to walk to: open floor, walls with gaps, lava, balls that wander."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...engine.motion import forward, touched_door
+from ...environment import Scalar
 from ...fields import check_whole, choice
 from ...params import number
+from ..draws import draw_index
+from ..steering import BACKWARD, FORWARD
 from .sketch import Sketch
-from .state import GOAL_KIND, LAVA_KIND, GridState
-from .world import GridWorld
+from .state import (
+    BALL_KIND,
+    GOAL_KIND,
+    LAVA_KIND,
+    GridState,
+    Step,
+    around,
+    mask_of,
+    place_of,
+    solid_level,
+)
+from .world import GridParams, GridWorld
+
+BLUE = 2
 
 Obstacle = Literal["wall", "lava"]
 
@@ -90,7 +106,7 @@ class Crossing(GridWorld):
         check_whole("crossings", self.crossings, 1, self.size - 3)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw which lines are crossed, an order in which to cross them, and the gaps."""
+        """Sample which lines are crossed, an order in which to cross them, and the gaps."""
         size, count = self.size, self.crossings
         sketch = Sketch(key, size, size)
         places = np.arange(2, size - 2, 2, dtype=np.int32)
@@ -146,7 +162,7 @@ class LavaGap(GridWorld):
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND, LAVA_KIND)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Draw the gap."""
+        """Sample the gap."""
         size = self.size
         sketch = Sketch(key, size, size)
         column, row = sketch.number(2, size - 2), sketch.number(1, size - 1)
@@ -175,3 +191,80 @@ class DistShift(GridWorld):
         strips = sketch.area(3, 1, 3, 1) | sketch.area(3, self.strip_row, 3, 1)
         sketch.spread(LAVA_KIND, 0, strips, 6)
         return sketch.start((1, 1)).state()
+
+
+class WandererParams(GridParams):
+    """The numbers of the task.
+
+    Attributes:
+        fail_reward: reward of walking into an obstacle.
+        wander_period: steps of the world from one move of the obstacles to the next.
+    """
+
+    fail_reward: Scalar = -1.0
+    wander_period: Scalar = number(7, 1)
+
+
+WANDERING = WandererParams()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DynamicObstacles(Empty):
+    """An empty room in which balls wander; walking into one ends the episode.
+
+    Every `wander_period` steps each ball, one after another, moves to a random free tile of the
+    eight around it.
+
+    Attributes:
+        obstacles: how many balls there are.
+    """
+
+    obstacles: int = 4
+    defaults: GridParams = WANDERING
+
+    kinds: ClassVar[tuple[int, ...]] = (BALL_KIND, GOAL_KIND)
+    hands: ClassVar[bool] = False
+    fail_words: ClassVar[str] = "walked into an obstacle"
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_whole("obstacles", self.obstacles, 1, self.size // 2 + 1)
+
+    def lay_out(self, key: jax.Array) -> GridState:
+        """The room with its balls."""
+        sketch = self.room(key)
+        for _ in range(self.obstacles):
+            tile = sketch.tile_in(sketch.free & ~sketch.start_tile)
+            sketch.thing(BALL_KIND, BLUE, tile)
+        return sketch.state()
+
+    def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
+        """The goal, and whether the agent walked into a ball."""
+        solved, _ = super().judge(step)
+        pace = jnp.where(step.action == FORWARD, 1.0, jnp.where(step.action == BACKWARD, -1.0, 0.0))
+        stride = forward(step.after.heading) * (pace * step.params.move_distance)
+        touched = touched_door(*solid_level(step.before), step.before.position, stride)
+        return solved, (pace != 0) & jnp.any(touched)
+
+    def drift(self, key: jax.Array, state: GridState, params: GridParams) -> GridState:
+        """Move the balls, one after another, if it is time."""
+        things, walls = state.things, jnp.asarray(state.level.walls)[0] != 0
+        count = things.kind.shape[0]
+        period = jnp.asarray(cast(WandererParams, params).wander_period)
+        due = (state.time + 1) % jnp.maximum(period, 1) == 0
+        own = mask_of(state.cell[None], jnp.ones(1, bool), walls.shape)
+
+        def move(tiles: jax.Array, turn: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, None]:
+            index, bits = turn
+            taken = walls | own | mask_of(tiles, jnp.ones(count, bool), walls.shape)
+            free = around(tiles[index], walls.shape) & ~taken
+            count_free = jnp.sum(free, dtype=jnp.int32)
+            place = place_of(free, draw_index(bits, count_free))
+            tile = jnp.stack([place % walls.shape[1], place // walls.shape[1]])
+            moves = (things.kind[index] == BALL_KIND) & (count_free > 0) & due
+            return tiles.at[index].set(jnp.where(moves, tile, tiles[index])), None
+
+        turns = jnp.arange(count, dtype=jnp.int32), jax.random.bits(key, (count,), jnp.uint32)
+        tiles, _ = jax.lax.scan(move, things.tile, turns)
+        return state.replace(things=things.replace(tile=tiles))

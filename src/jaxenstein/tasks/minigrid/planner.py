@@ -1,8 +1,8 @@
 """A player that solves any world of things and doors, by search over what the state holds.
 
-A family says what solves a world (`GridWorld.aim`), whatever may be in the way. Where something
-is, the player sees to that first: it fetches the key of a locked door, opens the box that a key is
-in, carries away what blocks the way, and lays down what it has no hand free for.
+A family says what solves a world (`GridWorld.subgoal`), whatever may be in the way. Where
+something is, the player sees to that first: it fetches the key of a locked door, opens the box
+that a key is in, carries away what blocks the way, and lays down what it has no hand free for.
 """
 
 from __future__ import annotations
@@ -16,27 +16,40 @@ import jax.numpy as jnp
 from ..._jax.batching import select, varying
 from ...about import Choose, Player
 from ...engine.motion import forward, touched_door
-from ...players.walking import FAR, Gait, flood, gait, walk_down
+from ...players.walking import FAR, Movement, flood, movement_of, walk_down
 from ..steering import FORWARD, INTERACT, TURN_LEFT
-from .aims import DONE, DROP, NOWHERE, PICK_UP, Aim
-from .state import BOX_KIND, BOXED, KEY_KIND, LAVA_KIND, GridState, beside, mask_of, solid_level
+from .state import (
+    BOX_KIND,
+    BOXED,
+    DONE,
+    DROP,
+    KEY_KIND,
+    LAVA_KIND,
+    NOWHERE,
+    PICK_UP,
+    GridState,
+    Subgoal,
+    beside,
+    mask_of,
+    solid_level,
+)
 
 # Things in the way of things in the way of things: more than any world has.
 _DEEPEST = 12
 # Rows and columns around a tile, in their order, from the east on.
 _RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
-Walk = Callable[[Gait, Any, jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
+Walk = Callable[[Movement, Any, jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
 """How to walk down a field, such as `walk_down`."""
 
 
-class Ground(NamedTuple):
+class Walkable(NamedTuple):
     """Masks bool[rows, columns] of where one can walk in a state.
 
     Attributes:
         open: without any key; doors that are not locked are open.
         free: with the key that is carried.
         any: with every key, and with all that can be carried out of the way.
-        reached: where the agent gets to on the free ground.
+        reached: where the agent gets to on the free floor.
         own: the tile that it is on.
     """
 
@@ -48,19 +61,20 @@ class Ground(NamedTuple):
 
 
 def planner(env: Any, params: Any, walk: Walk = walk_down) -> Choose:
-    """Do what `env.aim` says, and before it what has to be done for that.
+    """Do what `env.subgoal` says, and before it what has to be done for that.
 
     Args:
         env: a world of things and doors.
         params: its params.
         walk: how to walk down a field; `walk_straight` is for rooms without doors.
     """
-    body = gait(env, params)
+    body = movement_of(env, params)
 
     def choose(key: jax.Array, state: GridState) -> jax.Array:
-        ground = _survey(state, hands=env.hands)
-        aim = _lay_down(state, ground, env.aim(state), _reachable(state, ground, env.aim(state)))
-        field = flood(ground.free | aim.tiles, aim.tiles)
+        floor = _survey(state, hands=env.hands)
+        last = env.subgoal(state)
+        subgoal = _lay_down(state, floor, last, _reachable(state, floor, last))
+        field = flood(floor.free | subgoal.tiles, subgoal.tiles)
         scene = env.scene(state, params)
         level, closed = solid_level(state, also=state.things.lying & state.things.of(LAVA_KIND))
         scene = scene.replace(level=level, closed=closed)
@@ -68,7 +82,7 @@ def planner(env: Any, params: Any, walk: Walk = walk_down) -> Choose:
         lost = field[state.cell[1], state.cell[0]] >= FAR
         careful = (action == FORWARD) & (lost | _burns(body, scene, state, hands=env.hands))
         action = jnp.where(careful, jnp.int32(TURN_LEFT), action)
-        return _act(env, state, params, aim, target, action)
+        return _act(env, state, params, subgoal, target, action)
 
     return choose
 
@@ -77,19 +91,21 @@ PLANNER = Player("plans keys, doors and things; sees the whole state", planner)
 
 
 def _act(
-    env: Any, state: GridState, params: Any, aim: Aim, target: jax.Array, action: jax.Array
+    env: Any, state: GridState, params: Any, subgoal: Subgoal, target: jax.Array, action: jax.Array
 ) -> jax.Array:
-    """The action of the aim where it can be done, a door's opening on the way, else `action`."""
+    """The subgoal's action where it can be done, a door's opening on the way, else `action`."""
     column, row = env.front(state, params)
     front = jnp.stack([column, row])
     door = jnp.all(jnp.asarray(state.level.doors) == front[None], axis=-1) & ~state.doors.opened
     shut = jnp.any(door) & jnp.all(front == target)
     action = jnp.where(shut, jnp.int32(INTERACT), action)
     box = jnp.any(state.things.at(front) & state.things.of(BOX_KIND) & ~_wanted(env, state))
-    deed = jnp.where(box & (aim.action == PICK_UP), jnp.int32(INTERACT), aim.action)
+    deed = jnp.where(box & (subgoal.action == PICK_UP), jnp.int32(INTERACT), subgoal.action)
     away = jnp.any(front != state.cell)
-    at_hand = aim.tiles[row, column] & away & (aim.action != NOWHERE) & (aim.action != DONE)
-    at_hand = at_hand | ((aim.action == DONE) & env.stands_beside(state, aim.tiles))
+    at_hand = (
+        subgoal.tiles[row, column] & away & (subgoal.action != NOWHERE) & (subgoal.action != DONE)
+    )
+    at_hand = at_hand | ((subgoal.action == DONE) & env.stands_beside(state, subgoal.tiles))
     return jnp.where(at_hand, deed, action)
 
 
@@ -100,7 +116,7 @@ def _wanted(env: Any, state: GridState) -> jax.Array:
     return env.asked_for(state) | ~jnp.any(inside, axis=1)
 
 
-def _survey(state: GridState, *, hands: bool) -> Ground:
+def _survey(state: GridState, *, hands: bool) -> Walkable:
     things, shape = state.things, state.level.walls.shape[-2:]
     walls = jnp.asarray(state.level.walls)[0] != 0
     doors = jnp.asarray(state.level.doors)
@@ -117,32 +133,32 @@ def _survey(state: GridState, *, hands: bool) -> Ground:
     own = mask_of(state.cell[None], jnp.ones(1, bool), shape)
     free = with_key & ~blocked
     reached = flood(free | own, own) < FAR
-    return Ground(without & ~blocked, free, every & ~(lava if hands else blocked), reached, own)
+    return Walkable(without & ~blocked, free, every & ~(lava if hands else blocked), reached, own)
 
 
-def _reachable(state: GridState, ground: Ground, aim: Aim) -> Aim:
-    """The aim, or what has to be done first for it, or for that, until nothing is in the way."""
+def _reachable(state: GridState, floor: Walkable, subgoal: Subgoal) -> Subgoal:
+    """The subgoal, or what must be done first for it, or for that, until nothing is in the way."""
     doors = jnp.asarray(state.level.doors)
-    shape = ground.own.shape
-    edge = ground.any & ~ground.free & beside(ground.reached)
+    shape = floor.own.shape
+    edge = floor.any & ~floor.free & beside(floor.reached)
     # A locked door is not reached by being near it, even if it is what the world asks for.
-    near = ground.reached | beside(ground.reached)
-    near = near & ~(mask_of(doors, state.doors.locked, shape) & ~ground.free)
+    near = floor.reached | beside(floor.reached)
+    near = near & ~(mask_of(doors, state.doors.locked, shape) & ~floor.free)
 
-    def blocked(carry: tuple[Aim, jax.Array]) -> jax.Array:
-        aim, depth = carry
-        return ~jnp.any(aim.tiles & near) & jnp.any(edge) & (depth < _DEEPEST)
+    def blocked(carry: tuple[Subgoal, jax.Array]) -> jax.Array:
+        subgoal, depth = carry
+        return ~jnp.any(subgoal.tiles & near) & jnp.any(edge) & (depth < _DEEPEST)
 
-    def before(carry: tuple[Aim, jax.Array]) -> tuple[Aim, jax.Array]:
-        aim, depth = carry
-        field = jnp.where(edge, flood(ground.any | aim.tiles, aim.tiles), FAR + 1)
+    def before(carry: tuple[Subgoal, jax.Array]) -> tuple[Subgoal, jax.Array]:
+        subgoal, depth = carry
+        field = jnp.where(edge, flood(floor.any | subgoal.tiles, subgoal.tiles), FAR + 1)
         first = jnp.zeros(field.size, bool).at[jnp.argmin(field)].set(True).reshape(shape)
         column, row = doors[:, 0], doors[:, 1]
         shut = first[row, column] & state.doors.locked
         keys = _keys(state, jnp.sum(jnp.where(shut, state.doors.colour, 0), dtype=jnp.int32))
-        return Aim(jnp.where(jnp.any(shut), keys, first), jnp.int32(PICK_UP)), depth + 1
+        return Subgoal(jnp.where(jnp.any(shut), keys, first), jnp.int32(PICK_UP)), depth + 1
 
-    start = varying((aim, jnp.int32(0)), state, aim, ground)
+    start = varying((subgoal, jnp.int32(0)), state, subgoal, floor)
     return jax.lax.while_loop(blocked, before, start)[0]
 
 
@@ -156,30 +172,30 @@ def _keys(state: GridState, colour: jax.Array) -> jax.Array:
     return mask_of(things.tile, (wanted | boxes) & things.lying, shape)
 
 
-def _lay_down(state: GridState, ground: Ground, top: Aim, aim: Aim) -> Aim:
-    """The aim, or laying down what is carried, if it needs the hand and no key any more.
+def _lay_down(state: GridState, floor: Walkable, top: Subgoal, subgoal: Subgoal) -> Subgoal:
+    """The subgoal, or laying down what is carried, if it needs the hand and no key any more.
 
     A place for it is one that is not on the shortest ways to what the world asks for, and, if
-    there is one, neither the last that the aim is reached from, nor one that the floor hangs
+    there is one, neither the last that the subgoal is reached from, nor one that the floor hangs
     together by, nor one beside a door.
     """
-    things, shape = state.things, ground.own.shape
+    things, shape = state.things, floor.own.shape
     doors = jnp.asarray(state.level.doors)
-    without = flood(ground.open | ground.own, ground.own) < FAR
-    at_once = jnp.any(aim.tiles & (without | beside(without)))
-    full = jnp.any(things.held) & (aim.action == PICK_UP) & at_once
+    without = flood(floor.open | floor.own, floor.own) < FAR
+    at_once = jnp.any(subgoal.tiles & (without | beside(without)))
+    full = jnp.any(things.held) & (subgoal.action == PICK_UP) & at_once
     every = mask_of(doors, jnp.ones(doors.shape[0], bool), shape)
     litter = mask_of(things.tile, things.lying, shape)
-    spots = ground.open & ~every & ~litter & ~ground.own & (without | beside(without))
-    there = flood(ground.any | top.tiles, top.tiles)
-    here = flood(ground.any | ground.own, ground.own)
+    spots = floor.open & ~every & ~litter & ~floor.own & (without | beside(without))
+    there = flood(floor.any | top.tiles, top.tiles)
+    here = flood(floor.any | floor.own, floor.own)
     length = jnp.min(jnp.where(top.tiles, here, FAR))
     spots = spots & (there + here > length)
     ways = jnp.sum(jnp.stack(_ring(without)[::2]), axis=0, dtype=jnp.int32)
-    last = beside(aim.tiles & (ways == 1))
+    last = beside(subgoal.tiles & (ways == 1))
     for apart in (~last, _spare(without), ~beside(every)):
         spots = select(jnp.any(spots & apart), spots & apart, spots)
-    return select(full & jnp.any(spots), Aim(spots, jnp.int32(DROP)), aim)
+    return select(full & jnp.any(spots), Subgoal(spots, jnp.int32(DROP)), subgoal)
 
 
 def _ring(floor: jax.Array) -> list[jax.Array]:
@@ -198,7 +214,7 @@ def _spare(floor: jax.Array) -> jax.Array:
     return (pieces == 1) | ((pieces == 0) & beside(floor))
 
 
-def _burns(body: Gait, scene: Any, state: GridState, *, hands: bool) -> jax.Array:
+def _burns(body: Movement, scene: Any, state: GridState, *, hands: bool) -> jax.Array:
     """bool[]: whether walking on would end in lava, or in what moves by itself."""
     arm = forward(state.heading) * jnp.minimum(body.step * body.steps, 0.99)
     touched = touched_door(scene.level, scene.closed, state.position, arm)
