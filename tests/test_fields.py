@@ -192,13 +192,7 @@ def test_the_text_of_a_flag_is_a_value(name, text, value):
 
 
 @pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("size", "x"),
-        ("size", "nan"),
-        ("levels", "5"),
-        ("convolutions", "8x4"),
-    ],
+    ("name", "text"), [("size", "x"), ("size", "nan"), ("levels", "5"), ("convolutions", "8x4")]
 )
 def test_the_text_of_a_flag_that_is_no_value_is_told(name, text):
     with pytest.raises(argparse.ArgumentTypeError, match=r"^must be .*, not "):

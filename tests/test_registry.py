@@ -38,9 +38,6 @@ def test_settings_of_some_environments_alone():
     for name, own in (("key-door", "layout_seed"), ("simple", "hud")):
         with pytest.raises(jaxenstein.SettingError, match="unknown setting"):
             make(name, **{own: 1})
-    for wrong in ({"layout_seed": -1}, {"layout_seed": True}, {"layout_seed": 0.5}):
-        with pytest.raises(jaxenstein.SettingError, match="layout_seed"):
-            make("key-corridor", **wrong)
 
 
 @pytest.mark.parametrize("name", jaxenstein.environment_ids())
@@ -134,28 +131,6 @@ def test_unknown_settings_name_the_nearest():
         make("simple", tilemap=None)
     with pytest.raises(jaxenstein.SettingError, match="'headings', did you mean 'heading'"):
         jaxenstein.from_ascii(MAP, headings=3)
-
-
-@pytest.mark.parametrize(
-    ("setting", "value"),
-    [
-        ("height", 0),
-        ("height", 5000),
-        ("width", 1.5),
-        ("width", True),
-        ("width", "64"),
-        ("field_of_view", 29.9),
-        ("field_of_view", 121),
-        ("field_of_view", "wide"),
-        ("field_of_view", float("nan")),
-        ("observation", "blue"),
-        ("observation", None),
-        ("sprite_layers", 0),
-    ],
-)
-def test_values_out_of_range_name_the_setting(setting, value):
-    with pytest.raises(jaxenstein.SettingError, match=f"{setting} must be"):
-        make("simple", **{setting: value})
 
 
 def test_all_settings_are_taken():

@@ -8,15 +8,14 @@ import pytest
 
 import jaxenstein
 from jaxenstein.adapters.batch import Batch
+from tests.adapters.corridor import make_crowd
 from tests.reference.frames import plain_frame
 
 # What is done with frames matters here, not what they show; these compile in a third of the time.
 mock.patch("jaxenstein.tasks.first_person.render", plain_frame).start()
 COUNT, STEPS = 6, 12
-MAP = "#######\n#S.rGG#\n#SS...#\n#######"
 
-env, params = jaxenstein.from_ascii(MAP, height=8, width=12)
-params = params.replace(move_distance=0.5, goal_radius=1.2, max_steps_in_episode=9)
+env, params = make_crowd()
 assert jax.device_count() == 2
 assert Batch(env, params, COUNT + 1)._mesh is None
 for mode in ("same-step", "next-step"):

@@ -11,6 +11,15 @@ FORWARD, STAY = 2, 4
 SIZE = {"height": 12, "width": 16}
 N = 3
 
+# Fast feet reach a goal at different times; idlers run out of time.
+CROWD = "#######\n#S.rGG#\n#SS...#\n#######"
+
+
+def make_crowd(**settings: Any) -> tuple[Any, Any]:
+    """A room in which the episodes of a batch end apart."""
+    env, params = jaxenstein.from_ascii(CROWD, height=8, width=12, **settings)
+    return env, params.replace(move_distance=0.5, goal_radius=1.2, max_steps_in_episode=9)
+
 
 def make_corridor() -> tuple[Any, Any]:
     """Three steps forward reach the goal; seven steps are the time limit."""

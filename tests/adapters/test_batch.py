@@ -20,21 +20,17 @@ import jaxenstein
 from jaxenstein.adapters import batch_calls
 from jaxenstein.adapters.batch import Batch
 from jaxenstein.tasks.navigation import Navigation
+from tests.adapters.corridor import CROWD, make_crowd
 from tests.devices import run_with_devices
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
-# Fast feet reach the goal at different times; the others run out of time.
-MAP = "#######\n#S.rGG#\n#SS...#\n#######"
 COUNT = 9
 MODES = ("same-step", "next-step", None)
 
 
 @pytest.fixture(scope="module")
 def made() -> tuple[Any, Any]:
-    env, params = jaxenstein.from_ascii(
-        MAP, height=8, width=12, observation="dict", heading=(-10.0, 10.0), sprite_layers=1
-    )
-    return env, params.replace(move_distance=0.5, goal_radius=1.2, max_steps_in_episode=9)
+    return make_crowd(observation="dict", heading=(-10.0, 10.0), sprite_layers=1)
 
 
 def batch_of(made: Any, mode: Any = "same-step") -> Any:
@@ -259,7 +255,7 @@ def test_copies_go_on_alike(made: Any, change: Any) -> None:
 
 
 def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    env, params = jaxenstein.from_ascii(MAP, height=5, width=6)
+    env, params = jaxenstein.from_ascii(CROWD, height=5, width=6)
     drawn = []
     observe = Navigation.observe
 

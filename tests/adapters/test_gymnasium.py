@@ -90,29 +90,29 @@ def test_ids_name_what_they_build_with_its_version() -> None:
         assert (spec.max_episode_steps, spec.nondeterministic) == (None, False)
 
 
-@pytest.mark.parametrize(
-    ("name", "kind"), [("simple", "rgb"), ("key-door", "dict"), ("health-gathering", "depth")]
-)
-def test_gymnasiums_check(name: str, kind: str) -> None:
-    """Warnings are errors here, so that there are none."""
-    check(f"jaxenstein/{name}-v0", kind)
-
-
-# An environment of each task, and each kind of observation.
+# An environment of each task, and each kind of observation; the later ones are slow together.
 CHECKED = [
-    ("simple", "gray"),
-    ("key-door", "labels"),
-    ("my-way-home", "rgb"),
-    ("health-gathering", "dict"),
-    ("key-corridor-s3r1", "rgb"),
+    *(("simple", "rgb"), ("key-door", "dict"), ("health-gathering", "depth")),
+    *(("simple", "gray"), ("key-door", "labels"), ("my-way-home", "rgb")),
+    *(("health-gathering", "dict"), ("key-corridor-s3r1", "rgb")),
     ("dmlab-random-goal-01-respawn", "rgb"),
 ]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "kind"), CHECKED)
-def test_gymnasiums_check_of_every_task(name: str, kind: str) -> None:
-    check(f"jaxenstein/{name}-v0", kind)
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [*CHECKED[:3], *(pytest.param(*case, marks=pytest.mark.slow) for case in CHECKED[3:])],
+)
+def test_gymnasiums_check(name: str, kind: str) -> None:
+    """Warnings are errors here, so that there are none."""
+    env = gymnasium.make(f"jaxenstein/{name}-v0", observation=kind, **SMALL)
+    env_checker.check_env(env.unwrapped, skip_render_check=True)
+    rng = np.random.default_rng(0)
+    observation, _ = env.reset(seed=1)
+    for _ in range(20):
+        assert env.observation_space.contains(observation)
+        observation, *_ = env.step(int(rng.integers(env.action_space.n)))
+    env.close()
 
 
 @pytest.mark.parametrize("id", list(gymnasium_ids()))
@@ -123,17 +123,6 @@ def test_every_id_is_made_with_its_spaces(id: str) -> None:
     assert env.spec.id == id
     assert env.unwrapped.env.name == gymnasium_ids()[id]  # type: ignore[attr-defined]
     assert env.observation_space.contains(env.observation_space.sample())
-
-
-def check(id: str, kind: str) -> None:
-    env = gymnasium.make(id, observation=kind, **SMALL)
-    env_checker.check_env(env.unwrapped, skip_render_check=True)
-    rng = np.random.default_rng(0)
-    observation, _ = env.reset(seed=1)
-    for _ in range(20):
-        assert env.observation_space.contains(observation)
-        observation, *_ = env.step(int(rng.integers(env.action_space.n)))
-    env.close()
 
 
 def test_warnings_of_gymnasium_are_seen() -> None:

@@ -180,15 +180,6 @@ def test_minigrid_that_cannot_be_used(
     assert capsys.readouterr().err == "jaxenstein: needs the package minigrid\n"
 
 
-def test_help_shows_examples(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(["convert", "--help"])
-    assert caught.value.code == 0
-    out = capsys.readouterr().out
-    assert "examples:\n  jaxenstein convert" in out
-    assert max(map(len, out.splitlines())) <= 100
-
-
 def test_map_files_come_with_what_lies_beside_them(tmp_path: Path) -> None:
     path = tmp_path / "maze.txt"
     path.write_text("###\n#S#\n###")

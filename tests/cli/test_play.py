@@ -35,6 +35,9 @@ TO_THE_GOAL = ["w"] * 22 + ["space"] + ["w"] * 29
 FINISHED = [FORWARD] * 22 + [INTERACT] + [FORWARD] * 29
 
 
+PlayInWindow = Callable[..., list[dict[str, Any]]]
+
+
 class Player(window_module.Window):
     """A window at which somebody taps a list of keys, each when the one before has been shown.
 
@@ -68,7 +71,7 @@ class Player(window_module.Window):
 
 
 @pytest.fixture
-def play_in_window(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[dict[str, Any]]]:
+def play_in_window(monkeypatch: pytest.MonkeyPatch) -> PlayInWindow:
     """Plays key-door with some keys; returns all that the window showed."""
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
@@ -94,9 +97,7 @@ def reference(actions: Sequence[int], seed: int = 0) -> list[np.ndarray]:
 
 
 def test_from_the_notice_to_the_goal(
-    play_in_window: Callable[..., list[dict[str, Any]]],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    play_in_window: PlayInWindow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gif, file = tmp_path / "game.gif", tmp_path / "game.json"
     looks = play_in_window(
@@ -135,9 +136,7 @@ def test_from_the_notice_to_the_goal(
     assert main(["replay", str(file)]) == 0
 
 
-def test_nothing_is_lost_however_it_ends(
-    play_in_window: Callable[..., list[dict[str, Any]]], tmp_path: Path
-) -> None:
+def test_nothing_is_lost_however_it_ends(play_in_window: PlayInWindow, tmp_path: Path) -> None:
     def close() -> None:
         pygame = pytest.importorskip("pygame")
         pygame.event.post(pygame.event.Event(pygame.QUIT))
@@ -158,9 +157,7 @@ def test_nothing_is_lost_however_it_ends(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_signals_end_it_in_order(
-    play_in_window: Callable[..., list[dict[str, Any]]], tmp_path: Path, number: int
-) -> None:
+def test_signals_end_it_in_order(play_in_window: PlayInWindow, tmp_path: Path, number: int) -> None:
     file = tmp_path / "game.json"
     before = signal.getsignal(number)
     with pytest.raises(SystemExit) as ending:
@@ -171,18 +168,14 @@ def test_signals_end_it_in_order(
 
 
 def test_without_a_step_there_is_nothing_to_write(
-    play_in_window: Callable[..., list[dict[str, Any]]],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    play_in_window: PlayInWindow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     play_in_window(["m", "q"], "--record", str(tmp_path / "a.gif"))
     assert "nothing was played" in capsys.readouterr().out
     assert list(tmp_path.iterdir()) == []
 
 
-def test_help_says_what_agents_see(
-    play_in_window: Callable[..., list[dict[str, Any]]],
-) -> None:
+def test_help_says_what_agents_see(play_in_window: PlayInWindow) -> None:
     looks = play_in_window(["h", "q"])
     assert "16x12 pixels; agents see 64x64 by default (--native)" in looks[-1]["overlay"]
 
@@ -217,9 +210,7 @@ def test_without_pygame_it_names_the_extra(
 
 
 def test_one_file_that_fails_does_not_cost_the_other(
-    play_in_window: Callable[..., list[dict[str, Any]]],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    play_in_window: PlayInWindow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, gif = tmp_path / "folder", tmp_path / "a.gif"
     folder.mkdir()

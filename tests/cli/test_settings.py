@@ -60,10 +60,7 @@ def test_flags_become_settings_and_params(command: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (
-            ["--set", "move_distance=2"],
-            "that make returns, --param move_distance=...",
-        ),
+        (["--set", "move_distance=2"], "that make returns, --param move_distance=..."),
         (["--param", "height=8"], "is a setting, not a param: --set height=8"),
         (["--param", "discout=1"], "unknown param 'discout', did you mean 'discount'"),
         (["--set", "hieght=8"], "unknown setting 'hieght', did you mean 'height'"),

@@ -89,9 +89,7 @@ def test_positions_may_differ_by_rounding_alone(
     monkeypatch: pytest.MonkeyPatch, by: float, same: bool
 ) -> None:
     problem = changed(
-        monkeypatch,
-        real=lambda rows: with_row(rows, 30, by),
-        poses=lambda poses: poses + 10 * by,
+        monkeypatch, real=lambda rows: with_row(rows, 30, by), poses=lambda poses: poses + 10 * by
     )
     assert (problem == "") == same
 

@@ -1,15 +1,15 @@
 """Patterns on walls and floor against the reference, as constants and as parts of a state."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxenstein.engine.art.patterns import FLOOR_PATTERNS, WALL_PATTERNS, wall_patterns
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.render import render
-from jaxenstein.engine.scene import Sprites, Theme
+from jaxenstein.engine.scene import Theme
 from tests.reference import colours, scenes
+from tests.reference.scenes import no_sprites
 
 # With and without columns past the edge of the image, which are painted in another way.
 CAMERAS = (Camera(24, 32, 75), Camera(17, 20, 60))
@@ -28,10 +28,6 @@ def patterned_theme(seed: int) -> Theme:
         panel_reach=np.array([1, 6, np.inf, np.inf], np.float32),
         floor_words=rng.integers(0, 2**32, 2, dtype=np.uint32),
     )
-
-
-def no_sprites() -> Sprites:
-    return Sprites(jnp.zeros((0, 2)), jnp.zeros(0, jnp.int32), jnp.zeros(0, bool))
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=("whole", "widened"))

@@ -1,8 +1,6 @@
 """Whole images: against the reference, between kinds of image, and however they are computed."""
 
-import functools
 import itertools
-import typing
 
 import jax
 import jax.numpy as jnp
@@ -13,8 +11,9 @@ from hypothesis import given
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.level import compile_level, level_from_walls
 from jaxenstein.engine.render import render
-from jaxenstein.engine.scene import Scene, Sprites
+from jaxenstein.engine.scene import Scene
 from tests.reference import images, raycaster, scenes
+from tests.reference.scenes import no_sprites, renderer
 from tests.reference.search import SEEDS, several
 from tests.reference.worlds import World, draw_world
 
@@ -31,29 +30,9 @@ SMALL = Camera(12, 16, 75)
 KINDS = ("rgb", "depth")
 
 
-@functools.cache
-def renderer(camera: Camera, kind, layers: int = 4):
-    """A jitted render of anything but the theme."""
-
-    @jax.jit
-    def run(level, closed, position, heading, sprites):
-        return render(Scene(level, closed, position, heading, sprites, THEME), camera, kind, layers)
-
-    return run
-
-
 def arguments(scene: Scene) -> tuple:
     """What a renderer takes."""
     return scene.level, scene.closed, scene.position, scene.heading, scene.sprites
-
-
-def no_sprites() -> Sprites:
-    """An empty set of billboards."""
-    return Sprites(
-        position=typing.cast(jax.Array, np.zeros((0, 2), np.float32)),
-        look=typing.cast(jax.Array, np.zeros(0, np.int32)),
-        visible=typing.cast(jax.Array, np.zeros(0, bool)),
-    )
 
 
 def hall(length: int = 9, width: int = 7, heading: float = 0.0) -> World:

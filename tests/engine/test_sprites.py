@@ -1,6 +1,5 @@
 """Billboards: visibility, occlusion by walls and each other, layers, art, against the reference."""
 
-import functools
 import itertools
 
 import jax
@@ -9,24 +8,13 @@ import numpy as np
 import pytest
 
 from jaxenstein.engine.camera import Camera
-from jaxenstein.engine.render import render
-from jaxenstein.engine.scene import Scene, Sprites
+from jaxenstein.engine.scene import Sprites
 from tests.reference import images, raycaster, scenes
+from tests.reference.scenes import renderer
 from tests.reference.worlds import World
 
 THEME = scenes.plain_theme()
 NO_DOORS = np.zeros((0, 2), np.int32)
-
-
-@functools.cache
-def renderer(camera: Camera, kind, layers: int):
-    """A jitted render; the theme is a constant, as in an environment."""
-
-    @jax.jit
-    def run(level, closed, position, heading, sprites):
-        return render(Scene(level, closed, position, heading, sprites, THEME), camera, kind, layers)
-
-    return run
 
 
 def show(world: World, sprites: Sprites, camera: Camera, kind, layers: int = 4) -> np.ndarray:

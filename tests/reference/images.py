@@ -104,11 +104,7 @@ def draw(
 
 
 def _background(
-    depth: np.ndarray,
-    labels: np.ndarray,
-    rows: np.ndarray,
-    focal: float,
-    room: tuple[float, float],
+    depth: np.ndarray, labels: np.ndarray, rows: np.ndarray, focal: float, room: tuple[float, float]
 ) -> Picture:
     """Walls, floor and ceiling."""
     below = rows[:, None]

@@ -111,9 +111,7 @@ def _sight(
 ) -> Sight:
     backwards = rays[np.arange(len(rays)), axis] < 0
     face = np.select(
-        [(axis == 0) & ~backwards, (axis == 0) & backwards, ~backwards],
-        [WEST, EAST, NORTH],
-        SOUTH,
+        [(axis == 0) & ~backwards, (axis == 0) & backwards, ~backwards], [WEST, EAST, NORTH], SOUTH
     )
     return Sight(depth, tile, face, along_face(eyes, rays, depth, tile, face), clearance)
 
@@ -138,12 +136,7 @@ def rounding_of_depth(eyes: np.ndarray, rays: np.ndarray, sight: Sight) -> np.nd
 
 
 def is_plausible(
-    solid: np.ndarray,
-    eye: np.ndarray,
-    ray: np.ndarray,
-    depth: float,
-    tile: np.ndarray,
-    face: int,
+    solid: np.ndarray, eye: np.ndarray, ray: np.ndarray, depth: float, tile: np.ndarray, face: int
 ) -> bool:
     """Whether a ray may be said to end at a face, if tiles were misplaced by a rounding error.
 

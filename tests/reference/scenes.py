@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
+import jax
 import numpy as np
 
 from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.level import compile_level
+from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene, Sprites, Theme
 
 from . import images
@@ -105,3 +108,24 @@ def picture_of(
         room=(camera.eye, camera.wall - camera.eye),
         row_focal=camera.row_focal,
     )
+
+
+def no_sprites() -> Sprites:
+    """No billboards."""
+    return Sprites(
+        position=np.zeros((0, 2), np.float32),  # type: ignore[arg-type]
+        look=np.zeros(0, np.int32),  # type: ignore[arg-type]
+        visible=np.zeros(0, bool),  # type: ignore[arg-type]
+    )
+
+
+@functools.cache
+def renderer(camera: Camera, kind: Any, layers: int = 4) -> Any:
+    """A jitted render of anything but the theme, a constant as in an environment."""
+    theme = plain_theme()
+
+    @jax.jit
+    def run(level: Any, closed: Any, position: Any, heading: Any, sprites: Sprites) -> jax.Array:
+        return render(Scene(level, closed, position, heading, sprites, theme), camera, kind, layers)
+
+    return run

@@ -15,6 +15,7 @@ from jaxenstein.maps.things import THINGS, ZOMBIE
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import DoomMap, outline, rasterise
 from jaxenstein.tasks.shooter import KINDS, ROCKET_LAUNCHER, Shooter
+from tests.tasks.doom.cases import player
 
 SIZE: dict[str, Any] = {"height": 12, "width": 16, "autoreset": None}
 # The way east: a medkit, ammunition, the goal; a zombie behind a wall.
@@ -106,23 +107,18 @@ def test_settings_that_cannot_be() -> None:
     assert repr(Shooter(text=DEN, heading=90)) == "Shooter('custom', heading=90)"
 
 
+def opened(text: str, **settings: Any) -> Any:
+    """A shooter, its first state, and a function that plays it."""
+    env = Shooter(text=text, heading=0, **SIZE, **settings)
+    params = env.check_params()
+    return env, env.first_state(jax.random.key(0), params), player(env, params)
+
+
 @pytest.fixture(scope="module")
 def lane() -> Any:
     """The way east, its first state, and a function that runs along it for 110 tics."""
-    env = Shooter(text=LANE, heading=0, **SIZE)
-    params = env.check_params()
-
-    @jax.jit
-    def run(state: Any) -> Any:
-        def step(state: Any, key: jax.Array) -> Any:
-            action = jnp.int32(env.index_of("forward"))
-            after, reward, ends, info = env.advance(key, state, action, params)
-            return after, (reward, ends, info, after.fixed_position, after.supplies)
-
-        return jax.lax.scan(step, state, jax.random.split(jax.random.key(0), 110))[1]
-
-    state = env.first_state(jax.random.key(0), params)
-    return env, state, lambda state: jax.device_get(run(state))
+    env, state, play = opened(LANE)
+    return env, state, lambda state: play(state, [env.index_of("forward")] * 110)
 
 
 def test_where_one_starts_and_what_stands_there(lane: Any) -> None:
@@ -141,8 +137,8 @@ def test_where_one_starts_and_what_stands_there(lane: Any) -> None:
 def test_supplies_are_taken_where_the_boxes_meet_and_the_goal_ends(lane: Any) -> None:
     _, state, run = lane
     hurt = state.replace(health=jnp.int32(90))
-    reward, ends, info, position, left = run(hurt)
-    x = position[:, 0] / ONE
+    reward, ends, info, after = run(hurt)
+    x, left = after.fixed_position[:, 0] / ONE, after.supplies
     for event, column, slot in (("took_medkit", 4.5, 0), ("took_ammunition", 6.5, 1)):
         first = int(np.flatnonzero(info[event])[0])
         assert info[event].sum() == 1
@@ -158,33 +154,22 @@ def test_supplies_are_taken_where_the_boxes_meet_and_the_goal_ends(lane: Any) ->
 def test_what_is_not_needed_is_left(lane: Any) -> None:
     env, state, run = lane
     full = state.replace(trigger=state.trigger.replace(ammo=jnp.int32(env.most_ammo)))
-    _, _, info, _, left = run(full)
-    assert left.all()
+    _, _, info, after = run(full)
+    assert after.supplies.all()
     assert not info["took_medkit"].any()
     assert not info["took_ammunition"].any()
 
 
 @pytest.fixture(scope="module")
 def den() -> Any:
-    """One zombie ahead; a function of first state, action and key that plays 150 tics."""
-    env = Shooter(text=DEN, heading=0, **SIZE)
-    params = env.check_params()
-
-    @jax.jit
-    def play(state: Any, action: jax.Array, key: jax.Array) -> Any:
-        def step(state: Any, key: jax.Array) -> Any:
-            after, reward, ends, info = env.advance(key, state, action, params)
-            return after, (reward, ends, info)
-
-        return jax.lax.scan(step, state, jax.random.split(key, 150))[1]
-
-    return env, env.first_state(jax.random.key(0), params), play
+    """One zombie ahead."""
+    return opened(DEN)
 
 
 def test_without_a_goal_the_last_kill_wins(den: Any) -> None:
     env, state, play = den
     weak = state.replace(monsters=state.monsters.replace(health=jnp.ones(1, jnp.int32)))
-    reward, ends, info = play(weak, jnp.int32(env.index_of("attack")), jax.random.key(0))
+    reward, ends, info, _ = play(weak, [env.index_of("attack")] * 150)
     # The pistol's first bullet leaves in tic 4, exactly ahead.
     assert np.flatnonzero(ends).tolist()[:1] == [4]
     assert reward[:5].tolist() == [0, 0, 0, 0, 11]
@@ -197,7 +182,7 @@ def test_who_stands_still_dies_and_does_not_win(den: Any) -> None:
     state = state.replace(health=jnp.int32(1), monsters=awake)
     died = 0
     for seed in range(12):
-        reward, ends, info = jax.device_get(play(state, jnp.int32(0), jax.random.key(seed)))
+        reward, ends, info, _ = play(state, [0] * 150, seed)
         if ends.any():
             tic = int(ends.argmax())
             died += bool(info["died"][tic])
@@ -237,36 +222,19 @@ def test_looks_are_drawn_as_on_other_maps() -> None:
 @pytest.fixture(scope="module")
 def gallery() -> Any:
     """Two zombies asleep ahead, one behind a wall; a function that fires once and waits."""
-    env = Shooter(
-        weapon=ROCKET_LAUNCHER,
-        text="#########\n#S...zz.#\n#########\n#....z..#\n#########",
-        heading=0,
-        **SIZE,
-    )
-    params = env.check_params()
-
-    @jax.jit
-    def play(state: Any, key: jax.Array) -> Any:
-        def step(state: Any, given: Any) -> Any:
-            tic, key = given
-            action = jnp.where(tic == 0, env.index_of("attack"), 0)
-            after, _, _, info = env.advance(key, state, action, params)
-            return after, (info, after.rockets, after.monsters.health, after.health)
-
-        given = jnp.arange(40), jax.random.split(key, 40)
-        return jax.lax.scan(step, state, given)[1]
-
-    state = env.first_state(jax.random.key(0), params)
+    text = "#########\n#S...zz.#\n#########\n#....z..#\n#########"
+    env, state, play = opened(text, weapon=ROCKET_LAUNCHER)
     # Nobody looks, moves or hears before the rocket is there.
     asleep = state.monsters.replace(tics=jnp.full(3, 1000, jnp.int32))
     strong = asleep.replace(health=jnp.full(3, 1000, jnp.int32))
-    key = jax.random.key(0)
-    return state.replace(monsters=strong), lambda state: jax.device_get(play(state, key))
+    actions = [env.index_of("attack")] + [0] * 39
+    return state.replace(monsters=strong), lambda state: play(state, actions)
 
 
 def test_a_rocket_flies_hits_and_hurts_all_around_but_not_behind_walls(gallery: Any) -> None:
     state, play = gallery
-    info, rockets, health, own = play(state)
+    _, _, info, after = play(state)
+    rockets, health, own = after.rockets, after.monsters.health, after.health
     # It leaves in tic 8, half a tic ahead, and flies 20 units a tic.
     assert np.flatnonzero(info["shots"]).tolist() == [8]
     x = rockets.position[8:, 0, 0] / ONE
@@ -290,8 +258,8 @@ def test_a_rocket_flies_hits_and_hurts_all_around_but_not_behind_walls(gallery: 
 
 def test_who_fires_at_a_wall_nearby_is_hurt(gallery: Any) -> None:
     state, play = gallery
-    turned = state.replace(angle=jnp.uint32(1 << 31))
-    info, rockets, _, own = play(turned)
+    _, _, info, after = play(state.replace(angle=jnp.uint32(1 << 31)))
+    rockets, own = after.rockets, after.health
     # The wall is 32 units behind the start, 16 from the player's side.
     tic = int(np.flatnonzero(~rockets.flies[8:, 0])[0]) + 8
     assert tic == 8

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import jaxenstein
 from jaxenstein.engine.art import load_art
 from jaxenstein.pytree import PyTreeNode
 from jaxenstein.tasks.doom.fixed import ONE
@@ -18,6 +17,7 @@ from jaxenstein.tasks.doom.parts import Game
 from jaxenstein.tasks.doom.physics import MOVE_LEFT, MOVE_RIGHT, bob_height, bobbed, hold
 from jaxenstein.tasks.doom.projectiles import Projectiles, fireballs
 from jaxenstein.tasks.doom.view import EYE, Picture
+from tests.tasks.doom.cases import make, player
 
 # Actions from the start of an episode on, and the height of the game's camera after some of them
 # (ViZDoom 1.3.2, `CAMERA_POSITION_Z`).
@@ -54,19 +54,9 @@ MEASURED: list[tuple[Picture, tuple[float, float, float, float], float]] = [
 
 
 def test_the_eye_bobs_as_the_games() -> None:
-    env: Any
-    env, params = jaxenstein.make("doom-take-cover", height=1, width=1, observation="depth")
-    params = env.check_params(params)
-
-    @jax.jit
-    def play(state: Any) -> Any:
-        def step(state: Any, action: jax.Array) -> Any:
-            after = env.advance(jax.random.key(0), state, action, params)[0]
-            return after, env.lift(after) * env.unit
-
-        return jax.lax.scan(step, state, jnp.array(ACTIONS, jnp.int32))[1]
-
-    lifts = play(env.init_state(jax.random.key(0), params))
+    env, params = make("doom-take-cover", height=1, width=1, observation="depth")
+    tics = player(env, params)(env.init_state(jax.random.key(0), params), ACTIONS)
+    lifts = jax.vmap(env.lift)(tics.state) * env.unit
     ours = {tic: EYE + float(lifts[tic]) for tic in CAMERA}
     assert ours == pytest.approx(CAMERA, abs=0.005)
 

@@ -7,10 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import jaxenstein
 from jaxenstein.tasks.doom.collision import crosses
 from jaxenstein.tasks.doom.fight import suffer
-from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.items import ITEMS, THIRD
 from jaxenstein.tasks.doom.monster_kinds import DEMON, HELL_KNIGHT, SHOTGUN_GUY, ZOMBIE
 from jaxenstein.tasks.doom.monsters import Horde
@@ -25,21 +24,18 @@ from jaxenstein.tasks.doom.weapons import (
     SUPER_SHOTGUN,
     Weapon,
 )
+from tests.tasks.doom.cases import NO_WALLS, make, place
 
-SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
 MIDDLE = (512, 512)
 
 
 @pytest.fixture(scope="module")
 def match() -> Any:
     """The environment, its first state in the middle, facing east, and its transition."""
-    env: Any
-    env, params = jaxenstein.make("doom-deathmatch", **SIZE)
+    env, params = make("doom-deathmatch")
     assert env.arsenal.index_of(PISTOL) == 2
     state = env.init_state(jax.random.key(0), params)
-    place = jnp.array([to_fixed(x) for x in MIDDLE], jnp.int32)
-    state = state.replace(**env.pose(place, jnp.uint32(0)))
-    state = state.replace(time=jnp.int32(0))
+    state = state.replace(**env.pose(place(*MIDDLE), jnp.uint32(0)), time=jnp.int32(0))
     step = jax.jit(lambda key, state, action: env.transition(key, state, action, params))
     return env, state, step
 
@@ -48,10 +44,9 @@ def with_monster(env: Any, state: Any, kind: Any, x: float, y: float, health: in
     """The state with one monster, which stands and looks away."""
     slot = env.horde.place_of(kind)
     monsters = state.monsters
-    place = jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
     return state.replace(
         monsters=monsters.replace(
-            position=monsters.position.at[slot].set(place),
+            position=monsters.position.at[slot].set(place(x, y)),
             present=monsters.present.at[slot].set(True),
             health=monsters.health.at[slot].set(health),
             tics=monsters.tics.at[slot].set(1000),
@@ -86,9 +81,8 @@ def test_the_start(match: Any) -> None:
 
 def test_monsters_come_by_their_chances_where_there_is_room() -> None:
     """Six hundred draws of a small horde, beside the player and one monster that is there."""
-    horde = Horde([ZOMBIE, ZOMBIE, DEMON], walls=np.zeros((0, 4), np.float32))
-    env, params = jaxenstein.make("doom-deathmatch", **SIZE)
-    del params
+    horde = Horde([ZOMBIE, ZOMBIE, DEMON], walls=NO_WALLS)
+    env, _ = make("doom-deathmatch")
     old = jax.tree.map(lambda x: x[: len(horde)], env.init_state(jax.random.key(0), None).monsters)
     old = old.replace(
         position=old.position.at[0].set(jnp.array([500 * ONE, 500 * ONE])),
@@ -141,8 +135,7 @@ def test_pellets_have_their_own_errors_and_fists_their_reach(match: Any) -> None
     @jax.vmap
     def volley(key: jax.Array, weapon: jax.Array, tics: jax.Array) -> jax.Array:
         armed = state.replace(
-            arms=state.arms.replace(selected=weapon),
-            trigger=state.trigger.replace(held=tics > 0),
+            arms=state.arms.replace(selected=weapon), trigger=state.trigger.replace(held=tics > 0)
         )
         bits = jax.random.bits(key, (env.arsenal.rays,), jnp.uint32)
         shot = jnp.bool_(True), state.fixed_position
@@ -200,22 +193,21 @@ def test_things_are_taken_by_walking_into_them(match: Any) -> None:
     number = next(i for i, thing in enumerate(things) if thing.kind == 82)
     forward = jnp.int32(env.index_of("forward"))
 
-    def at(distance: float) -> Any:
-        x, y = things[number].x - distance, things[number].y
-        place = jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
+    def state_at(distance: float) -> Any:
+        at = place(things[number].x - distance, things[number].y)
         alone = jnp.zeros_like(state.items).at[number].set(True)
-        return state.replace(**env.pose(place, jnp.uint32(0)), items=alone)
+        return state.replace(**env.pose(at, jnp.uint32(0)), items=alone)
 
     # A first tic of walking is 0.78 map units; the boxes are 16 and 20 wide to each side.
-    after, _, _, events = step(jax.random.key(4), at(37), forward)
+    after, _, _, events = step(jax.random.key(4), state_at(37), forward)
     assert after.items[number]
     assert int(events["took_weapon"]) == 0
-    after, _, _, events = step(jax.random.key(4), at(36.5), forward)
+    after, _, _, events = step(jax.random.key(4), state_at(36.5), forward)
     assert int(events["took_weapon"]) == 1
     assert not after.items[number]
     assert after.arms.ammo.tolist() == [50, 8, 0]
     assert int(after.arms.pending) == env.arsenal.index_of(SUPER_SHOTGUN)
-    hurt = at(36.5).replace(health=jnp.int32(0))
+    hurt = state_at(36.5).replace(health=jnp.int32(0))
     _, _, dead, events = step(jax.random.key(4), hurt, forward)
     assert dead
     assert int(events["took_weapon"]) == 0

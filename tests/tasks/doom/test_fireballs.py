@@ -6,18 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import jaxenstein
 from jaxenstein.tasks.doom.collision import segments, way_to
-from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import Line
 from jaxenstein.tasks.doom.projectiles import Projectiles, fly, no_projectiles, throw
+from tests.tasks.doom.cases import make, place, places, player
 
 WALLS = segments([Line(-300, 100, -300, -100, "-")])
-SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
-
-
-def places(*spots: tuple[float, float]) -> jax.Array:
-    return jnp.array([[to_fixed(x), to_fixed(y)] for x, y in spots], jnp.int32)
 
 
 @jax.jit
@@ -33,12 +28,12 @@ def flown(balls: Projectiles, player: jax.Array, others: jax.Array, living: jax.
     return jax.lax.scan(tic, balls, None, length=40)[1]
 
 
-def shoot(player: tuple[float, float], living: list[bool]) -> Any:
+def shoot(at: tuple[float, float], living: list[bool]) -> Any:
     """One fireball from the origin, which the first of two monsters has thrown, to (-200, 0)."""
     others = places((0, 0), (-100, 0))
     way = way_to(others, places((-200, 0)))
     balls = throw(no_projectiles(3), jnp.array([True, False]), others, way, 10)
-    out = flown(balls, places(player)[0], others, jnp.array(living))
+    out = flown(balls, place(*at), others, jnp.array(living))
     return jax.tree.map(np.asarray, out)
 
 
@@ -81,19 +76,12 @@ def test_new_ones_take_the_places_of_the_oldest() -> None:
 
 
 def test_imps_wake_throw_hurt_and_join() -> None:
-    env, params = jaxenstein.make("doom-take-cover", **SIZE)
+    env, params = make("doom-take-cover")
     params = params.replace(damage_factor=0.5)
-
-    @jax.jit
-    def play(key: jax.Array) -> Any:
-        def step(state: Any, key: jax.Array) -> Any:
-            after, reward, terminated, info = env.advance(key, state, jnp.int32(0), params)
-            told = reward, terminated, info["hits"], after.health, after.monsters.present.sum()
-            return after, (*told, after.fireballs.flies.any())
-
-        return jax.lax.scan(step, env.init_state(key, params), jax.random.split(key, 300))[1]
-
-    reward, terminated, hits, health, imps, flying = map(np.asarray, play(jax.random.key(5)))
+    state = env.init_state(jax.random.key(5), params)
+    reward, terminated, info, after = player(env, params)(state, [0] * 300, seed=5)
+    hits, health, imps = info["hits"], after.health, after.monsters.present.sum(axis=1)
+    flying = after.fireballs.flies.any(axis=1)
     assert (reward == 1).all()
     # Who has looked after 9 tics waits for 8 steps of 3 tics and aims for 16.
     assert not flying[: 9 + 21 + 16].any()

@@ -6,7 +6,6 @@ from fractions import Fraction
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from jaxenstein.tasks.doom.fixed import (
     ENTRIES,
@@ -72,21 +71,6 @@ def test_divide() -> None:
         return -quotient if value < 0 else quotient
 
     np.testing.assert_array_equal(divide(*arrays(pairs)), [expected(*pair) for pair in pairs])
-
-
-@pytest.mark.parametrize(("impulse", "factor"), [(51200, 25), (49152, 24)])
-def test_thrust_is_a_shift_of_a_small_product(impulse: int, factor: int) -> None:
-    table = np.array([-ONE, -ONE + 1, -1, 0, 1, 12345, ONE], np.int32)
-    for sign in (1, -1):
-        expected = [sign * impulse * int(v) >> 16 for v in table]
-        np.testing.assert_array_equal(jnp.asarray(table) * (sign * factor) >> 5, expected)
-
-
-def test_friction_is_a_shift_of_a_small_product() -> None:
-    fastest = 30 * ONE
-    values = np.array(spread([-fastest, 0, fastest], -fastest, fastest), np.int32)
-    expected = [int(v) * 59392 >> 16 for v in values]
-    np.testing.assert_array_equal(jnp.asarray(values) * 29 >> 5, expected)
 
 
 def test_sines() -> None:

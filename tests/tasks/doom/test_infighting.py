@@ -7,28 +7,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxenstein.tasks.doom.fixed import ONE, to_fixed
-from jaxenstein.tasks.doom.monster_ai import act
+from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.monster_attacks import attack
 from jaxenstein.tasks.doom.monster_kinds import DEMON, SHOTGUN_GUY, ZOMBIE
 from jaxenstein.tasks.doom.monsters import STUBBORN, Horde, Infighting, Monsters
+from tests.tasks.doom.cases import NO_WALLS, place, places, walked
 
-NO_WALLS = np.zeros((0, 4), np.float32)
 THREE = Horde([DEMON, ZOMBIE, SHOTGUN_GUY], walls=NO_WALLS, infighting=True)
 PLAYER, CALM = 3, jnp.full(3, 255 << 24, jnp.uint32)
-
-
-def places(*spots: tuple[float, float]) -> jax.Array:
-    return jnp.array([[to_fixed(x), to_fixed(y)] for x, y in spots], jnp.int32)
 
 
 def some(*spots: tuple[float, float], target: tuple[int, ...] = (3, 3, 3)) -> Monsters:
     """All three, who walk, are healthy, and have been after somebody for a while."""
     new = THREE.placed(
-        places(*spots),
-        jnp.zeros(3, jnp.uint32),
-        jnp.ones(3, bool),
-        jnp.asarray(THREE.health),
+        places(*spots), jnp.zeros(3, jnp.uint32), jnp.ones(3, bool), jnp.asarray(THREE.health)
     )
     enemies = Infighting(jnp.array(target, jnp.int32), jnp.zeros(3, jnp.int32))
     return new.replace(
@@ -44,17 +36,11 @@ def blow(monsters: Monsters, damage: jax.Array, source: jax.Array) -> Monsters:
     return THREE.hurt(monsters, damage, CALM, source)
 
 
-@jax.jit
-def tics(monsters: Monsters, player: jax.Array) -> tuple[Monsters, jax.Array]:
-    """Forty tics: the monsters after them, and int32[40, 3, 2] where they went."""
-
-    def tic(monsters: Monsters, key: jax.Array) -> Any:
-        bits = jax.random.bits(key, (3, 2), jnp.uint32)
-        noise = jnp.bool_(False)
-        after, _ = act(THREE, monsters, player, noise, bits)
-        return after, after.position
-
-    return jax.lax.scan(tic, monsters, jax.random.split(jax.random.key(1), 40))
+def tics(monsters: Monsters, player: tuple[float, float]) -> tuple[Any, np.ndarray]:
+    """Forty tics: the monsters after them, and float[40, 3, 2] where they went."""
+    noises = jnp.zeros(40, bool)
+    after, _ = walked(THREE, monsters, place(*player), noises, jax.random.key(1))
+    return jax.tree.map(lambda leaf: leaf[-1], after), np.asarray(after.position) / ONE
 
 
 @pytest.mark.parametrize(
@@ -87,7 +73,7 @@ def test_a_monster_keeps_to_its_enemy_for_a_hundred_steps() -> None:
     after = blow(stubborn, once, jnp.array([1, 0, 0]))
     assert (int(after.infighting.target[0]), int(after.infighting.anger[0])) == (1, STUBBORN)
     # A demon steps every other tic: so many steps nearer to being calm.
-    calmed, _ = tics(after, places((900, 900))[0])
+    calmed, _ = tics(after, (900, 900))
     assert 0 < STUBBORN - int(calmed.infighting.anger[0]) <= 20
     assert calmed.infighting.anger[1:].tolist() == [0, 0]
     after = blow(monsters, once, jnp.array([2, 0, 0]))
@@ -95,15 +81,15 @@ def test_a_monster_keeps_to_its_enemy_for_a_hundred_steps() -> None:
 
 
 def test_it_walks_to_its_enemy_and_back_to_the_player_when_that_is_dead() -> None:
-    player = places((0, -900))[0]
+    player = 0, -900
     monsters = some((0, 0), (900, 0), (-900, 900), target=(1, 3, 3))
     after, path = tics(monsters, player)
-    demon = np.asarray(path)[:, 0] / ONE
+    demon = path[:, 0]
     assert demon[-1, 0] > 120
     assert demon[-1, 0] > abs(demon[-1, 1])
     dead = monsters.replace(health=monsters.health.at[1].set(0))
     after, path = tics(dead, player)
-    demon = np.asarray(path)[:, 0] / ONE
+    demon = path[:, 0]
     assert demon[-1, 1] < -120
     assert after.infighting.target.tolist() == [PLAYER] * 3
 
@@ -115,7 +101,7 @@ def test_a_bite_is_the_enemys_and_reaches_to_its_side(distance: float, hurts: bo
     monsters = monsters.replace(frame=jnp.asarray(THREE.melee) + jnp.array([2, 1, 1]))
     bits = jnp.full((3, 3), 3 << 16, jnp.uint32)
     first = jnp.array([True, False, False])
-    blows = attack(THREE, monsters, first, places((0, 40))[0], bits)
+    blows = attack(THREE, monsters, first, place(0, 40), bits)
     assert blows.lost.tolist() == [0, 0, 0]
     assert blows.dealt.tolist() == [0, 16 if hurts else 0, 0]
     assert blows.bitten.tolist() == [hurts, False, False]
@@ -127,7 +113,7 @@ def test_bullets_go_to_the_enemy_and_tell_whose_they_are() -> None:
     monsters = monsters.replace(frame=jnp.asarray(THREE.missile) + jnp.array([0, 1, 0]))
     shoots = jnp.array([False, True, False])
     bits = jnp.full((3, 3), 4 << 16, jnp.uint32)
-    blows = attack(THREE, monsters, shoots, places((-200, 0))[0], bits)
+    blows = attack(THREE, monsters, shoots, place(-200, 0), bits)
     assert blows.lost.tolist() == [0, 0, 0]
     assert blows.dealt.tolist() == [0, 0, 15]
     assert int(blows.source[2]) == 1

@@ -49,11 +49,7 @@ def take(mine: Belongings, reach: jax.Array) -> tuple[Belongings, jax.Array]:
 def mine(health: int = 50, armour: int = 0, share: int = 0) -> Belongings:
     arms = ARSENAL.arms((FIST, PISTOL), PISTOL)
     return Belongings(
-        jnp.int32(health),
-        jnp.int32(armour),
-        jnp.int32(share),
-        arms,
-        jnp.ones(len(ITEMS) + 1, bool),
+        jnp.int32(health), jnp.int32(armour), jnp.int32(share), arms, jnp.ones(len(ITEMS) + 1, bool)
     )
 
 

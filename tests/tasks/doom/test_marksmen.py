@@ -7,34 +7,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import jaxenstein
 from jaxenstein.tasks.doom.collision import is_seen
 from jaxenstein.tasks.doom.fight import fight, fly_fireballs
-from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.monster_attacks import attack
 from jaxenstein.tasks.doom.monster_kinds import Act
-
-SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
-
-
-def place(x: float, y: float) -> jax.Array:
-    return jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
+from tests.tasks.doom.cases import place, started
 
 
 @pytest.fixture(scope="module")
 def corridor() -> Any:
-    """Deadly Corridor, its first state, and a function that plays 40 tics of one action."""
-    env, params = jaxenstein.make("doom-deadly-corridor", **SIZE)
-
-    @jax.jit
-    def play(state: Any, action: jax.Array, key: jax.Array) -> Any:
-        def step(state: Any, key: jax.Array) -> Any:
-            after, reward, ends, info = env.advance(key, state, action, params)
-            return after, (reward, ends, info)
-
-        return jax.lax.scan(step, state, jax.random.split(key, 40))[1]
-
-    return env, env.reset(jax.random.key(0), params)[1], play
+    return started("doom-deadly-corridor")
 
 
 def without_monsters(state: Any) -> Any:
@@ -45,16 +28,14 @@ def without_monsters(state: Any) -> Any:
 def test_nobody_moves_in_the_first_seven_tics(corridor: Any) -> None:
     """The rewards of one who runs ahead, as the game gave them."""
     env, state, play = corridor
-    ahead = env.index_of("forward")
-    reward, *_ = play(without_monsters(state), jnp.int32(ahead), jax.random.key(0))
+    reward, *_ = play(without_monsters(state), [env.index_of("forward")] * 40)
     assert (reward[:7] == 0).all()
     np.testing.assert_allclose(reward[7:11], [0.781, 1.489, 2.131, 2.712], atol=6e-4)
 
 
 def test_the_pistol_is_drawn_after_fifteen_tics(corridor: Any) -> None:
     env, state, play = corridor
-    attack = jnp.int32(env.index_of("attack"))
-    *_, info = play(without_monsters(state), attack, jax.random.key(0))
+    info = play(without_monsters(state), [env.index_of("attack")] * 40).info
     assert np.flatnonzero(info["shots"]).tolist() == [19, 33]
     assert info["ammo"][-1] == 50
 
@@ -63,9 +44,8 @@ def test_the_armour_pays_and_ends_in_the_tic_after(corridor: Any) -> None:
     env, state, play = corridor
     near = env.at_pose(without_monsters(state), place(1250, 0), place(0, 0), jnp.uint32(0))
     near = near.replace(time=jnp.int32(20))
-    ahead = jnp.int32(env.index_of("forward"))
-    reward, ends, info = play(near, ahead, jax.random.key(0))
-    first = int(np.flatnonzero(np.asarray(reward) > 500)[0])
+    reward, ends, info, _ = play(near, [env.index_of("forward")] * 40)
+    first = int(np.flatnonzero(reward > 500)[0])
     # It lies at 1312, 36 units reach it: the way until then adds up.
     assert 1276 < 1250 + float(reward[: first + 1].sum()) - 1000 < 1284
     assert np.flatnonzero(ends).tolist()[:1] == [first + 1]
@@ -114,33 +94,19 @@ def test_bullets_scatter_and_hurt_by_threes(corridor: Any) -> None:
 
 @pytest.fixture(scope="module")
 def line() -> Any:
-    """Defend the Line, its first state, and a function that plays 105 tics."""
-    env, params = jaxenstein.make("doom-defend-the-line", **SIZE)
-
-    @jax.jit
-    def play(state: Any, shots: jax.Array, key: jax.Array) -> Any:
-        def step(state: Any, given: Any) -> Any:
-            tic, key = given
-            action = jnp.where(tic < shots, env.index_of("attack"), 0)
-            after, reward, _, info = env.advance(key, state, action, params)
-            monsters = after.monsters
-            return after, (reward, info, monsters.present, monsters.health)
-
-        given = jnp.arange(105), jax.random.split(key, 105)
-        return jax.lax.scan(step, state, given)[1]
-
-    return env, env.reset(jax.random.key(0), params)[1], play
+    return started("doom-defend-the-line")
 
 
 def test_who_dies_comes_back_stronger_and_ammunition_grows(line: Any) -> None:
     env, state, play = line
     state = state.replace(health=jnp.int32(10000))
-    reward, info, present, health = play(state, jnp.int32(6), jax.random.key(0))
+    reward, _, info, after = play(state, [env.index_of("attack")] * 6 + [0] * 99)
+    present, health = after.monsters.present, after.monsters.health
     # As in the game: the bullet leaves in tic 8, and hits the demon that has come straight on.
     assert np.flatnonzero(info["shots"]).tolist() == [8]
     assert reward[8] == 1
     assert info["ammo"][:9].tolist() == [*range(80, 88), 87]
-    demon = int(np.flatnonzero(~np.asarray(present[8]))[0])
+    demon = int(np.flatnonzero(~present[8])[0])
     assert env.horde.kinds[env.horde.kind_of[demon]].name == "demon"
     assert not present[8:98, demon].any()
     assert present[98, demon]

@@ -2,7 +2,6 @@
 
 import functools
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,17 +12,11 @@ import jaxenstein
 from fidelity.doom_recording import Recording, load
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import load_free_places, load_map, rasterise
-from jaxenstein.tasks.doom.pickups import REACH
 from tests.reference.doom import Wall, World
+from tests.tasks.doom.cases import make, player
 
 RECORDINGS = Path(__file__).parent / "recordings"
 HEALTH = ("doom-health-gathering", "doom-health-gathering-supreme")
-SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
-
-
-def make(name: str, **settings: Any) -> tuple[Any, Any]:
-    """A small environment that goes on after its end."""
-    return jaxenstein.make(name, **(SIZE | settings))
 
 
 def action_of(env, held: int) -> int:
@@ -44,28 +37,19 @@ def test_my_way_home_goes_on_from_a_pose_as_the_game(number: int) -> None:
     """Rewards, length and end, and the pose after every tic, with any combination of buttons."""
     env, params = make("doom-my-way-home", buttons="all")
     recording = load(RECORDINGS / "my-way-home.npz")[number]
-    actions = np.array([action_of(env, held) for held in recording.buttons.tolist()], np.int32)
-
-    @jax.jit
-    def play(state, actions):
-        def step(state, action):
-            after, reward, terminated, info = env.advance(jax.random.key(0), state, action, params)
-            pose = after.fixed_position, after.fixed_velocity, after.angle
-            return after, (pose, reward, terminated, after.done, info["reached_goal"])
-
-        return jax.lax.scan(step, state, actions)[1]
-
-    out = play(states_of(env, params, recording), jnp.asarray(actions))
-    (position, velocity, angle), reward, terminated, done, reached = jax.tree.map(np.asarray, out)
+    actions = [action_of(env, held) for held in recording.buttons.tolist()]
+    reward, terminated, info, after = player(env, params)(
+        states_of(env, params, recording), actions
+    )
     known = len(recording.position) - 1
-    np.testing.assert_array_equal(position[:known], recording.position[1:])
-    np.testing.assert_array_equal(velocity[:known], recording.velocity[1:])
-    np.testing.assert_array_equal(angle[:known], recording.angle[1:])
+    np.testing.assert_array_equal(after.fixed_position[:known], recording.position[1:])
+    np.testing.assert_array_equal(after.fixed_velocity[:known], recording.velocity[1:])
+    np.testing.assert_array_equal(after.angle[:known], recording.angle[1:])
     np.testing.assert_allclose(reward, recording.reward, atol=1e-7)
-    assert np.flatnonzero(done).tolist() == [len(actions) - 1]
+    assert np.flatnonzero(after.done).tolist() == [len(actions) - 1]
     assert terminated[-1] == (recording.finished and len(actions) < 2100)
     if terminated[-1]:
-        assert np.flatnonzero(reached).tolist() == [len(actions) - 2]
+        assert np.flatnonzero(info["reached_goal"]).tolist() == [len(actions) - 2]
 
 
 def with_things(env, state, recording: Recording, time: int):
@@ -106,27 +90,19 @@ def test_health_is_the_games_tic_by_tic(name: str) -> None:
 def test_an_idle_player_dies_in_tic_384(name: str) -> None:
     env, params = make(name)
 
-    @jax.jit
-    def play(key):
-        def step(state, key):
-            after, reward, terminated, _ = env.advance(key, state, jnp.int32(0), params)
-            return after, (reward, terminated, after.health, jnp.sum(after.present))
-
-        first = env.init_state(key, params)
-        return first, jax.lax.scan(step, first, jax.random.split(key, 384))[1]
-
-    first, (reward, terminated, health, present) = play(jax.random.key(3))
+    first = env.init_state(jax.random.key(3), params)
+    reward, terminated, _, after = player(env, params)(first, [0] * 384, seed=3)
     assert np.flatnonzero(terminated).tolist() == [383]
     assert reward.sum() == 284
     assert reward[-1] == -99
-    lost = np.flatnonzero(np.diff(np.concatenate([[92], health])))
+    lost = np.flatnonzero(np.diff(np.concatenate([[92], after.health])))
     np.testing.assert_array_equal(lost, np.arange(31, 384, 32))
     periods = [kind.period for kind in env.pickups.kinds]
     at_first = sum(kind.at_first for kind in env.pickups.kinds)
     assert int(first.present.sum()) == at_first
     times = np.arange(1, 385)
     expected = at_first + sum(times // period for period in periods)
-    np.testing.assert_array_equal(present, expected)
+    np.testing.assert_array_equal(after.present.sum(axis=1), expected)
 
 
 @pytest.mark.parametrize("name", ["health-gathering", "health-gathering-supreme"])
@@ -169,11 +145,7 @@ def test_several_things_are_taken_one_after_another_the_newest_first() -> None:
     places = np.full((n, 2), 600 * ONE, np.int32)
     target = jnp.asarray((600 * ONE, 600 * ONE), jnp.int32)
     health, taken = env.pickups.take_some(
-        target,
-        jnp.asarray(places),
-        jnp.asarray(number),
-        jnp.int32(60),
-        jnp.asarray(reach),
+        target, jnp.asarray(places), jnp.asarray(number), jnp.int32(60), jnp.asarray(reach)
     )
     assert int(health) == 100
     assert np.flatnonzero(taken).tolist() == [7, 11]
@@ -185,11 +157,6 @@ def test_a_medkit_alone(health: int, after: int, left: int) -> None:
     reach = jnp.zeros(len(env.pickups.kind_of), bool).at[5].set(True)
     got, taken = env.pickups.take_one(jnp.int32(health), reach)
     assert (int(got), int((reach & ~taken).sum())) == (after, left)
-
-
-@pytest.mark.parametrize("x", [0, 35, 36])
-def test_the_boxes_must_overlap(x: int) -> None:
-    assert (x * ONE < REACH) == (x < 36)
 
 
 def test_position_and_heading_follow_from_the_pose() -> None:

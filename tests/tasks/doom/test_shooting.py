@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import jaxenstein
 from jaxenstein.pytree import PyTreeNode
 from jaxenstein.tasks.doom.arsenal import Arsenal
 from jaxenstein.tasks.doom.collision import (
@@ -20,17 +19,12 @@ from jaxenstein.tasks.doom.collision import (
     to_boxes,
     to_walls,
 )
-from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import Line
-from jaxenstein.tasks.doom.weapons import PISTOL, Slot, Trigger, pull
+from jaxenstein.tasks.doom.weapons import PISTOL, ROCKET_LAUNCHER, Slot, Trigger, Weapon, pull
+from tests.tasks.doom.cases import NO_WALLS, place, started
 
 WALLS = segments([Line(100, -50, 100, 50, "-"), Line(-20, -80, 60, -60, "-")])
-NO_WALLS = np.zeros((0, 4), np.float32)
-SIZE: dict[str, Any] = {"height": 4, "width": 6, "autoreset": None}
-
-
-def place(x: float, y: float) -> jax.Array:
-    return jnp.array([to_fixed(x), to_fixed(y)], jnp.int32)
 
 
 STEPS = np.arange(0, 400, 0.01)
@@ -122,23 +116,32 @@ def test_a_box_crosses_a_wall_where_a_sampled_one_does() -> None:
         assert bool(found) == sampled, centre
 
 
-def fired(held: list[int], *, ammo: int = 50, wait: int = 0) -> list[int]:
-    """The tics in which a pistol fires, with ATTACK held where there is a 1."""
-    trigger, tics = Arsenal([Slot(PISTOL)], shots=ammo, raise_tics=wait).trigger(), []
+# Tics with ATTACK held (1) and what the arsenal is given: the tics in which ViZDoom's weapon fires.
+PULLED: list[tuple[Weapon, list[int], dict[str, int], list[int]]] = [
+    (PISTOL, [1] * 40, {}, [4, 18, 32]),
+    (PISTOL, [1] + [0] * 13 + [1] * 10, {}, [4, 18]),
+    (PISTOL, [1] * 14 + [0] + [1] * 12, {}, [4, 23]),
+    (PISTOL, [1] * 25, {"raise_tics": 6}, [10, 24]),
+    (PISTOL, [1] * 60, {"shots": 2}, [4, 18]),
+    (PISTOL, [1] * 20, {"shots": 0}, []),
+    # Who holds ATTACK while a launcher is raised must release it first.
+    (ROCKET_LAUNCHER, [0] * 3 + [1] * 50, {"raise_tics": 3}, [11, 31, 51]),
+    (ROCKET_LAUNCHER, [0] * 5 + [1] + [0] * 20, {"raise_tics": 3}, [13]),
+    (ROCKET_LAUNCHER, [1] * 50, {"raise_tics": 3}, []),
+    (ROCKET_LAUNCHER, [0, 0] + [1] * 50, {"raise_tics": 3}, []),
+    (ROCKET_LAUNCHER, [1] * 9 + [0] + [1] * 20, {"raise_tics": 3}, [18]),
+]
+
+
+@pytest.mark.parametrize(("weapon", "held", "given", "expected"), PULLED)
+def test_a_weapon_fires_in_the_tics_of_the_game(
+    weapon: Weapon, held: list[int], given: dict[str, int], expected: list[int]
+) -> None:
+    trigger, tics = Arsenal([Slot(weapon)], **given).trigger(), []
     for tic, attack in enumerate(held):
-        trigger, fires = pull(PISTOL, trigger, jnp.bool_(attack))
+        trigger, fires = pull(weapon, trigger, jnp.bool_(attack))
         tics += [tic] * bool(fires)
-    return tics
-
-
-def test_a_pistol_fires_in_the_tics_of_the_game() -> None:
-    """In ViZDoom: 4 tics after pressing, every 14 while held, and after 19 when pressed anew."""
-    assert fired([1] * 40) == [4, 18, 32]
-    assert fired([1] + [0] * 13 + [1] * 10) == [4, 18]
-    assert fired([1] * 14 + [0] + [1] * 12) == [4, 23]
-    assert fired([1] * 25, wait=6) == [10, 24]
-    assert fired([1] * 60, ammo=2) == [4, 18]
-    assert fired([1] * 20, ammo=0) == []
+    assert tics == expected
 
 
 def test_only_shots_of_a_held_trigger_scatter() -> None:
@@ -165,21 +168,12 @@ class Aiming(PyTreeNode):
 
 
 def test_basic_pays_the_hit_in_the_tic_of_the_bullet_and_ends_after_it() -> None:
-    env, params = jaxenstein.make("doom-basic", **SIZE)
-    step = jax.jit(lambda state, action: env.advance(jax.random.key(0), state, action, params))
-    state = env.reset(jax.random.key(0), params)[1].replace(target=place(0, 32 + 31))
-    attack, rewards, ends, info = env.index_of("attack"), [], [], {}
-    for _ in range(6):
-        state, reward, terminated, info = step(state, attack)
-        rewards.append(float(reward))
-        ends.append(bool(terminated))
-    assert rewards == [-1, -1, -1, -1, 100, -1]
-    assert ends == [False] * 5 + [True]
-    assert int(info["ammo"]) == 49
-    missed = env.reset(jax.random.key(0), params)[1].replace(target=place(0, 32 + 31.5))
-    rewards, terminated = [], True
-    for _ in range(6):
-        missed, reward, terminated, _ = step(missed, attack)
-        rewards.append(float(reward))
-    assert rewards == [-1, -1, -1, -1, -6, -1]
-    assert not terminated
+    env, state, play = started("doom-basic")
+    actions = [int(env.index_of("attack"))] * 6
+    reward, ends, info, _ = play(state.replace(target=place(0, 32 + 31)), actions)
+    assert reward.tolist() == [-1, -1, -1, -1, 100, -1]
+    assert ends.tolist() == [False] * 5 + [True]
+    assert info["ammo"][-1] == 49
+    reward, ends, *_ = play(state.replace(target=place(0, 32 + 31.5)), actions)
+    assert reward.tolist() == [-1, -1, -1, -1, -6, -1]
+    assert not ends[-1]
