@@ -105,7 +105,7 @@ class View:
         """The image, with or without the billboard."""
         sprites = Sprites(
             position=jnp.array([SPRITE], jnp.float32),
-            look=jnp.array([0], jnp.int32),
+            picture=jnp.array([0], jnp.int32),
             visible=jnp.array([things]),
         )
         scene = Scene(LEVEL, self.closed, self.eye, self.heading, sprites, THEME)

@@ -64,8 +64,8 @@ class Fruit(FirstPerson[FruitState, FruitParams]):
 
     def scene(self, state: FruitState, params: FruitParams) -> Scene:
         """The room with both things."""
-        looks = (jnp.arange(2, dtype=jnp.int32) != state.apple).astype(jnp.int32)
-        things = Sprites(centres(MAP.goals), looks, jnp.ones(2, bool))
+        pictures = (jnp.arange(2, dtype=jnp.int32) != state.apple).astype(jnp.int32)
+        things = Sprites(centres(MAP.goals), pictures, jnp.ones(2, bool))
         return Scene(LEVEL, NO_DOORS, state.position, state.heading, things, THEME)
 
     def tilemap_of(self, state: FruitState):

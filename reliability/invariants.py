@@ -25,7 +25,7 @@ def of_state(env: Any, state: Any, params: Any) -> Checks:
         & (state.time < params.max_steps_in_episode),
         "the episode is not over": ~state.done,
         "sprites have a look that there is": _in_range(
-            scene.sprites.look, len(scene.theme.sprite_art)
+            scene.sprites.picture, len(scene.theme.sprite_art)
         ),
     }
     for words, holds in env.about().holds.items():

@@ -16,7 +16,7 @@ def test_an_end_with_a_reward_is_success(apple, there, success):
     params = env.check_params()
     state = env.init_state(jax.random.key(0), params).replace(apple=jnp.int32(apple))
     if there:
-        state = state.replace(position=jnp.array([1.5, 1.5], jnp.float32))
+        state = state.replace(position=jnp.array([2.5, 1.5], jnp.float32))
     _, reward, terminated, info = env.advance(jax.random.key(0), state, -1, params)
     assert bool(terminated) == there
     assert float(reward) == (0 if not there else 1 if success else -1)

@@ -36,7 +36,7 @@ def billboards(*places: tuple[float, float, int]) -> Sprites:
     """Visible sprites at (x, y) with a look."""
     return Sprites(
         position=jnp.array([place[:2] for place in places], jnp.float32),
-        look=jnp.array([place[2] for place in places], jnp.int32),
+        picture=jnp.array([place[2] for place in places], jnp.int32),
         visible=jnp.ones(len(places), bool),
     )
 
@@ -94,7 +94,7 @@ def test_a_batch_paints_the_layers_that_its_members_need() -> None:
     seen = np.tri(6, 5, -1, dtype=bool)
     batch = row.replace(
         position=jnp.broadcast_to(row.position, (6, 5, 2)),
-        look=jnp.broadcast_to(row.look, (6, 5)),
+        picture=jnp.broadcast_to(row.picture, (6, 5)),
         visible=jnp.asarray(seen),
     )
     run = jax.jit(jax.vmap(lambda sprites: alone(*eye, sprites)))

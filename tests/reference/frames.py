@@ -16,7 +16,9 @@ def plain_frame(scene: Any, camera: Any, kind: str = "rgb", layers: int = 4) -> 
     parts = (scene.position, scene.heading, scene.closed, sprites.position, sprites.visible)
     # In whole thousandths, since numbers of two programs may differ in their last bits.
     numbers = [jnp.round(1000 * part.astype(jnp.float32)).astype(jnp.int32) for part in parts]
-    words = jnp.concatenate([part.ravel() for part in [*numbers, sprites.look.astype(jnp.int32)]])
+    words = jnp.concatenate(
+        [part.ravel() for part in [*numbers, sprites.picture.astype(jnp.int32)]]
+    )
     factors = np.arange(1, 2 * len(words), 2, dtype=np.int32) * np.int32(7919)
     height, width = camera.height, camera.width
     shape = (height, width, 3) if kind == "rgb" else (height, width)

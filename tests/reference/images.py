@@ -23,7 +23,7 @@ class Billboards:
 
     Attributes:
         position: float[N, 2].
-        look: int[N].
+        picture: int[N].
         visible: bool[N].
         shape: uint32[S, 32], the shape plane by column, least bit on top.
         radius: float[S], half the side in tiles.
@@ -32,7 +32,7 @@ class Billboards:
     """
 
     position: np.ndarray
-    look: np.ndarray
+    picture: np.ndarray
     visible: np.ndarray
     shape: np.ndarray
     radius: np.ndarray
@@ -140,7 +140,7 @@ def _add_billboards(
     for i in np.flatnonzero(billboards.visible):
         offset = billboards.position[i].astype(np.float64) - eye
         depth, side = offset @ forward, offset @ right
-        look = billboards.look[i]
+        look = billboards.picture[i]
         radius, drop = float(billboards.radius[look]), float(billboards.drop[look])
         across = ((slope * depth - side) / radius + 1) / 2 * TEXELS
         if not -TEXEL_ROUNDING < across < TEXELS + TEXEL_ROUNDING or depth <= 0:
@@ -160,7 +160,7 @@ def _add_billboards(
         whole = np.floor(bits).astype(np.int64)
         inside = (whole >= 0) & (whole < TEXELS)
         covers = inside & ((word >> np.where(inside, TEXELS - 1 - whole, 0)) & 1 == 1)
-        picture.labels[covers, column] = billboards.labels[billboards.look[i]]
+        picture.labels[covers, column] = billboards.labels[billboards.picture[i]]
         picture.depth[covers, column] = depth
         picture.sprite[covers, column] = i
         near_edge = np.abs(bits - np.rint(bits)) < TEXEL_ROUNDING

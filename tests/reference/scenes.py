@@ -60,7 +60,7 @@ def draw_scene(seed: int, shape: tuple[int, int], sprites: int) -> tuple[World, 
         places = rng.uniform(0, 1, (sprites, 2)) * (columns, rows)
     billboards = Sprites(
         position=places.astype(np.float32),  # type: ignore[arg-type]
-        look=rng.integers(0, LOOKS, sprites).astype(np.int32),  # type: ignore[arg-type]
+        picture=rng.integers(0, LOOKS, sprites).astype(np.int32),  # type: ignore[arg-type]
         visible=rng.random(sprites) < 0.8,  # type: ignore[arg-type]
     )
     return world, billboards
@@ -82,7 +82,7 @@ def billboards_of(sprites: Sprites, theme: Theme) -> images.Billboards:
     """The same billboards for the reference."""
     return images.Billboards(
         position=np.asarray(sprites.position),
-        look=np.asarray(sprites.look),
+        picture=np.asarray(sprites.picture),
         visible=np.asarray(sprites.visible),
         shape=np.asarray(theme.sprite_art)[:, 0],
         radius=np.asarray(theme.sprite_radius),
@@ -114,7 +114,7 @@ def no_sprites() -> Sprites:
     """No billboards."""
     return Sprites(
         position=np.zeros((0, 2), np.float32),  # type: ignore[arg-type]
-        look=np.zeros(0, np.int32),  # type: ignore[arg-type]
+        picture=np.zeros(0, np.int32),  # type: ignore[arg-type]
         visible=np.zeros(0, bool),  # type: ignore[arg-type]
     )
 

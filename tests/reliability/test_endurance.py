@@ -41,7 +41,7 @@ def test_a_little_endurance_with_every_operation_checked(name: str) -> None:
 
 @pytest.mark.slow
 def test_an_index_out_of_range_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(navigation, "draw_index", lambda bits, count: jnp.int32(count))
+    monkeypatch.setattr(navigation, "sample_index", lambda bits, count: jnp.int32(count))
     jax.clear_caches()
     (problem,) = endurance.endure("simple", 100, batch=10, checked=True).problems
     assert "out-of-bounds" in problem

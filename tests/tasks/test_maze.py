@@ -230,7 +230,7 @@ def test_an_apple_counts_once():
         assert not any(map(bool, ends))
         assert np.flatnonzero(state.eaten).tolist() == [index]
     scene = env.scene(state, params)
-    labels = np.array(scene.theme.sprite_labels)[np.array(scene.sprites.look)]
+    labels = np.array(scene.theme.sprite_labels)[np.array(scene.sprites.picture)]
     hidden = ~np.array(scene.sprites.visible)
     assert (labels == APPLE.label).sum() == len(env.apple_cells)
     assert labels[hidden].tolist() == [APPLE.label]

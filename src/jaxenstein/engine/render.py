@@ -58,7 +58,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     hits = cast(*pose, scene.closed, scene.level, camera)
     stage = partial(prepare, theme=scene.theme, camera=camera, kind=kind)
     rows = paint_rows(scene.theme, camera, kind, scene.lift)
-    count = scene.sprites.look.shape[0]
+    count = scene.sprites.picture.shape[0]
     if count <= layers or layers <= FEW:
         spots = choose(*pose, scene.sprites, scene.theme, camera, layers) if count else None
         columns = staged(stage)(scene.heading, hits, spots, scene.lift)

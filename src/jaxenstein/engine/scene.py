@@ -26,7 +26,7 @@ class Theme(PyTreeNode):
         panel_accent: float32[3], colour of the accent plane.
         floor: float32[2, 3], the floor's two colours.
         ceiling: float32[3].
-        sprite_art: uint32[s, 2, 32], bit planes (shape, detail) of each sprite look, likewise.
+        sprite_art: uint32[s, 2, 32], bit planes (shape, detail) of each sprite picture, likewise.
         sprite_colours: float32[s, 2, 3], colours of the shape and of the detail.
         sprite_radius: float32[s], half the side of the square billboard, in tiles.
         sprite_drop: float32[s], tiles from the eye's height down to the billboard's centre.
@@ -65,12 +65,12 @@ class Sprites(PyTreeNode):
 
     Attributes:
         position: float32[N, 2], (x, y) in tiles.
-        look: int32[N], row of the theme's sprite tables.
+        picture: int32[N], row of the theme's sprite tables.
         visible: bool[N].
     """
 
     position: jax.Array
-    look: jax.Array
+    picture: jax.Array
     visible: jax.Array
 
 

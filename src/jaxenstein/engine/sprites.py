@@ -60,16 +60,16 @@ class Spots(PyTreeNode):
     Attributes:
         stretch: float32, 0 if it is not to be drawn.
         start: float32, -1 if it is not to be drawn.
-        look: int32.
+        picture: int32.
     """
 
     stretch: jax.Array
     start: jax.Array
-    look: jax.Array
+    picture: jax.Array
 
     def depth(self, theme: Theme) -> jax.Array:
         """float32: depth in tiles."""
-        return self.stretch * _of_look(theme.sprite_radius, self.look) / (WORD // 2)
+        return self.stretch * _of_picture(theme.sprite_radius, self.picture) / (WORD // 2)
 
 
 def choose(
@@ -86,13 +86,13 @@ def choose(
         position: float32[2], the eye.
         heading: float32[], radians.
         sprites: the billboards, N of them.
-        theme: their looks.
+        theme: their pictures.
         camera: width and field of view.
         layers: how many billboards a column can show, one behind the other. If there are no
             more than that, the result is [N, 1]: all of them.
     """
     spots = see(position, heading, sprites, theme)
-    if sprites.look.shape[0] <= layers:
+    if sprites.picture.shape[0] <= layers:
         return _sorted(spots, theme)
     return pick(spots, nearest(spots, theme, camera, layers))
 
@@ -140,21 +140,21 @@ def project(
         spots: the billboards from `choose`.
         wall_depth: float32[W], depth of the wall behind each column.
         lift: `Scene.lift`.
-        theme: their looks.
+        theme: their pictures.
         camera: width and field of view.
         kind: the kind of image.
     """
     depth = spots.depth(theme)
     drop, radius = (
-        _of_look(table, spots.look) for table in (theme.sprite_drop, theme.sprite_radius)
+        _of_picture(table, spots.picture) for table in (theme.sprite_drop, theme.sprite_radius)
     )
     drop = drop if lift is None else drop + lift
     light = theme.light.plain(depth)
     palette = np.asarray(theme.sprite_colours)
-    labels = _of_look(theme.sprite_labels, spots.look)
+    labels = _of_picture(theme.sprite_labels, spots.picture)
     paint = []
     for plane in (0, 1):
-        colour = [_of_look(palette[:, plane, channel], spots.look) for channel in range(3)]
+        colour = [_of_picture(palette[:, plane, channel], spots.picture) for channel in range(3)]
         paint.append(tone(kind, pack_rgb(colour, light), labels, depth))
     # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
     words = staged(partial(_words, theme=theme, camera=camera))(spots, wall_depth)
@@ -172,15 +172,15 @@ def project(
 
 
 def _words(spots: Spots, wall_depth: jax.Array, *, theme: Theme, camera: Camera) -> jax.Array:
-    """int32[K, W]: which word of all looks' art each column sees; the one past them for none."""
+    """int32[K, W]: which word of all the art each column sees; the one past them for none."""
     depth = spots.depth(theme)
     across = spots.stretch * jnp.asarray(camera.column_slopes())[None] + spots.start
     seen = (across >= 0) & (across < WORD) & (depth < wall_depth[None])
     texel = jnp.clip(across.astype(jnp.int32), 0, WORD - 1)
-    looks = theme.sprite_art.shape[0]
-    # Of a single look, nobody need fetch which one it is.
-    row = spots.look if looks > 1 else jnp.zeros_like(spots.look)
-    return jnp.where(seen, row * WORD + texel, np.int32(looks * WORD))
+    pictures = theme.sprite_art.shape[0]
+    # With a single picture, no column need fetch which one it shows.
+    row = spots.picture if pictures > 1 else jnp.zeros_like(spots.picture)
+    return jnp.where(seen, row * WORD + texel, np.int32(pictures * WORD))
 
 
 def _spot(position: jax.Array, heading: jax.Array, sprites: Sprites, *, theme: Theme) -> Spots:
@@ -190,20 +190,20 @@ def _spot(position: jax.Array, heading: jax.Array, sprites: Sprites, *, theme: T
     depth = offset[:, 0] * cos + offset[:, 1] * sin
     side = offset[:, 1] * cos - offset[:, 0] * sin
     drawn = sprites.visible & (depth > NEAREST)
-    unit = (WORD // 2) / _of_look(theme.sprite_radius, sprites.look)
+    unit = (WORD // 2) / _of_picture(theme.sprite_radius, sprites.picture)
     return Spots(
         stretch=jnp.where(drawn, depth * unit, 0),
         start=jnp.where(drawn, WORD // 2 - side * unit, -1),
-        look=sprites.look,
+        picture=sprites.picture,
     )
 
 
-def _of_look(table: Array, look: jax.Array) -> jax.Array:
-    """table[look] for a table [s], without a gather: there are few looks."""
+def _of_picture(table: Array, picture: jax.Array) -> jax.Array:
+    """table[picture] for a table [s], without a gather: there are few pictures."""
     values = np.asarray(table)
-    chosen = jnp.full(look.shape, values[0])
+    chosen = jnp.full(picture.shape, values[0])
     for i in range(1, len(values)):
-        chosen = jnp.where(look == i, values[i], chosen)
+        chosen = jnp.where(picture == i, values[i], chosen)
     return chosen
 
 
@@ -229,7 +229,7 @@ def _nearest(spots: Spots, *, theme: Theme, camera: Camera, layers: int) -> jax.
     A key is the leading bits of a depth with the billboard's index below, so that one minimum
     finds both; billboards whose depths agree to about 1e-5 are ordered by index.
     """
-    count = spots.look.shape[0]
+    count = spots.picture.shape[0]
     index = np.arange(count, dtype=np.uint32)
     depth = lax.bitcast_convert_type(spots.depth(theme), jnp.uint32)
     keys = depth & ~_index_mask(count) | index
@@ -264,7 +264,7 @@ def _index_mask(count: int) -> np.uint32:
 def _pick(spots: Spots, keys: jax.Array) -> Spots:
     """The billboards of keys from `_nearest`; where there is none, one that is not drawn."""
     none = keys == np.uint32(_NONE)
-    index = jnp.where(none, np.uint32(0), keys & _index_mask(spots.look.shape[0]))
+    index = jnp.where(none, np.uint32(0), keys & _index_mask(spots.picture.shape[0]))
     chosen = index.astype(jnp.int32)
     picked = jax.tree.map(lambda v: v.at[chosen].get(mode="promise_in_bounds"), spots)
     return picked.replace(

@@ -171,7 +171,7 @@ def _snapshot(env: Any, state: Any, params: Any) -> dict[str, Any]:
         "closed": scene.closed,
         "doors": scene.level.doors - scene.level.margin,
         "sprites": scene.sprites.position,
-        "labels": jnp.asarray(scene.theme.sprite_labels)[scene.sprites.look],
+        "labels": jnp.asarray(scene.theme.sprite_labels)[scene.sprites.picture],
         "visible": scene.sprites.visible & jnp.any(apart, axis=-1),
         "variables": {name: described[name] for name in env.about().captions},
     }

@@ -28,7 +28,7 @@ def build_theme(
     """The look of a map.
 
     Args:
-        sprites: labels of the sprite looks, in the order of `Sprites.look`.
+        sprites: labels of the sprite pictures, in the order of `Sprites.picture`.
         doors: whether there are doors; without, nothing is spent on drawing panels.
         floor: the checker's colours, RGB.
         ceiling: its colour, RGB.

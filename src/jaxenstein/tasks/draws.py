@@ -16,14 +16,14 @@ def random_bits(key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
     return jax.random.bits(key, (math.prod(shape),), jnp.uint32).reshape(shape)
 
 
-def draw_unit(bits: jax.Array) -> jax.Array:
+def sample_unit(bits: jax.Array) -> jax.Array:
     """float32 in [0, 1), uniform over multiples of 2**-24, from uint32 bits."""
     return (bits >> 8).astype(jnp.float32) * jnp.float32(2.0**-24)
 
 
-def draw_index(bits: jax.Array, count: int | jax.Array) -> jax.Array:
+def sample_index(bits: jax.Array, count: int | jax.Array) -> jax.Array:
     """int32 from 0 to `count - 1`, uniform up to `count / 2**24`, from uint32 bits."""
-    index = (draw_unit(bits) * jnp.asarray(count, jnp.float32)).astype(jnp.int32)
+    index = (sample_unit(bits) * jnp.asarray(count, jnp.float32)).astype(jnp.int32)
     return jnp.minimum(index, count - 1)
 
 
@@ -38,4 +38,4 @@ def sample_seed(key: jax.Array, seeds: tuple[int, int] | None) -> jax.Array:
     if seeds is None:
         return bits
     first, stop = seeds
-    return jnp.uint32(first) + draw_index(bits, stop - first).astype(jnp.uint32)
+    return jnp.uint32(first) + sample_index(bits, stop - first).astype(jnp.uint32)

@@ -27,7 +27,7 @@ from ..maps.symbols import DEFAULT_WALL, door_label
 from ..maps.things import APPLE, BALL, BOX, COLOUR_NAMES, GOAL, RGB
 from ..players.walking import SHORTEST_PATH, flood
 from .appearance import build_theme
-from .draws import draw_index, draw_unit
+from .draws import sample_index, sample_unit
 from .first_person import GeneratedTask
 from .maze_ways import sample_closed
 from .random_maze import MazePlan, RandomMaze, beside_rooms, sample_in_rooms, sample_maze
@@ -157,8 +157,8 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
     def theme(self) -> Theme:
         """How the maze looks."""
         labels = {"goal": (GOAL.label,), "apples": (APPLE.label,)}
-        looks = labels.get(self.kind, _OBJECTS[: self.most_things])
-        return build_theme(looks, doors=self.doors > 0, floor=FLOOR, ceiling=SKY)
+        pictures = labels.get(self.kind, _OBJECTS[: self.most_things])
+        return build_theme(pictures, doors=self.doors > 0, floor=FLOOR, ceiling=SKY)
 
     def init_state(self, key: jax.Array, params: ExploreParams) -> ExploreState:
         """Sample a maze, what lies where, and what pays; then the first start."""
@@ -216,8 +216,8 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
             order = jnp.argsort(bits[2:])[: len(state.things)]
             state = state.replace(things=state.places[order])
         state = state.replace(
-            position=state.starts[draw_index(bits[0], state.starting)],
-            heading=draw_unit(bits[1]) * jnp.float32(2 * math.pi),
+            position=state.starts[sample_index(bits[0], state.starting)],
+            heading=sample_unit(bits[1]) * jnp.float32(2 * math.pi),
             left=state.there,
         )
         return self._close_doors(key, state) if isinstance(state, ObstructedState) else state
@@ -275,13 +275,13 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
     def scene(self, state: ExploreState, params: ExploreParams) -> Scene:
         """The maze and the things that are left."""
         del params
-        looks = np.arange(self.most_things, dtype=np.int32) * (self.kind == "objects")
+        pictures = np.arange(self.most_things, dtype=np.int32) * (self.kind == "objects")
         return Scene(
             level=state.level,
             closed=_closed(state),
             position=state.position,
             heading=state.heading,
-            sprites=Sprites(state.things, jnp.asarray(looks, jnp.int32), state.left),
+            sprites=Sprites(state.things, jnp.asarray(pictures, jnp.int32), state.left),
             theme=self.theme,
         )
 

@@ -49,16 +49,16 @@ DEFAULTS = NavigationParams()
 S = TypeVar("S", bound=Any)
 
 
-def add_sprites(scene: Scene, position: jax.Array, look: jax.Array, visible: jax.Array) -> Scene:
+def add_sprites(scene: Scene, position: jax.Array, picture: jax.Array, visible: jax.Array) -> Scene:
     """A scene with more sprites after its own.
 
     Args:
         scene: the scene.
         position: float32[N, 2], (x, y) in tiles.
-        look: int32[N], rows of the theme's sprite tables.
+        picture: int32[N], rows of the theme's sprite tables.
         visible: bool[N].
     """
-    more = Sprites(position, look, visible)
+    more = Sprites(position, picture, visible)
     joined = jax.tree.map(lambda own, new: jnp.concatenate([own, new]), scene.sprites, more)
     return scene.replace(sprites=joined)
 
@@ -87,7 +87,7 @@ class GoalTask(FirstPerson[S, NavigationParams]):
     @functools.cached_property
     @abc.abstractmethod
     def theme(self) -> Theme:
-        """How the map looks; the first sprite look is the goal's."""
+        """How the map looks; the first sprite picture is the goal's."""
 
     @abc.abstractmethod
     def level_of(self, state: S) -> Level:
@@ -167,7 +167,7 @@ class KeysAndDoorsTask(GoalTask[S]):
 
     @abc.abstractmethod
     def keys_of(self, state: S) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The keys: float32[K, 2] places, int32[K] sprite looks, int32[K] colour indices."""
+        """The keys: float32[K, 2] places, int32[K] sprite pictures, int32[K] colour indices."""
 
     @abc.abstractmethod
     def locks_of(self, state: S) -> tuple[jax.Array, jax.Array]:
@@ -198,8 +198,8 @@ class KeysAndDoorsTask(GoalTask[S]):
     def scene(self, state: S, params: NavigationParams) -> Scene:
         """Add the keys that are left."""
         scene = super().scene(state, params)
-        places, looks, _ = self.keys_of(state)
-        return add_sprites(scene, places, looks, ~state.taken.reshape(-1))
+        places, pictures, _ = self.keys_of(state)
+        return add_sprites(scene, places, pictures, ~state.taken.reshape(-1))
 
     def variables(self, state: S) -> dict[str, jax.Array]:
         """`carried_keys`: float32[6], which key colours are carried (red, green, blue, ... )."""

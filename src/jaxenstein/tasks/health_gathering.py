@@ -26,7 +26,7 @@ from ..params import number
 from ..players.chance import NO_OP
 from ..players.walking import movement_of, towards
 from .appearance import build_theme
-from .draws import draw_unit
+from .draws import sample_unit
 from .health import FULL_HEALTH, HealthTask, P, S, about_health
 from .hud import bar, check_strip, strip_rows
 from .navigation import FixedMap
@@ -213,7 +213,7 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
             heading=state.heading,
             sprites=Sprites(
                 position=state.medkits,
-                look=jnp.zeros(CAPACITY, jnp.int32),
+                picture=jnp.zeros(CAPACITY, jnp.int32),
                 visible=state.present,
             ),
             theme=self.theme,
@@ -237,7 +237,7 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
 
 def _place(bits: jax.Array) -> jax.Array:
     """float32[..., 2]: uniform places for medkits from uint32 bits."""
-    return _FIRST_PLACE + draw_unit(bits) * jnp.float32(_LAST_PLACE - _FIRST_PLACE)
+    return _FIRST_PLACE + sample_unit(bits) * jnp.float32(_LAST_PLACE - _FIRST_PLACE)
 
 
 def _take(

@@ -26,7 +26,7 @@ from ..maps.tilemap import Key, TileMap
 from ..params import number
 from ..players.walking import flood
 from .appearance import build_theme
-from .draws import draw_index
+from .draws import sample_index
 from .first_person import GeneratedTask
 from .goals import KeysAndDoorsTask, NavigationParams
 from .levels import read_level
@@ -131,7 +131,7 @@ class KeyCorridor(
         return state.goal
 
     def keys_of(self, state: KeyCorridorState) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The key: place, sprite look, colour index."""
+        """The key: place, sprite picture, colour index."""
         return state.key[None], 1 + state.key_colour[None], state.key_colour[None]
 
     def locks_of(self, state: KeyCorridorState) -> tuple[jax.Array, jax.Array]:
@@ -189,9 +189,9 @@ def corridor_sketch(
     sketch.clear(sketch.area(step + 1, 1, step - 1, rows * step - 1))
     there, locked = _doors_there(sketch.bits(places), locked_row, rows)
     bits = sketch.bits(places)
-    along = 1 + draw_index(bits, size - 2)
+    along = 1 + sample_index(bits, size - 2)
     # The same bits serve for the colour: their low ones are not used for the place.
-    colours = jnp.where(locked, colour, draw_index(bits << 12, COLOURS))
+    colours = jnp.where(locked, colour, sample_index(bits << 12, COLOURS))
     for i, (column, row) in enumerate(_door_places(step, rows, along)):
         column, row = (jnp.where(there[i], part, 0) for part in (column, row))
         sketch.door(column, row, jnp.where(there[i], colours[i], 0), locked[i])
@@ -283,7 +283,7 @@ def _start(sketch: Sketch, key: jax.Array, step: int, rows: int, door: jax.Array
     """
     room = sketch.area(step + 1, rows // 2 * step, step - 1, step + 1) & ~sketch.walls
     spots = jnp.stack([room & ~sketch.tile(2 * step - 1, door), room, room, room], axis=-1)
-    choice = draw_index(jax.random.bits(key, (), jnp.uint32), jnp.sum(spots, dtype=jnp.int32))
+    choice = sample_index(jax.random.bits(key, (), jnp.uint32), jnp.sum(spots, dtype=jnp.int32))
     place = place_of(spots, choice)
     tile, heading = place // 4, place % 4
     return sketch.start((tile % sketch.columns, tile // sketch.columns), heading)

@@ -14,7 +14,7 @@ import numpy as np
 from ..engine.art.patterns import FLOOR_PATTERNS, wall_patterns
 from ..engine.scene import Theme
 from ..maps.symbols import DEFAULT_WALL, DOOR_LABELS
-from .draws import draw_unit
+from .draws import sample_unit
 
 Look = Literal["plain", "patterned", "random"]
 # Tiles from the eye at which a wall's pattern has faded: beyond, it is finer than a pixel.
@@ -58,7 +58,7 @@ def randomised(theme: Theme, seed: jax.Array, share: float) -> Theme:
     theme = patterned(theme)
     # For each wall its colour, then whether its pattern is drawn and which; two more for the rest.
     drawn = _hashed(seed, 5 * (_WALLS + 2)).reshape(_WALLS + 2, 5)
-    unit = draw_unit(drawn)
+    unit = sample_unit(drawn)
     colours = jnp.float32(DARKEST) + unit[:, :3] * jnp.float32(BRIGHTEST - DARKEST)
     walls, floor, ceiling = colours[:_WALLS], colours[_WALLS], colours[_WALLS + 1]
     redrawn = unit[: _WALLS + 1, 3] < share

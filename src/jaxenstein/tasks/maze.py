@@ -23,7 +23,7 @@ from ..maps.ascii import load_layout
 from ..maps.reach import open_tiles, walking_distances
 from ..maps.things import APPLE
 from ..maps.tilemap import Cell, TileMap
-from .draws import draw_index
+from .draws import sample_index
 from .goals import NavigationParams, add_sprites
 from .navigation import Navigation, NavigationState
 from .steering import centres, sample_heading
@@ -100,7 +100,7 @@ class Maze(Navigation):
         """Sample the goal, the start, the heading and the apples."""
         del params
         bits = jax.random.bits(key, (3 + self.drawn_apples,), jnp.uint32)
-        goal = draw_index(bits[0], len(self.tilemap.goals))
+        goal = sample_index(bits[0], len(self.tilemap.goals))
         if self.drawn_apples:
             apples = _subset(bits[3:], len(self.tilemap.goals) - 1)
             # The goal's own cell is skipped.
@@ -175,13 +175,13 @@ class Maze(Navigation):
         scene = super().scene(state, params)
         if not self.apple_cells:
             return scene
-        look = jnp.full(state.apples.shape, self.sprite_labels.index(APPLE.label), jnp.int32)
-        return add_sprites(scene, centres(self.apple_cells)[state.apples], look, ~state.eaten)
+        picture = jnp.full(state.apples.shape, self.sprite_labels.index(APPLE.label), jnp.int32)
+        return add_sprites(scene, centres(self.apple_cells)[state.apples], picture, ~state.eaten)
 
     def _sample_start(self, bits: jax.Array, goal: jax.Array) -> jax.Array:
         """float32[2]: the centre of a start far enough from the goal, each equally likely."""
         starts, counts = far_starts(self.tilemap, self.start_distance)
-        index = draw_index(bits, jnp.asarray(counts)[goal])
+        index = sample_index(bits, jnp.asarray(counts)[goal])
         return centres(self.tilemap.spawns)[jnp.asarray(starts)[goal, index]]
 
 
@@ -196,7 +196,7 @@ def _subset(bits: jax.Array, count: int) -> jax.Array:
 
     def choose(i: jax.Array, chosen: jax.Array) -> jax.Array:
         last = count - size + i
-        drawn = draw_index(bits[i], last + 1)
+        drawn = sample_index(bits[i], last + 1)
         return chosen.at[i].set(jnp.where(jnp.any(chosen == drawn), last, drawn))
 
     start = varying(jnp.full(size, -1, jnp.int32), bits)

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._jax.batching import varying
 from ..engine.level import Array
-from .draws import draw_index
+from .draws import sample_index
 
 # (row, column) of the side of a detour that is taken away, in the original's order.
 _UP = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
@@ -128,7 +128,7 @@ def sample_path(
         ways = jnp.stack([shift(here, *step) for step in _AROUND]) & left[None]
         beside = jnp.any(ways, axis=(1, 2))
         upto = jnp.cumsum(beside, dtype=jnp.int32)
-        way = jnp.argmax(upto > draw_index(bits[time], jnp.maximum(upto[-1], 1)))
+        way = jnp.argmax(upto > sample_index(bits[time], jnp.maximum(upto[-1], 1)))
         final = jnp.any(ways, axis=0) & (index == last)
         target = jnp.where(jnp.any(final), final, ways[way]) & (upto[-1] > 0)
         # Where nothing is left beside, the path goes back.

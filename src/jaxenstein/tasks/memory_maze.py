@@ -26,7 +26,7 @@ from ..maps.things import BALL, DETAIL_SHADE, RGB
 from ..players.walking import SHORTEST_PATH, flood, movement_of, remaining
 from ..spaces import Box
 from .appearance import build_theme
-from .draws import draw_index, draw_unit
+from .draws import sample_index, sample_unit
 from .first_person import GeneratedTask
 from .hud import frame
 from .random_maze import MazePlan, sample_in_rooms, sample_maze
@@ -183,11 +183,11 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         order = jnp.argsort(jnp.where(there, own >> 1, jnp.uint32(2**32 - 1)))
         start = jax.random.bits(start_key, (3,), jnp.uint32)
         return MemoryMazeState(
-            position=cells[draw_index(start[0], maze.rooms), 1].astype(jnp.float32) + 0.5,
-            heading=draw_unit(start[1]) * jnp.float32(2 * math.pi),
+            position=cells[sample_index(start[0], maze.rooms), 1].astype(jnp.float32) + 0.5,
+            heading=sample_unit(start[1]) * jnp.float32(2 * math.pi),
             level=level_from_walls(self._paint(maze.open, bits[-9:])),
             things=cells[order[: self.things], 0].astype(jnp.float32) + 0.5,
-            wanted=draw_index(start[2], self.things),
+            wanted=sample_index(start[2], self.things),
         )
 
     def transition(
@@ -205,7 +205,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         state = state.replace(position=position, heading=heading)
         fetched = self._distance(state) <= params.touch_radius
         # No other thing can be touched at the same time.
-        others = 1 + draw_index(jax.random.bits(key, (), jnp.uint32), self.things - 1)
+        others = 1 + sample_index(jax.random.bits(key, (), jnp.uint32), self.things - 1)
         following = (state.wanted + others) % self.things
         state = state.replace(wanted=jnp.where(fetched, following, state.wanted))
         reward = jnp.where(fetched, jnp.asarray(params.fetch_reward), 0)
@@ -246,7 +246,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
             heading=state.heading,
             sprites=Sprites(
                 position=state.things,
-                look=jnp.arange(self.things, dtype=jnp.int32),
+                picture=jnp.arange(self.things, dtype=jnp.int32),
                 visible=jnp.ones(self.things, bool),
             ),
             theme=self.theme,
@@ -284,7 +284,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         """uint8[N, N]: the walls; each ninth of the maze has a colour of its own."""
         size = self.plan.size
         ninth = np.searchsorted([size // 3, 2 * size // 3], np.arange(size), side="right")
-        colours = jnp.asarray(np.array(_WALLS, np.uint8))[draw_index(bits, len(_WALLS))]
+        colours = jnp.asarray(np.array(_WALLS, np.uint8))[sample_index(bits, len(_WALLS))]
         block = np.array(3 * ninth[:, None] + ninth[None], np.int32)
         return jnp.where(paved, jnp.uint8(0), colours[block])
 

@@ -19,7 +19,7 @@ from ..maps.things import GOAL, KEY, RGB
 from ..maps.tilemap import Cell, TileMap
 from ..players.walking import distance_tables
 from .appearance import CEILING, FLOOR, build_theme, check_rgb
-from .draws import draw_index
+from .draws import sample_index
 from .first_person import FirstPerson
 from .goals import GoalTask, KeysAndDoorsTask, NavigationParams
 from .steering import centres, heading_range, sample_heading
@@ -96,17 +96,17 @@ class MapGoalTask(FixedMap[S, NavigationParams], GoalTask[S]):
 
     @functools.cached_property
     def sprite_labels(self) -> tuple[int, ...]:
-        """Labels of the sprites' looks, the goal's first."""
+        """Labels of the sprites, the goal's first."""
         return (GOAL.label,)
 
     def sample_start(self, key: jax.Array) -> dict[str, jax.Array]:
         """Fields of the state: start, heading and goal, each uniform."""
         bits = jax.random.bits(key, (3,), jnp.uint32)
-        spawn = draw_index(bits[0], len(self.tilemap.spawns))
+        spawn = sample_index(bits[0], len(self.tilemap.spawns))
         return {
             "position": centres(self.tilemap.spawns)[spawn],
             "heading": sample_heading(bits[1], self.heading),
-            "goal": draw_index(bits[2], len(self.tilemap.goals)),
+            "goal": sample_index(bits[2], len(self.tilemap.goals)),
         }
 
     def about(self) -> About:
@@ -138,7 +138,7 @@ class Navigation(KeysAndDoorsTask[NavigationState], MapGoalTask[NavigationState]
 
     @functools.cached_property
     def sprite_labels(self) -> tuple[int, ...]:
-        """Labels of the sprites' looks: the goal's, then one for each key colour of the map."""
+        """Labels of the sprites: the goal's, then one for each key colour of the map."""
         return GOAL.label, *sorted({KEY.labels[key.colour] for key in self.tilemap.keys})
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> NavigationState:
@@ -152,13 +152,13 @@ class Navigation(KeysAndDoorsTask[NavigationState], MapGoalTask[NavigationState]
         return {"opened": jnp.zeros(doors, bool), "taken": jnp.zeros(keys, bool)}
 
     def keys_of(self, state: NavigationState) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The map's keys: places, sprite looks, colour indices."""
+        """The map's keys: places, sprite pictures, colour indices."""
         del state
         keys = self.tilemap.keys
-        looks = [self.sprite_labels.index(KEY.labels[key.colour]) for key in keys]
+        pictures = [self.sprite_labels.index(KEY.labels[key.colour]) for key in keys]
         colours = [key.colour for key in keys]
         places = centres([(key.column, key.row) for key in keys])
-        return places, jnp.array(looks, jnp.int32), jnp.array(colours, jnp.int32)
+        return places, jnp.array(pictures, jnp.int32), jnp.array(colours, jnp.int32)
 
     def locks_of(self, state: NavigationState) -> tuple[jax.Array, jax.Array]:
         """The map's doors: which are locked ones, the colour of the key of each."""

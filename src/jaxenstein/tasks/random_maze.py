@@ -21,7 +21,7 @@ from .._jax.batching import varying
 from ..errors import SettingError
 from ..fields import check_whole
 from ..pytree import PyTreeNode
-from .draws import draw_index
+from .draws import sample_index
 from .maze_ways import shift, straighten
 
 # How often rooms are drawn anew where they are too few; of 9x9 mazes, one in fifty has too few.
@@ -188,7 +188,7 @@ def _sample_rooms(bits: jax.Array, plan: MazePlan) -> tuple[jax.Array, jax.Array
         tried, room = carry
         free = ~jnp.any(masks & (room > 0)[None], axis=(1, 2))
         upto = jnp.cumsum(jnp.where(free, weights, 0), dtype=jnp.int32)
-        chosen = jnp.argmax(upto > draw_index(bits[tried, i], jnp.maximum(upto[-1], 1)))
+        chosen = jnp.argmax(upto > sample_index(bits[tried, i], jnp.maximum(upto[-1], 1)))
         here = jnp.asarray(masks)[chosen] & (upto[-1] > 0)
         return tried, jnp.where(here, i + 1, room)
 
@@ -238,7 +238,7 @@ def carve(bits: jax.Array, room: jax.Array) -> tuple[jax.Array, jax.Array]:
         here = index == last
         ways = jnp.any(beside & here[None], axis=(1, 2)) & (reached.reshape(-1)[last] > 0)
         upto = jnp.cumsum(ways, dtype=jnp.int32)
-        way = jnp.argmax(upto > draw_index(bits[time], jnp.maximum(upto[-1], 1)))
+        way = jnp.argmax(upto > sample_index(bits[time], jnp.maximum(upto[-1], 1)))
         steps = jnp.stack([shift(here, -down, -along) for down, along in _AROUND])
         # Where no way leads on, a maze begins at the first point that is left.
         goes = upto[-1] > 0

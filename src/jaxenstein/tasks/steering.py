@@ -14,7 +14,7 @@ from ..engine.motion import forward, turn, walk
 from ..environment import Params, Scalar
 from ..fields import Domain, check_value
 from ..params import number
-from .draws import draw_unit
+from .draws import sample_unit
 
 TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
 # Far beyond, float32 holds no degrees any more.
@@ -85,7 +85,7 @@ def centres(cells: Any) -> jax.Array:
 def sample_heading(bits: jax.Array, heading: Any) -> jax.Array:
     """float32[] radians, uniform over what a heading setting allows, from uint32 bits."""
     low, high = heading_range(heading)
-    return turn(jnp.float32(low), jnp.float32(high - low) * draw_unit(bits))
+    return turn(jnp.float32(low), jnp.float32(high - low) * sample_unit(bits))
 
 
 def heading_range(heading: Any) -> tuple[float, float]:

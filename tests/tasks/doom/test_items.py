@@ -8,7 +8,7 @@ import pytest
 from jaxenstein.maps.things import WEAPON
 from jaxenstein.pytree import PyTreeNode
 from jaxenstein.tasks.doom.arsenal import Arms, Arsenal
-from jaxenstein.tasks.doom.items import HALF, ITEMS, THIRD, Armour, Item, Items
+from jaxenstein.tasks.doom.items import HALF, ITEMS, THIRD, Armour, ItemKind, Items
 from jaxenstein.tasks.doom.weapons import FIST, PISTOL, SHOTGUN, SLOTS, SUPER_SHOTGUN
 
 ARSENAL = Arsenal(SLOTS)
@@ -25,7 +25,7 @@ MEDKIT, STIMPACK, VIAL, HELMET, GREEN, BLUE, BULLETS, SHELLS = (
 )
 GUN = 82
 # What a dead man leaves, as elsewhere in the game.
-LEFT = Item("Shotgun", WEAPON.label, ITEMS[GUN].picture, ammo=1, amount=4, weapon=SHOTGUN)
+LEFT = ItemKind("Shotgun", WEAPON.label, ITEMS[GUN].picture, ammo=1, amount=4, weapon=SHOTGUN)
 GOODS = Items([*ITEMS.values(), LEFT], np.zeros((len(ITEMS) + 1, 2), np.int32), ARSENAL)
 
 

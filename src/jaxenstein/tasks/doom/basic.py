@@ -18,7 +18,7 @@ from ...environment import Info
 from ...fields import choice
 from ...params import Params, Scalar
 from ...players.chance import NO_OP
-from ..draws import draw_index
+from ..draws import sample_index
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .fixed import ONE
@@ -149,7 +149,7 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
         """Sample where the monster stands."""
         del params
         bits = jax.random.bits(key, (3,), jnp.uint32)
-        y = LOWEST * ONE + draw_index(bits[2], (HIGHEST - LOWEST) * ONE + 1)
+        y = LOWEST * ONE + sample_index(bits[2], (HIGHEST - LOWEST) * ONE + 1)
         return DoomBasicState(
             **self.start_pose(bits[:2]),
             health=jnp.int32(FULL_HEALTH),

@@ -13,7 +13,7 @@ import numpy as np
 from ...about import About, Event
 from ...environment import Info
 from ...params import Params, Scalar, number
-from ..draws import draw_index, random_bits
+from ..draws import random_bits, sample_index
 from .arsenal import SELECT, SWITCHING, Arms, Arsenal
 from .collision import segments
 from .fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
@@ -205,7 +205,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         del params
         bits = jax.random.bits(key, (3,), jnp.uint32)
         low, high = _SQUARE
-        place = low * ONE + draw_index(bits[:2], (high - low) * ONE + 1)
+        place = low * ONE + sample_index(bits[:2], (high - low) * ONE + 1)
         count = len(self.horde)
         nowhere, none = jnp.zeros((count, 2), jnp.int32), jnp.zeros(count, jnp.int32)
         absent = jnp.zeros(count, bool)

@@ -47,7 +47,7 @@ TAKING = {
 
 
 @dataclass(frozen=True)
-class Item:
+class ItemKind:
     """A kind of thing to take.
 
     Attributes:
@@ -76,21 +76,23 @@ class Item:
     weapon: Weapon | None = None
 
 
-def _health(name: str, picture: Picture, health: int, bonus: bool = False) -> Item:
-    return Item(name, things.MEDKIT.label, picture, health=health, bonus=bonus)
+def _health(name: str, picture: Picture, health: int, bonus: bool = False) -> ItemKind:
+    return ItemKind(name, things.MEDKIT.label, picture, health=health, bonus=bonus)
 
 
 def _armour(
     name: str, side: float, colours: tuple[RGB, RGB], armour: int, share: int, bonus: bool = False
-) -> Item:
+) -> ItemKind:
     picture = Picture("vest", side, *colours)
     label = things.ARMOUR.label
-    return Item(name, label, picture, armour=armour, share=share, bonus=bonus)
+    return ItemKind(name, label, picture, armour=armour, share=share, bonus=bonus)
 
 
-def _ammunition(name: str, side: float, colours: tuple[RGB, RGB], ammo: int, amount: int) -> Item:
+def _ammunition(
+    name: str, side: float, colours: tuple[RGB, RGB], ammo: int, amount: int
+) -> ItemKind:
     picture = Picture("ammunition", side, *colours)
-    return Item(name, things.AMMUNITION.label, picture, ammo=ammo, amount=amount)
+    return ItemKind(name, things.AMMUNITION.label, picture, ammo=ammo, amount=amount)
 
 
 def _weapon(
@@ -100,13 +102,13 @@ def _weapon(
     weapon: Weapon,
     ammo: int = -1,
     amount: int = 0,
-) -> Item:
+) -> ItemKind:
     picture = Picture("gun", side, *colours)
-    return Item(name, things.WEAPON.label, picture, ammo=ammo, amount=amount, weapon=weapon)
+    return ItemKind(name, things.WEAPON.label, picture, ammo=ammo, amount=amount, weapon=weapon)
 
 
 _MEDKIT_COLOURS, _VEST_COLOURS = (MEDKIT_BOX.shape, MEDKIT_BOX.detail), (VEST.shape, VEST.detail)
-ITEMS: dict[int, Item] = {
+ITEMS: dict[int, ItemKind] = {
     2012: _health("Medikit", MEDKIT_BOX, 25),
     2011: _health("Stimpack", Picture("medkit-box", 17, *_MEDKIT_COLOURS), 10),
     2014: _health("HealthBonus", Picture("bottle", 15.3, (48, 72, 160), (110, 140, 66)), 1, True),
@@ -163,12 +165,12 @@ class Items(Part):
 
     Attributes:
         places: int32[M, 2], where each lies, map units in 16.16.
-        health, armour, share, ammo, amount: int32[M], as of `Item`.
+        health, armour, share, ammo, amount: int32[M], as of `ItemKind`.
         weapon: int32[M], its place in the arsenal, or -1.
         bonus: bool[M].
     """
 
-    def __init__(self, items: Sequence[Item], places: np.ndarray, arsenal: Arsenal) -> None:
+    def __init__(self, items: Sequence[ItemKind], places: np.ndarray, arsenal: Arsenal) -> None:
         """Lay out the tables."""
         self._arsenal, self._items, self.places = arsenal, items, places
         kinds = tuple(dict.fromkeys(items))

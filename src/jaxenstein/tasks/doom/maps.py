@@ -18,7 +18,7 @@ import numpy as np
 
 from ...engine.level import Level, compile_level
 from ...errors import MapError
-from ..draws import draw_index
+from ..draws import sample_index
 from .fixed import FRACTION_BITS
 
 START, MAP_SPOT, ARMOUR = 1, 9001, 2018
@@ -280,7 +280,7 @@ class FreePlaces:
 
     def sample(self, bits: jax.Array) -> jax.Array:
         """int32[..., 2]: uniform places in map units (16.16), from random bits uint32[..., 3]."""
-        cell = draw_index(bits[..., 0], int(self.before[-1]))
+        cell = sample_index(bits[..., 0], int(self.before[-1]))
         later = cell[..., None] >= jnp.asarray(self.before).reshape((1,) * cell.ndim + (-1,))
         row = jnp.sum(later, axis=-1, dtype=jnp.int32)
         first = np.concatenate([[0], self.before[:-1]]).astype(np.int32)

@@ -15,7 +15,7 @@ from ...about import About, Choose, Player
 from ...environment import Info
 from ...params import Params, Scalar
 from ...players.chance import NO_OP
-from ..draws import draw_index
+from ..draws import sample_index
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .collision import bearing, offsets, segments
@@ -144,8 +144,8 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
         """Sample the monster's line, its place there and its way; it has begun to walk."""
         del params
         bits = jax.random.bits(key, (3 + _BEFORE,), jnp.uint32)
-        line = draw_index(bits[0], _LINES * ONE + 1)
-        y = draw_index(bits[1], 2 * _STARTS * ONE + 1) - _STARTS * ONE
+        line = sample_index(bits[0], _LINES * ONE + 1)
+        y = sample_index(bits[1], 2 * _STARTS * ONE + 1) - _STARTS * ONE
         one = jnp.ones(1, jnp.int32)
         monster = self.horde.placed(
             jnp.stack([line, y])[None], jnp.zeros(1, jnp.uint32), one > 0, one

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..draws import draw_index, random_bits
+from ..draws import random_bits, sample_index
 from .collision import RADIUS, crosses, overlap
 from .fixed import ONE
 from .monster_ai import act
@@ -54,7 +54,7 @@ def asleep(
     """
     everybody = jnp.ones(len(horde), bool)
     monsters = horde.placed(jnp.asarray(places), facing, everybody, health)
-    return monsters.replace(tics=1 + draw_index(bits, _FIRST_LOOKS))
+    return monsters.replace(tics=1 + sample_index(bits, _FIRST_LOOKS))
 
 
 def arrived(
@@ -148,8 +148,8 @@ def invaded(
         The monsters, and bool[N] which have come.
     """
     kinds, low, high = len(horde.kinds), *square
-    wants = draw_index(bits[:, 0], _CHANCES).astype(jnp.float32) < jnp.asarray(chances)
-    places = draw_index(bits[:, 2:], (high - low) * ONE + 1) + low * ONE
+    wants = sample_index(bits[:, 0], _CHANCES).astype(jnp.float32) < jnp.asarray(chances)
+    places = sample_index(bits[:, 2:], (high - low) * ONE + 1) + low * ONE
     place, room = _roomy(horde, old, player, places.reshape(kinds, TRIES, 2))
     free = ~old.present[None] & (horde.kind_of[None] == np.arange(kinds)[:, None])
     index = np.arange(len(horde), dtype=np.int32)

@@ -23,7 +23,7 @@ from ...fields import choice
 from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...spaces import Box
-from ..draws import draw_index
+from ..draws import sample_index
 from ..first_person import FirstPerson
 from ..health import FULL_HEALTH
 from ..hud import AMMUNITION, bar, check_overlay, check_strip, strip_rows
@@ -258,16 +258,16 @@ class DoomScenario(FirstPerson[S, P]):
 
     def sprites(self, state: S) -> SceneSprites:
         """The billboards of all parts."""
-        places, looks, visible, first = [], [], [], 0
+        places, pictures, visible, first = [], [], [], 0
         for part in self.parts:
             if shown := part.sprites(state):
                 places.append(shown.places)
-                looks.append(shown.pictures + np.int32(first))
+                pictures.append(shown.pictures + np.int32(first))
                 visible.append(shown.visible)
             first += sum(len(thing.pictures) for thing in part.objects)
         position = self.to_tiles(jnp.concatenate(places))
         return SceneSprites(
-            position=position, look=jnp.concatenate(looks), visible=jnp.concatenate(visible)
+            position=position, picture=jnp.concatenate(pictures), visible=jnp.concatenate(visible)
         )
 
     def scene(self, state: S, params: P) -> Scene:
@@ -362,7 +362,7 @@ class DoomScenario(FirstPerson[S, P]):
         """
         table = [[to_fixed(value) for value in spot] for spot in self.starts.tolist()]
         spots = jnp.asarray(np.array(table, np.int32))
-        return self.pose(spots[draw_index(bits[0], len(table))], sample_angle(bits[1], angles))
+        return self.pose(spots[sample_index(bits[0], len(table))], sample_angle(bits[1], angles))
 
     def only_pose(self) -> dict[str, jax.Array]:
         """The same where there is one start, and the player looks east."""
@@ -439,4 +439,4 @@ def to_heading(angle: jax.Array) -> jax.Array:
 def sample_angle(bits: jax.Array, angles: tuple[int, int]) -> jax.Array:
     """uint32[]: an angle as scripts of the game choose it, in 65536ths of a circle, ends too."""
     low, high = angles
-    return (draw_index(bits, high - low + 1) + low).astype(jnp.uint32) << 16
+    return (sample_index(bits, high - low + 1) + low).astype(jnp.uint32) << 16

@@ -14,7 +14,7 @@ from ...about import About, Choose, Event, Player
 from ...environment import Info
 from ...params import Params, Scalar, number
 from ...players.chance import NO_OP
-from ..draws import draw_index
+from ..draws import sample_index
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .collision import offsets, overlap, segments
@@ -141,7 +141,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
 
     def _joined(self, key: jax.Array, imps: Monsters, comes: jax.Array) -> Monsters:
         """The imps with one more, if it comes now and finds room where it is to stand."""
-        y = draw_index(jax.random.bits(key, (), jnp.uint32), (HIGHEST - LOWEST) * ONE + 1)
+        y = sample_index(jax.random.bits(key, (), jnp.uint32), (HIGHEST - LOWEST) * ONE + 1)
         place = jnp.stack([jnp.int32(LINE * ONE), LOWEST * ONE + y])
         width = self.horde.half_width
         room = ~jnp.any(overlap(place[None], width, imps.position, width) & imps.present)

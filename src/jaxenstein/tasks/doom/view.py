@@ -151,7 +151,7 @@ def doom_theme(
     """The look of a scenario.
 
     Args:
-        pictures: of the things, each with its label id, in the order of `Sprites.look`.
+        pictures: of the things, each with its label id, in the order of `Sprites.picture`.
         floor: mean RGB of its texture.
         ceiling: likewise.
         level: the sector's light, 0 to 255.

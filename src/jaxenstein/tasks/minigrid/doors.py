@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...params import number
-from ..draws import draw_index
+from ..draws import sample_index
 from ..key_corridor import corridor_sketch
 from ..steering import INTERACT
 from .sketch import COLOURS, DOWN, LEFT, RIGHT, UP, RoomSketch, Sketch
@@ -183,7 +183,7 @@ class KeyCorridorBall(PickUpWorld):
         sketch, _ = corridor_sketch(layout_key, start_key, self.room_size, self.room_rows)
         # Not 0 or 1, which are the two keys that this one is split into.
         bits = jax.random.bits(jax.random.fold_in(key, 2), (), jnp.uint32)
-        colour = draw_index(bits, COLOURS)
+        colour = sample_index(bits, COLOURS)
         state = sketch.state(asked=(BALL_KIND, colour))
         things = state.things.replace(colour=state.things.colour.at[1].set(colour))
         return state.replace(things=things)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._jax.batching import varying
 from ...params import number
-from ..draws import draw_index
+from ..draws import sample_index
 from .sketch import COLOURS, Sketch
 from .state import GOAL_KIND, GridState
 from .world import GridWorld
@@ -117,7 +117,7 @@ class MultiRoom(GridWorld):
         tries = jax.vmap(lambda b: self._try(b, chain.top[last], chain.size[last], wall))
         tops, sizes, entries, walls = tries(bits)
         first = chain.length == 0
-        start = jnp.stack([draw_index(bits[0, 3], SIDE - 2), draw_index(bits[0, 4], SIDE - 2)])
+        start = jnp.stack([sample_index(bits[0, 3], SIDE - 2), sample_index(bits[0, 4], SIDE - 2)])
         entries = jnp.where(first, start[None], entries)
         tops = jnp.where(first, start[None], tops)
         # Of the first room there is one try.
@@ -144,18 +144,18 @@ class MultiRoom(GridWorld):
             entered: int32[], its wall with its own entry: 0 east, 1 south, 2 west, 3 north.
         """
         span = self.room_size - LEAST + 1
-        new = LEAST + jnp.stack([draw_index(bits[0], span), draw_index(bits[1] << 8, span)])
+        new = LEAST + jnp.stack([sample_index(bits[0], span), sample_index(bits[1] << 8, span)])
         # One of the three other walls of the room before, in order.
-        way = draw_index(bits[2], 3)
+        way = sample_index(bits[2], 3)
         way = way + jnp.where(way >= entered, 1, 0)
         along = jnp.where(way % 2 == 0, 1, 0)
         # Places of the door along the wall, which has two corners.
-        place = 1 + draw_index(bits[3], size[along] - 2)
+        place = 1 + sample_index(bits[3], size[along] - 2)
         far = jnp.where(way < 2, size - 1, 0)
         axis = np.arange(2, dtype=np.int32)
         entry = top + jnp.where(axis == along, place, far)
         # The new room has the door in the opposite wall, anywhere but in its corners.
-        shift = draw_index(bits[4], new[along] - 2) - new[along] + 2
+        shift = sample_index(bits[4], new[along] - 2) - new[along] + 2
         beyond = jnp.where(way < 2, 0, 1 - new)
         corner = entry + jnp.where(axis == along, shift, beyond)
         return corner, new, entry, (way + 2) % 4

@@ -13,7 +13,7 @@ from ...engine.motion import forward, touched_door
 from ...environment import Scalar
 from ...fields import check_whole, choice
 from ...params import number
-from ..draws import draw_index
+from ..draws import sample_index
 from ..steering import BACKWARD, FORWARD
 from .sketch import Sketch
 from .state import (
@@ -260,7 +260,7 @@ class DynamicObstacles(Empty):
             taken = walls | own | mask_of(tiles, jnp.ones(count, bool), walls.shape)
             free = around(tiles[index], walls.shape) & ~taken
             count_free = jnp.sum(free, dtype=jnp.int32)
-            place = place_of(free, draw_index(bits, count_free))
+            place = place_of(free, sample_index(bits, count_free))
             tile = jnp.stack([place % walls.shape[1], place // walls.shape[1]])
             moves = (things.kind[index] == BALL_KIND) & (count_free > 0) & due
             return tiles.at[index].set(jnp.where(moves, tile, tiles[index])), None

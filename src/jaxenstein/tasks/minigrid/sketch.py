@@ -15,7 +15,7 @@ import numpy as np
 from ...engine.level import level_from_walls
 from ...maps.symbols import DEFAULT_WALL, door_label
 from ...maps.things import COLOUR_NAMES
-from ..draws import draw_index
+from ..draws import sample_index
 from .state import BOXED, GONE, LYING, Doors, GridState, Things, mask_of, place_of
 
 COLOURS = len(COLOUR_NAMES)
@@ -69,7 +69,7 @@ class Sketch:
 
     def number(self, low: Number, high: Number) -> jax.Array:
         """int32[], uniform from `low` to `high - 1`."""
-        return low + draw_index(self.bits(1)[0], jnp.asarray(high, jnp.int32) - low)
+        return low + sample_index(self.bits(1)[0], jnp.asarray(high, jnp.int32) - low)
 
     def colour(self) -> jax.Array:
         """int32[], a colour index."""
@@ -244,9 +244,9 @@ class RoomSketch(Sketch):
         self._places: dict[tuple[int, int, int], tuple[Number, Number]] = {}
         for row in range(down):
             for column in range(across):
-                self._draw_places(column, row, column < across - 1, row < down - 1)
+                self._sample_places(column, row, column < across - 1, row < down - 1)
 
-    def _draw_places(self, column: int, row: int, east: bool, south: bool) -> None:
+    def _sample_places(self, column: int, row: int, east: bool, south: bool) -> None:
         left, top, step = column * self._step, row * self._step, self._step
         if east:
             place = left + step, self.number(top + 1, top + step)

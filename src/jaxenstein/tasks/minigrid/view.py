@@ -60,8 +60,8 @@ def scene_of(
 ) -> Scene:
     """What there is to see in a state; without hands or instructions nothing is spent on them."""
     things = state.things
-    looks = _first_looks(kinds, small=False)[things.kind]
-    looks = looks + jnp.where(things.kind < PORTABLE, things.colour, 0)
+    pictures = _first_pictures(kinds, small=False)[things.kind]
+    pictures = pictures + jnp.where(things.kind < PORTABLE, things.colour, 0)
     held = jnp.stack([_sum(things.kind, things.held), _sum(things.colour, things.held)])
     small = jnp.concatenate([jnp.where(jnp.any(things.held), held, -1)[None], state.asked])
     shown = np.flatnonzero([hands and bool(_small(kinds)), asks, asks]).astype(np.int32)
@@ -71,6 +71,7 @@ def scene_of(
     aside = jnp.stack([-ahead[1], ahead[0]])
     before = state.position[None] + _NEAR * ahead[None] + places[:, None] * aside[None]
     kind = jnp.clip(small[:, 0], 0, DOOR_KIND)
+    smalls = _first_pictures(kinds, small=True)
     return Scene(
         level=state.level,
         closed=~state.doors.opened,
@@ -78,7 +79,7 @@ def scene_of(
         heading=state.heading,
         sprites=Sprites(
             position=jnp.concatenate([things.tile.astype(jnp.float32) + 0.5, before]),
-            look=jnp.concatenate([looks, _first_looks(kinds, small=True)[kind] + small[:, 1]]),
+            picture=jnp.concatenate([pictures, smalls[kind] + small[:, 1]]),
             visible=jnp.concatenate([things.lying, small[:, 0] >= 0]),
         ),
         theme=theme,
@@ -89,15 +90,15 @@ def _small(kinds: Sequence[int]) -> tuple[int, ...]:
     return tuple(kind for kind in kinds if kind < PORTABLE)
 
 
-def _first_looks(kinds: Sequence[int], *, small: bool) -> jax.Array:
+def _first_pictures(kinds: Sequence[int], *, small: bool) -> jax.Array:
     """int32[kinds and the door], the look of each kind's first colour; 0 where it has none."""
     count = sum(len(KINDS[kind].labels) for kind in kinds) if small else 0
-    looks = np.zeros(DOOR_KIND + 1, np.int32)
+    firsts = np.zeros(DOOR_KIND + 1, np.int32)
     for kind in _small(kinds) if small else kinds:
-        looks[kind] = count
+        firsts[kind] = count
         count += len(KINDS[kind].labels)
-    looks[DOOR_KIND] = count
-    return jnp.asarray(looks)
+    firsts[DOOR_KIND] = count
+    return jnp.asarray(firsts)
 
 
 def _sum(values: jax.Array, which: jax.Array) -> jax.Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...engine.level import Level, level_from_walls
 from ...params import number
-from ..draws import draw_index, draw_unit
+from ..draws import sample_index, sample_unit
 from ..first_person import GeneratedTask
 from ..goals import NavigationParams
 from ..random_maze import carve
@@ -67,9 +67,9 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
 
     def _place(self, bits: jax.Array, margin: float) -> jax.Array:
         """float32[2]: a place in any cell, so far from its edges, from uint32[3]."""
-        cell = draw_index(bits[0], self.cells**2)
+        cell = sample_index(bits[0], self.cells**2)
         corner = 1 + _PITCH * jnp.stack([cell % self.cells, cell // self.cells])
-        inside = margin + draw_unit(bits[1:]) * jnp.float32(_CELL - 2 * margin)
+        inside = margin + sample_unit(bits[1:]) * jnp.float32(_CELL - 2 * margin)
         return corner.astype(jnp.float32) + inside
 
     def _floor(self, bits: jax.Array) -> jax.Array:

@@ -22,7 +22,7 @@ from ...maps.tilemap import TileMap
 from ...params import number
 from ...players.chance import NO_OP
 from ...players.walking import Movement, movement_of, towards
-from ..draws import draw_unit
+from ..draws import sample_unit
 from ..health import FULL_HEALTH, about_health
 from ..health_gathering import HealthRoom
 from ..steering import ACTION_NAMES, SteeringParams, sample_heading, steer
@@ -214,7 +214,7 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
             heading=state.heading,
             sprites=Sprites(
                 position=state.medkits,
-                look=jnp.zeros(MEDKITS, jnp.int32),
+                picture=jnp.zeros(MEDKITS, jnp.int32),
                 visible=jnp.ones(MEDKITS, bool),
             ),
             theme=self.theme,
@@ -239,6 +239,6 @@ def _distances(place: jax.Array, medkits: jax.Array) -> jax.Array:
 def _place(bits: jax.Array, others: jax.Array, radius: float) -> jax.Array:
     """float32[2]: the first of places that is apart from other medkits, from uint32[n, 2]."""
     side = jnp.float32(ROOM - 2 * radius)
-    places = 1 + jnp.float32(radius) + draw_unit(bits) * side
+    places = 1 + jnp.float32(radius) + sample_unit(bits) * side
     distances = jax.vmap(_distances, (0, None))(places, others)
     return places[jnp.argmax(jnp.all(distances >= radius + _MEDKIT, axis=1))]

@@ -23,7 +23,7 @@ from ...maps.tilemap import TileMap
 from ...params import number
 from ...players.walking import flood
 from ..appearance import build_theme
-from ..draws import draw_unit
+from ..draws import sample_unit
 from ..goals import GoalTask, NavigationParams, add_sprites
 from ..navigation import FixedMap
 from ..steering import ACTION_NAMES, centres, heading_range, sample_heading
@@ -155,9 +155,9 @@ def sample_place(bits: jax.Array, areas: tuple[Area, ...]) -> jax.Array:
     # An area may be a single place.
     sizes = np.maximum(np.prod(table[:, 1] - table[:, 0], axis=1), 1e-6)
     upto = (np.cumsum(sizes) / np.sum(sizes)).astype(np.float32)[:-1]
-    chosen = jnp.sum(draw_unit(bits[0]) >= upto, dtype=jnp.int32)
+    chosen = jnp.sum(sample_unit(bits[0]) >= upto, dtype=jnp.int32)
     low, high = jnp.asarray(table)[chosen]
-    return low + (high - low) * draw_unit(bits[1:])
+    return low + (high - low) * sample_unit(bits[1:])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

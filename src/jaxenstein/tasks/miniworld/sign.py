@@ -23,7 +23,7 @@ from ...maps.symbols import LABEL_NAMES
 from ...maps.things import COLOUR_NAMES
 from ...params import number
 from ...players.walking import SHORTEST_PATH, Movement, flood, movement_of, shortest_path
-from ..draws import draw_unit
+from ..draws import sample_unit
 from ..minigrid.sketch import Sketch
 from ..minigrid.state import (
     BOX_KIND,
@@ -231,7 +231,7 @@ class Sign(ThingsRoom):
         bits = sketch.bits(3)
         return state.replace(
             level=state.level.replace(walls=walls),
-            position=_START[0] + draw_unit(bits[:2]) * (_START[1] - _START[0]),
+            position=_START[0] + sample_unit(bits[:2]) * (_START[1] - _START[0]),
             heading=sample_heading(bits[2], None),
         )
 
