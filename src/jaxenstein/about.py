@@ -64,7 +64,7 @@ class About:
         captions: which of them the captions of pictures show.
         players: the scripted players that know the task, by name.
         expert: the name of the one who does it best; "" if there is none.
-        generated: whether every reset draws a new map.
+        generated: whether every reset generates a new map.
         lasting: fields of the state, bool arrays, what is true in which stays so until the agent
             is put at a start again.
         holds: what is true of every state from which an episode goes on, in words.

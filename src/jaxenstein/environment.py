@@ -110,7 +110,7 @@ class Environment(abc.ABC, Generic[S, P]):
 
     @abc.abstractmethod
     def init_state(self, key: jax.Array, params: P) -> S:
-        """Draw the first state of an episode."""
+        """Sample the first state of an episode."""
 
     @abc.abstractmethod
     def transition(

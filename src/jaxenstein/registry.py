@@ -1,4 +1,4 @@
-"""Ids, how to build what they name, and how tasks of one's own get an id."""
+"""Ids, how to build what they name, and how the user's own tasks get an id."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _VERSIONED = re.compile(r".*-v\d+")
 
 
 def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> None:
-    """Give a task of one's own an id: `make`, every command and Gymnasium then know it.
+    """Give your own task an id: `make`, every command and Gymnasium then know it.
 
     An id lasts as long as the process. In others, write the module that registers it in front:
     `make("my_module:my-task")`, `jaxenstein train --env my_module:my-task` and

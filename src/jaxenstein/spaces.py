@@ -33,7 +33,7 @@ class Discrete:
         return np.dtype(np.int32)
 
     def sample(self, key: jax.Array) -> jax.Array:
-        """Draw uniformly."""
+        """Sample uniformly."""
         return jax.random.randint(key, (), 0, self.n, jnp.int32)
 
     def contains(self, value: Any) -> bool:
@@ -60,7 +60,7 @@ class Box:
     dtype: np.dtype = dataclasses.field(default_factory=lambda: np.dtype(np.float32))
 
     def sample(self, key: jax.Array) -> jax.Array:
-        """Draw uniformly between the bounds; with infinite bounds from [-1, 1] around zero."""
+        """Sample uniformly between the bounds; with infinite bounds from [-1, 1] around zero."""
         if np.issubdtype(self.dtype, np.integer):
             return jax.random.randint(key, self.shape, int(self.low), int(self.high) + 1).astype(
                 self.dtype
@@ -88,7 +88,7 @@ class Dict:
         return hash(frozenset(self.spaces.items()))
 
     def sample(self, key: jax.Array) -> dict[str, jax.Array]:
-        """Draw each entry by itself."""
+        """Sample each entry by itself."""
         keys = jax.random.split(key, len(self.spaces))
         return {
             name: space.sample(k)

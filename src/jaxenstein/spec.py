@@ -48,7 +48,7 @@ class Spec:
         """The environment, without automatic resets, and its params.
 
         Args:
-            warn: of what is odd about the map; whoever made it has been warned.
+            warn: of what is odd about the map; its author has been warned.
 
         Raises:
             JAXensteinError: an id, setting or param does not exist or has a wrong value.
@@ -64,7 +64,7 @@ class Spec:
         return env, env.check_params(params.replace(**self.params))
 
     def try_out(self) -> tuple[AnyEnvironment, Any]:
-        """As `build`, for a spec of somebody else's file: looks at the values of all settings.
+        """As `build`, for a spec of an untrusted file: looks at the values of all settings.
 
         A reset is traced; nothing is compiled.
 

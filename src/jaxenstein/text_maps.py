@@ -1,4 +1,4 @@
-"""Environments from maps of one's own, as text or in files."""
+"""Environments from the user's own maps, as text or in files."""
 
 from __future__ import annotations
 

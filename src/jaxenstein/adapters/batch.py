@@ -254,8 +254,8 @@ class Batch:
         """The streams: new ones where there is a seed, and at first everywhere."""
         fresh = [int(i) for i in np.flatnonzero(chosen) if seeds[i] is not None]
         if self._kept is None:
-            drawn = [secrets.randbits(32) if seed is None else seed for seed in seeds]
-            return batch_calls.keys_of(drawn)
+            sampled = [secrets.randbits(32) if seed is None else seed for seed in seeds]
+            return batch_calls.keys_of(sampled)
         keys = self._streams()[0]
         if not fresh:
             return keys

@@ -58,8 +58,8 @@ _compiled = functools.partial(jax.jit, static_argnums=(0, 1))
 
 
 # A stream is a key that is split at every reset and at every step: one part is used, the other
-# stays. So an environment draws the same whatever the number of its neighbours and whoever, the
-# batch or its caller, makes the resets.
+# stays. So an environment samples the same whatever the number of its neighbours, and whether
+# the batch or its caller makes the resets.
 
 
 @_compiled

@@ -226,6 +226,6 @@ def _space(space: own.Space) -> spaces.Space:
 
 def _discrete(n: int) -> spaces.Discrete:
     space = spaces.Discrete(n)
-    # gymnax 0.0.x says int64, of which JAX warns at every draw where 64 bits are switched off.
+    # gymnax 0.0.x says int64, of which JAX warns at every sample where 64 bits are switched off.
     space.dtype = jnp.dtype(jnp.int32)
     return space

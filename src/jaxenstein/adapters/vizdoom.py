@@ -113,7 +113,7 @@ class GameSession(Session):
             [held >> i & 1 for i in range(len(env.button_names))]
             for held in (*env.action_buttons.tolist(), 0)
         ]
-        # Drawn once: all that the game does not tell stays as it is at our resets.
+        # Sampled once: what the game does not tell stays as at our resets.
         key = jax.random.key(0, impl="threefry2x32")
         self._first = jax.device_get(env.reset(key, params)[1])
         self._labels = env.game_labels
@@ -174,7 +174,7 @@ class GameSession(Session):
         """Whether the aim was reached in an episode that is over."""
         if count := self.env.success_count:
             return self._game.get_game_variable(getattr(load_vizdoom().GameVariable, count)) > 0
-        # Who lives on has either reached the time limit or, before it, the event.
+        # A player that lives on has reached the time limit or, before it, the event.
         return not dead and late != bool(self.env.success_event)
 
     def policy_key(self) -> jax.Array:
@@ -360,8 +360,8 @@ class GameEnv(gymnasium.Env[Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode."""
         super().reset(seed=seed, options=options)
-        drawn = int(self.np_random.integers(2**32))
-        return self.session.reset(drawn), dict(self.session.info)
+        game_seed = int(self.np_random.integers(2**32))
+        return self.session.reset(game_seed), dict(self.session.info)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Take a step; the last observation is that before the end."""

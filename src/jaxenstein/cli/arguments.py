@@ -202,7 +202,7 @@ OF_FILES = "FILE.npz or pretrained/NAME"
 def add_agent(parser: argparse._ActionsContainer) -> None:
     """Add --run and --greedy, for an agent of a run directory."""
     add_run(parser)
-    flag(parser, "--greedy", "the agent takes its most likely actions (default: drawn ones)")
+    flag(parser, "--greedy", "the agent takes its most likely actions (default: sampled ones)")
 
 
 def add_run(parser: argparse._ActionsContainer) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 HELP = "measure steps per second, compile time and memory"
 DESCRIPTION = """\
-Measure rollouts under a uniform random policy inside one compiled scan: policy draw, dynamics,
+Measure rollouts under a uniform random policy inside one compiled scan: sampled actions, dynamics,
 automatic resets and a frame every step. Each configuration (environment and batch size) runs
 in a process of its own: it compiles, warms up, and repeats the rollout. Shown are the median
 of the repeats with the quartiles, the steps of the world a second (--frame-skip times as many),

@@ -19,8 +19,8 @@ _TROUBLE = re.compile(r"Error (?:reading|writing) persistent compilation cache e
 def keep_programs() -> None:
     """Let JAX keep what it compiles in a folder of the user's own, and find it there again.
 
-    Nothing happens where JAX has been told of a folder, or where there can be none in which nobody
-    else writes: what is in it is run.
+    Nothing happens where the user has set a folder for JAX, or where other users could write to
+    ours: JAX runs what it finds there.
     """
     if os.environ.get("JAX_COMPILATION_CACHE_DIR"):
         return
@@ -74,10 +74,10 @@ def programs_folder() -> Path:
 
 
 def is_ours(folder: Path) -> bool:
-    """Whether it is a folder in which nobody else writes, and this process can."""
+    """Whether this process can write to a folder, and no other user can."""
     about, above = folder.lstat(), folder.parent.stat().st_mode
     if above & stat.S_IWOTH and not above & stat.S_ISVTX:
-        return False  # anybody may put another in its place
+        return False  # other users could replace it
     if not stat.S_ISDIR(about.st_mode) or not os.access(folder, os.W_OK):
         return False
     return not hasattr(os, "getuid") or (

@@ -107,7 +107,7 @@ def pretrained_agents() -> str:
         rates = [f"{score[way]['success']['mean']:.0%}" for way in ("sampled", "greedy")]
         table.append((name, place, algo, f"{steps:,}", earned, *rates))
     notes = (
-        "steps of the training; return and success rate of drawn actions, success of greedy ones",
+        "steps of the training; return and success rate of sampled actions, success of greedy ones",
         "'jaxenstein play --policy pretrained/NAME' shows one, and with --greedy as it is then",
     )
     return "\n".join([format_table(table, right=(3, 4, 5, 6)), "", *notes])
@@ -133,9 +133,9 @@ def actions_of(names: Mapping[str, tuple[str, ...]]) -> list[str]:
     for name, actions in names.items():
         users.setdefault(actions, []).append(name)
     lines = []
-    for actions, who in sorted(users.items(), key=lambda item: -len(item[1])):
+    for actions, ids in sorted(users.items(), key=lambda item: -len(item[1])):
         numbered = ", ".join(f"{i} {action}" for i, action in enumerate(actions))
-        lines.append(f"actions of {', '.join(who) if lines else 'all'}: {numbered}")
+        lines.append(f"actions of {', '.join(ids) if lines else 'all'}: {numbered}")
     if len(lines) > 1:
         lines[0] = lines[0].replace(" of all:", " of all others:")
         lines.append(lines.pop(0))

@@ -18,7 +18,7 @@ from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, plain_va
 from .compile_cache import forget
 
 IMPORT = "--import"
-"""The flag that names a module of tasks or bonuses of one's own."""
+"""The flag that names a module with the user's own tasks or bonuses."""
 
 if TYPE_CHECKING:
     from ..spec import Spec
@@ -136,7 +136,7 @@ def named_modules(arguments: Sequence[str]) -> list[str]:
 
 
 def import_modules(names: Sequence[str]) -> None:
-    """Import modules of tasks or bonuses of one's own, also from the current folder.
+    """Import modules with the user's own tasks or bonuses, also from the current folder.
 
     Raises:
         UsageError: there is no such module.

@@ -1,4 +1,4 @@
-"""`jaxenstein play`: somebody plays, in a window or in the terminal."""
+"""`jaxenstein play`: play in a window or in the terminal."""
 
 from __future__ import annotations
 

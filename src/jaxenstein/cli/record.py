@@ -67,8 +67,8 @@ def fill(parser: Parser) -> None:
     played = parser.add_argument_group("what is played")
     flag(played, "--steps T", "stop after T steps (default: at the horizon)", whole())
     how = played.add_mutually_exclusive_group()
-    who = f"who acts, see below, or a trained agent: a run directory, {OF_FILES}"
-    flag(how, "--policy NAME", who, policy_or_run, "forward")
+    policy = f"what acts, see below, or a trained agent: a run directory, {OF_FILES}"
+    flag(how, "--policy NAME", policy, policy_or_run, "forward")
     add_agent(played)
     flag(how, "--actions LIST", 'the actions to take, such as "2,2,0,1"', str)
     add_seed(played)

@@ -136,7 +136,7 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
 
 
 def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
-    """Train in a run directory with a progress line, until it is done or somebody stops it."""
+    """Train in a run directory with a progress line, until it is done or stopped."""
     experiment = folder.experiment
     total = experiment.config.updates
     many = experiment.config.steps_per_update * len(experiment.runs)

@@ -187,7 +187,7 @@ def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:
     panels = columns.panels
     if panels is None:
         return columns.wall
-    # Bounded on the wall, and nobody sees the others; the offset is no constant here.
+    # Bounded on the wall, and the others are hidden; the offset is no constant here.
     bit = _rounded(across * panels.scale + panels.offset)
     image = columns.wall
     for plane in range(panels.planes.shape[0]):

@@ -88,7 +88,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
 
         return draw
 
-    # Where nobody in the batch sees more than a few layers, the others are not looked up.
+    # Where no member of the batch sees more than a few layers, the others are not looked up.
     more = (seen > FEW).astype(jnp.int32)
     steps = [with_layers(most) for most in (FEW, layers)]
     return by_most(steps)(more, columns, hits.depth, scene.lift, spots, keys)

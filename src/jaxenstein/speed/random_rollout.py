@@ -1,6 +1,6 @@
 """The program that speed is measured with: a random policy inside one compiled scan.
 
-Two things make such numbers lie. A frame that nobody reads is deleted by the compiler together
+Two things make such numbers lie. A frame that nothing reads is deleted by the compiler together
 with the renderer, and reducing a frame to a checksum costs more than drawing it. Here every
 observation is carried whole through the scan, and one pixel of it shifts its environment's next
 action, so that no frame can be left out and none is read twice.
@@ -88,9 +88,9 @@ def make_random_rollout(
 
     def advance(carry: RolloutCarry, _: None) -> tuple[RolloutCarry, None]:
         key, policy_key, step_key = jax.random.split(carry.key, 3)
-        drawn = jax.random.randint(policy_key, (batch,), 0, env.num_actions, jnp.int32)
-        # Uniform still: a uniform draw, shifted by anything that does not depend on it.
-        action = (drawn + _middle_pixel(carry.obs)) % env.num_actions
+        sampled = jax.random.randint(policy_key, (batch,), 0, env.num_actions, jnp.int32)
+        # Still uniform: a uniform sample, shifted by a number that does not depend on it.
+        action = (sampled + _middle_pixel(carry.obs)) % env.num_actions
         obs, state, reward, terminated, truncated, info = step(
             jax.random.split(step_key, batch), carry.state, action
         )
