@@ -25,9 +25,9 @@ DESCRIPTION = """\
 Play whole episodes with the agents of a run directory, or with one of a file of 'jaxenstein
 export' or of 'jaxenstein list --pretrained', with the most likely actions ("greedy") and with
 sampled ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs and
-episodes, or with one run over episodes. --gif also writes an episode beside the map. --env, --map-file, --set
-and --param play elsewhere, with nothing learned anew; another environment is seen as the one before
-was.
+episodes, or with one run over episodes. --gif also writes an episode beside the map. --env,
+--map-file, --set and --param play elsewhere, with nothing learned anew; another environment is seen
+as the one before was.
 
 --in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
 anew, and --gif then shows one episode from the same start in both. It takes agents of the
