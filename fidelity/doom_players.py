@@ -42,6 +42,8 @@ PLAYERS = (("idle", 1), ("uniform", 1), ("uniform", 4))
 UNSEEN = {"height": 1, "width": 1, "observation": "depth"}
 GAMES = 16
 
+Watch = Callable[[int, GameSession], object]
+"""Is called with an episode's number in each of its states but the last."""
 APART = 2
 """Standard errors of a difference of means that count as more than chance."""
 
@@ -105,6 +107,10 @@ def play_here(env: Any, params: Any, name: str, episodes: int, seed: int) -> Pla
     return jax.device_get(play(env, player, params, jax.random.key(seed + 1), states))
 
 
+def ignore(number: int, session: GameSession) -> None:
+    """Watch nothing."""
+
+
 def play_games(
     env: Any,
     params: Any,
@@ -113,6 +119,7 @@ def play_games(
     episodes: int,
     seed: int = 0,
     games: int = GAMES,
+    watch: Watch = ignore,
 ) -> Games:
     """Play whole episodes of a player in the game.
 
@@ -123,6 +130,7 @@ def play_games(
         episodes: how many.
         seed: of the first episode; the others have the numbers after it.
         games: how many are played side by side.
+        watch: looks at the games as they go.
     """
     returns, lengths = np.zeros(episodes, np.float32), np.zeros(episodes, np.int32)
     successes = np.zeros(episodes, bool)
@@ -132,6 +140,8 @@ def play_games(
     try:
         key = jax.random.key(seed)
         while sessions:
+            for number, session in zip(numbers, sessions, strict=True):
+                watch(number, session)
             key, draw = jax.random.split(key)
             actions = choose(draw, [session.told for session in sessions])
             for i in reversed(range(len(sessions))):

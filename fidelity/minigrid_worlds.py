@@ -1,11 +1,13 @@
 """Worlds of the `minigrid-*` ids, MiniGrid's and ours, compared by their statistics.
 
-    python -m fidelity.minigrid_worlds [ID ...] [--resets N] [--episodes N]
+    python -m fidelity.minigrid_worlds [ID ...] [--resets N] [--episodes N] [--plans N]
 
 Needs the `minigrid` extra. Tables are of where walls, doors, things and the start are, of their
-colours, and of what is asked for. The status is 1 if one differs by more than chance explains (5 %
-for all tables of all ids together). With `--episodes`, players who sample every action play as many
-in both, until the time is up: the share that solves them.
+colours, of what is asked for, and of the fewest moves that solve a level where `minigrid_moves`
+counts them. The status is 1 if one differs by more than chance explains (5 % for all tables of all
+ids together). With `--episodes`, players who draw every action play as many in both, until the time
+is up: the share that solves them. With `--plans`, our planner plays as many levels: its steps
+beside what the fewest moves of the same levels are at 1 / 0.15 steps a move, as in the time limits.
 """
 
 from __future__ import annotations
@@ -22,12 +24,12 @@ import numpy as np
 import jaxenstein
 from fidelity import players
 from fidelity.frequencies import Observation, chances
-from jaxenstein.catalogue import ENTRIES
+from fidelity.minigrid_moves import PREFIX, end_of, fewest_moves, source_of
+from jaxenstein.catalogue import ENTRIES, STEPS_A_MOVE
 from jaxenstein.maps.symbols import DOOR_LABELS
 from jaxenstein.maps.things import COLOUR_NAMES
-from jaxenstein.players import UNIFORM, play
+from jaxenstein.players import UNIFORM, play, player_of
 
-PREFIX = "minigrid-"
 SIGNIFICANCE = 0.05
 # What MiniGrid calls them, by our kinds of things.
 KINDS = ("key", "ball", "box", "goal", "lava")
@@ -38,11 +40,6 @@ ASKED = {
     "instructions:GoToObject": (("target_color", "targetType"),),
     "instructions:PutNear": (("moveColor", "move_type"), ("target_color", "target_type")),
 }
-
-
-def source_of(name: str) -> str:
-    """The module and class of a world; without the prefix of the id."""
-    return str(ENTRIES[PREFIX + name].source).removeprefix("minigrid.")
 
 
 def original_id(name: str, registered: Sequence[str]) -> str:
@@ -129,6 +126,9 @@ def samples(name: str, resets: int) -> tuple[list[Observation], list[Observation
         theirs.append(from_minigrid(env, name))
     _, _, states = first_states(name, resets)
     ours = [from_ours(jax.tree.map(lambda leaf, i=i: leaf[i], states), name) for i in range(resets)]
+    if end := end_of(name):
+        for found in (*theirs, *ours):
+            found["moves"] = [str(fewest_moves(found, end))]
     return theirs, ours
 
 
@@ -165,14 +165,35 @@ def by_chance(name: str, episodes: int) -> tuple[float, float]:
     return solved / episodes, float((np.asarray(played.successes) > 0).mean())
 
 
+def by_plan(name: str, levels: int) -> str:
+    """What the planner needs in our levels, told."""
+    env, params, states = first_states(name, levels)
+    steps = np.asarray(play(env, player_of(env), params, jax.random.key(0), states).length)
+    told = f"{steps.mean():.1f} steps, at most {steps.max() / int(params.max_steps_in_episode):.3f}"
+    if not (end := end_of(name)):
+        return f"{told} of the limit"
+    found = [
+        from_ours(jax.tree.map(lambda leaf, i=i: leaf[i], states), name) for i in range(levels)
+    ]
+    moves = np.array([fewest_moves(one, end) for one in found])
+    shares = steps / np.maximum(moves * STEPS_A_MOVE, 1)
+    return (
+        f"{told} of the limit; fewest moves {moves.mean():.1f}, steps over rescaled moves "
+        f"{steps.mean() / moves.mean() / STEPS_A_MOVE:.2f}, at most {shares.max():.2f}"
+    )
+
+
 def compared(name: str, resets: int, ids: int) -> bool:
     """Compare the levels of one of several ids, and print how; whether a table is beyond chance."""
-    found = chances(*samples(name, resets))
+    both = samples(name, resets)
+    found = chances(*both)
     if source_of(name) in ("multi_room:MultiRoom", "instructions:GoToDoor"):
         del found["walls"]  # what lies outside of the rooms is solid here
     beyond = [table for table, chance in found.items() if chance < SIGNIFICANCE / len(found) / ids]
     shown = ", ".join(f"{table} {chance:.3f}" for table, chance in found.items())
-    print(f"{name}: {shown}; beyond chance: {', '.join(beyond) or 'none'}", flush=True)
+    moves = [np.mean([int(one["moves"][0]) for one in side]) for side in both if "moves" in found]
+    told = "; fewest moves {:.1f} and {:.1f}".format(*moves) if moves else ""
+    print(f"{name}: {shown}{told}; beyond chance: {', '.join(beyond) or 'none'}", flush=True)
     return bool(beyond)
 
 
@@ -183,6 +204,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("ids", nargs="*", default=every, metavar="ID", help="without minigrid-")
     parser.add_argument("--resets", type=int, default=1000, help="levels a side (default 1000)")
     parser.add_argument("--episodes", type=int, default=0, help="of players who act by chance")
+    parser.add_argument("--plans", type=int, default=0, help="levels that the planner plays")
     options = parser.parse_args(argv)
     failed = [
         compared(name, options.resets, len(options.ids)) for name in options.ids if options.resets
@@ -190,6 +212,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in options.ids if options.episodes else ():
         theirs, ours = by_chance(name, options.episodes)
         print(f"{name}: by chance {theirs:.1%} in MiniGrid, {ours:.1%} here", flush=True)
+    for name in options.ids if options.plans else ():
+        print(f"{name}: planner {by_plan(name, options.plans)}", flush=True)
     return int(any(failed))
 
 

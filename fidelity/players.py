@@ -1,4 +1,4 @@
-"""What scripted players get in each task.
+"""What scripted players get in each task, beside the figures of the originals.
 
 `python -m fidelity.players [--episodes N] [--ids ...] [--starts N]`
 """
@@ -16,11 +16,19 @@ import numpy as np
 
 from jaxenstein import make
 from jaxenstein.catalogue import MAIN_IDS
-from jaxenstein.players import play, player_of, players_of
+from jaxenstein.environment import Environment
+from jaxenstein.players import Choose, Player, play, player_of, players_of
 from jaxenstein.tasks.maze import Maze, far_starts
 from jaxenstein.tasks.navigation import MapGoalTask
 from jaxenstein.tasks.steering import centres, sample_heading
 
+# Measured with ViZDoom 1.3.2; skip 4 repeats each action four times, which players here do not.
+ORIGINALS = {
+    ("health-gathering", "idle"): "284 exactly, dead after 384 steps",
+    ("health-gathering", "uniform"): "351.2 +- 4.3 (284 to 572); skip 4: 393.8 +- 7.3",
+    ("health-gathering", "greedy_medkits"): "2100 in 20 of 20",
+    ("my-way-home", "uniform_walk"): "success 7.0 +- 1.5 %; skip 4: 14 +- 2 %",
+}
 _HEADINGS = 4
 
 
@@ -29,6 +37,20 @@ def mean_and_error(values: Any) -> tuple[float, float]:
     values = np.asarray(values, np.float64)
     error = values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan
     return float(values.mean()), float(error)
+
+
+def uniform_walk(env: Environment[Any, Any], params: Any) -> Choose:
+    """Draw turn left, turn right or forward: the buttons of the originals, without backward."""
+    del env, params
+
+    def choose(key: jax.Array, state: Any) -> jax.Array:
+        del state
+        return jax.random.randint(key, (), 0, 3, jnp.int32)
+
+    return choose
+
+
+UNIFORM_WALK = Player("draws turn left, turn right or forward", uniform_walk)
 
 
 def first_states(env: Any, params: Any, count: int, seed: int) -> Any:
@@ -60,11 +82,14 @@ def all_starts(env: Any, params: Any, most: int) -> tuple[Any, bool]:
     ), complete
 
 
-def measure(name: str, player: str, episodes: int) -> dict[str, Any]:
+def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[str, Any]:
     """Returns, lengths and successes of a player in an environment, and print them as a row."""
     env, params = make(name, height=8, width=8)
+    if turn is not None:
+        params = params.replace(turn_angle=np.float32(math.radians(turn)))
     states = first_states(env, params, episodes, seed=0)
-    result = play(env, player_of(env, player), params, jax.random.key(1), states)
+    chosen = UNIFORM_WALK if player == "uniform_walk" else player_of(env, player)
+    result = play(env, chosen, params, jax.random.key(1), states)
     returned = np.asarray(result.returned).tolist()
     mean, error = mean_and_error(returned)
     row = {
@@ -78,10 +103,12 @@ def measure(name: str, player: str, episodes: int) -> dict[str, Any]:
         "length": float(np.mean(result.length)),
         "success": float(np.mean(np.asarray(result.successes) > 0)),
         "goals": float(np.mean(result.successes)),
+        "original": ORIGINALS.get((name, player), ""),
     }
     print(
         f"| {name} | {player} | {mean:.4g} +- {error:.2g} | {row['least']:.4g} | "
-        f"{row['most']:.4g} | {row['length']:.1f} | {row['success']:.1%} | {row['goals']:.2f} |",
+        f"{row['most']:.4g} | {row['length']:.1f} | {row['success']:.1%} | {row['goals']:.2f} | "
+        f"{row['original']} |",
         flush=True,
     )
     return row
@@ -107,7 +134,8 @@ def _ends_at_a_goal(name: str) -> bool:
 
 def _players_of(name: str) -> list[str]:
     env = make(name)[0]
-    return ["idle", "uniform", env.about().expert]
+    walk = ["uniform_walk"] if env.num_actions > 3 else []
+    return ["idle", "uniform", *walk, env.about().expert]
 
 
 def main() -> None:
@@ -116,6 +144,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=256, help="episodes of each player")
     parser.add_argument("--starts", type=int, default=4096, help="most starts to solve an id from")
     parser.add_argument("--ids", nargs="+", default=list(MAIN_IDS), metavar="ID")
+    parser.add_argument("--turn", type=float, metavar="DEGREES", help="another turn a step")
     options = parser.parse_args()
     began = time.perf_counter()
     print("| id | starts | solved | mean length | longest | horizon |\n" + "|---" * 6 + "|")
@@ -123,12 +152,12 @@ def main() -> None:
         if _ends_at_a_goal(name):
             solve(name, options.starts)
     print(
-        "\n| id | player | return | least | most | length | success | goals |\n"
-        "|---|---|---:|---:|---:|---:|---:|---:|"
+        "\n| id | player | return | least | most | length | success | goals | original |\n"
+        "|---|---|---:|---:|---:|---:|---:|---:|---|"
     )
     for name in options.ids:
         for player in _players_of(name):
-            measure(name, player, options.episodes)
+            measure(name, player, options.episodes, options.turn)
     print(f"\n{time.perf_counter() - began:.0f} s")
 
 

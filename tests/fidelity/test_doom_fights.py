@@ -1,0 +1,124 @@
+"""What is read off episodes that are watched, and games that are played side by side."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fidelity.doom_fights import (
+    Measure,
+    Seen,
+    differs,
+    distances,
+    likeness,
+    shots,
+    thrown,
+)
+
+pytest.importorskip("gymnasium")
+
+from fidelity import doom_players
+
+
+def trace(tics: int, **fields: Any) -> Seen:
+    """A player in the middle, who looks north, and one monster 100 units east."""
+    nothing = {
+        "health": np.full(tics, 100),
+        "ammo": np.full(tics, 9),
+        "player": np.zeros((tics, 2)),
+        "angle": np.full(tics, 1 << 30, np.uint32),
+        "places": np.full((tics, 1, 2), (100.0, 0.0)),
+        "living": np.ones((tics, 1), bool),
+        "balls": np.zeros((tics, 0, 2)),
+        "flies": np.zeros((tics, 0), bool),
+    }
+    return Seen(**nothing | fields)
+
+
+def test_a_fireball_counts_in_the_tic_in_which_it_appears() -> None:
+    places = [[(50.0, 0), (0, 0)], [(40, 0), (63, 5)], [(34, 8), (53, 5)], [(9, 9), (0, 0)]]
+    flies = np.array([[True, False], [True, True], [True, True], [False, False]])
+    assert thrown(trace(4, balls=np.array(places), flies=flies)).tolist() == [1, 0, 0]
+
+
+def test_a_shot_is_aimed_at_whom_the_player_looks() -> None:
+    places = np.tile([[(100.0, 0.0), (0.0, 30.0), (0.0, 20.0)]], (4, 1, 1))
+    living = np.ones((4, 3), bool)
+    living[:, 2] = False
+    living[3, 1] = False
+    ammo = np.array([9, 8, 8, 7])
+    watched = trace(4, places=places, living=living, ammo=ammo)
+    np.testing.assert_array_equal(shots(watched), [[30, 0], [30, 1]])
+    assert distances(watched)[0].tolist() == [100, 30, math.inf]
+
+
+def test_samples_of_one_distribution_and_of_two() -> None:
+    dice = np.random.default_rng(0).integers(1, 7, (2, 600))
+    assert likeness(dice[0].tolist(), dice[1].tolist()) > 0.001
+    assert likeness(dice[0].tolist(), (dice[1] % 5).tolist()) < 1e-6
+    assert likeness([1.0] * 20, [1.0] * 30) == 1
+
+
+def test_what_counts_as_apart() -> None:
+    assert doom_players.apart((3.0, 0.3), (4.0, 0.4)) == pytest.approx(2)
+    assert doom_players.apart((3.0, 0.0), (3.0001, 0.0)) == 0
+    assert doom_players.apart((3.0, 0.0), (4.0, 0.0)) == math.inf
+    row = Measure("id", "idle", "what", (3.0, 0.3), (3.5, 0.4))
+    assert not differs(row)
+    assert differs(row._replace(chance=0.01))
+    assert differs(row._replace(there=(5.0, 0.4)))
+
+
+class Counting:
+    """A game whose episode of seed n takes n + 1 steps; each step rewards with the action."""
+
+    begun = 0
+
+    def __init__(self, env: Any, params: Any, seed: int) -> None:
+        type(self).begun += 1
+        self.reset(seed)
+
+    def reset(self, seed: int) -> None:
+        self.seed, self.actions = seed, []
+        self.info = {"success": seed % 2 == 1}
+
+    @property
+    def told(self) -> np.ndarray:
+        return np.array(self.seed)
+
+    @property
+    def over(self) -> bool:
+        return len(self.actions) > self.seed
+
+    @property
+    def episode_return(self) -> float:
+        return float(sum(self.actions))
+
+    def step(self, action: int) -> None:
+        self.actions.append(action)
+
+    def close(self) -> None:
+        type(self).begun -= 1
+
+
+def test_games_side_by_side_are_episodes_by_their_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doom_players, "GameSession", Counting)
+    monkeypatch.setattr(
+        doom_players, "_chooser", lambda *_: lambda key, told: [int(t) for t in told]
+    )
+    watched: list[tuple[int, int]] = []
+
+    def watch(number: int, session: Any) -> None:
+        watched.append((number, len(session.actions)))
+
+    none: Any = SimpleNamespace()
+    games = doom_players.play_games(none, None, "idle", episodes=5, games=3, watch=watch)
+    assert games.lengths.tolist() == [1, 2, 3, 4, 5]
+    assert games.returns.tolist() == [0, 2, 6, 12, 20]
+    assert games.successes.tolist() == [False, True, False, True, False]
+    assert sorted(watched) == [(n, step) for n in range(5) for step in range(n + 1)]
+    assert Counting.begun == 0
