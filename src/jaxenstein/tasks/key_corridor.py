@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
@@ -192,9 +191,8 @@ def corridor_sketch(
     along = 1 + sample_index(bits, size - 2)
     # The same bits serve for the colour: their low ones are not used for the place.
     colours = jnp.where(locked, colour, sample_index(bits << 12, COLOURS))
-    for i, (column, row) in enumerate(_door_places(step, rows, along)):
-        column, row = (jnp.where(there[i], part, 0) for part in (column, row))
-        sketch.door(column, row, jnp.where(there[i], colours[i], 0), locked[i])
+    tiles = jnp.where(there[:, None], _door_places(step, rows, along), 0)
+    sketch.doors(tiles, jnp.where(there, colours, 0), locked)
     sketch.thing(KEY_KIND, colour, key_tile)
     sketch.thing(BALL_KIND, 0, goal_tile)
     door = jnp.sum(jnp.where(locked, along, 0), dtype=jnp.int32) + locked_row * step
@@ -208,21 +206,21 @@ def _tile_of_room(sketch: Sketch, step: int, column: int, row: jax.Array) -> jax
     return jnp.stack([column * step + 1 + tile % width, row * step + 1 + tile // width])
 
 
-def _door_places(
-    step: int, rows: int, along: jax.Array
-) -> Iterator[tuple[int | jax.Array, int | jax.Array]]:
-    """(column, row) of each place for a door: on each side those to the hall, then between rows.
+def _door_places(step: int, rows: int, along: jax.Array) -> jax.Array:
+    """int32[D, 2]: the places for doors: on each side those to the hall, then between rows.
 
     Args:
         step: tiles from a wall of a room to the opposite one.
         rows: rows of rooms.
         along: int32[D], the tile of each along its wall.
     """
-    index = iter(along)
-    for side in (WEST, EAST):
-        yield from (((1 + side) * step, row * step + next(index)) for row in range(rows))
-    for side in (WEST, EAST):
-        yield from ((2 * step * side + next(index), row * step) for row in range(1, rows))
+    index = np.arange(len(along), dtype=np.int32)
+    to_hall, between, gaps = index < 2 * rows, index - 2 * rows, max(rows - 1, 1)
+    side = np.where(to_hall, index // rows, between // gaps)
+    line = np.where(to_hall, index % rows, between % gaps + 1)
+    column = jnp.where(to_hall, (1 + side) * step, 2 * step * side + along)
+    row = line * step + jnp.where(to_hall, along, 0)
+    return jnp.stack([column, row], axis=-1)
 
 
 def _doors_there(bits: jax.Array, locked_row: jax.Array, rows: int) -> tuple[jax.Array, jax.Array]:

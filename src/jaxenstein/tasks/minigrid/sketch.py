@@ -55,7 +55,7 @@ class Sketch:
         self.taken = jnp.zeros((rows, columns), bool)
         self._bits = jax.random.bits(key, (draws,), jnp.uint32)
         self._drawn = 0
-        self._doors: list[tuple[jax.Array, Number, bool | jax.Array]] = []
+        self._doors: list[tuple[jax.Array, jax.Array, jax.Array]] = []
         self._things: list[Things] = []
         self._start: tuple[jax.Array, jax.Array] | None = None
 
@@ -126,11 +126,19 @@ class Sketch:
         self, column: Number, row: Number, colour: Number, locked: bool | jax.Array = False
     ) -> int:
         """Put a door into a wall, or at (0, 0) one that is absent; returns its number."""
-        tile = _tile((column, row))
-        here = mask_of(tile[None], jnp.ones(1, bool), self.walls.shape)
+        self.doors(_tile((column, row))[None], _stack([colour]), _stack([locked]).astype(bool))
+        return self._door_count - 1
+
+    def doors(self, tiles: jax.Array, colours: jax.Array, locked: jax.Array) -> Self:
+        """Put doors int32[D, 2] into walls at once, with int32[D] colours and bool[D] locks."""
+        here = mask_of(tiles, jnp.ones(len(tiles), bool), self.walls.shape)
         self.walls, self.taken = self.walls & ~here, self.taken | here
-        self._doors.append((tile, colour, locked))
-        return len(self._doors) - 1
+        self._doors.append((tiles, colours, locked))
+        return self
+
+    @property
+    def _door_count(self) -> int:
+        return sum(len(tiles) for tiles, _, _ in self._doors)
 
     def thing(self, kind: Number, colour: Number, tile: Tile) -> int:
         """Lay a thing down; returns its number."""
@@ -196,9 +204,8 @@ class Sketch:
         """
         assert self._start is not None, "nobody said where the agent starts"
         tile, heading = self._start
-        spots = _stack([tile for tile, _, _ in self._doors]).reshape(-1, 2)
-        colour = _stack([colour for _, colour, _ in self._doors])
-        locked = _stack([locked for _, _, locked in self._doors]).astype(bool)
+        no_doors = jnp.zeros((0, 2), jnp.int32), jnp.zeros(0, jnp.int32), jnp.zeros(0, bool)
+        spots, colour, locked = map(jnp.concatenate, zip(no_doors, *self._doors, strict=True))
         walls = jnp.where(self.walls, DEFAULT_WALL, 0)
         first = jnp.where(locked, door_label(0, locked=True), door_label(0, locked=False))
         if self._doors:
@@ -213,7 +220,7 @@ class Sketch:
             heading=heading.astype(jnp.float32) * jnp.float32(np.pi / 2),
             level=level_from_walls(walls.astype(jnp.uint8), spots),
             things=things,
-            doors=Doors(colour, locked, jnp.zeros(len(self._doors), bool)),
+            doors=Doors(colour, locked, jnp.zeros(self._door_count, bool)),
             asked=jnp.stack([_stack(asked), _stack(near)]),
         )
 
