@@ -15,30 +15,35 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 		>/dev/null 2>&1 && { echo "$$python"; break; }; \
 	done)
 
+# Both processes of a machine with two cores get whole files, whose tests share what they compile.
+PYTEST = $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+
 # On a terminal pip shows its progress bars; in a log it keeps quiet.
 PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || echo --quiet)
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test slow coverage check docs demo bench compare partners lanes fuzz \
+.PHONY: help setup test test-all trainings coverage check docs demo bench compare partners lanes fuzz \
 	endurance clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
 	@echo "  PYTHON=/path/to/python chooses the interpreter for a new $(VENV), ARGS=... adds arguments"
 
 setup: $(VENV)/.dev ## make .venv with everything that tests and checks need
 
-test: $(VENV)/.dev ## run the tests, but for the slow ones
-	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow" $(ARGS)
+test: $(VENV)/.dev ## run the tests that every change needs: all modules and rules, some environments
+	$(PYTEST) --quick $(ARGS)
 
-slow: $(VENV)/.dev ## run the slow tests: whole programs, partners' trainings, runs that are killed
-	$(BIN)/python -m pytest -n auto --dist load -m slow $(ARGS)
+test-all: $(VENV)/.dev ## run all tests, on every environment; those that train agents are left out
+	$(PYTEST) -m "not training" $(ARGS)
+
+trainings: $(VENV)/.dev ## run the tests that train agents
+	$(PYTEST) -m training $(ARGS)
 
 coverage: $(VENV)/.dev ## lines and branches of src that no test reaches; LINES=1: lines alone, faster
-	$(if $(LINES),COVERAGE_CORE=sysmon) $(BIN)/python -m pytest -n auto --dist loadfile \
-		--no-loadscope-reorder -m "not slow" --cov --cov-report=term-missing \
+	$(if $(LINES),COVERAGE_CORE=sysmon) $(PYTEST) --quick --cov --cov-report=term-missing \
 		$(if $(LINES),,--cov-branch) $(ARGS)
 
 check: $(VENV)/.dev ## lint, formatting and types

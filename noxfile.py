@@ -45,10 +45,10 @@ def lower_bounds(python: str) -> list[str]:
 
 
 def run_tests(
-    session: nox.Session, *tests: str, modules: tuple[str, ...] = (), slow: bool = False
+    session: nox.Session, *tests: str, modules: tuple[str, ...] = (), trainings: bool = False
 ) -> None:
     """Run some tests, after making sure that none is skipped for want of a module."""
-    chosen = () if slow else ("-m", "not slow")
+    chosen = () if trainings else ("-m", "not training")
     session.run("python", "-c", f"import {', '.join(('jax', *modules))}; print(jax.__version__)")
     session.run(
         *("python", "-m", "pytest", "-q", *chosen, "-p", "no:cacheprovider"),
@@ -103,4 +103,4 @@ def partners(session: nox.Session, partner: str) -> None:
     chosen = PARTNERS[partner]
     session.install("--editable", ".", *TOOLS, *chosen.requirements)
     tests = (f"{TESTS}/{test}" for test in chosen.tests)
-    run_tests(session, *tests, modules=chosen.modules, slow=True)
+    run_tests(session, *tests, modules=chosen.modules, trainings=True)

@@ -1,44 +1,55 @@
 """Settings shared by all tests."""
 
-import functools
 import os
-import shutil
-import tempfile
 from collections.abc import Iterator
 from unittest import mock
 
 import jax
 import pytest
 
+from tests.compiled import Programs
 from tests.reference.frames import plain_frame
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
+PROGRAMS = pytest.StashKey[Programs]()
 
-CACHE = "JAX_COMPILATION_CACHE_DIR"
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--quick", action="store_true", help="leave out slow tests, and compile without optimising"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let the files that one process tests, and programs that they start, share what they compile.
-
-    Each worker has a folder of its own, since JAX may read what another process is still writing.
-    """
+    """Set up JAX's compiler and its cache, for this process and the programs that it starts."""
+    if config.getoption("quick"):
+        config.option.markexpr = config.option.markexpr or "not slow and not training"
+        compile_quickly()
     in_charge = config.getoption("numprocesses", None) and "PYTEST_XDIST_WORKER" not in os.environ
-    if in_charge or os.environ.get(CACHE):
-        return
-    folder = tempfile.mkdtemp(prefix="jaxenstein-tests-")
-    config.add_cleanup(functools.partial(shutil.rmtree, folder, ignore_errors=True))
-    os.environ |= {CACHE: folder, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
-    jax.config.update("jax_compilation_cache_dir", folder)
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    if not in_charge and not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+        config.stash[PROGRAMS] = Programs()
+        config.add_cleanup(config.stash[PROGRAMS].close)
+
+
+def compile_quickly() -> None:
+    """Compile what computes the same but takes half the time to compile."""
+    jax.config.update("jax_disable_most_optimizations", True)
+    os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
+    # Later versions of JAX do not know this flag, and stop the process.
+    if jax.__version_info__ < (0, 11):
+        flags = os.environ.get("XLA_FLAGS", "")
+        os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_use_fusion_emitters=false"
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _forget_compiled_programs() -> Iterator[None]:
-    """Files share hardly any programs; kept to the end, those of all files take gigabytes."""
+def _programs(pytestconfig: pytest.Config) -> Iterator[None]:
+    """Share what a file compiled, and forget it: the programs of all files take gigabytes."""
     yield
     jax.clear_caches()
+    if PROGRAMS in pytestconfig.stash:
+        pytestconfig.stash[PROGRAMS].exchange()
 
 
 @pytest.fixture(scope="module")
