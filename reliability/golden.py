@@ -75,14 +75,24 @@ class Trace:
     frames: np.ndarray
 
 
+def made(name: str) -> tuple[Any, Any]:
+    """A small environment whose episodes end within the steps, and its params."""
+    env, params = jaxenstein.make(name, **SIZE)
+    return env, params.replace(max_steps_in_episode=LIMIT, **SOONER.get(name, {}))
+
+
 def trace(name: str, seed: int, actions: Sequence[int]) -> Trace:
     """Play the actions from the reset of a seed on."""
-    env, params = jaxenstein.make(name, **SIZE)
-    params = params.replace(max_steps_in_episode=LIMIT, **SOONER.get(name, {}))
-    keys = _keys(seed)
-    first, steps = jax.device_get(_play(env, keys, jnp.asarray(actions, jnp.int32), params))
+    env, params = made(name)
+    played = _play(env, keys_of(seed), jnp.asarray(actions, jnp.int32), params)
+    return trace_of(*jax.device_get(played))
+
+
+def trace_of(first: tuple[Any, ...], steps: tuple[Any, ...]) -> Trace:
+    """The trace of what `reset` returned and of what the steps did, stacked over time."""
+    *front, info = steps
     # It follows from the others, and is younger than the file.
-    steps[-1].pop("success")
+    steps = *front, {name: value for name, value in info.items() if name != "success"}
     begin = jax.tree.map(lambda leaf: leaf[None], first[1])
     parts = _rows(begin), _rows(steps[1:])
     poses = [np.concatenate([s.position, s.heading[:, None]], -1) for s in (begin, steps[1])]
@@ -95,7 +105,7 @@ def trace(name: str, seed: int, actions: Sequence[int]) -> Trace:
     )
 
 
-def _keys(seed: int) -> jax.Array:
+def keys_of(seed: int) -> jax.Array:
     """The keys of the reset and of each step."""
     return jax.random.split(jax.random.key(seed, impl="threefry2x32"), STEPS + 1)
 
@@ -174,8 +184,19 @@ def rounded(rows: Iterable[np.ndarray]) -> list[np.ndarray]:
     return [np.rint(row / GRID).astype(np.int64) for row in rows]
 
 
-def problem(name: str, wanted: Mapping[str, Any]) -> str:
-    """How an environment differs from its golden episode; "" if it does not."""
+def actions_of(episode: Mapping[str, Any]) -> list[int]:
+    """The actions of an episode, one for each step."""
+    return [value for value, count in episode["actions"] for _ in range(count)]
+
+
+def problem(name: str, wanted: Mapping[str, Any], found: Trace | None = None) -> str:
+    """How an environment differs from its golden episode; "" if it does not.
+
+    Args:
+        name: the id.
+        wanted: the episode.
+        found: the trace of its actions; played here if None.
+    """
     env, params = jaxenstein.make(name, **SIZE)
     if env.version != wanted["version"]:
         return f"its version is {env.version}, that of the file {wanted['version']}"
@@ -183,8 +204,8 @@ def problem(name: str, wanted: Mapping[str, Any]) -> str:
     if numbers != wanted["params"]:
         changed = {k: v for k, v in numbers.items() if wanted["params"].get(k) != v}
         return f"default params are now {changed or numbers}"
-    actions = [value for value, count in wanted["actions"] for _ in range(count)]
-    found = trace(name, wanted["seed"], actions)
+    if found is None:
+        found = trace(name, wanted["seed"], actions_of(wanted))
     if digest([found.layout.encode()]) != wanted["layout"]:
         return f"states or info have other parts: {found.layout}"
     if at := _differing(blocks(found.whole), wanted["whole"]):
@@ -255,8 +276,7 @@ def choose(name: str, seeds: Iterable[int] = range(400)) -> Table:
 
 def wander(name: str, seed: int) -> list[int]:
     """Actions of the task's expert, with other ones in between, some of which are no actions."""
-    env, params = jaxenstein.make(name, **SIZE)
-    params = params.replace(max_steps_in_episode=LIMIT, **SOONER.get(name, {}))
+    env, params = made(name)
     rng = np.random.default_rng(seed)
     others = rng.integers(-1, env.num_actions + 1, STEPS).astype(np.int32)
     away = rng.random(STEPS) < WANDERING
@@ -264,7 +284,7 @@ def wander(name: str, seed: int) -> list[int]:
         stray = [int(rng.integers(2))] * int(rng.integers(1, 5)) + [2] * 7
         others[start : start + len(stray)] = stray[: STEPS - start]
         away[start : start + len(stray)] = True
-    return np.asarray(_choose(env, _keys(seed), others, away, params)).tolist()
+    return np.asarray(_choose(env, keys_of(seed), others, away, params)).tolist()
 
 
 @functools.partial(jax.jit, static_argnums=0)

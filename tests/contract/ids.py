@@ -1,27 +1,32 @@
-"""The ids, those that repeat others among the slow tests: each takes seconds to compile."""
+"""All ids; those that repeat another's class and kind of map are marked as slow."""
 
 from __future__ import annotations
 
-import re
+import functools
 from typing import Any
 
 import pytest
 
-from jaxenstein.catalogue import MAIN_IDS
+from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 
-# They differ from another one by map, size or look alone.
-ALIKE = r".*-colorless|key-corridor-s(3r[23]|5r3|6r3)|dmlab-.*-0[23](-respawn)?|doom-.*-sparse"
-# Worlds of one class with other rules, which have tests of their own.
-RELATED = r"minigrid-(?!door-key).*"
+# Other kinds of map of a class: doors, many starts, goals drawn by chance, resets without an end.
+KINDS = ("key-door", "my-way-home", "dmlab-random-goal-01-respawn")
 
 
-def slow_where(pattern: str) -> list[Any]:
-    """All ids, marked as slow where a pattern fits."""
-    return [
-        pytest.param(name, marks=pytest.mark.slow) if re.fullmatch(pattern, name) else name
-        for name in MAIN_IDS
-    ]
+def _first_of_their_class() -> set[str]:
+    """The first id of each class; of sizes and maps of one class a single one."""
+    found: dict[Any, str] = {}
+    for name in MAIN_IDS:
+        build = ENTRIES[name].build
+        found.setdefault(build.func if isinstance(build, functools.partial) else build, name)
+    return {*found.values(), *KINDS}
 
 
-IDS = slow_where(f"{ALIKE}|{RELATED}")
-GOLDEN_IDS = slow_where(ALIKE)
+def ids(names: tuple[str, ...]) -> list[Any]:
+    """The names as parameters, with their marks."""
+    quick = _first_of_their_class()
+    return [n if n in quick else pytest.param(n, marks=pytest.mark.slow) for n in names]
+
+
+IDS = ids(MAIN_IDS)
+ALL_IDS = ids(tuple(ENTRIES))
