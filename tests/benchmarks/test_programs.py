@@ -34,6 +34,7 @@ def test_frames_are_drawn_and_those_of_the_states():
 
 
 @pytest.mark.parametrize("kind", ["scan-2", "loop"])
+@pytest.mark.usefixtures("plain_frames")
 def test_own_subjects(monkeypatch, kind):
     monkeypatch.setattr(own, "STEPS_A_CALL", 32)
     chunk = prepare(f"{kind} id=simple size=8x6")
