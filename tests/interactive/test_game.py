@@ -19,6 +19,8 @@ from jaxenstein.registry import ENTRIES
 from jaxenstein.tasks.steering import BACKWARD, FORWARD, INTERACT, TURN_LEFT, TURN_RIGHT
 from jaxenstein.view.topdown import AGENT, PATH
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 SMALL = {"height": 12, "width": 16}
 # From the start of key-door over the key to the door, through it and to the goal.
 TO_THE_DOOR, TO_THE_GOAL = "w" * 22, "w" * 30
