@@ -43,6 +43,7 @@ def test_own_subjects(monkeypatch, kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("adapter", ["loop-2", "gymnasium-same-step-2", "gymnasium-single"])
+@pytest.mark.usefixtures("plain_frames")
 def test_adapters(monkeypatch, adapter):
     pytest.importorskip("gymnasium")
     assert prepare(f"adapter-{adapter} id=simple")() > 0

@@ -156,7 +156,6 @@ def test_seeds_come_round(world: tuple[Any, Any]) -> None:
     assert game.session.seed == 0
 
 
-@pytest.mark.slow
 def test_health_is_shown_and_there_is_nothing_to_carry() -> None:
     made: tuple[Any, Any] = jaxenstein.make("health-gathering", sprite_layers=1, **SMALL)
     game = Game(*made)
