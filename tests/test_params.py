@@ -11,6 +11,8 @@ import pytest
 import jaxenstein
 from jaxenstein import SettingError
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 SIZE = {"height": 8, "width": 8}
 
 

@@ -34,6 +34,7 @@ def test_frames_are_drawn_and_those_of_the_states():
 
 
 @pytest.mark.parametrize("kind", ["scan-2", "loop"])
+@pytest.mark.usefixtures("plain_frames")
 def test_own_subjects(monkeypatch, kind):
     monkeypatch.setattr(own, "STEPS_A_CALL", 32)
     chunk = prepare(f"{kind} id=simple size=8x6")
@@ -42,6 +43,7 @@ def test_own_subjects(monkeypatch, kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("adapter", ["loop-2", "gymnasium-same-step-2", "gymnasium-single"])
+@pytest.mark.usefixtures("plain_frames")
 def test_adapters(monkeypatch, adapter):
     pytest.importorskip("gymnasium")
     assert prepare(f"adapter-{adapter} id=simple")() > 0

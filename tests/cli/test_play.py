@@ -28,6 +28,8 @@ from jaxenstein.interactive.display import Rectangle
 from jaxenstein.tasks.steering import FORWARD, INTERACT, TURN_RIGHT
 from tests.reference.emulator import Emulator
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 SMALL = {"height": 12, "width": 16}
 SIZE = ("--height", "12", "--width", "16")
 # Over the key to the door, through it and to the goal.

@@ -28,6 +28,8 @@ from jaxenstein.view.episode import CAPTION_HEIGHT, Episode, Pictures, overview
 from jaxenstein.view.ground import FLOOR
 from jaxenstein.view.topdown import draw_map
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 # One tile takes seven steps of 0.15: a key, its door, and the goal in a row.
 MAP = "########\n#S.rR.G#\n########\n"

@@ -14,6 +14,8 @@ from PIL import Image
 import jaxenstein
 from jaxenstein.cli import main, rollout
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 MAP = "######\n#S..G#\n######\n"
 
 

@@ -17,6 +17,7 @@ WITH_EXAMPLES = sorted(
 
 
 @pytest.mark.parametrize("path", WITH_EXAMPLES, ids=str)
+@pytest.mark.usefixtures("plain_frames")
 def test_examples(path: Path) -> None:
     module = importlib.import_module(".".join(path.parts))
     result = doctest.testmod(module, optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)

@@ -32,8 +32,9 @@ def test_there_are_samples() -> None:
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES[1:] if samples(p)], ids=by_name)
+@pytest.mark.usefixtures("plain_frames")
 def test_the_samples_of_a_page_run_in_order(page: Path, tmp_path, monkeypatch) -> None:
-    """Those of the README, the first page, are run by tests/test_readme.py."""
+    """None tells what frames show. The README's run in tests/test_readme.py, with the engine's."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(ROOT / "examples")
     monkeypatch.setattr(registry, "ENTRIES", dict(registry.ENTRIES))
@@ -44,6 +45,7 @@ def test_the_samples_of_a_page_run_in_order(page: Path, tmp_path, monkeypatch) -
 
 
 @pytest.mark.parametrize("sample", WITH_PARTNERS, ids=by_name)
+@pytest.mark.usefixtures("plain_frames")
 @pytest.mark.filterwarnings("default")  # partners and what they import warn of their own
 def test_a_sample_with_a_partner_runs_by_itself(sample: Sample, tmp_path, monkeypatch) -> None:
     for name in sample.partners:

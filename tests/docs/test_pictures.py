@@ -13,11 +13,13 @@ import jaxenstein
 from docs import measured, pictures
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.view.episode import compose_side_by_side
+from tests.reference.frames import plain_frame
 
 ENGINE = Path(__file__).parents[2] / "docs" / "images" / "engine"
 
 
-def test_the_engine_finds_the_walls_that_geometry_finds(tmp_path: Path) -> None:
+def test_the_engine_finds_the_walls_that_geometry_finds(tmp_path: Path, monkeypatch) -> None:
+    """The pictures are drawn without the engine's paint, which a slow test has."""
     pytest.importorskip("matplotlib")
     from docs import engine_pictures
 
@@ -31,19 +33,23 @@ def test_the_engine_finds_the_walls_that_geometry_finds(tmp_path: Path) -> None:
         f"{name}-{page}.png" for name in engine_pictures.PICTURES for page in ("light", "dark")
     }
     assert {path.name for path in ENGINE.iterdir()} == names
+    monkeypatch.setattr(engine_pictures, "render", plain_frame)
     engine_pictures.draw_all(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == names
 
 
 @pytest.mark.slow
-def test_each_picture_of_an_environment_is_drawn(tmp_path: Path, monkeypatch) -> None:
+def test_each_picture_is_drawn(tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip("flax")
+    pytest.importorskip("matplotlib")
     monkeypatch.setattr(pictures, "IMAGES", tmp_path / "images")
     monkeypatch.setattr(pictures, "EPISODES", tmp_path / "episodes")
     for what in ("episodes", "sheets", "looks"):
         pictures.main([what, "t-maze"])
+    pictures.main(["engine"])
     found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*")}
-    assert found == {
+    engine = {f"images/engine/{path.name}" for path in ENGINE.iterdir()}
+    assert found == engine | {
         "episodes/t-maze.webp", "episodes/t-maze-still.webp", "images/looks/t-maze.png",
         "images/environments/t-maze-map.png", "images/environments/t-maze.png",
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""A small world and an episode in it, for all tests of episodes."""
+"""A small world and an episode in it, for all tests of episodes; they need no rays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,12 @@ from jaxenstein.trajectory import Trajectory
 from tests.episodes.world import FACES, MAP, World
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module", autouse=True)
+def _without_rays(plain_frames: None) -> None:
+    """Frames that other states have otherwise are enough here."""
+
+
+@pytest.fixture(scope="module")
 def world() -> World:
     env, params = jaxenstein.from_ascii(
         MAP, faces=FACES, height=12, width=16, heading=(-20, 20), name="Ünder"
@@ -22,7 +27,7 @@ def world() -> World:
     return env, params.replace(living_reward=-0.1, max_steps_in_episode=70)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def walk(world: World) -> Trajectory:
     """Past the key and through the door."""
     episode = record(*world, "shortest_path", seed=4)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import itertools
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -17,14 +19,33 @@ from jaxenstein.tasks.shooter import Shooter
 
 @pytest.fixture(scope="module")
 def outpost():
-    env, params = jaxenstein.make("examples.custom_shooter:Outpost", height=12, width=18)
-    first = jax.jit(jax.vmap(lambda key: env.first_state(key, params)))
-    return env, params, first(jax.random.split(jax.random.key(0), 24))
+    return jaxenstein.make("examples.custom_shooter:Outpost", height=12, width=18)
 
 
+def test_it_is_won_at_the_exit_once_the_chief_is_dead(outpost) -> None:
+    """And until then its scripted player goes to him."""
+    env, params = outpost
+    rows = custom_shooter.MAP.split()
+    tiles = {tile: [y, x] for y, row in enumerate(rows) for x, tile in enumerate(row)}
+    start = jax.jit(env.first_state)(jax.random.key(0), params)
+    health = np.asarray(start.monsters.health)
+    dead = start.monsters.replace(health=np.where(health == custom_shooter.CHIEF.health, 0, health))
+    look = jax.jit(lambda s: (custom_shooter.won(env, s), custom_shooter.destination(env, s)))
+    for killed, out in itertools.product((False, True), repeat=2):
+        state = start.replace(monsters=dead) if killed else start
+        if out:
+            state = state.replace(fixed_position=jnp.asarray(env.goal_part.places[0]))
+        won, goes_to = look(state)
+        assert won == (killed and out)
+        assert np.argwhere(goes_to).tolist() == [tiles["G" if killed else "c"]]
+
+
+@pytest.mark.slow
 def test_it_is_won_and_lost(outpost) -> None:
-    env, params, states = outpost
-    shares = {}
+    """Thousands of steps, which without optimisations take half a minute."""
+    env, params = outpost
+    first = jax.jit(jax.vmap(lambda key: env.first_state(key, params)))
+    states, shares = first(jax.random.split(jax.random.key(0), 24)), {}
     for factor in (0.0, 1.0, 6.0):
         numbers = params.replace(damage_factor=factor)
         played = play(env, player_of(env), numbers, jax.random.key(1), states)

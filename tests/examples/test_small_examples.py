@@ -1,11 +1,13 @@
 """The custom map runs and does what it says."""
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from examples import custom_map
 
 
+@pytest.mark.usefixtures("plain_frames")
 def test_custom_map(tmp_path, capsys):
     assert custom_map.main(["--out", str(tmp_path / "pictures")]) == 1.0
     assert "return 1" in capsys.readouterr().out

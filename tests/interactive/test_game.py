@@ -19,6 +19,8 @@ from jaxenstein.registry import ENTRIES
 from jaxenstein.tasks.steering import BACKWARD, FORWARD, INTERACT, TURN_LEFT, TURN_RIGHT
 from jaxenstein.view.topdown import AGENT, PATH
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 SMALL = {"height": 12, "width": 16}
 # From the start of key-door over the key to the door, through it and to the goal.
 TO_THE_DOOR, TO_THE_GOAL = "w" * 22, "w" * 30
@@ -154,7 +156,6 @@ def test_seeds_come_round(world: tuple[Any, Any]) -> None:
     assert game.session.seed == 0
 
 
-@pytest.mark.slow
 def test_health_is_shown_and_there_is_nothing_to_carry() -> None:
     made: tuple[Any, Any] = jaxenstein.make("health-gathering", sprite_layers=1, **SMALL)
     game = Game(*made)

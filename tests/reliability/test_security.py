@@ -110,6 +110,7 @@ def test_the_watch_sees(watch: Watch, tmp_path: Path) -> None:
     assert watch.seen == [f"wrote {tmp_path / 'x'}", "pickle.find_class"]
 
 
+@pytest.mark.usefixtures("plain_frames")
 def test_a_trajectory_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> None:
     env, params = jaxenstein.from_ascii(MAP, height=8, width=8, name="../../evil")
     trajectory = record(env, params, [2, 0], seed=1).trajectory

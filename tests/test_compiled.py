@@ -1,0 +1,117 @@
+"""The compiled programs that tests share: whole ones alone, and of one's own kind alone."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import jax
+import jaxlib
+import pytest
+from jax._src.compilation_cache import compress_executable
+
+from tests.compiled import Programs
+
+# A program as JAX writes it.
+WHOLE = compress_executable(bytes(range(256)) * 100)
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A virtual environment of the test's own; JAX is not told of its folders."""
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    monkeypatch.setattr(os, "environ", dict(os.environ))
+    monkeypatch.setattr(jax.config, "update", lambda *setting: None)
+
+
+@pytest.fixture
+def programs() -> Iterator[Programs]:
+    made = Programs()
+    yield made
+    made.close()
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_what_one_has_compiled_the_others_find(programs: Programs) -> None:
+    beside = Programs()
+    (programs.own / "add-cache").write_bytes(WHOLE)
+    programs.exchange()
+    assert names(beside.own) == set()
+    beside.exchange()
+    later = Programs()
+    for other in (beside, later):
+        assert (other.own / "add-cache").read_bytes() == WHOLE
+        other.close()
+        assert not other.own.exists()
+    assert (programs.shared / "add-cache").read_bytes() == WHOLE
+
+
+def test_what_is_not_whole_is_shared_when_it_is(programs: Programs) -> None:
+    path = programs.own / "add-cache"
+    for length in (0, 1, len(WHOLE) // 2, len(WHOLE) - 1):
+        path.write_bytes(WHOLE[:length])
+        programs.exchange()
+        assert names(programs.shared) == set()
+    path.write_bytes(WHOLE)
+    programs.exchange()
+    assert names(programs.shared) == {"add-cache"}
+
+
+def test_what_others_are_still_writing_is_not_read(programs: Programs) -> None:
+    """Nor what they left when they were killed."""
+    (programs.shared / "add-cache.123").write_bytes(WHOLE[:9])
+    programs.exchange()
+    assert names(programs.own) == set()
+
+
+def test_other_versions_and_processors_share_nothing(
+    programs: Programs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (programs.own / "add-cache").write_bytes(WHOLE)
+    programs.exchange()
+    for where, name in ((jax, "__version__"), (jaxlib, "__version__"), (sys, "implementation")):
+        with monkeypatch.context() as patch:
+            other = "9.9.9" if where is not sys else type("Other", (), {"cache_tag": "other-1"})
+            patch.setattr(where, name, other)
+            apart = Programs()
+            assert names(apart.own) == names(apart.shared) == set()
+            apart.close()
+    monkeypatch.setattr("jaxenstein.machine.cpu_fact", lambda *names: "another")
+    apart = Programs()
+    assert names(apart.own) == names(apart.shared) == set()
+    apart.close()
+
+
+ADD = """
+import sys
+import jax
+from tests.compiled import Programs
+
+sys.prefix = sys.argv[1]
+told = []
+jax.monitoring.register_event_listener(lambda event, **_: told.append(event.split("/")[-1]))
+programs = Programs()
+assert jax.jit(lambda x: x * 3)(2) == 6
+programs.exchange()
+programs.close()
+print(told.count("cache_misses"), told.count("cache_hits"))
+"""
+
+
+def test_a_process_runs_what_another_has_compiled(tmp_path: Path) -> None:
+    root = Path(__file__).parents[1]
+    counts = []
+    for _ in range(2):
+        command = [sys.executable, "-c", ADD, str(tmp_path)]
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        counts.append([int(word) for word in done.stdout.split()])
+    (compiled, _), (again, found) = counts
+    assert compiled > 0 == again
+    assert found == compiled
