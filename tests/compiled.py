@@ -10,11 +10,11 @@ import os
 import shutil
 import sys
 import tempfile
-import zlib
 from pathlib import Path
 
 import jax
 import jaxlib
+from jax._src.compilation_cache import decompress_executable
 
 from jaxenstein.cli.compile_cache import make_room, programs_folder
 
@@ -41,9 +41,12 @@ class Programs:
         os.environ |= {
             "JAX_COMPILATION_CACHE_DIR": str(self.own),
             "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+            # These have a folder within the cache, whose path would be part of each program's key.
+            "JAX_PERSISTENT_CACHE_ENABLE_XLA_CACHES": "none",
         }
         jax.config.update("jax_compilation_cache_dir", str(self.own))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+        jax.config.update("jax_persistent_cache_enable_xla_caches", "none")
         self.exchange()
 
     def exchange(self) -> None:
@@ -60,8 +63,8 @@ class Programs:
         """Copy a program, unless the process that wrote it was killed or is still writing."""
         data = path.read_bytes()
         try:
-            zlib.decompress(data)
-        except zlib.error:
+            decompress_executable(data)
+        except Exception:  # of zlib or of zstd, whichever JAX has found
             return
         temporary = self.shared / f"{path.name}.{os.getpid()}"
         temporary.write_bytes(data)
