@@ -137,7 +137,7 @@ def test_a_missed_shot_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
         assert session.info == {"success": False}
 
 
-@pytest.mark.parametrize("kind", ["gray", "dict"])
+@pytest.mark.parametrize("kind", [pytest.param("gray", marks=pytest.mark.slow), "dict"])
 def test_health_and_ammunition_below_the_view(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     env, params = jaxenstein.make(
         "doom-basic", observation=kind, height=40, width=60, hud=True, show_weapon=True

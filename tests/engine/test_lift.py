@@ -15,7 +15,7 @@ from tests.reference import scenes
 THEME = scenes.plain_theme()
 
 
-@pytest.mark.parametrize("count", [2, 9])
+@pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.slow), 9])
 @pytest.mark.parametrize("lift", [0.4, -0.3])
 def test_a_lifted_eye_sees_what_a_higher_one_does(lift: float, count: int) -> None:
     """Labels and depth against the reference, colours against a camera of that height."""

@@ -17,7 +17,9 @@ def starts(env, params, count):
     return jax.vmap(lambda key: env.init_state(key, params))(keys)
 
 
-@pytest.mark.parametrize("name", ["simple", "key-door", "key-corridor-s3r2"])
+@pytest.mark.parametrize(
+    "name", ["simple", "key-door", pytest.param("key-corridor-s3r2", marks=pytest.mark.slow)]
+)
 def test_shortest_path_reaches_every_goal(name):
     env, params = make(name, **SIZE)
     episodes = play(env, SHORTEST_PATH, params, jax.random.key(0), starts(env, params, 16))

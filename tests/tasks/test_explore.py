@@ -16,6 +16,10 @@ from jaxenstein.tasks.explore import Explore
 from jaxenstein.tasks.maze_ways import sample_path
 
 IDS = ("goal-locations", "object-locations", "object-rewards")
+# Of things to take two kinds: one that pays, and several that pay or cost.
+TRIED = [
+    pytest.param(name, marks=[pytest.mark.slow] * (name == "object-locations")) for name in IDS
+]
 OBSTRUCTED = ("obstructed-goals", "obstructed-goals-large")
 
 
@@ -63,7 +67,7 @@ def check_levels(name, count):
         assert set(np.unique(walls)) <= {0, *range(DEFAULT_WALL, DEFAULT_WALL + rooms + 1)}
 
 
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("name", TRIED)
 def test_levels(name):
     check_levels(name, 256)
 
@@ -78,7 +82,7 @@ def stand(states, places):
     return states.replace(position=jnp.asarray(places))
 
 
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("name", TRIED)
 def test_all_that_pays_begins_a_new_round(name):
     """Thing after thing, in all of 64 levels, against a list kept on the host."""
     step = programs(name)[1]
@@ -118,7 +122,7 @@ def test_all_that_pays_begins_a_new_round(name):
     assert over.all()
 
 
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("name", TRIED)
 def test_the_expert_takes_what_pays(name):
     env, params = task(name)
     states = programs(name)[0](jax.random.split(jax.random.key(5), 16))

@@ -112,7 +112,9 @@ def test_what_is_asked_for_pays_and_then_another_is():
     assert float(step(jax.random.key(0), far, jnp.int32(0))[1]) == 0
 
 
-@pytest.mark.parametrize("kind", ["rgb", "gray", "labels", "depth"])
+@pytest.mark.parametrize(
+    "kind", ["rgb", *(pytest.param(k, marks=pytest.mark.slow) for k in ("gray", "labels", "depth"))]
+)
 def test_the_frame_has_the_colour_of_what_is_asked_for(kind):
     env, params = task(9, observation=kind)
     _, state = stepper()

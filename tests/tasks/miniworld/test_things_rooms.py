@@ -51,7 +51,11 @@ def act(name, state, action, **changes):
     return programs(name)[1](state.replace(**changes), jnp.int32(action))
 
 
-@pytest.mark.parametrize("name", ["pickup-objects", "put-next", "sign"])
+# Without optimisations a plan of many things takes ten seconds.
+@pytest.mark.parametrize(
+    "name",
+    [*(pytest.param(n, marks=pytest.mark.slow) for n in ("pickup-objects", "put-next")), "sign"],
+)
 def test_the_player_solves_it(name) -> None:
     check_player(name, 32)
 
