@@ -102,8 +102,10 @@ def test_a_closed_border_needs_no_margin() -> None:
     walls[1:-1, 1:-1] = 0
     assert compile_level(walls, none).margin == 0
     assert compile_level(np.stack([walls] * 4), none).margin == 0
-    walls[0, 2] = 0
-    assert compile_level(walls, none).margin == 1
+    for row, column in ((0, 2), (3, 2), (1, 0), (1, 4)):
+        walls[row, column] = 0
+        assert compile_level(walls, none).margin == 1
+        walls[row, column] = 3
     walls[0, 2] = 30
     assert compile_level(walls, np.array([(2, 0)], np.int32)).margin == 1
 

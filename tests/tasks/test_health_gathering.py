@@ -176,12 +176,12 @@ def first_state():
     return env.init_state(jax.random.key(9), env.check_params(params))
 
 
-def pile(count, offset=(0.0, 0.0), **fields):
+def pile(count, offset=(0.0, 0.0), places=None, **fields):
     """A state with medkits on one spot, given from where a step ahead leads, and no others."""
     spot = np.array([20.15, 20]) + offset
     # Every other place, so that the order is not that of the places in use.
     present = np.zeros(CAPACITY, bool)
-    present[1 : 2 * count : 2] = True
+    present[range(1, 2 * count, 2) if places is None else places] = True
     medkits = np.where(present[:, None], spot, 30).astype(np.float32)
     fields = {name: jnp.asarray(value, jnp.int32) for name, value in fields.items()}
     return first_state().replace(
@@ -220,6 +220,11 @@ def test_medkits_on_one_spot_heal_one_after_another(health, count, taken, after)
     expected = np.array(before.present)
     expected[np.flatnonzero(expected)[:taken]] = False
     np.testing.assert_array_equal(state.present, expected)
+
+
+def test_medkits_in_several_words_of_bits_are_taken_in_order():
+    state, *_ = step(pile(4, places=[5, 40, 41, 42], health=53), AHEAD)
+    assert np.flatnonzero(state.present).tolist() == [41, 42]
 
 
 @pytest.mark.parametrize("action", [LEFT, RIGHT, -1, 3])

@@ -308,5 +308,6 @@ def test_impossible_settings_are_refused():
     Maze(tilemap=tilemap, start_distance=3)
     with pytest.raises(SettingError, match=r"start_distance 4: .*column 4, row 1"):
         Maze(tilemap=tilemap, start_distance=4)
-    with pytest.raises(SettingError, match="drawn_apples must be 0 to 0"):
-        Maze(tilemap=tilemap, drawn_apples=1)
+    for apples in (1, 2, -1):
+        with pytest.raises(SettingError, match="drawn_apples must be 0 to 0"):
+            Maze(tilemap=tilemap, drawn_apples=apples)

@@ -173,6 +173,22 @@ def test_key_door_is_solved_only_with_the_key():
     assert not state.opened.any()
 
 
+def test_a_key_opens_the_doors_of_its_colour_alone():
+    """The red door is in the north and the blue one in the south of the red key."""
+    text = "#####\n##G##\n##R##\n#Srb#\n##B##\n##.##\n#####"
+    env, params = jaxenstein.from_ascii(text, **SETTINGS)
+    start = env.init_state(jax.random.key(0), params)
+    state = start.replace(position=jnp.array([2.5, 3.5], jnp.float32))
+    state, *_, info = env.advance(jax.random.key(0), state, -1, params)
+    assert info["picked_key"]
+    opened = []
+    for heading in (math.pi / 2, 3 * math.pi / 2):
+        facing = state.replace(heading=jnp.float32(heading))
+        after = env.advance(jax.random.key(0), facing, INTERACT, params)[0]
+        opened.append(int(after.opened.sum()))
+    assert opened == [0, 1]
+
+
 def test_doors_do_not_open_through_walls_or_out_of_reach():
     env, params = jaxenstein.from_ascii("######\n#S#\\G#\n#....#\n######", heading=0.0, **SETTINGS)
     ((state, *_),) = follow(env, params, 0.0, [INTERACT])

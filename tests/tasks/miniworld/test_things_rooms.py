@@ -100,6 +100,10 @@ def test_medkits_lie_apart_and_are_in_the_way() -> None:
         assert float(after.position[0]) == pytest.approx(x + 0.15 * moves)
         back = act("collect-health", state, BACKWARD, position=[x, 9.0], heading=0.0)[0]
         assert float(back.position[0]) < x
+    # A new medkit may appear so near that the agent stands in it: it may step away.
+    for action, moved in ((FORWARD, 0), (BACKWARD, -0.15)):
+        after = act("collect-health", state, action, position=[8.5, 9.0], heading=0.0)[0]
+        assert float(after.position[0]) == pytest.approx(8.5 + moved)
 
 
 def test_health_is_lost_and_given_back() -> None:
