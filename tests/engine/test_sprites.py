@@ -101,7 +101,7 @@ def test_a_batch_paints_the_layers_that_its_members_need() -> None:
     wanted = [np.asarray(alone(*eye, row.replace(visible=jnp.asarray(one)))) for one in seen]
     assert all((one != other).any() for one, other in itertools.pairwise(wanted))
     for chosen in ([0], [1], [0, 1], [0, 1, 2], [*range(6)]):
-        images = run(jax.tree.map(lambda leaf, which=np.array(chosen): leaf[which], batch))
+        images = run(jax.tree.map(lambda leaf, which=tuple(chosen): leaf[np.array(which)], batch))
         np.testing.assert_array_equal(images, [wanted[i] for i in chosen])
 
 
