@@ -1,6 +1,10 @@
-"""Run by test_placement.py in a process of its own, with several simulated devices."""
+"""Run by test_placement.py in a process of its own, with several simulated devices.
+
+In a world whose frames compile in a moment; with "rendered", in one that the engine shows.
+"""
 
 import re
+import sys
 
 import jax
 import numpy as np
@@ -8,6 +12,7 @@ import numpy as np
 import jaxenstein
 from jaxenstein.baselines import Config, Learner
 from jaxenstein.baselines.state import place
+from tests.baselines.worlds import Memory
 
 MOVES = re.compile(r"= .* (all-gather|all-to-all|collective-permute|all-reduce)(-start)?\(")
 
@@ -39,7 +44,10 @@ def compare(env, params, algo, **settings):
 
 def main():
     assert jax.device_count() == 4
-    env, params = jaxenstein.from_ascii("####\n#SG#\n####", height=8, width=8)
+    env = Memory(delay=8)
+    params = env.default_params
+    if sys.argv[1:] == ["rendered"]:
+        env, params = jaxenstein.from_ascii("####\n#SG#\n####", height=8, width=8)
     params = params.replace(max_steps_in_episode=5)
     compare(env, params, "e3b", bonus={"e3b_latent": 8, "e3b_hidden": 8})
     print("equal")

@@ -43,6 +43,7 @@ def small_map(text):
     return env, params.replace(max_steps_in_episode=64)
 
 
+@pytest.mark.training
 def test_all_seeds_learn_to_walk_to_the_goal_ahead():
     """A random walk finds it in 16 % of episodes; without a learning rate so does the agent."""
     numbers = HParams(learning_rate=np.array([2.5e-4] * 5 + [0.0]))
@@ -52,7 +53,7 @@ def test_all_seeds_learn_to_walk_to_the_goal_ahead():
     assert 0.05 < result["success"][5] < 0.35, result
 
 
-@pytest.mark.slow
+@pytest.mark.training
 def test_all_seeds_learn_to_turn_to_a_goal_beside_them():
     """A random walk finds it in 4 % of episodes."""
     numbers = HParams(learning_rate=1e-3, advantage_floor=0.01)
@@ -60,6 +61,7 @@ def test_all_seeds_learn_to_turn_to_a_goal_beside_them():
     assert result["success"].min() >= 0.95, result
 
 
+@pytest.mark.training
 def test_the_agent_looks():
     """Four start cells, told apart by a colour alone: not looking is right in a quarter."""
     env = bandit()
@@ -67,6 +69,19 @@ def test_the_agent_looks():
     assert result["success"].min() >= 0.95, result
 
 
+def test_the_agent_remembers_for_two_steps():
+    """The one agent that every change trains: without a learning rate it guesses."""
+    env = Memory(delay=2)
+    numbers = HParams(learning_rate=np.array([3e-3, 3e-3, 0.0]))
+    result = train(
+        env, env.default_params, updates=24, total=60, seeds=3, numbers=numbers, rollout=32,
+        convolutions=((4, 4, 8),), features=16, hidden=16, head=16,
+    )  # fmt: skip
+    assert result["success"][:2].min() >= 0.95, result
+    assert abs(result["success"][2] - 0.5) < 0.1, result
+
+
+@pytest.mark.training
 @pytest.mark.parametrize("recurrent", [True, False])
 def test_the_agent_remembers(recurrent):
     """A cue in the first frame decides the answer eight steps later."""

@@ -16,12 +16,20 @@ from jaxenstein.baselines.networks import GRU, NATURE, SMALL, ActorCritic, layer
 from jaxenstein.baselines.observations import ObservationSpec, Part, observation_spec
 from jaxenstein.errors import SettingError
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 KEY = jax.random.key(0)
 
 
 @pytest.mark.parametrize(
     ("size", "kernel", "stride"),
-    [((64, 64), 8, 4), ((15, 15), 4, 2), ((6, 6), 3, 1), ((7, 9), 3, 2), ((16, 21), 5, 3)],
+    [
+        pytest.param((64, 64), 8, 4, marks=pytest.mark.slow),
+        pytest.param((15, 15), 4, 2, marks=pytest.mark.slow),
+        ((6, 6), 3, 1),
+        ((7, 9), 3, 2),
+        pytest.param((16, 21), 5, 3, marks=pytest.mark.slow),
+    ],
 )
 def test_convolution_is_that_of_lax(size, kernel, stride):
     keys = jax.random.split(KEY, 2)

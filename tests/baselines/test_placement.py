@@ -47,8 +47,9 @@ def test_one_device_takes_all() -> None:
     assert place(state, experiment.config, jax.devices()[:1]) is state
 
 
-def test_environments_on_four_devices_give_what_one_gives() -> None:
-    run_with_devices(4, "-m", "tests.baselines.spread_run")
+@pytest.mark.parametrize("world", ["plain", pytest.param("rendered", marks=pytest.mark.slow)])
+def test_environments_on_four_devices_give_what_one_gives(world: str) -> None:
+    run_with_devices(4, "-m", "tests.baselines.spread_run", world)
 
 
 @pytest.mark.slow

@@ -94,11 +94,12 @@ def test_loss_is_that_of_a_hand_computation(seed):
     assert float(total) < expected[0]
 
 
-def small(epochs):
+@functools.cache
+def small():
     """A config, its network with parameters, and a batch of four environments."""
     spec = ObservationSpec((Part((3,), False, "log"),))
     config = Config(
-        num_envs=4, minibatches=2, rollout=4, total_steps=16, epochs=epochs, features=5, hidden=4,
+        num_envs=4, minibatches=2, rollout=4, total_steps=16, epochs=3, features=5, hidden=4,
         head=5,
     )  # fmt: skip
     network = ActorCritic(spec, 2, 2, config)
@@ -113,25 +114,27 @@ def replayed(network, params, batch):
 
 def trained(config, network, params, batch, rate, **numbers):
     networks, h = (params, optimiser.init(params)), HParams(**numbers).check()
-    return ppo.train(network, config, jax.random.key(1), networks, batch, h, jnp.float32(rate))
+    args = (jax.random.key(1), networks, batch, h, jnp.float32(rate))
+    return jax.jit(ppo.train, static_argnums=(0, 1))(network, config, *args)
 
 
 def test_advantages_are_normalised_over_minibatches():
-    config, network, params, batch = small(epochs=1)
+    config, network, params, batch = small()
 
     def expected(batch):
         logits, value = replayed(network, params, batch)
         return by_hand(np.asarray(logits), np.asarray(value), batch, HParams())[1]
 
-    minibatches = sample_minibatches(jax.random.split(jax.random.key(1), 1)[0], config)
-    parts = np.mean([expected(take(batch, part)) for part in minibatches])
+    # The network stays as it is, so every pass over the data has the losses of its minibatches.
+    passed = [sample_minibatches(k, config) for k in jax.random.split(jax.random.key(1), 3)]
+    parts = np.mean([expected(take(batch, part)) for chosen in passed for part in chosen])
     assert abs(parts - expected(batch)) > 1e-3
     metrics = trained(config, network, params, batch, 0)[2]
     np.testing.assert_allclose(metrics["policy_loss"], parts, rtol=1e-4)
 
 
 def test_an_update_stops_at_a_distance_from_the_policy_that_played():
-    config, network, params, batch = small(epochs=3)
+    config, network, params, batch = small()
     played = log_prob(replayed(network, params, batch)[0], batch.steps.action)
     batch = batch.replace(steps=batch.steps.replace(log_prob=played))
     near, far, free = (
@@ -141,7 +144,8 @@ def test_an_update_stops_at_a_distance_from_the_policy_that_played():
     # The first minibatch finds the policy unchanged, and the second does not.
     key, adam = jax.random.split(jax.random.key(1), 3)[0], optimiser.init(params)
     part = take(batch, sample_minibatches(key, config)[0])
-    gradients = jax.grad(lambda p: ppo.loss(network, config, p, part, HParams())[0])(params)
+    loss = lambda p: ppo.loss(network, config, p, part, HParams())[0]  # noqa: E731
+    gradients = jax.jit(jax.grad(loss))(params)
     once = optimiser.step(gradients, adam, params, jnp.float32(0.01), jnp.float32(0.5))[:2]
     close = functools.partial(np.testing.assert_allclose, rtol=1e-5, atol=1e-7)
     jax.tree.map(close, near, once)
@@ -184,10 +188,11 @@ def test_gradient_is_that_of_finite_differences():
         batch = make_batch(np.random.default_rng(4), dtype=np.float64)
 
         @jax.jit
-        def value(params):
+        @jax.value_and_grad
+        def both(params):
             return ppo.loss(network, config, params, batch, HParams(entropy=0.3))[0]
 
-        gradients = jax.grad(value)(params)
+        gradients = both(params)[1]
         rng = np.random.default_rng(5)
         direction = jax.tree.map(lambda a: jnp.asarray(rng.normal(size=a.shape)), params)
         slope = sum(
@@ -195,7 +200,7 @@ def test_gradient_is_that_of_finite_differences():
             for a, b in zip(jax.tree.leaves(gradients), jax.tree.leaves(direction), strict=True)
         )
         move = lambda e: jax.tree.map(lambda a, b: a + e * b, params, direction)  # noqa: E731
-        expected = (value(move(1e-6)) - value(move(-1e-6))) / 2e-6
+        expected = (both(move(1e-6))[0] - both(move(-1e-6))[0]) / 2e-6
         np.testing.assert_allclose(slope, expected, rtol=1e-6)
         assert abs(float(expected)) > 1e-3
 

@@ -19,6 +19,8 @@ from jaxenstein.cli.sweep import table
 from jaxenstein.errors import SettingError
 from tests.baselines.tiny import OPTIONS, tiny
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 WITHOUT_SEEDS = {name: value for name, value in OPTIONS.items() if name != "seeds"}
 
 

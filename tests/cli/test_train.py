@@ -24,6 +24,8 @@ from jaxenstein.cli.opening import given_training
 from jaxenstein.cli.train import note_of
 from tests.baselines.tiny import OPTIONS, UPDATES, tiny
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 ROOT = Path(__file__).parents[2]
 FLAGS = [
     "--height=12", "--width=16", "--horizon=10", "--total-steps=192", "--num-envs=4",

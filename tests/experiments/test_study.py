@@ -40,34 +40,37 @@ def test_the_variants_are_experiments(file: Path) -> None:
     assert len(set(map(study.folder_name, told["variants"]))) == len(told["variants"])
 
 
+@pytest.mark.usefixtures("plain_frames")
 def test_a_study_trains_goes_on_and_tells(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "base.toml").write_text(
         'map = """\n####\n#SG#\n####\n"""\nheading = 0\nheight = 8\nwidth = 8\nhorizon = 8\n'
         'recipe = "tuned"\nnum_envs = 8\nrollout = 8\nseeds = 2\ntotal_steps = 256\n'
+        "features = 8\nhidden = 8\nhead = 8\nconvolutions = [[4, 4, 4]]\n"
     )
     (tmp_path / "study.toml").write_text(
-        'base = "base.toml"\nreach = 0.0\n[variants]\n"as it is" = {}\n"1 epoch" = { epochs = 1 }\n'
+        'base = "base.toml"\nreach = 0.0\n'
+        '[variants]\n"as it is" = {}\n"wide clip" = { clip = 0.3 }\n'
     )
     options = [str(tmp_path / "study.toml"), "--out", str(tmp_path / "runs")]
-    study.main([*options, "--only", "1 epoch"])
+    study.main([*options, "--only", "wide clip"])
     some = capsys.readouterr().out.splitlines()
-    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["1-epoch"]
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["wide-clip"]
     for _ in range(2):
         study.main(options)
     lines = capsys.readouterr().out.splitlines()
     assert lines[:4] == lines[4:]
     assert some == [*lines[:2], lines[3]]
     with pytest.raises(SystemExit):
-        study.main([*options, "--only", "2 epochs"])
-    assert "no variant '2 epochs'; it has 'as it is', '1 epoch'" in capsys.readouterr().err
+        study.main([*options, "--only", "wider clip"])
+    assert "no variant 'wider clip'; it has 'as it is', 'wide clip'" in capsys.readouterr().err
     # Any rate is reached after the three updates that are pooled: 3 times 64 decisions.
-    for line, name in ((lines[2], "as it is"), (lines[3], "1 epoch")):
+    for line, name in ((lines[2], "as it is"), (lines[3], "wide clip")):
         cells = [cell.strip() for cell in line.split("|")]
         assert cells[1:3] == [name, "2 of 2"]
         assert cells[4] == "192, 192"
-    config = json.loads((tmp_path / "runs" / "1-epoch" / "config.json").read_text())
-    assert config["config"]["epochs"] == 1
-    text = (tmp_path / "study.toml").read_text().replace("epochs = 1", "epochs = 3")
+    config = json.loads((tmp_path / "runs" / "wide-clip" / "config.json").read_text())
+    assert config["hparams"]["clip"] == 0.3
+    text = (tmp_path / "study.toml").read_text().replace("clip = 0.3", "clip = 0.4")
     (tmp_path / "study.toml").write_text(text)
-    with pytest.raises(SettingError, match="epochs"):
+    with pytest.raises(SettingError, match="clip"):
         study.main(options)

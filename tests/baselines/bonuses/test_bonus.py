@@ -75,7 +75,7 @@ def visits(monkeypatch: pytest.MonkeyPatch) -> None:
     register_bonus("visits", Visits, VisitsOptions, grid={"visits_size": (1.0, 2.0)})
 
 
-@pytest.mark.usefixtures("visits")
+@pytest.mark.usefixtures("visits", "plain_frames")
 def test_a_bonus_of_ones_own_is_trained_stopped_and_resumed(tmp_path: Path) -> None:
     pytest.importorskip("orbax.checkpoint")
     from jaxenstein.baselines.runs.folder import RunFolder

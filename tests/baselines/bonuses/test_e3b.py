@@ -120,6 +120,7 @@ def test_offsets_are_all_from_one_to_the_reach():
     assert set(np.unique(sample_offsets(KEY, (64, 8), 3))) == {1, 2, 3}
 
 
+@pytest.mark.slow
 def test_what_is_near_in_time_grows_alike_and_the_rest_does_not():
     # Each environment sees one frame of its own, with a little noise. The eight hidden units of the
     # other tests may all die here, by chance of rounding: then all frames are one to them.

@@ -70,7 +70,7 @@ def test_the_forward_error_trains_the_embedding_only_if_told(trains):
     assert moved == {"encoder": trains, "latent": trains, "inverse": False, "forward": True}
 
 
-@pytest.mark.parametrize("algo", ["icm", "e3b"])
+@pytest.mark.parametrize("algo", ["icm", pytest.param("e3b", marks=pytest.mark.slow)])
 def test_inverse_models_learn_the_actions_of_a_simple_world(algo):
     data, numbers = simple_world(), numbers_of(algo)
     sizes = {f"{algo}_hidden": 32, f"{algo}_latent": 16}

@@ -15,8 +15,10 @@ def experiment() -> Experiment:
     return tiny()
 
 
-@pytest.fixture(scope="session")
-def whole(experiment: Experiment, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+@pytest.fixture(scope="module")
+def whole(
+    plain_frames: None, experiment: Experiment, tmp_path_factory: pytest.TempPathFactory
+) -> RunFolder:
     """A run without interruption."""
     folder = RunFolder.create(tmp_path_factory.mktemp("whole") / "run", experiment)
     assert train(folder) == UPDATES

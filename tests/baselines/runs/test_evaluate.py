@@ -26,6 +26,8 @@ from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.game import AgentGame
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
 
 def test_greedy_policy_is_what_the_network_says_of_the_whole_sequence(folder: RunFolder) -> None:
     """Against the network unrolled once over all that was seen, not step by step."""

@@ -30,11 +30,17 @@ from jaxenstein.baselines.runs.training import train
 from jaxenstein.files import OutputError
 from tests.baselines.tiny import OPTIONS, UPDATES, same_checkpoints, tiny
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
+ROOT = Path(__file__).parents[3]
 TRAIN = """
 import sys
+from unittest import mock
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.training import train
-train(RunFolder.open(sys.argv[1]), save_every=0.0)
+from tests.reference.frames import plain_frame
+with mock.patch("jaxenstein.tasks.first_person.render", plain_frame):
+    train(RunFolder.open(sys.argv[1]), save_every=0.0)
 """
 
 
@@ -262,9 +268,12 @@ def test_a_disk_that_fills_up_stops_the_run_and_harms_nothing(
 
 FULL = """
 import resource, sys
+from unittest import mock
 from jaxenstein.cli import main
+from tests.reference.frames import plain_frame
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
-sys.exit(main(sys.argv[1:]))
+with mock.patch("jaxenstein.tasks.first_person.render", plain_frame):
+    sys.exit(main(sys.argv[1:]))
 """
 
 
@@ -275,7 +284,7 @@ def test_a_disk_without_room_for_a_checkpoint_leaves_nothing(tmp_path: Path) -> 
     done = subprocess.run(
         [sys.executable, "-c", FULL, *command],
         cwd=tmp_path,
-        env=os.environ | {"JAX_COMPILATION_CACHE_DIR": ""},
+        env=os.environ | {"JAX_COMPILATION_CACHE_DIR": "", "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         check=False,
