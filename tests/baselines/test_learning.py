@@ -43,7 +43,7 @@ def small_map(text):
     return env, params.replace(max_steps_in_episode=64)
 
 
-@pytest.mark.training
+@pytest.mark.slow
 def test_all_seeds_learn_to_walk_to_the_goal_ahead():
     """A random walk finds it in 16 % of episodes; without a learning rate so does the agent."""
     numbers = HParams(learning_rate=np.array([2.5e-4] * 5 + [0.0]))
@@ -61,7 +61,7 @@ def test_all_seeds_learn_to_turn_to_a_goal_beside_them():
     assert result["success"].min() >= 0.95, result
 
 
-@pytest.mark.training
+@pytest.mark.slow
 def test_the_agent_looks():
     """Four start cells, told apart by a colour alone: not looking is right in a quarter."""
     env = bandit()
@@ -81,7 +81,7 @@ def test_the_agent_remembers_for_two_steps():
     assert abs(result["success"][2] - 0.5) < 0.1, result
 
 
-@pytest.mark.training
+@pytest.mark.slow
 @pytest.mark.parametrize("recurrent", [True, False])
 def test_the_agent_remembers(recurrent):
     """A cue in the first frame decides the answer eight steps later."""

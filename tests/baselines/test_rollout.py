@@ -92,6 +92,8 @@ def test_every_step_is_that_of_a_plain_loop(played):
     np.testing.assert_allclose(sums["return_sum"], total[:, 0].sum(), rtol=1e-6)
     np.testing.assert_allclose(sums["return_square_sum"], (total[:, 0] ** 2).sum(), rtol=1e-6)
     assert int(sums["length_sum"]) == total[:, 1].sum()
+    # In this world, the ends that no limit made.
+    assert 0 < int(sums["successes"]) == int(np.sum(steps.terminated)) < len(finished)
 
 
 def test_most_truncations():
