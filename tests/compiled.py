@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 import jax
-import jaxlib
+import jaxlib.version
 from jax._src.compilation_cache import decompress_executable
 
 from jaxenstein.cli.compile_cache import make_room, programs_folder
@@ -31,7 +31,7 @@ class Programs:
     """
 
     def __init__(self) -> None:
-        versions = f"jax-{jax.__version__}-{jaxlib.__version__}-{sys.implementation.cache_tag}"
+        versions = f"jax-{jax.__version__}-{jaxlib.version.__version__}-{sys.implementation.cache_tag}"
         # Machines that share a virtual environment must not run each other's code.
         kind = f"{versions}-{programs_folder().name}"
         self.shared = Path(sys.prefix) / "compiled" / kind

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import jax
-import jaxlib
+import jaxlib.version
 import pytest
 from jax._src.compilation_cache import compress_executable
 
@@ -75,7 +75,7 @@ def test_other_versions_and_processors_share_nothing(
 ) -> None:
     (programs.own / "add-cache").write_bytes(WHOLE)
     programs.exchange()
-    for where, name in ((jax, "__version__"), (jaxlib, "__version__"), (sys, "implementation")):
+    for where, name in ((jax, "__version__"), (jaxlib.version, "__version__"), (sys, "implementation")):
         with monkeypatch.context() as patch:
             other = "9.9.9" if where is not sys else type("Other", (), {"cache_tag": "other-1"})
             patch.setattr(where, name, other)
