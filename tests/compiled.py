@@ -31,9 +31,9 @@ class Programs:
     """
 
     def __init__(self) -> None:
-        versions = f"jax-{jax.__version__}-{jaxlib.version.__version__}-{sys.implementation.cache_tag}"
+        versions = jax.__version__, jaxlib.version.__version__, sys.implementation.cache_tag
         # Machines that share a virtual environment must not run each other's code.
-        kind = f"{versions}-{programs_folder().name}"
+        kind = "-".join(["jax", *map(str, versions), programs_folder().name])
         self.shared = Path(sys.prefix) / "compiled" / kind
         self.shared.mkdir(parents=True, exist_ok=True)
         make_room(self.shared.parent, LIMIT)

@@ -75,7 +75,8 @@ def test_other_versions_and_processors_share_nothing(
 ) -> None:
     (programs.own / "add-cache").write_bytes(WHOLE)
     programs.exchange()
-    for where, name in ((jax, "__version__"), (jaxlib.version, "__version__"), (sys, "implementation")):
+    version = "__version__"
+    for where, name in ((jax, version), (jaxlib.version, version), (sys, "implementation")):
         with monkeypatch.context() as patch:
             other = "9.9.9" if where is not sys else type("Other", (), {"cache_tag": "other-1"})
             patch.setattr(where, name, other)
