@@ -164,6 +164,14 @@ def test_max_episode_steps_only_shortens(made: Any) -> None:
         assert ends == [[False] * COUNT] * (wanted - 1) + [[True] * COUNT]
 
 
+def test_max_episode_steps_counts_the_agents_steps() -> None:
+    env, params = make_crowd(frame_skip=2)
+    envs = vector.GymnasiumVectorEnv(env, params, COUNT, max_episode_steps=3)
+    envs.reset(seed=1)
+    ends = [bool(envs.step(np.zeros(COUNT, int))[3].all()) for _ in range(3)]
+    assert ends == [False, False, True]
+
+
 def test_observations_are_not_copied(made: Any) -> None:
     envs = vector.GymnasiumVectorEnv(*made, COUNT)
     envs.reset(seed=1)

@@ -95,6 +95,12 @@ def test_next_step_shows_the_last_frame_then_resets():
     assert after[1].time == 1
 
 
+def test_next_step_tells_a_time_limit_once():
+    assert flags(play(*build("next-step", limit=2), [STAY] * 4)) == [
+        (False, False), (False, True), (False, False), (False, False)
+    ]  # fmt: skip
+
+
 def test_without_autoreset_the_episode_goes_on():
     env, params = build(None)
     last, beyond = play(env, params, [FORWARD, FORWARD, STAY])[1:]

@@ -59,6 +59,8 @@ CASES = [
     ("health-gathering", "next-step", 5, 23, {"damage": 40, "damage_period": 4, "medkits": 32}),
     ("dmlab-random-goal-01-respawn", "same-step", 4, 50, {"goal_radius": 3.0}),
     ("simple", None, 6, 100, {"goal_radius": 4.0}),
+    # Chance moves what is there in each of them.
+    ("minigrid-dynamic-obstacles-6x6", "same-step", 3, 20, {}),
 ]
 
 

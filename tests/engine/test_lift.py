@@ -21,6 +21,8 @@ def test_a_lifted_eye_sees_what_a_higher_one_does(lift: float, count: int) -> No
     """Labels and depth against the reference, colours against a camera of that height."""
     camera = Camera(24, 33, 90, eye=1.3, wall=3.25, row_focal_share=0.8)
     higher = dataclasses.replace(camera, eye=camera.eye + lift)
+    rows = camera.row_distances(np.float32(lift))
+    np.testing.assert_allclose(rows, higher.row_distances(), rtol=1e-5)
     theme = THEME.replace(sprite_drop=THEME.sprite_drop + np.float32(lift))
     pixels = masked = 0
     for seed in range(3):
