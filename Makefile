@@ -15,7 +15,7 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 		>/dev/null 2>&1 && { echo "$$python"; break; }; \
 	done)
 
-# Both processes of a machine with two cores get whole files, whose tests share what they compile.
+# Each worker takes whole files, whose tests share what they compile.
 PYTEST = $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 # On a terminal pip shows its progress bars; in a log it keeps quiet.

@@ -48,7 +48,7 @@ def run_tests(
     session: nox.Session, *tests: str, modules: tuple[str, ...] = (), trainings: bool = False
 ) -> None:
     """Run some tests, after making sure that none is skipped for want of a module."""
-    chosen = () if trainings else ("-m", "not training")
+    chosen = () if trainings else ("-m", "not slow and not training")
     session.run("python", "-c", f"import {', '.join(('jax', *modules))}; print(jax.__version__)")
     session.run(
         *("python", "-m", "pytest", "-q", *chosen, "-p", "no:cacheprovider"),
@@ -60,7 +60,7 @@ def run_tests(
 @nox.session(python=PYTHONS, tags=["lanes"])
 @nox.parametrize("versions", ["oldest", "newest", "extras"], ids=["oldest", "newest", "extras"])
 def lane(session: nox.Session, versions: str) -> None:
-    """All tests with the oldest or the newest JAX, or with everything that is optional."""
+    """The tests with the oldest or the newest JAX, or with everything that is optional."""
     oldest = lower_bounds(str(session.python)) if versions == "oldest" else []
     extras = versions == "extras"
     session.install("--editable", EXTRAS if extras else ".", *TOOLS, *oldest)

@@ -18,7 +18,7 @@ from jax._src.compilation_cache import decompress_executable
 
 from jaxenstein.cli.compile_cache import make_room, programs_folder
 
-# The most bytes that stay when tests begin. All tests need less than a third of it.
+# The most bytes that stay when tests begin; `make test` needs 150 MB.
 LIMIT = 3 * 2**30
 
 

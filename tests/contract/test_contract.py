@@ -79,7 +79,7 @@ def test_behaviour_is_that_of_the_version(played: Played) -> None:
 
 
 def test_the_golden_episode_is_worth_keeping(played: Played) -> None:
-    """Somebody does several things and walks, and what is seen changes."""
+    """Somebody does several things and moves, and what is seen changes."""
     if played.name not in EPISODES:
         pytest.skip("a variant has no golden episode")
     found = golden.trace_of(*played.member(0))

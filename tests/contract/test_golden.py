@@ -12,8 +12,8 @@ import pytest
 import jaxenstein
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from reliability import golden
+from tests.contract.played import EPISODES
 
-EPISODES = golden.load()
 # A small one, for what does not need all.
 ONE = "key-door"
 

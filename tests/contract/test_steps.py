@@ -42,12 +42,21 @@ def alike(one: Any, other: Any) -> None:
 
 
 def test_old_and_typed_keys_agree() -> None:
-    env, params = jaxenstein.make("key-door", **SIZE)
-    typed, old = (env.reset(kind(3), params) for kind in (jax.random.key, jax.random.PRNGKey))
-    steps = [
-        env.step(kind(4), typed[1], 2, params) for kind in (jax.random.key, jax.random.PRNGKey)
-    ]
-    jax.tree.map(np.testing.assert_array_equal, (typed, steps[0]), (old, steps[1]))
+    """Where chance has a say: the start is drawn, and so is where the next medkit appears."""
+    env, params = jaxenstein.make("health-gathering", **SIZE)
+    start = env.init_state(jax.random.key(3), params)
+    due = start.replace(time=jnp.int32(int(params.medkit_period) - 1))
+    typed, old, other = (
+        (env.init_state(first, params), env.advance(then, due, 2, params))
+        for first, then in (
+            (jax.random.key(3), jax.random.key(4)),
+            (jax.random.PRNGKey(3), jax.random.PRNGKey(4)),
+            (jax.random.key(5), jax.random.key(6)),
+        )
+    )
+    jax.tree.map(np.testing.assert_array_equal, typed, old)
+    for one, another in ((typed[0], other[0]), (typed[1][0], other[1][0])):
+        assert (one.medkits != another.medkits).any()
 
 
 def test_equal_environments_share_one_compilation() -> None:
