@@ -24,9 +24,9 @@ def _first_of_their_class() -> set[str]:
 
 def ids(names: tuple[str, ...]) -> list[Any]:
     """The names as parameters, with their marks."""
-    quick = _first_of_their_class()
-    return [n if n in quick else pytest.param(n, marks=pytest.mark.slow) for n in names]
+    return [n if n in FIRST else pytest.param(n, marks=pytest.mark.slow) for n in names]
 
 
+FIRST = _first_of_their_class()
 IDS = ids(MAIN_IDS)
 ALL_IDS = ids(tuple(ENTRIES))

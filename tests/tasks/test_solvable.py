@@ -1,12 +1,15 @@
-"""That what is generated can be solved: by search on the host, over thousands of levels of each."""
+"""Thousands of levels of each generated environment can be solved: by search, and by the planner."""
 
 from typing import Any
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import jaxenstein
 from jaxenstein.catalogue import ENTRIES
+from jaxenstein.players import play, player_of
 from jaxenstein.tasks.minigrid.world import GridWorld
 from tests.tasks.minigrid.search import check_laid
 from tests.tasks.solving import solvable
@@ -26,6 +29,8 @@ IDS = [
     if entry.family in FAMILIES and name != "miniworld-collect-health"
 ]
 LEVELS = 4096
+# How many of them the planner plays, in the tasks that have one.
+PLANNED = 64
 
 
 def test_no_generated_environment_is_left_out() -> None:
@@ -47,3 +52,6 @@ def test_thousands_of_levels_can_be_solved(name) -> None:
     assert good.all(), f"{(~good).sum()} of {LEVELS} cannot be solved"
     if isinstance(env, GridWorld):
         check_laid(env, states)
+        some = jax.tree.map(lambda leaf: jnp.asarray(leaf[:PLANNED]), states)
+        played = play(env, player_of(env), params, jax.random.key(0), some)
+        assert np.asarray(played.successes).sum() == PLANNED

@@ -107,6 +107,15 @@ def test_the_end_of_a_wall_continues_its_faces() -> None:
     assert faces_of(tilemap, 2, 2)["north"] in (GREEN, BLUE)
 
 
+def test_a_corner_continues_each_of_its_two_walls() -> None:
+    """One wall comes from the north, one from the west, and each side has its own colour."""
+    picture = "11111\n1S1.1\n111.1\n1..a1\n11111\n"
+    colours = {(1, 1, "west"): "green", (0, 0, "north"): "blue"}
+    tilemap = convert(labmaps.write_map(picture, colours))
+    corner = faces_of(tilemap, 2, 2)
+    assert (corner["east"], corner["south"]) == (GREEN, BLUE)
+
+
 @pytest.mark.parametrize(
     ("side", "tile", "face"),
     [

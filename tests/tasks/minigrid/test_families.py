@@ -11,7 +11,6 @@ import pytest
 import jaxenstein
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.errors import SettingError
-from jaxenstein.players import play, player_of
 from jaxenstein.tasks.minigrid.instructions import GoToDoor, Memory
 from tests.tasks.minigrid.drawn import drawn
 from tests.tasks.minigrid.search import (
@@ -72,15 +71,6 @@ def test_levels_can_be_solved(name):
     good = solvable(env, states)
     assert good.all(), f"{(~good).sum()} of {FEW} cannot be solved"
     check_laid(env, states)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
-def test_the_planner_solves_them(name):
-    env, params = world(name)
-    states = jax.tree.map(lambda leaf: jax.numpy.asarray(leaf[:64]), levels(name, FEW))
-    played = play(env, player_of(env), params, jax.random.key(0), states)
-    assert np.asarray(played.successes).sum() == 64
 
 
 def test_what_the_search_finds_out():
