@@ -53,10 +53,10 @@ def played(request: pytest.FixtureRequest) -> Iterator[Played]:
     Ids that repeat the class and the kind of map of another are compiled without optimising, which
     takes half the time.
     """
-    before = jax.config.jax_disable_most_optimizations
-    jax.config.update("jax_disable_most_optimizations", before or request.param not in FIRST)
+    quickly = request.config.getoption("quick")
+    jax.config.update("jax_disable_most_optimizations", quickly or request.param not in FIRST)
     yield Played(request.param)
-    jax.config.update("jax_disable_most_optimizations", before)
+    jax.config.update("jax_disable_most_optimizations", quickly)
 
 
 def test_shapes_and_types(played: Played) -> None:
