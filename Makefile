@@ -37,7 +37,8 @@ test: $(VENV)/.dev ## run the tests that every change needs: all modules and rul
 	$(PYTEST) --quick $(ARGS)
 
 test-all: $(VENV)/.dev ## run all tests, on every environment; those that train agents are left out
-	$(PYTEST) -m "not training" $(ARGS)
+	$(PYTEST) --quick -m "variant or not (slow or training)" $(ARGS)
+	$(PYTEST) -m "(slow or optimised) and not (variant or training)" $(ARGS)
 
 trainings: $(VENV)/.dev ## run the tests that train agents
 	$(PYTEST) -m training $(ARGS)

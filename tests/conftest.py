@@ -25,7 +25,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Set up JAX's compiler and its cache, for this process and the programs that it starts."""
     if config.getoption("quick"):
-        config.option.markexpr = config.option.markexpr or "not slow and not training"
+        config.option.markexpr = config.option.markexpr or "not (slow or variant or training)"
         compile_quickly()
     in_charge = config.getoption("numprocesses", None) and "PYTEST_XDIST_WORKER" not in os.environ
     if not in_charge and not os.environ.get("JAX_COMPILATION_CACHE_DIR"):

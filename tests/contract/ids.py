@@ -1,4 +1,4 @@
-"""All ids; those that repeat another's class and kind of map are marked as slow."""
+"""All ids, with marks: the first of each class and kind of map, and their variants."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ def _first_of_their_class() -> set[str]:
 
 def ids(names: tuple[str, ...]) -> list[Any]:
     """The names as parameters, with their marks."""
-    return [n if n in FIRST else pytest.param(n, marks=pytest.mark.slow) for n in names]
+    first, variant = pytest.mark.optimised, pytest.mark.variant
+    return [pytest.param(n, marks=first if n in FIRST else variant) for n in names]
 
 
 FIRST = _first_of_their_class()

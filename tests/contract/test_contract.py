@@ -1,7 +1,6 @@
 """What every environment keeps, tried on every id."""
 
 import re
-from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
@@ -28,7 +27,7 @@ from jaxenstein.tasks.miniworld.collect_health import CollectHealth
 from jaxenstein.tasks.miniworld.objects import PickupObjects, PutNext
 from jaxenstein.tasks.miniworld.rooms import ReachBox
 from reliability import golden
-from tests.contract.ids import ALL_IDS, FIRST
+from tests.contract.ids import ALL_IDS
 from tests.contract.played import EPISODES, Played, member
 
 # What every task tells; events and variables of its own come besides.
@@ -47,16 +46,9 @@ ENDS_LATER = (DoomMyWayHome, DoomBasic, DoomDeadlyCorridor, DoomPredictPosition)
 
 
 @pytest.fixture(scope="module", params=ALL_IDS)
-def played(request: pytest.FixtureRequest) -> Iterator[Played]:
-    """All tests of an id run one after another, with one compiled program.
-
-    Ids that repeat the class and the kind of map of another are compiled without optimising, which
-    takes half the time.
-    """
-    quickly = request.config.getoption("quick")
-    jax.config.update("jax_disable_most_optimizations", quickly or request.param not in FIRST)
-    yield Played(request.param)
-    jax.config.update("jax_disable_most_optimizations", quickly)
+def played(request: pytest.FixtureRequest) -> Played:
+    """All tests of an id run one after another, with one compiled program."""
+    return Played(request.param)
 
 
 def test_shapes_and_types(played: Played) -> None:

@@ -3,7 +3,6 @@
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -11,6 +10,7 @@ import jaxenstein
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.players import play, player_of
 from jaxenstein.tasks.minigrid.world import GridWorld
+from tests.contract.ids import ids
 from tests.tasks.minigrid.search import check_laid
 from tests.tasks.solving import solvable
 
@@ -29,7 +29,7 @@ IDS = [
     if entry.family in FAMILIES and name != "miniworld-collect-health"
 ]
 LEVELS = 4096
-# How many of them the planner plays, in the tasks that have one.
+# How many levels the planner plays.
 PLANNED = 64
 
 
@@ -52,6 +52,13 @@ def test_thousands_of_levels_can_be_solved(name) -> None:
     assert good.all(), f"{(~good).sum()} of {LEVELS} cannot be solved"
     if isinstance(env, GridWorld):
         check_laid(env, states)
-        some = jax.tree.map(lambda leaf: jnp.asarray(leaf[:PLANNED]), states)
-        played = play(env, player_of(env), params, jax.random.key(0), some)
-        assert np.asarray(played.successes).sum() == PLANNED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ids(tuple(n for n in IDS if n.startswith("minigrid-"))))
+def test_the_planner_solves_levels(name) -> None:
+    env, params = jaxenstein.make(name, height=8, width=8)
+    keys = jax.random.split(jax.random.key(5), PLANNED)
+    states = jax.vmap(lambda key: env.init_state(key, params))(keys)
+    played = play(env, player_of(env), params, jax.random.key(0), states)
+    assert np.asarray(played.successes).all()
