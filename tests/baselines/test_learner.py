@@ -14,6 +14,7 @@ pytest.importorskip("flax")
 import jaxenstein
 from jaxenstein.baselines import Config, HParams, Learner
 from jaxenstein.baselines.rollout import rollout
+from jaxenstein.baselines.simulator import GymnaxSimulator
 from jaxenstein.errors import SettingError
 from tests.baselines.worlds import Countdown, Memory
 
@@ -273,6 +274,22 @@ def test_an_environment_of_gymnax_contract_gives_the_same_run(skip):
         own.train_chunk(one, numbers, 2), run.train_chunk(other, numbers, 2), strict=True
     ):
         equal(a, b, atol=1e-6, rtol=1e-5)
+
+
+def test_without_info_on_success_it_is_an_end_of_the_task_with_a_reward():
+    class Silent(Foreign):
+        def step(self, key, state, action, params=None):
+            """Odd actions end the task, and those above 1 pay."""
+            reward = jnp.where(action > 1, 1.0, 0.0)
+            ended = action % 2 == 1
+            final = {"final_observation": self.env.observe(state, params)}
+            return final["final_observation"], state, reward, ended, ~ended, final
+
+    simulator = GymnaxSimulator(Silent(), Countdown().default_params)
+    keys = jax.random.split(KEY, 4)
+    out = simulator.step(keys, simulator.reset(keys)[1], jnp.arange(4, dtype=jnp.int32))
+    assert out.terminated.tolist() == [False, True, False, True]
+    assert out.reached.tolist() == [False, False, False, True]
 
 
 def test_an_environment_of_gymnax_contract_that_skips_frames_has_as_many_truncations():
