@@ -1,4 +1,4 @@
-"""Thousands of levels of each generated environment can be solved: by search, and by the planner."""
+"""Levels of each generated environment can be solved: thousands by search, some by the planner."""
 
 from typing import Any
 
