@@ -1,17 +1,40 @@
-"""Fireballs by exact small cases: their flight, what they hit, and imps that join."""
+"""Fireballs by exact small cases, and Take Cover: the eye that bobs, and imps that join."""
 
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
+from jaxenstein.pytree import PyTreeNode
 from jaxenstein.tasks.doom.collision import segments, way_to
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import Line
-from jaxenstein.tasks.doom.projectiles import Projectiles, fly, no_projectiles, throw
-from tests.tasks.doom.cases import make, place, places, player
+from jaxenstein.tasks.doom.parts import Game
+from jaxenstein.tasks.doom.projectiles import Projectiles, fireballs, fly, no_projectiles, throw
+from jaxenstein.tasks.doom.view import EYE
+from tests.tasks.doom.cases import first_state, make, place, places, player
 
+# Actions from the start of an episode on, and the height of the game's camera after some of them
+# (ViZDoom 1.3.2, `CAMERA_POSITION_Z`).
+ACTIONS = [1] * 30 + [2] * 33 + [0] * 10 + [2] * 40
+CAMERA = {
+    6: 41.0,
+    7: 41.041,
+    15: 38.372,
+    24: 46.511,
+    30: 39.726,
+    33: 40.408,
+    54: 35.38,
+    62: 46.552,
+    63: 46.362,
+    72: 40.225,
+    84: 46.111,
+    98: 38.775,
+    104: 48.558,
+    112: 34.695,
+}
 WALLS = segments([Line(-300, 100, -300, -100, "-")])
 
 
@@ -75,10 +98,39 @@ def test_new_ones_take_the_places_of_the_oldest() -> None:
     assert balls.flies.all()
 
 
+class Air(PyTreeNode):
+    """A state of which only the fireballs matter."""
+
+    fireballs: Projectiles
+
+
+def test_fireballs_of_the_game_fly_or_burst() -> None:
+    rows = [(10, 20, 7, 0, 0), (30, 40, 8, 0, 10 * ONE), (50, 60, 9, 0, 10 * ONE)]
+    game = Game(("DoomImpBall", "BaronBall", "DoomImpBall"), np.array(rows, np.int64), {})
+
+    def told(count: int) -> Any:
+        part = fireballs(count)
+        return part.from_game(Air(part.none()), game).fireballs
+
+    balls = told(4)
+    assert balls.position.tolist() == [[30, 40], [50, 60], [10, 20], [0, 0]]
+    assert balls.flies.tolist() == [True, True, False, False]
+    assert (np.asarray(balls.bursts) > 0).tolist() == [False, False, True, False]
+    assert told(2).position.tolist() == [[30, 40], [50, 60]]
+
+
+def test_the_eye_bobs_as_the_games() -> None:
+    env, params = make("doom-take-cover")
+    tics = player(env, params)(first_state(env, params), ACTIONS)
+    lifts = jax.jit(jax.vmap(env.lift))(tics.state) * env.unit
+    ours = {tic: EYE + float(lifts[tic]) for tic in CAMERA}
+    assert ours == pytest.approx(CAMERA, abs=0.005)
+
+
 def test_imps_wake_throw_hurt_and_join() -> None:
     env, params = make("doom-take-cover")
     params = params.replace(damage_factor=0.5)
-    state = env.init_state(jax.random.key(5), params)
+    state = first_state(env, params, 5)
     reward, terminated, info, after = player(env, params)(state, [0] * 300, seed=5)
     hits, health, imps = info["hits"], after.health, after.monsters.present.sum(axis=1)
     flying = after.fireballs.flies.any(axis=1)

@@ -1,5 +1,6 @@
 """Shots and weapons by exact small cases, and against computations of another kind."""
 
+import functools
 from typing import Any
 
 import jax
@@ -137,11 +138,17 @@ PULLED: list[tuple[Weapon, list[int], dict[str, int], list[int]]] = [
 def test_a_weapon_fires_in_the_tics_of_the_game(
     weapon: Weapon, held: list[int], given: dict[str, int], expected: list[int]
 ) -> None:
-    trigger, tics = Arsenal([Slot(weapon)], **given).trigger(), []
-    for tic, attack in enumerate(held):
-        trigger, fires = pull(weapon, trigger, jnp.bool_(attack))
-        tics += [tic] * bool(fires)
-    assert tics == expected
+    trigger = Arsenal([Slot(weapon)], **given).trigger()
+    padded = np.pad(np.array(held, bool), (0, 64 - len(held)))
+    fires = np.asarray(pulled(weapon)(trigger, padded))[: len(held)]
+    assert np.flatnonzero(fires).tolist() == expected
+
+
+@functools.cache
+def pulled(weapon: Weapon) -> Any:
+    """A function of a trigger and bool[64], ATTACK in each tic: the tics in which it fires."""
+    step = functools.partial(pull, weapon)
+    return jax.jit(lambda trigger, held: jax.lax.scan(step, trigger, held)[1])
 
 
 def test_only_shots_of_a_held_trigger_scatter() -> None:
