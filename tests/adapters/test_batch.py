@@ -206,9 +206,7 @@ def test_wrong_numbers_of_cores(wrong: Any) -> None:
         jaxenstein.use_cores(wrong)
 
 
-@pytest.mark.parametrize(
-    "seed", ["1", True, [1], [*range(10)], ["1"] * COUNT, [-1] * COUNT, {}]
-)
+@pytest.mark.parametrize("seed", ["1", True, [1], [*range(10)], ["1"] * COUNT, [-1] * COUNT, {}])
 def test_wrong_seeds(made: Any, seed: Any) -> None:
     batch = batch_of(made)
     with pytest.raises(jaxenstein.SettingError, match="seed"):

@@ -132,10 +132,10 @@ def test_recorded_episodes_are_equal_to_the_last_bit(name: str) -> None:
 
 
 def test_a_wrong_recording_would_be_noticed() -> None:
-    recording = load(RECORDINGS / "health-gathering.npz")[0]
-    recording.velocity[100, 1] += 1
-    differ, _ = replay("health-gathering", [recording])
-    assert np.argwhere(differ).tolist() == [[99, 0]]
+    recordings = load(RECORDINGS / "health-gathering.npz")
+    recordings[1].velocity[100, 1] += 1
+    differ, _ = replay("health-gathering", recordings)
+    assert np.argwhere(differ).tolist() == [[99, 1]]
 
 
 def test_actions_are_numbered_as_in_the_wrapper() -> None:
