@@ -64,6 +64,7 @@ def player(env: Any, params: Any) -> Callable[..., Tics]:
 
     It also takes arrays [T, ...] of fields of the state, which are set before each tic.
     """
+    params = env.check_params(params)
 
     def played(state: Any, actions: Sequence[int], seed: int = 0, **fields: np.ndarray) -> Tics:
         count = len(actions)

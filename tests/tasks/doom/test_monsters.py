@@ -125,6 +125,7 @@ def test_who_flinches_shoots_back() -> None:
     # The lowest byte of the first number decides who dares: none does with zero.
     bits = jnp.zeros((2, 2), jnp.uint32)
 
+    @jax.jit
     def after(monsters: Monsters) -> Monsters:
         return act(horde, monsters, place(0, 0), jnp.bool_(False), bits)[0]
 

@@ -23,7 +23,7 @@ from jaxenstein.tasks.doom.collision import (
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import Line
 from jaxenstein.tasks.doom.weapons import PISTOL, ROCKET_LAUNCHER, Slot, Trigger, Weapon, pull
-from tests.tasks.doom.cases import NO_WALLS, place, started
+from tests.tasks.doom.cases import NO_WALLS, place, places, started
 
 WALLS = segments([Line(100, -50, 100, 50, "-"), Line(-20, -80, 60, -60, "-")])
 
@@ -111,10 +111,10 @@ def test_a_box_crosses_a_wall_where_a_sampled_one_does() -> None:
     draw = np.random.default_rng(1)
     wall = np.array([[-30, -10, 50, 40]], np.float32)
     points = wall[0, :2] + np.linspace(0, 1, 2001)[:, None] * (wall[0, 2:] - wall[0, :2])
-    for centre in draw.uniform(-70, 70, (60, 2)):
-        sampled = (np.abs(points - centre) < 20).all(axis=1).any()
-        found = crosses(place(*centre), jnp.float32(20), wall)
-        assert bool(found) == sampled, centre
+    centres = draw.uniform(-70, 70, (60, 2))
+    sampled = (np.abs(points - centres[:, None]) < 20).all(axis=-1).any(axis=1)
+    found = crosses(places(*centres.tolist()), np.float32(20), wall)
+    np.testing.assert_array_equal(found, sampled)
 
 
 # Tics with ATTACK held (1) and what the arsenal is given: the tics in which ViZDoom's weapon fires.
