@@ -56,15 +56,14 @@ def test_my_way_home_goes_on_from_a_pose_as_the_game(number: int) -> None:
 
 def things_of(env, recording: Recording) -> dict[str, np.ndarray]:
     """The fields of the state for what lay there in the game, before each tic."""
-    tics, count = len(recording.buttons), len(env.pickups.kind_of)
-    places = np.zeros((tics, count, 2), np.int32)
-    number, present = np.zeros((tics, count), np.int32), np.zeros((tics, count), bool)
-    for time in range(tics):
+    shape = len(recording.buttons), len(env.pickups.kind_of)
+    places, number = np.zeros((*shape, 2), np.int32), np.zeros(shape, np.int32)
+    present = np.zeros(shape, bool)
+    for time in range(len(present)):
         alive = (recording.things[:, 4] <= time) & (recording.things[:, 5] > time)
         for kind in range(len(env.pickups.kinds)):
             own = recording.things[alive & (recording.things[:, 0] == kind)]
-            first = int(np.flatnonzero(env.pickups.kind_of == kind)[0])
-            slots = slice(first, first + len(own))
+            slots = np.flatnonzero(env.pickups.kind_of == kind)[: len(own)]
             places[time, slots], number[time, slots] = own[:, 2:4], own[:, 1]
             present[time, slots] = True
     return {"places": places, "number": number, "present": present}

@@ -112,8 +112,8 @@ def test_a_box_crosses_a_wall_where_a_sampled_one_does() -> None:
     wall = np.array([[-30, -10, 50, 40]], np.float32)
     points = wall[0, :2] + np.linspace(0, 1, 2001)[:, None] * (wall[0, 2:] - wall[0, :2])
     centres = draw.uniform(-70, 70, (60, 2))
-    sampled = (np.abs(points - centres[:, None]) < 20).all(axis=-1).any(axis=1)
-    found = crosses(places(*centres.tolist()), np.float32(20), wall)
+    sampled = (np.abs(points - centres[:, None]) < 20).all(axis=-1).any(axis=-1)
+    found = crosses(places(*centres.tolist()), jnp.float32(20), wall)
     np.testing.assert_array_equal(found, sampled)
 
 
