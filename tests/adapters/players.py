@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -23,14 +25,27 @@ class Step(NamedTuple):
     last: dict[Any, Any]
 
 
-class BatchPlayer:
+class Player:
+    """N environments; `of` is the adapter, or a list of those that have one environment each."""
+
+    of: Any
+
+    def changed(self, change: Callable[[Any], Any]) -> Any:
+        """The same player of what a function makes of the adapter, such as a copy."""
+        other = copy.copy(self)
+        several = isinstance(self.of, list)
+        other.of = [change(one) for one in self.of] if several else change(self.of)
+        return other
+
+
+class BatchPlayer(Player):
     """`Batch` itself."""
 
     def __init__(self, env: Any, params: Any, count: int) -> None:
-        self.of: Any = Batch(env, params, count)
+        self.of = Batch(env, params, count)
 
-    def reset(self, seed: int | None) -> Any:
-        return self.of.reset(seed)[0]
+    def reset(self, seed: Any, mask: Any = None) -> Any:
+        return self.of.reset(seed, mask)[0]
 
     def step(self, actions: Any) -> Step:
         obs, reward, terminated, truncated, _, ended = self.of.step(actions)
@@ -39,26 +54,29 @@ class BatchPlayer:
 
 
 class TorchPlayer(BatchPlayer):
-    """`TorchBatch`, whose actions are tensors."""
+    """`TorchBatch`, whose actions and masks are tensors."""
 
     def __init__(self, env: Any, params: Any, count: int) -> None:
-        self.torch = pytest.importorskip("torch")
+        self.tensor = pytest.importorskip("torch").from_numpy
         from jaxenstein.adapters.torch import TorchBatch
 
         self.of = TorchBatch(env, params, count)
 
+    def reset(self, seed: Any, mask: Any = None) -> Any:
+        return super().reset(seed, None if mask is None else self.tensor(np.asarray(mask)))
+
     def step(self, actions: Any) -> Step:
-        return super().step(self.torch.from_numpy(np.asarray(actions)))
+        return super().step(self.tensor(np.asarray(actions)))
 
 
-class SB3Player:
+class SB3Player(Player):
     """`SB3VecEnv`."""
 
-    def __init__(self, env: Any, params: Any, count: int) -> None:
+    def __init__(self, env: Any, params: Any, count: int, **settings: Any) -> None:
         pytest.importorskip("stable_baselines3")
         from jaxenstein.adapters.sb3 import SB3VecEnv
 
-        self.of: Any = SB3VecEnv(env, params, count)
+        self.of = SB3VecEnv(env, params, count, **settings)
 
     def reset(self, seed: int | None) -> Any:
         if seed is not None:
@@ -71,17 +89,17 @@ class SB3Player:
         return Step(obs, reward, done, [info["TimeLimit.truncated"] for info in infos], last)
 
 
-class VectorPlayer:
+class VectorPlayer(Player):
     """`GymnasiumVectorEnv` with resets in the same step."""
 
-    def __init__(self, env: Any, params: Any, count: int) -> None:
+    def __init__(self, env: Any, params: Any, count: int, **settings: Any) -> None:
         pytest.importorskip("gymnasium")
         from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
 
-        self.of: Any = GymnasiumVectorEnv(env, params, count, autoreset_mode="SameStep")
+        self.of = GymnasiumVectorEnv(env, params, count, autoreset_mode="SameStep", **settings)
 
-    def reset(self, seed: int | None) -> Any:
-        return self.of.reset(seed=seed)[0]
+    def reset(self, seed: Any, mask: Any = None) -> Any:
+        return self.of.reset(seed=seed, options=None if mask is None else {"reset_mask": mask})[0]
 
     def step(self, actions: Any) -> Step:
         obs, reward, terminated, truncated, infos = self.of.step(actions)
@@ -90,14 +108,14 @@ class VectorPlayer:
         return Step(obs, reward, done, truncated & ~terminated, last)
 
 
-class SinglePlayer:
+class SinglePlayer(Player):
     """As many of `GymnasiumEnv`, reset by hand."""
 
-    def __init__(self, env: Any, params: Any, count: int) -> None:
+    def __init__(self, env: Any, params: Any, count: int, **settings: Any) -> None:
         pytest.importorskip("gymnasium")
         from jaxenstein.adapters.gymnasium import GymnasiumEnv
 
-        self.of = [GymnasiumEnv(env, params) for _ in range(count)]
+        self.of = [GymnasiumEnv(env, params, **settings) for _ in range(count)]
 
     def reset(self, seed: int | None) -> Any:
         seeds = [None if seed is None else seed + i for i in range(len(self.of))]
@@ -105,7 +123,7 @@ class SinglePlayer:
 
     def step(self, actions: Any) -> Step:
         if np.shape(actions) != (len(self.of),):
-            return self.of[0].step(actions)  # type: ignore[return-value]
+            return self.of[0].step(actions)
         out = [env.step(action) for env, action in zip(self.of, actions, strict=True)]
         obs, reward, terminated, truncated, _ = map(list, zip(*out, strict=True))
         last = {i: obs[i] for i in range(len(obs)) if terminated[i] or truncated[i]}
@@ -115,7 +133,7 @@ class SinglePlayer:
         return Step(obs, reward, done, np.array(truncated) & ~np.array(terminated), last)
 
 
-class GymnaxPlayer:
+class GymnaxPlayer(Player):
     """gymnax' contract, mapped over a batch."""
 
     def __init__(self, env: Any, params: Any, count: int) -> None:
@@ -123,9 +141,9 @@ class GymnaxPlayer:
         from jaxenstein.adapters import gymnax
 
         env = dataclasses.replace(env, final_observation=True)
-        made, self.params = gymnax.from_env(env, params)
-        self.count, self.play = count, jax.jit(jax.vmap(made.step, (0, 0, 0, None)))
-        self.begin = jax.jit(jax.vmap(made.reset, (0, None)))
+        self.of, self.params = gymnax.from_env(env, params)
+        self.count, self.play = count, jax.jit(jax.vmap(self.of.step, (0, 0, 0, None)))
+        self.begin = jax.jit(jax.vmap(self.of.reset, (0, None)))
 
     def reset(self, seed: int | None) -> Any:
         self.keys = jax.random.split(jax.random.key(seed or 0), self.count)
@@ -141,16 +159,16 @@ class GymnaxPlayer:
         return Step(obs, reward, terminated | truncated, truncated & ~terminated, last)
 
 
-class StoaPlayer:
+class StoaPlayer(Player):
     """Stoa's interface with resets of its own, mapped over a batch."""
 
     def __init__(self, env: Any, params: Any, count: int) -> None:
         pytest.importorskip("stoa")
         from jaxenstein.adapters.stoa import StoaEnvironment
 
-        made = StoaEnvironment(dataclasses.replace(env, final_observation=True), params)
-        self.count, self.play = count, jax.jit(jax.vmap(made.step))
-        self.begin = jax.jit(jax.vmap(made.reset))
+        self.of = StoaEnvironment(dataclasses.replace(env, final_observation=True), params)
+        self.count, self.play = count, jax.jit(jax.vmap(self.of.step))
+        self.begin = jax.jit(jax.vmap(self.of.reset))
 
     def reset(self, seed: int | None) -> Any:
         self.state, first = self.begin(jax.random.split(jax.random.key(seed or 0), self.count))
@@ -165,5 +183,13 @@ class StoaPlayer:
 
 STREAMS = (BatchPlayer, TorchPlayer, SB3Player, VectorPlayer, SinglePlayer)
 """Those that keep a random stream for each environment."""
-PLAYERS = (*STREAMS, GymnaxPlayer, StoaPlayer)
+FUNCTIONS = (GymnaxPlayer, StoaPlayer)
+"""Those that are functions of keys and states."""
+PLAYERS = (*STREAMS, *FUNCTIONS)
 """All of them."""
+MASKED = (BatchPlayer, TorchPlayer, VectorPlayer)
+"""Those that reset some of their environments, and take a seed for each."""
+STRICT = (VectorPlayer, SinglePlayer)
+"""Those that refuse actions outside of the action space, which do nothing in the others."""
+BY_ID = (SB3Player, *STRICT)
+"""Those that are also made by an id and settings."""

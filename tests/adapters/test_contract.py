@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import functools
 import importlib
+import pickle
 from typing import Any
 
 import jax
@@ -11,14 +14,25 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.errors import SettingError
+from jaxenstein.errors import SettingError, UnknownEnvironmentError
 from tests.adapters.corridor import FORWARD, SIZE, STAY, N, make_corridor
-from tests.adapters.players import PLAYERS, STREAMS, BatchPlayer, Step
+from tests.adapters.players import (
+    BY_ID,
+    FUNCTIONS,
+    MASKED,
+    PLAYERS,
+    STREAMS,
+    STRICT,
+    GymnaxPlayer,
+    SinglePlayer,
+    Step,
+)
 
 pytestmark = [
     pytest.mark.usefixtures("plain_frames"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning:(gymnax|stoa|chex|flax|distrax).*"),
 ]
+IDLE = np.full(N, STAY)
 
 
 class Native:
@@ -27,11 +41,11 @@ class Native:
     def __init__(self, env: Any, params: Any) -> None:
         self.env, self.params, self.key = env, params, jax.random.key(0)
 
-    def reset(self) -> Any:
+    def reset(self) -> np.ndarray:
         obs, self.state = self.env.reset(self.key, self.params)
         return np.asarray(obs)
 
-    def step(self, action: int) -> tuple[Any, float, bool, bool]:
+    def step(self, action: int) -> tuple[np.ndarray, float, bool, bool]:
         """The observation before a reset, the reward, and both ends."""
         out = self.env.advance(self.key, self.state, np.int32(action), self.params)
         self.state, reward, terminated, _ = out
@@ -40,47 +54,138 @@ class Native:
         return np.asarray(obs), float(reward), bool(terminated), truncated
 
 
-@pytest.mark.parametrize("player", PLAYERS)
-def test_steps_and_ends_are_those_of_the_environment(player: Any) -> None:
-    made = make_corridor()
-    natives, ours = [Native(*made) for _ in range(N)], player(*made, N)
-    np.testing.assert_array_equal(ours.reset(0), [native.reset() for native in natives])
-    rng = np.random.default_rng(0)
-    kinds = set()
+@pytest.fixture(scope="module")
+def played() -> Any:
+    """What resets show, and forty times actions with what `Native.step` gives for each."""
+    natives = [Native(*make_corridor()) for _ in range(N)]
+    first = [native.reset() for native in natives]
+    rng, steps = np.random.default_rng(0), []
     for t in range(40):
         # Three steps to the goal: at once; so late that time is up with the last; by chance.
         late = FORWARD if t % 7 >= 4 else STAY
         actions = np.array([FORWARD, late, rng.integers(0, 5)])
+        told = [native.step(int(action)) for native, action in zip(natives, actions, strict=True)]
+        for native, (*_, terminated, truncated) in zip(natives, told, strict=True):
+            if terminated or truncated:
+                native.reset()
+        steps.append((actions, told))
+    ends = {(one[2], one[3]) for _, told in steps for one in told}
+    assert ends == {(False, False), (True, False), (False, True), (True, True)}
+    return first, steps
+
+
+@pytest.mark.parametrize("player", PLAYERS)
+def test_steps_and_ends_are_those_of_the_environment(player: Any, played: Any) -> None:
+    ours, (first, steps) = player(*make_corridor(), N), played
+    np.testing.assert_array_equal(ours.reset(0), first)
+    for actions, wanted in steps:
         out = ours.step(actions)
-        for i, native in enumerate(natives):
-            obs, reward, terminated, truncated = native.step(int(actions[i]))
+        for i, (obs, reward, terminated, truncated) in enumerate(wanted):
             done = terminated or truncated
             told = float(out.reward[i]), bool(out.done[i]), bool(out.cut[i])
             assert told == (reward, done, truncated and not terminated)
             if done:
-                kinds.add((terminated, truncated))
                 np.testing.assert_array_equal(out.last[i], obs)
-                obs = native.reset()
-            np.testing.assert_array_equal(out.obs[i], obs)
-    assert kinds == {(True, False), (False, True), (True, True)}
+            np.testing.assert_array_equal(out.obs[i], first[i] if done else obs)
+
+
+def make_chance() -> tuple[Any, Any]:
+    """A corridor in which each episode begins with another heading, and lasts four steps."""
+    env, params = jaxenstein.from_ascii("######\n#S..G#\n######", **SIZE)
+    return env, params.replace(max_steps_in_episode=4)
+
+
+@functools.cache
+def first_frame(seed: int, calls: int) -> np.ndarray:
+    """What a reset shows after so many steps and resets of a stream: by keys alone."""
+    env, params = make_chance()
+    key = jax.random.fold_in(jax.random.key(seed % 2**32), seed // 2**32)
+    for _ in range(calls):
+        key, _ = jax.random.split(key)
+    return np.asarray(env.reset(jax.random.split(key)[1], params)[0])
+
+
+LARGE = 2**32 + 7, 2**33 + 7, 2**64 - N
 
 
 @pytest.mark.parametrize("player", STREAMS)
 def test_seeds(player: Any) -> None:
     """Of each environment its own, the number after that of the one before; then streams go on."""
-    made = jaxenstein.from_ascii("######\n#S..G#\n######", **SIZE)
+    ours = player(*make_chance(), N)
+    for seed in (7, 8, *LARGE, 7):
+        for calls, given in enumerate((seed, None, None)):
+            wanted = [first_frame(seed + i, calls) for i in range(N)]
+            np.testing.assert_array_equal(ours.reset(given), wanted)
+    seeds = [7, *LARGE, 8]
+    shown = {np.array([first_frame(seed, n) for n in range(3)]).tobytes() for seed in seeds}
+    assert len(shown) == len(seeds)
 
-    def starts(ours: Any, seed: int | None) -> np.ndarray:
-        shown = [ours.reset(seed), ours.reset(None)]
-        return np.stack([np.asarray(obs) for obs in shown])
 
-    ours = player(*made, N)
-    first = starts(ours, 7)
-    for other in (ours, player(*made, N), BatchPlayer(*made, N)):
-        np.testing.assert_array_equal(starts(other, 7), first)
-    assert (first[0] != first[1]).any()
-    assert (first[0, 0] != first[0, 1]).any()
-    np.testing.assert_array_equal(starts(ours, 8)[:, :-1], first[:, 1:])
+@pytest.mark.parametrize("player", STREAMS)
+def test_without_a_seed_chance_decides(player: Any) -> None:
+    both = [player(*make_chance(), N) for _ in range(2)]
+    one, other = ([np.asarray(ours.reset(None)) for _ in range(3)] for ours in both)
+    assert (np.array(one) != np.array(other)).any()
+
+
+@pytest.mark.parametrize("player", MASKED)
+def test_seeds_and_resets_of_some(player: Any) -> None:
+    """Each one's stream goes on, whatever the others do; seeds of those left alone are ignored."""
+    ours = player(*make_chance(), N)
+    ours.reset(np.array([7, 20, 9]))
+    wanted = first_frame(30, 0), first_frame(20, 1), first_frame(9, 0)
+    np.testing.assert_array_equal(ours.reset([30, None, 9]), wanted)
+    second = np.array(ours.step(IDLE).obs)[1]
+    seen = ours.reset([40, 41, None], np.array([True, False, True]))
+    np.testing.assert_array_equal(seen, [first_frame(40, 0), second, first_frame(9, 2)])
+    # The fourth step of an episode, after two resets and three steps, for the second one alone.
+    steps = [ours.step(IDLE) for _ in range(3)]
+    ends = [[bool(done) for done in out.done] for out in steps]
+    assert ends == [[False] * N, [False] * N, [False, True, False]]
+    np.testing.assert_array_equal(steps[-1].obs[1], first_frame(20, 6))
+
+
+@pytest.mark.parametrize("player", MASKED)
+def test_wrong_masks_are_named(player: Any) -> None:
+    ours = player(*make_chance(), N)
+    with pytest.raises(SettingError, match="the first reset must be of all"):
+        ours.reset(None, np.arange(N) == 1)
+    ours.reset(0)
+    for mask in ([True], [1] * N, np.ones((N, 1), bool)):
+        with pytest.raises(SettingError, match=rf"mask .*must be bool\[{N}\]"):
+            ours.reset(None, mask)
+
+
+CHANGES = (copy.deepcopy, lambda adapter: pickle.loads(pickle.dumps(adapter)))
+
+
+@pytest.mark.parametrize("player", STREAMS)
+def test_copies_go_on_as_the_original(player: Any) -> None:
+    """In the middle of an episode, and into episodes that the stream decides."""
+    ours = player(*make_chance(), N)
+    ours.reset(5)
+    ours.step(IDLE)
+    others = [ours.changed(change) for change in CHANGES]
+    # A shallow one stands in its original's place.
+    others.append(ours.changed(copy.deepcopy).changed(copy.copy))
+    rng = np.random.default_rng(0)
+    wanted = [(actions, ours.step(actions)) for actions in rng.integers(0, 5, (9, N))]
+    assert sum(bool(out.last) for _, out in wanted) >= 2
+    for other in others:
+        for actions, out in wanted:
+            for mine, theirs in zip(arrays(out), arrays(other.step(actions)), strict=True):
+                np.testing.assert_array_equal(plain(mine), plain(theirs))
+
+
+@pytest.mark.parametrize("player", FUNCTIONS)
+def test_copies_of_functions_are_of_the_same_environment(player: Any) -> None:
+    ours = player(*make_corridor(), N)
+    for change in CHANGES:
+        other = ours.changed(change).of
+        assert (repr(other), other.env) == (repr(ours.of), ours.of.env)
+        name = "default_params" if player is GymnaxPlayer else "params"
+        params = (getattr(one, name) for one in (other, ours.of))
+        jax.tree.map(np.testing.assert_array_equal, *params)
 
 
 def plain(array: Any) -> np.ndarray:
@@ -97,16 +202,20 @@ def arrays(out: Step) -> list[Any]:
 
 @pytest.mark.parametrize("player", STREAMS)
 def test_what_was_handed_out_never_changes_and_is_never_read(player: Any) -> None:
-    """Not by later steps, and no step reads what the caller writes into it."""
+    """Not by later steps and resets, and no step reads what the caller writes into it."""
     made = make_corridor()
     written, clean = player(*made, N), player(*made, N)
     held: list[Any] = [*written.reset(3), *clean.reset(3)]
     rng = np.random.default_rng(1)
     kept, ends = [plain(obs).copy() for obs in held], 0
-    for _ in range(30):
+    for t in range(30):
         actions = rng.integers(0, 5, N)
-        mine, theirs = arrays(written.step(actions.copy())), arrays(clean.step(actions))
-        ends += len(theirs) > 3
+        if player in MASKED and t % 8 == 7:
+            mask = np.arange(N) == t % N
+            mine, theirs = [written.reset(None, mask)], [clean.reset(None, mask)]
+        else:
+            mine, theirs = arrays(written.step(actions.copy())), arrays(clean.step(actions))
+            ends += len(theirs) > 3
         held += theirs
         kept += [plain(one).copy() for one in theirs]
         for a, b in zip(mine, theirs, strict=True):
@@ -114,17 +223,89 @@ def test_what_was_handed_out_never_changes_and_is_never_read(player: Any) -> Non
             if plain(a).flags.writeable:
                 a[:] = 1
     assert ends
-    for view, copy in zip(held, kept, strict=True):
-        np.testing.assert_array_equal(plain(view), copy)
+    for view, copied in zip(held, kept, strict=True):
+        np.testing.assert_array_equal(plain(view), copied)
 
 
 @pytest.mark.parametrize("player", STREAMS)
-@pytest.mark.parametrize("wrong", [np.zeros(N), np.zeros(N, bool), np.zeros((N, 1), int), [0] * 9])
-def test_wrong_actions_are_named(player: Any, wrong: Any) -> None:
+def test_wrong_seeds_are_named_and_begin_nothing(player: Any) -> None:
     ours = player(*make_corridor(), N)
-    ours.reset(0)
-    with pytest.raises(Exception, match=r"must be (a torch tensor of )?(one|3) integer"):
-        ours.step(wrong)
+    for seed in (-1, 1.5, 2**64):
+        with pytest.raises(Exception, match=r"[Ss]eed"):
+            ours.reset(seed)
+        with pytest.raises(Exception, match="call reset before step"):
+            ours.step(IDLE)
+
+
+@pytest.mark.parametrize("player", STREAMS)
+def test_wrong_actions_are_named_and_do_nothing(player: Any) -> None:
+    ours = player(*make_corridor(), N)
+    first = np.array(ours.reset(0))
+    wrong = [np.zeros(N), np.zeros(N, bool), np.zeros((N, 1), int), [0] * 9]
+    for actions in wrong:
+        with pytest.raises(Exception, match=r"must be (a torch tensor of )?(one|3) integer"):
+            ours.step(actions)
+    for dtype in (np.int64, np.int32, np.int8):
+        most = np.iinfo(dtype).max
+        # What a cast to 32 bits would turn into an action.
+        far = (-1, most, 2**32 + FORWARD, FORWARD - 2**32)[: 4 if dtype is np.int64 else 2]
+        for action in far:
+            actions = np.full(N, action, dtype)
+            if player in STRICT:
+                with pytest.raises(Exception, match="an action must be 0 to 4, not"):
+                    ours.step(actions)
+                continue
+            out = ours.step(actions)
+            np.testing.assert_array_equal(out.obs, first)
+            if out.last:
+                np.testing.assert_array_equal([*out.last.values()], first)
+    # Now nothing but the time may have passed.
+    for t in range(3):
+        out = ours.step(np.full(N, FORWARD))
+        assert [float(reward) for reward in out.reward] == [float(t == 2)] * N
+
+
+@pytest.mark.parametrize(
+    "player", [one for one in PLAYERS if one not in (*FUNCTIONS, SinglePlayer)]
+)
+@pytest.mark.parametrize("count", [0, True, 2.0])
+def test_wrong_numbers_of_environments_are_named(player: Any, count: Any) -> None:
+    with pytest.raises(SettingError, match="num_envs must be a whole number from 1 on"):
+        player(*make_corridor(), count)
+
+
+@pytest.mark.parametrize("player", PLAYERS)
+def test_wrong_params_are_named(player: Any) -> None:
+    with pytest.raises(SettingError, match="must be a NavigationParams"):
+        player(make_corridor()[0], jaxenstein.make("health-gathering")[1], N)
+
+
+WRONG_SETTINGS: list[tuple[dict[str, Any], str]] = [
+    ({"hight": 5}, "no setting or param 'hight', did you mean 'height'"),
+    ({"autoreset": None}, "not for Gymnasium: .*autoreset_mode in a vector environment"),
+    ({"final_observation": True}, "not for Gymnasium"),
+    ({"hud": True}, "simple has no setting or param 'hud'"),
+    ({"goal_reward": "much"}, "goal_reward must be a number"),
+    ({"goal_reward": [1, 2]}, "goal_reward must be a number"),
+    ({"damage": 3}, "no setting or param 'damage'"),
+    ({"render_mode": "ansi"}, "render_mode must be one of .*'rgb_array', None, not 'ansi'"),
+    ({"height": 0}, "height must be"),
+]
+
+
+@pytest.mark.parametrize("player", BY_ID)
+def test_wrong_ids_and_settings_are_named(player: Any) -> None:
+    for settings, what in WRONG_SETTINGS:
+        with pytest.raises(SettingError, match=what):
+            player("simple", None, N, **settings)
+    with pytest.raises(SettingError, match="params of 'simple' must be"):
+        player("simple", {}, N)
+    with pytest.raises(UnknownEnvironmentError, match="did you mean 'simple'"):
+        player("simpel", None, N)
+    with pytest.raises(SettingError, match="go with an id"):
+        player(*make_corridor(), N, height=5)
+    with pytest.raises(SettingError, match="must be an id or an environment"):
+        player(None, None, N)
 
 
 def functional(name: str) -> Any:
@@ -135,12 +316,10 @@ def functional(name: str) -> Any:
 
 
 @pytest.mark.parametrize("name", ["gymnax", "stoa"])
-def test_wrong_environments_and_params_are_named(name: str) -> None:
+def test_environments_that_do_not_fit_are_named(name: str) -> None:
     adapt, (env, params) = functional(name), make_corridor()
     with pytest.raises(SettingError, match=r"needs an environment with .*autoreset='same-step'"):
         adapt(dataclasses.replace(env, autoreset="next-step"), params)
-    with pytest.raises(SettingError, match="must be a NavigationParams"):
-        adapt(env, jaxenstein.make("health-gathering")[1])
     with pytest.raises(SettingError, match=r"as jaxenstein\.make returns it"):
         adapt("simple", None)
 

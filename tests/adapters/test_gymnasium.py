@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import os
-import pickle
 import subprocess
 import sys
 import warnings
@@ -22,6 +20,7 @@ gymnasium = pytest.importorskip("gymnasium")
 env_checker = pytest.importorskip("gymnasium.utils.env_checker")
 adapter = pytest.importorskip("jaxenstein.adapters.gymnasium")
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
 SOURCE = Path(jaxenstein.__file__).parent.parent
 SMALL = {"height": 12, "width": 16}
 # The goal is reached by going forward.
@@ -68,15 +67,6 @@ COUNT_IDS = "print(sum(id.startswith('jaxenstein/') for id in gymnasium.registry
 )
 def test_registered_whichever_is_imported_first(imports: str) -> None:
     assert run_python(f"{imports}\n{COUNT_IDS}") == str(len(gymnasium_ids()))
-
-
-def test_without_gymnasium() -> None:
-    code = (
-        "import sys; sys.modules['gymnasium'] = None\nimport jaxenstein\n"
-        "try: import jaxenstein.adapters.gymnasium_vector\n"
-        "except ImportError as error: print(error)"
-    )
-    assert "pip install 'jaxenstein[gymnasium]'" in run_python(code)
 
 
 def test_ids_name_what_they_build_with_its_version() -> None:
@@ -159,14 +149,6 @@ def test_gymnasiums_generator_decides_on_a_first_reset_without_a_seed(made: Any)
     np.testing.assert_array_equal(*keys)
 
 
-@pytest.mark.parametrize("change", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_copies_go_on_alike(env: Any, change: Any) -> None:
-    env.reset(seed=1)
-    other = change(env)
-    for action in (0, 0, FORWARD):
-        np.testing.assert_array_equal(env.step(action)[0], other.step(action)[0])
-
-
 def test_the_time_limit_is_the_environments(made: Any) -> None:
     native, params = made
     env = adapter.GymnasiumEnv(native, params.replace(max_steps_in_episode=3))
@@ -194,44 +176,11 @@ def test_stepping_out_of_order(made: Any) -> None:
     env.step(0)
 
 
-@pytest.mark.parametrize("action", [-1, 5, 1.0, True, "1", None, [1], np.array([1]), 2**40])
-def test_wrong_actions(env: Any, action: Any) -> None:
+@pytest.mark.parametrize("action", ["1", None, [1], np.array([1])])
+def test_actions_that_are_no_numbers(env: Any, action: Any) -> None:
     env.reset(seed=1)
     with pytest.raises(gymnasium.error.InvalidAction, match="action must be"):
         env.step(action)
-    assert np.asarray(env.unwrapped._batch.states.time) == 0
-
-
-@pytest.mark.parametrize(
-    ("settings", "what"),
-    [
-        ({"hight": 5}, "no setting or param 'hight', did you mean 'height'"),
-        ({"autoreset": None}, "not for Gymnasium"),
-        ({"final_observation": True}, "not for Gymnasium"),
-        ({"hud": True}, "simple has no setting or param 'hud'"),
-        ({"goal_reward": "much"}, "goal_reward must be a number"),
-        ({"goal_reward": [1, 2]}, "goal_reward must be a number"),
-        ({"damage": 3}, "no setting or param 'damage'"),
-        ({"render_mode": "ansi"}, "render_mode must be one of 'human', 'rgb_array', None"),
-        ({"height": 0}, "height must be"),
-        ({"params": {}}, "params of 'simple' must be"),
-    ],
-)
-def test_wrong_settings(settings: dict[str, Any], what: str) -> None:
-    with pytest.raises(jaxenstein.SettingError, match=what):
-        adapter.GymnasiumEnv("simple", **settings)
-
-
-def test_wrong_environments(made: Any) -> None:
-    with pytest.raises(jaxenstein.UnknownEnvironmentError, match="did you mean 'simple'"):
-        adapter.GymnasiumEnv("simpel")
-    with pytest.raises(jaxenstein.SettingError, match="go with an id"):
-        adapter.GymnasiumEnv(*made, height=5)
-    with pytest.raises(jaxenstein.SettingError, match="must be an id or an environment"):
-        adapter.GymnasiumEnv(None)
-    for seed, error in ((-1, gymnasium.error.Error), (2**64, jaxenstein.SettingError)):
-        with pytest.raises(error):
-            adapter.GymnasiumEnv(*made).reset(seed=seed)
 
 
 def test_settings_and_params_by_name() -> None:

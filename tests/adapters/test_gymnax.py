@@ -121,20 +121,15 @@ def walk(env: Any, params: Any, action: int, steps: int) -> list[tuple[Any, ...]
     return out
 
 
-def test_ends_are_told_apart_and_reset_in_the_same_step(made: tuple[Any, Any]) -> None:
+def test_ends_are_told_apart_by_the_discount(made: tuple[Any, Any]) -> None:
     env, params = made
     steps = walk(env, params, FORWARD, 40)
     first = next(i for i, step in enumerate(steps) if step[3])
     assert [float(step[5]["discount"]) for step in steps[first - 1 : first + 1]] == [1, 0]
-    # The next episode's first state and frame.
-    assert steps[first][1].time == 0
-    np.testing.assert_array_equal(steps[first][0], env.get_obs(steps[first][1], params))
     cut = walk(env, params.replace(max_steps_in_episode=3), LEFT, 4)
     assert [float(step[5]["discount"]) for step in cut] == [1, 1, 1, 1]
     both = walk(env, params.replace(max_steps_in_episode=first + 1), FORWARD, first + 1)[-1]
-    assert both[3]
-    assert both[4]
-    assert both[5]["discount"] == 0
+    assert (bool(both[3]), bool(both[4]), float(both[5]["discount"])) == (True, True, 0)
 
 
 def test_steps_without_resets_and_the_questions_of_states(made: tuple[Any, Any]) -> None:
@@ -162,15 +157,11 @@ def test_steps_without_resets_and_the_questions_of_states(made: tuple[Any, Any])
     assert env.discount(state, tight) == 1
 
 
-def test_info_is_small_unless_the_last_frame_is_asked_for(made: tuple[Any, Any]) -> None:
+def test_info_is_small(made: tuple[Any, Any]) -> None:
     env, params = made
     _, state = env.reset(jax.random.key(0), params)
     info = env.step(jax.random.key(0), state, LEFT, params)[-1]
     assert all(np.size(leaf) <= 2 for leaf in jax.tree.leaves(info))
-    env, params = adapter.from_env(*corridor(final_observation=True))
-    last = next(step for step in walk(env, params, FORWARD, 40) if step[3])
-    assert last[5]["final_observation"].shape == (12, 16, 3)
-    assert (last[5]["final_observation"] != last[0]).any()
 
 
 def test_equal_environments_compile_once() -> None:
@@ -280,6 +271,7 @@ REJAX = {
 }
 
 
+@pytest.mark.training
 @pytest.mark.usefixtures("partner_promotion")
 @pytest.mark.parametrize("algorithm", REJAX)
 def test_rejax_trains(algorithm: str) -> None:

@@ -11,6 +11,7 @@ import pytest
 @pytest.mark.parametrize(
     ("name", "partner", "needed"),
     [
+        ("gymnasium", "gymnasium", "Gymnasium is not installed"),
         ("gymnax", "gymnax.environments", "needs gymnax"),
         ("stoa", "stoa", "needs stoa-env"),
         ("sb3", "stable_baselines3.common.vec_env", "Stable-Baselines3 is not installed"),

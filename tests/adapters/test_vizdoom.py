@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import jax
 import numpy as np
@@ -17,6 +19,7 @@ import pytest
 import jaxenstein
 from jaxenstein.adapters import vizdoom_buffers
 from jaxenstein.cli import main
+from jaxenstein.engine.render import render
 from jaxenstein.episodes.policies import Script
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.symbols import CEILING, FLOOR
@@ -26,6 +29,7 @@ pytest.importorskip("gymnasium")
 
 from jaxenstein.adapters import vizdoom
 
+pytestmark = pytest.mark.usefixtures("plain_frames")
 SETTINGS: dict[str, Any] = {"observation": "depth", "height": 1, "width": 32, "frame_skip": 4}
 INSTALLED = importlib.util.find_spec("vizdoom") is not None
 
@@ -39,6 +43,7 @@ class Game:
         self.params = self.env.check_params(params)
         self.settings: dict[str, Any] = {}
         self.draw = jax.jit(self.env.observe)
+        self.begin = jax.jit(self.env.first_state)
 
     def __getattr__(self, name: str) -> Any:
         assert name.startswith("set_") or name in ("load_config", "init", "close"), name
@@ -46,7 +51,7 @@ class Game:
 
     def new_episode(self) -> None:
         (seed,) = self.settings.pop("set_seed")
-        _, self.state = self.env.reset(jax.random.key(seed), self.params)
+        self.state = self.begin(jax.random.key(seed), self.params)
         self.finished = self.timeout = False
         self.kills = 0
 
@@ -55,10 +60,10 @@ class Game:
         action = self.env.action_buttons.tolist().index(held)
         total = 0.0
         for _ in range(tics):
-            key = jax.random.key(0)
-            _, self.state, reward, ended, late, info = self.env.step(
-                key, self.state, np.int32(action), self.params
+            self.state, reward, ended, info = self.env.advance(
+                jax.random.key(0), self.state, np.int32(action), self.params
             )
+            late = self.env.time_is_up(self.state, self.params)
             total += float(reward)
             self.kills += int(info.get("kills", 0))
             if ended or late:
@@ -185,9 +190,6 @@ def test_actions_rewards_and_ends_mean_the_same(world: Any, game: Game) -> None:
                 for name in ("fixed_position", "fixed_velocity", "angle"):
                     there, here = (np.asarray(getattr(s.state, name)) for s in (session, ours))
                     np.testing.assert_array_equal(there, here)
-                # Eight bits of depth, in steps of 7.1 units; tiles have 16.
-                wrong = np.abs(session.observation - np.asarray(ours.observation))
-                assert wrong.max() < 0.7 * vizdoom_buffers.DEPTH_STEP / 16 + 0.05
         assert (session.truncated, session.terminated) == (True, False)
         assert len(session.actions) == 23
         assert session.info == {"success": False}
@@ -253,6 +255,28 @@ def test_what_the_game_has_not(capsys: pytest.CaptureFixture[str]) -> None:
         assert "ViZDoom is not installed" in capsys.readouterr().err
 
 
+@pytest.fixture
+def real_frames() -> Iterator[None]:
+    """The engine's own, for the tests of what is seen; these come last, and compile anew."""
+    jax.clear_caches()
+    with mock.patch("jaxenstein.tasks.first_person.render", render):
+        yield
+    jax.clear_caches()
+
+
+@pytest.mark.usefixtures("real_frames")
+def test_depths_are_ours_up_to_eight_bits(world: Any, game: Game) -> None:
+    env, params = world
+    with vizdoom.GameSession(env, params, seed=2) as session:
+        for action in (3, 4, 3, 1, 5, 0, 2, 3):
+            session.step(action)
+            ours = np.asarray(env.observe(session.state, params))
+            # In steps of 7.1 units; tiles have 16.
+            wrong = np.abs(session.observation - ours)
+            assert wrong.max() < 0.7 * vizdoom_buffers.DEPTH_STEP / 16 + 0.05
+
+
+@pytest.mark.usefixtures("real_frames")
 @pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
 @pytest.mark.parametrize(
     ("id", "kind", "alike"),
@@ -267,6 +291,7 @@ def test_the_game_shows_what_we_draw(id: str, kind: str, alike: float) -> None:
         assert np.mean(np.asarray(session.observation) == ours) > alike
 
 
+@pytest.mark.usefixtures("real_frames")
 @pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
 def test_the_games_weapon_and_our_strip() -> None:
     """The weapon stands in the lower middle, in the strip there is what its variables say."""

@@ -42,28 +42,57 @@ class Tics(NamedTuple):
     state: Any
 
 
+BLOCK = 64
+"""Tics in a program: tests of one scenario share it, however many tics they play."""
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _block(
+    env: Any, params: Any, state: Any, actions: jax.Array, keys: jax.Array, fields: Any
+) -> tuple[Any, Tics]:
+    def tic(state: Any, given: Any) -> Any:
+        action, key, fields = given
+        key = jax.random.wrap_key_data(key)
+        after, reward, ends, info = env.advance(key, state.replace(**fields), action, params)
+        return after, Tics(reward, ends, info, after)
+
+    return jax.lax.scan(tic, state, (actions, keys, fields))
+
+
 def player(env: Any, params: Any) -> Callable[..., Tics]:
-    """A function of a state, actions and a seed that plays a tic for each action."""
+    """A function of a state, actions and a seed that plays a tic for each action.
 
-    @jax.jit
-    def play(state: Any, actions: jax.Array, key: jax.Array) -> Tics:
-        def tic(state: Any, given: Any) -> Any:
-            after, reward, ends, info = env.advance(given[1], state, given[0], params)
-            return after, Tics(reward, ends, info, after)
+    It also takes arrays [T, ...] of fields of the state, which are set before each tic.
+    """
+    params = env.check_params(params)
 
-        return jax.lax.scan(tic, state, (actions, jax.random.split(key, len(actions))))[1]
-
-    def played(state: Any, actions: Sequence[int], seed: int = 0) -> Tics:
-        given = jnp.asarray(actions, jnp.int32), jax.random.key(seed)
-        return jax.device_get(play(state, *given))
+    def played(state: Any, actions: Sequence[int], seed: int = 0, **fields: np.ndarray) -> Tics:
+        count = len(actions)
+        more = -count % BLOCK
+        keys = jax.random.key_data(jax.random.split(jax.random.key(seed), count + more))
+        # The last block goes on with the last of everything; what comes of it is cut off.
+        given = [np.asarray(actions, np.int32), np.asarray(keys)[:count], fields]
+        given = jax.tree.map(lambda leaf: np.concatenate([leaf, leaf[-1:].repeat(more, 0)]), given)
+        parts, state = [], jax.device_get(state)
+        for first in range(0, count, BLOCK):
+            some = jax.tree.map(lambda leaf, at=first: leaf[at : at + BLOCK], given)
+            state, part = jax.device_get(_block(env, params, state, *some))
+            parts.append(part)
+        return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
 
     return played
 
 
-def started(name: str) -> tuple[Any, Any, Callable[..., Tics]]:
+@functools.partial(jax.jit, static_argnums=0)
+def first_state(env: Any, params: Any, seed: int = 0) -> Any:
+    """The first state of an episode, without its frame."""
+    return env.first_state(jax.random.key(seed), env.check_params(params))
+
+
+def started(name: str, **settings: Any) -> tuple[Any, Any, Callable[..., Tics]]:
     """A small environment, the first state of an episode, and its `player`."""
-    env, params = make(name)
-    return env, env.reset(jax.random.key(0), params)[1], player(env, params)
+    env, params = make(name, **settings)
+    return env, first_state(env, params), player(env, params)
 
 
 @functools.partial(jax.jit, static_argnames="horde")

@@ -24,7 +24,7 @@ from jaxenstein.tasks.doom.weapons import (
     SUPER_SHOTGUN,
     Weapon,
 )
-from tests.tasks.doom.cases import NO_WALLS, make, place
+from tests.tasks.doom.cases import NO_WALLS, first_state, make, place
 
 MIDDLE = (512, 512)
 
@@ -34,7 +34,7 @@ def match() -> Any:
     """The environment, its first state in the middle, facing east, and its transition."""
     env, params = make("doom-deathmatch")
     assert env.arsenal.index_of(PISTOL) == 2
-    state = env.init_state(jax.random.key(0), params)
+    state = first_state(env, params)
     state = state.replace(**env.pose(place(*MIDDLE), jnp.uint32(0)), time=jnp.int32(0))
     step = jax.jit(lambda key, state, action: env.transition(key, state, action, params))
     return env, state, step
@@ -79,11 +79,10 @@ def test_the_start(match: Any) -> None:
     }
 
 
-def test_monsters_come_by_their_chances_where_there_is_room() -> None:
+def test_monsters_come_by_their_chances_where_there_is_room(match: Any) -> None:
     """Six hundred draws of a small horde, beside the player and one monster that is there."""
     horde = Horde([ZOMBIE, ZOMBIE, DEMON], walls=NO_WALLS)
-    env, _ = make("doom-deathmatch")
-    old = jax.tree.map(lambda x: x[: len(horde)], env.init_state(jax.random.key(0), None).monsters)
+    old = jax.tree.map(lambda leaf: leaf[: len(horde)], match[1].monsters)
     old = old.replace(
         position=old.position.at[0].set(jnp.array([500 * ONE, 500 * ONE])),
         present=jnp.array([True, False, False]),

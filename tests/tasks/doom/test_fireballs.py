@@ -1,4 +1,4 @@
-"""Fireballs by exact small cases: their flight, what they hit, and imps that join."""
+"""Fireballs by exact small cases, and Take Cover: the eye that bobs, and imps that join."""
 
 from typing import Any
 
@@ -6,12 +6,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxenstein.pytree import PyTreeNode
 from jaxenstein.tasks.doom.collision import segments, way_to
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import Line
-from jaxenstein.tasks.doom.projectiles import Projectiles, fly, no_projectiles, throw
-from tests.tasks.doom.cases import make, place, places, player
+from jaxenstein.tasks.doom.parts import Game
+from jaxenstein.tasks.doom.projectiles import Projectiles, fireballs, fly, no_projectiles, throw
+from jaxenstein.tasks.doom.view import EYE
+from tests.tasks.doom.cases import first_state, make, place, places, player
 
+# Actions from the start of an episode on, and the height of the game's camera after some of them
+# (ViZDoom 1.3.2, `CAMERA_POSITION_Z`).
+ACTIONS = [1] * 30 + [2] * 33 + [0] * 10 + [2] * 40
+TICS = 6, 7, 15, 24, 30, 33, 54, 62, 63, 72, 84, 98, 104, 112
+HEIGHTS = (
+    *(41.0, 41.041, 38.372, 46.511, 39.726, 40.408, 35.38),
+    *(46.552, 46.362, 40.225, 46.111, 38.775, 48.558, 34.695),
+)
 WALLS = segments([Line(-300, 100, -300, -100, "-")])
 
 
@@ -75,10 +86,38 @@ def test_new_ones_take_the_places_of_the_oldest() -> None:
     assert balls.flies.all()
 
 
+class Air(PyTreeNode):
+    """A state of which only the fireballs matter."""
+
+    fireballs: Projectiles
+
+
+def test_fireballs_of_the_game_fly_or_burst() -> None:
+    rows = [(10, 20, 7, 0, 0), (30, 40, 8, 0, 10 * ONE), (50, 60, 9, 0, 10 * ONE)]
+    game = Game(("DoomImpBall", "BaronBall", "DoomImpBall"), np.array(rows, np.int64), {})
+
+    def told(count: int) -> Any:
+        part = fireballs(count)
+        return part.from_game(Air(part.none()), game).fireballs
+
+    balls = told(4)
+    assert balls.position.tolist() == [[30, 40], [50, 60], [10, 20], [0, 0]]
+    assert balls.flies.tolist() == [True, True, False, False]
+    assert (np.asarray(balls.bursts) > 0).tolist() == [False, False, True, False]
+    assert told(2).position.tolist() == [[30, 40], [50, 60]]
+
+
+def test_the_eye_bobs_as_the_games() -> None:
+    env, params = make("doom-take-cover")
+    tics = player(env, params)(first_state(env, params), ACTIONS)
+    lifts = jax.jit(jax.vmap(env.lift))(tics.state) * env.unit
+    np.testing.assert_allclose(EYE + lifts[np.array(TICS)], HEIGHTS, atol=0.005)
+
+
 def test_imps_wake_throw_hurt_and_join() -> None:
     env, params = make("doom-take-cover")
     params = params.replace(damage_factor=0.5)
-    state = env.init_state(jax.random.key(5), params)
+    state = first_state(env, params, 5)
     reward, terminated, info, after = player(env, params)(state, [0] * 300, seed=5)
     hits, health, imps = info["hits"], after.health, after.monsters.present.sum(axis=1)
     flying = after.fireballs.flies.any(axis=1)

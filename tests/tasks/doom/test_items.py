@@ -13,16 +13,8 @@ from jaxenstein.tasks.doom.weapons import FIST, PISTOL, SHOTGUN, SLOTS, SUPER_SH
 
 ARSENAL = Arsenal(SLOTS)
 NUMBERS = tuple(ITEMS)
-MEDKIT, STIMPACK, VIAL, HELMET, GREEN, BLUE, BULLETS, SHELLS = (
-    2012,
-    2011,
-    2014,
-    2015,
-    2018,
-    2019,
-    2048,
-    2049,
-)
+MEDKIT, STIMPACK, VIAL, HELMET = 2012, 2011, 2014, 2015
+GREEN, BLUE, BULLETS, SHELLS = 2018, 2019, 2048, 2049
 GUN = 82
 # What a dead man leaves, as elsewhere in the game.
 LEFT = ItemKind("Shotgun", WEAPON.label, ITEMS[GUN].picture, ammo=1, amount=4, weapon=SHOTGUN)

@@ -1,4 +1,4 @@
-"""Deadly Corridor and Defend the Line by exact small cases."""
+"""Deadly Corridor, Defend the Line and Defend the Center by exact small cases."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from jaxenstein.tasks.doom.fight import fight, fly_fireballs
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.monster_attacks import attack
 from jaxenstein.tasks.doom.monster_kinds import Act
-from tests.tasks.doom.cases import place, started
+from tests.tasks.doom.cases import first_state, make, place, places, player, started
 
 
 @pytest.fixture(scope="module")
@@ -116,6 +116,14 @@ def test_who_dies_comes_back_stronger_and_ammunition_grows(line: Any) -> None:
 def test_a_fireball_kills_another_kind_and_spares_its_own(line: Any) -> None:
     env, state, _ = line
     params = env.default_params
+
+    @jax.jit
+    def tic(near: Any) -> Any:
+        key = jax.random.key(0)
+        _, fought = fight(env, key, near, jnp.int32(0), params)
+        calm = fought.replace(throws=jnp.zeros_like(fought.throws))
+        return fly_fireballs(env, env.fireballs, key, near, calm, params)
+
     for victim, dies in ((3, True), (1, False)):
         spot = state.monsters.position[victim]
         balls = state.fireballs.replace(
@@ -123,12 +131,65 @@ def test_a_fireball_kills_another_kind_and_spares_its_own(line: Any) -> None:
             velocity=state.fireballs.velocity.at[0].set(jnp.array([-10 * ONE, 0])),
             flies=state.fireballs.flies.at[0].set(True),
         )
-        near = state.replace(fireballs=balls)
-        _, fought = fight(env, jax.random.key(0), near, jnp.int32(0), params)
-        calm = fought.replace(throws=jnp.zeros_like(fought.throws))
-        key = jax.random.key(0)
-        after, hits = fly_fireballs(env, env.fireballs, key, near, calm, params)
+        after, hits = tic(state.replace(fireballs=balls))
         assert int(hits) == 0
         assert not after.fireballs.flies.any()
         assert bool(after.monsters.living[victim]) != dies
         assert int(after.kills) == int(dies)
+
+
+@pytest.fixture(scope="module")
+def center() -> Any:
+    return started("doom-defend-the-center")
+
+
+def test_a_kill_pays_in_its_tic_and_another_comes_after_ninety(center: Any) -> None:
+    env, state, play = center
+    reward, ends, info, after = play(state, [env.index_of("attack")] * 10 + [0] * 96)
+    there = after.monsters.present.sum(axis=1).tolist()
+    # As in the game: the pistol is drawn in tic 6 and its bullet leaves in tic 10, straight
+    # ahead, where a marine stands.
+    assert np.flatnonzero(reward).tolist() == [10]
+    assert reward[10] == 1
+    assert there[:101] == [5] * 10 + [4] * 90 + [5]
+    assert info["ammo"][-1] == 25
+    assert not ends[-1]
+
+
+def test_death_costs_one_in_its_tic_and_ends(center: Any) -> None:
+    _, state, play = center
+    beside = places((300, 0), (59, 0), (-300, 0), (300, 300), (-300, -300))
+    now = jnp.ones(5, jnp.int32)
+    near = state.monsters.replace(position=beside, tics=now)
+    reward, ends, info, _ = play(state.replace(health=jnp.int32(1), monsters=near), [0] * 20)
+    # The demon beside steps at once and bites 16 tics later.
+    assert np.flatnonzero(ends)[0] == 16
+    assert (reward[16], info["health"][16], info["died"][16]) == (-1, 0, True)
+
+
+# Where the monsters are when ViZDoom 1.3.2 shows the player first, in any episode.
+SEEN_FIRST = {
+    "doom-defend-the-center": [
+        *((743.0, 0.0), (219.734, 691.883), (-588.704, 426.263)),
+        *((-587.29, -424.849), (221.148, -693.297)),
+    ],
+    "doom-defend-the-line": [
+        *((64.0, 90.0), (64.0, 200.0), (64.0, 400.0)),
+        *((74.0, 150.0), (56.929, 292.929), (74.0, 450.0)),
+    ],
+}
+
+
+@pytest.mark.parametrize("name", SEEN_FIRST)
+def test_the_first_step_has_been_taken(name: str) -> None:
+    """Demons step again in the second tic, and so do marines, who had begun two tics earlier."""
+    env, params = make(name)
+    state = first_state(env, params, 3)
+    after = player(env, params)(state, [0] * 9, seed=3).state.monsters.position
+    path = np.concatenate([state.monsters.position[None], after]) / ONE
+    # The game's scripts have coarser sines.
+    np.testing.assert_allclose(path[0], SEEN_FIRST[name], atol=0.5)
+    steps = (np.diff(path, axis=0) != 0).any(axis=2)
+    for monster, speed in enumerate(env.horde.speed):
+        pace = {0: [], 10: [1, 3, 5, 7], 8: [1, 5]}[int(speed)]
+        assert np.flatnonzero(steps[:8, monster]).tolist() == pace

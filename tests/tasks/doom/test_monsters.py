@@ -12,7 +12,7 @@ from jaxenstein.tasks.doom.monster_ai import act, approximate
 from jaxenstein.tasks.doom.monster_attacks import attack
 from jaxenstein.tasks.doom.monster_kinds import CHAINSAW_MARINE, DEMON, IMP, Act, standing
 from jaxenstein.tasks.doom.monsters import Horde, Monsters
-from tests.tasks.doom.cases import NO_WALLS, make, place, places, player, started, walked
+from tests.tasks.doom.cases import NO_WALLS, place, places, walked
 
 PAIR = Horde([DEMON, CHAINSAW_MARINE], walls=NO_WALLS)
 EAST, WEST = np.uint32(0), np.uint32(1 << 31)
@@ -114,63 +114,6 @@ def test_damage_kills_flinches_and_wakes() -> None:
     assert hurts.frame.tolist() == [PAIR.pain[0], PAIR.stand[1]]
 
 
-@pytest.fixture(scope="module")
-def center() -> Any:
-    return started("doom-defend-the-center")
-
-
-def test_a_kill_pays_in_its_tic_and_another_comes_after_ninety(center: Any) -> None:
-    env, state, play = center
-    reward, ends, info, after = play(state, [env.index_of("attack")] * 10 + [0] * 96)
-    there = after.monsters.present.sum(axis=1).tolist()
-    # As in the game: the pistol is drawn in tic 6 and its bullet leaves in tic 10, straight
-    # ahead, where a marine stands.
-    assert np.flatnonzero(reward).tolist() == [10]
-    assert reward[10] == 1
-    assert there[:101] == [5] * 10 + [4] * 90 + [5]
-    assert info["ammo"][-1] == 25
-    assert not ends[-1]
-
-
-def test_death_costs_one_in_its_tic_and_ends(center: Any) -> None:
-    _, state, play = center
-    beside = places((300, 0), (59, 0), (-300, 0), (300, 300), (-300, -300))
-    now = jnp.ones(5, jnp.int32)
-    near = state.monsters.replace(position=beside, tics=now)
-    reward, ends, info, _ = play(state.replace(health=jnp.int32(1), monsters=near), [0] * 106)
-    # The demon beside steps at once and bites 16 tics later.
-    assert np.flatnonzero(ends)[0] == 16
-    assert (reward[16], info["health"][16], info["died"][16]) == (-1, 0, True)
-
-
-# Where the monsters are when ViZDoom 1.3.2 shows the player first, in any episode.
-SEEN_FIRST = {
-    "doom-defend-the-center": [
-        *((743.0, 0.0), (219.734, 691.883), (-588.704, 426.263)),
-        *((-587.29, -424.849), (221.148, -693.297)),
-    ],
-    "doom-defend-the-line": [
-        *((64.0, 90.0), (64.0, 200.0), (64.0, 400.0)),
-        *((74.0, 150.0), (56.929, 292.929), (74.0, 450.0)),
-    ],
-}
-
-
-@pytest.mark.parametrize("name", SEEN_FIRST)
-def test_the_first_step_has_been_taken(name: str) -> None:
-    """Demons step again in the second tic, and so do marines, who had begun two tics earlier."""
-    env, params = make(name)
-    state = env.init_state(jax.random.key(3), params)
-    after = player(env, params)(state, [0] * 9, seed=3).state.monsters.position
-    path = np.concatenate([state.monsters.position[None], after]) / ONE
-    # The game's scripts have coarser sines.
-    np.testing.assert_allclose(path[0], SEEN_FIRST[name], atol=0.5)
-    steps = (np.diff(path, axis=0) != 0).any(axis=2)
-    for monster, speed in enumerate(env.horde.speed):
-        pace = {0: [], 10: [1, 3, 5, 7], 8: [1, 5]}[int(speed)]
-        assert np.flatnonzero(steps[:8, monster]).tolist() == pace
-
-
 def test_who_flinches_shoots_back() -> None:
     """Even one that would wait, or leave it for now as far away as this, but not within a leg."""
     horde = Horde([standing(IMP)] * 2, walls=NO_WALLS)
@@ -182,6 +125,7 @@ def test_who_flinches_shoots_back() -> None:
     # The lowest byte of the first number decides who dares: none does with zero.
     bits = jnp.zeros((2, 2), jnp.uint32)
 
+    @jax.jit
     def after(monsters: Monsters) -> Monsters:
         return act(horde, monsters, place(0, 0), jnp.bool_(False), bits)[0]
 

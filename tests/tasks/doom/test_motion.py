@@ -71,7 +71,7 @@ def stacked(rows: list, **types: type) -> dict[str, jax.Array]:
 @pytest.mark.parametrize("name", BUTTONS)
 def test_tic_is_that_of_plain_integers(name: str) -> None:
     world, geometry = world_of(name), load_geometry(name)
-    drawn = cases(world, 600, seed=len(name))
+    drawn = cases(world, 300, seed=len(name))
     players, held = (list(part) for part in zip(*drawn, strict=True))
     body = Body(
         position=jnp.asarray([(p.x, p.y) for p in players], jnp.int32),
@@ -99,7 +99,7 @@ def test_tic_is_that_of_plain_integers(name: str) -> None:
             assert others | {world.tried[0]} == {*world.tried, (want.x, want.y)} | {world.tried[0]}
         assert bool(tried.slid[i]) == (len(world.tried) > 1)
         slides += len(world.tried) > 1
-    assert slides > 100
+    assert slides > 50
 
 
 def test_alone_as_in_a_batch() -> None:
@@ -122,7 +122,14 @@ def test_alone_as_in_a_batch() -> None:
         assert tuple(got.velocity.tolist()) == (want.vx, want.vy)
 
 
-@pytest.mark.parametrize("name", BUTTONS)
+OTHERS = sorted(BUTTONS.keys() - {"health-gathering"})
+
+
+# `test_scenarios` plays all of them, as environments.
+@pytest.mark.parametrize(
+    "name",
+    ["health-gathering", *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS)],
+)
 def test_recorded_episodes_are_equal_to_the_last_bit(name: str) -> None:
     """Recorded by `fidelity.doom_recording` in ViZDoom 1.3.2."""
     recordings = load(RECORDINGS / f"{name}.npz")
@@ -132,10 +139,10 @@ def test_recorded_episodes_are_equal_to_the_last_bit(name: str) -> None:
 
 
 def test_a_wrong_recording_would_be_noticed() -> None:
-    recording = load(RECORDINGS / "health-gathering.npz")[0]
-    recording.velocity[100, 1] += 1
-    differ, _ = replay("health-gathering", [recording])
-    assert np.argwhere(differ).tolist() == [[99, 0]]
+    recordings = load(RECORDINGS / "health-gathering.npz")
+    recordings[1].velocity[100, 1] += 1
+    differ, _ = replay("health-gathering", recordings)
+    assert np.argwhere(differ).tolist() == [[99, 1]]
 
 
 def test_actions_are_numbered_as_in_the_wrapper() -> None:

@@ -1,6 +1,5 @@
 """Doom's scenarios as environments: poses, ends, and what the game did in recordings."""
 
-import functools
 from pathlib import Path
 
 import jax
@@ -13,7 +12,7 @@ from fidelity.doom_recording import Recording, load
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import load_free_places, load_map, rasterise
 from tests.reference.doom import Wall, World
-from tests.tasks.doom.cases import make, player
+from tests.tasks.doom.cases import first_state, make, player, started
 
 RECORDINGS = Path(__file__).parent / "recordings"
 HEALTH = ("doom-health-gathering", "doom-health-gathering-supreme")
@@ -23,8 +22,8 @@ def action_of(env, held: int) -> int:
     return env.action_buttons.tolist().index(held)
 
 
-def states_of(env, params, recording: Recording):
-    state = env.reset(jax.random.key(0), params)[1]
+def begun(state, recording: Recording):
+    """The state in the first pose of a recording."""
     return state.replace(
         fixed_position=jnp.asarray(recording.position[0]),
         fixed_velocity=jnp.asarray(recording.velocity[0]),
@@ -32,19 +31,22 @@ def states_of(env, params, recording: Recording):
     )
 
 
-@pytest.mark.parametrize("number", [0, 1])
-def test_my_way_home_goes_on_from_a_pose_as_the_game(number: int) -> None:
-    """Rewards, length and end, and the pose after every tic, with any combination of buttons."""
-    env, params = make("doom-my-way-home", buttons="all")
-    recording = load(RECORDINGS / "my-way-home.npz")[number]
-    actions = [action_of(env, held) for held in recording.buttons.tolist()]
-    reward, terminated, info, after = player(env, params)(
-        states_of(env, params, recording), actions
-    )
+def assert_poses(after, recording: Recording) -> None:
+    """After every tic but the last, after which the game tells nothing; down to the last bit."""
     known = len(recording.position) - 1
     np.testing.assert_array_equal(after.fixed_position[:known], recording.position[1:])
     np.testing.assert_array_equal(after.fixed_velocity[:known], recording.velocity[1:])
     np.testing.assert_array_equal(after.angle[:known], recording.angle[1:])
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_my_way_home_goes_on_from_a_pose_as_the_game(number: int) -> None:
+    """Rewards, length and end, and the pose after every tic, with any combination of buttons."""
+    env, state, play = started("doom-my-way-home", buttons="all")
+    recording = load(RECORDINGS / "my-way-home.npz")[number]
+    actions = [action_of(env, held) for held in recording.buttons.tolist()]
+    reward, terminated, info, after = play(begun(state, recording), actions)
+    assert_poses(after, recording)
     np.testing.assert_allclose(reward, recording.reward, atol=1e-7)
     assert np.flatnonzero(after.done).tolist() == [len(actions) - 1]
     assert terminated[-1] == (recording.finished and len(actions) < 2100)
@@ -52,45 +54,41 @@ def test_my_way_home_goes_on_from_a_pose_as_the_game(number: int) -> None:
         assert np.flatnonzero(info["reached_goal"]).tolist() == [len(actions) - 2]
 
 
-def with_things(env, state, recording: Recording, time: int):
-    """The state with the things that lay there in the game."""
-    alive = (recording.things[:, 4] <= time) & (recording.things[:, 5] > time)
-    places = np.zeros(state.places.shape, np.int32)
-    number, present = np.zeros(len(places), np.int32), np.zeros(len(places), bool)
-    for kind in range(len(env.pickups.kinds)):
-        own = recording.things[alive & (recording.things[:, 0] == kind)]
-        first = int(np.flatnonzero(env.pickups.kind_of == kind)[0])
-        slots = slice(first, first + len(own))
-        places[slots], number[slots], present[slots] = own[:, 2:4], own[:, 1], True
-    return state.replace(
-        places=jnp.asarray(places), number=jnp.asarray(number), present=jnp.asarray(present)
-    )
+def things_of(env, recording: Recording) -> dict[str, np.ndarray]:
+    """The fields of the state for what lay there in the game, before each tic."""
+    shape = len(recording.buttons), len(env.pickups.kind_of)
+    places, number = np.zeros((*shape, 2), np.int32), np.zeros(shape, np.int32)
+    present = np.zeros(shape, bool)
+    for time in range(len(present)):
+        alive = (recording.things[:, 4] <= time) & (recording.things[:, 5] > time)
+        for kind in range(len(env.pickups.kinds)):
+            own = recording.things[alive & (recording.things[:, 0] == kind)]
+            slots = np.flatnonzero(env.pickups.kind_of == kind)[: len(own)]
+            places[time, slots], number[time, slots] = own[:, 2:4], own[:, 1]
+            present[time, slots] = True
+    return {"places": places, "number": number, "present": present}
 
 
 @pytest.mark.parametrize("name", HEALTH)
 def test_health_is_the_games_tic_by_tic(name: str) -> None:
     """Things lie where they lay in the game; all else follows from the buttons."""
-    env, params = make(name, buttons="all")
-    step = jax.jit(functools.partial(env.advance, params=params))
+    env, state, play = started(name, buttons="all")
     for recording in load(RECORDINGS / f"{name.removeprefix('doom-')}.npz"):
-        state = states_of(env, params, recording)
-        assert int(state.health) == recording.health[0] == 92
-        terminated = jnp.bool_(False)
-        for time, held in enumerate(recording.buttons.tolist()):
-            state = with_things(env, state, recording, time)
-            action = jnp.int32(action_of(env, held))
-            state, reward, terminated, _ = step(jax.random.key(time), state, action)
-            assert float(reward) == recording.reward[time], time
-            if time + 1 < len(recording.health):
-                assert int(state.health) == recording.health[time + 1], time
-        assert bool(terminated)
+        first = begun(state, recording)
+        assert int(first.health) == recording.health[0] == 92
+        actions = [action_of(env, held) for held in recording.buttons.tolist()]
+        tics = play(first, actions, **things_of(env, recording))
+        np.testing.assert_array_equal(tics.reward, recording.reward)
+        known = len(recording.health) - 1
+        np.testing.assert_array_equal(tics.state.health[:known], recording.health[1:])
+        assert_poses(tics.state, recording)
+        assert tics.ends[-1]
 
 
-@pytest.mark.parametrize("name", HEALTH)
+@pytest.mark.parametrize("name", [HEALTH[0], pytest.param(HEALTH[1], marks=pytest.mark.slow)])
 def test_an_idle_player_dies_in_tic_384(name: str) -> None:
     env, params = make(name)
-
-    first = env.init_state(jax.random.key(3), params)
+    first = first_state(env, params, 3)
     reward, terminated, _, after = player(env, params)(first, [0] * 384, seed=3)
     assert np.flatnonzero(terminated).tolist() == [383]
     assert reward.sum() == 284
@@ -160,15 +158,14 @@ def test_a_medkit_alone(health: int, after: int, left: int) -> None:
 
 
 def test_position_and_heading_follow_from_the_pose() -> None:
-    env, params = make("doom-my-way-home")
-    state = env.reset(jax.random.key(1), params)[1]
+    _, state, play = started("doom-my-way-home", buttons="all")
     state = state.replace(
         fixed_position=jnp.array((200 * ONE, -100 * ONE), jnp.int32), angle=jnp.uint32(2**30)
     )
-    after, *_ = env.advance(jax.random.key(0), state, jnp.int32(0), params)
+    after = play(state, [0]).state
     # The map begins at x 144 and y 144, a tile before its westernmost and northernmost walls.
-    np.testing.assert_allclose(after.position, [(200 - 144) / 16, (144 + 100) / 16])
-    assert float(after.heading) == pytest.approx(1.5 * np.pi)
+    np.testing.assert_allclose(after.position, [[(200 - 144) / 16, (144 + 100) / 16]])
+    assert float(after.heading[0]) == pytest.approx(1.5 * np.pi)
 
 
 def test_only_known_buttons_at_once() -> None:
@@ -194,6 +191,7 @@ def test_the_first_headings_are_those_of_the_scripts() -> None:
 def test_a_view_of_one_row_is_the_horizons() -> None:
     env, params = make("doom-my-way-home", height=1, width=32, observation="depth", frame_skip=4)
     low, low_params = make("doom-my-way-home", height=65, width=32, observation="depth")
-    obs, state = env.reset(jax.random.key(4), params)
-    assert obs.shape == (1, 32)
-    np.testing.assert_allclose(low.observe(state, low_params)[32], obs[0], rtol=1e-5)
+    state = first_state(env, params, 4)
+    seen, wanted = env.observe(state, params), low.observe(state, low_params)
+    assert seen.shape == (1, 32)
+    np.testing.assert_allclose(wanted[32], seen[0], rtol=1e-5)

@@ -1,5 +1,6 @@
 """Shots and weapons by exact small cases, and against computations of another kind."""
 
+import functools
 from typing import Any
 
 import jax
@@ -22,7 +23,7 @@ from jaxenstein.tasks.doom.collision import (
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import Line
 from jaxenstein.tasks.doom.weapons import PISTOL, ROCKET_LAUNCHER, Slot, Trigger, Weapon, pull
-from tests.tasks.doom.cases import NO_WALLS, place, started
+from tests.tasks.doom.cases import NO_WALLS, place, places, started
 
 WALLS = segments([Line(100, -50, 100, 50, "-"), Line(-20, -80, 60, -60, "-")])
 
@@ -110,10 +111,10 @@ def test_a_box_crosses_a_wall_where_a_sampled_one_does() -> None:
     draw = np.random.default_rng(1)
     wall = np.array([[-30, -10, 50, 40]], np.float32)
     points = wall[0, :2] + np.linspace(0, 1, 2001)[:, None] * (wall[0, 2:] - wall[0, :2])
-    for centre in draw.uniform(-70, 70, (60, 2)):
-        sampled = (np.abs(points - centre) < 20).all(axis=1).any()
-        found = crosses(place(*centre), jnp.float32(20), wall)
-        assert bool(found) == sampled, centre
+    centres = draw.uniform(-70, 70, (60, 2))
+    sampled = (np.abs(points - centres[:, None]) < 20).all(axis=-1).any(axis=-1)
+    found = crosses(places(*centres.tolist()), jnp.float32(20), wall)
+    np.testing.assert_array_equal(found, sampled)
 
 
 # Tics with ATTACK held (1) and what the arsenal is given: the tics in which ViZDoom's weapon fires.
@@ -137,11 +138,17 @@ PULLED: list[tuple[Weapon, list[int], dict[str, int], list[int]]] = [
 def test_a_weapon_fires_in_the_tics_of_the_game(
     weapon: Weapon, held: list[int], given: dict[str, int], expected: list[int]
 ) -> None:
-    trigger, tics = Arsenal([Slot(weapon)], **given).trigger(), []
-    for tic, attack in enumerate(held):
-        trigger, fires = pull(weapon, trigger, jnp.bool_(attack))
-        tics += [tic] * bool(fires)
-    assert tics == expected
+    trigger = Arsenal([Slot(weapon)], **given).trigger()
+    padded = np.pad(np.array(held, bool), (0, 64 - len(held)))
+    fires = np.asarray(pulled(weapon)(trigger, padded))[: len(held)]
+    assert np.flatnonzero(fires).tolist() == expected
+
+
+@functools.cache
+def pulled(weapon: Weapon) -> Any:
+    """A function of a trigger and bool[64], ATTACK in each tic: the tics in which it fires."""
+    step = functools.partial(pull, weapon)
+    return jax.jit(lambda trigger, held: jax.lax.scan(step, trigger, held)[1])
 
 
 def test_only_shots_of_a_held_trigger_scatter() -> None:
