@@ -62,7 +62,7 @@ def check_levels(env: Any, stacklevel: int = 3) -> None:
         stacklevel: whose line a warning names, as for `warnings.warn`.
 
     Raises:
-        SettingError: the split has no levels.
+        SettingError: a side of the split has no levels.
     """
     from .tasks.first_person import GeneratedTask
 
@@ -87,19 +87,21 @@ def check_levels(env: Any, stacklevel: int = 3) -> None:
 
 
 def _check_split(env: Any) -> None:
+    """Raise where a side has no levels; of some seeds only the side that is asked for counts."""
     from .tasks.splits import is_of
 
-    levels = _drawn(_bare(env))
-    right = np.asarray(is_of(env.split, float(env.test_fraction), levels.T))
-    if right.any():
+    levels, fraction = _drawn(_bare(env)), float(env.test_fraction)
+    sides = ("train", "test") if env.level_range is None else (env.split,)
+    empty = [side for side in sides if not np.any(is_of(side, fraction, levels.T))]
+    if not empty:
         return
     different = len(np.unique(levels, axis=0))
-    among = "" if env.level_range is None else f" with levels={env.level_range}"
+    seeds = "" if env.level_range is None else f" with levels={env.level_range}"
     raise SettingError(
-        f"the {env.split} split of {env.name!r}{among} has no levels: of {DRAWS} that were drawn, "
-        f"{different} of them different, none is in it with test_fraction={env.test_fraction:g}; "
-        f"take a {'larger' if env.split == 'test' else 'smaller'} test_fraction"
-        + ("" if env.level_range is None else ", or more levels")
+        f"the {empty[0]} split of {env.name!r}{seeds} has no levels: of {DRAWS} that were drawn, "
+        f"{different} different one{'s' * (different > 1)}, none is in it with "
+        f"test_fraction={fraction:g}; take a {'larger' if empty[0] == 'test' else 'smaller'} one"
+        f"{' or more levels' * (env.level_range is not None)}"
     )
 
 

@@ -102,8 +102,8 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
 
     Raises:
         UnknownEnvironmentError: there is no such id, module or class.
-        SettingError: there is no such setting, its value is out of range, or the split has no
-            levels.
+        SettingError: there is no such setting, its value is out of range, or a side of the
+            split has no levels.
 
     Warns:
         LevelWarning: `levels` has so many of all levels that other seeds are no test.

@@ -1,6 +1,7 @@
 """Levels held out by what they are: both sides of a split against sets of levels on the host."""
 
 import dataclasses
+import functools
 import itertools
 import json
 import math
@@ -26,7 +27,7 @@ SIZE = {"height": 8, "width": 12}
 CORRIDOR, DOORS, CROSSING = "key-corridor-s3r2", "minigrid-red-blue-doors-6x6", "minigrid-memory-s7"
 # One of each family that draws levels.
 FAMILIES = (
-    CORRIDOR, "memory-maze-9x9", "dmlab-explore-goal-locations", "dmlab-explore-object-rewards",
+    "key-corridor-s3r1", CORRIDOR, "memory-maze-9x9", "dmlab-explore-goal-locations", "dmlab-explore-object-rewards",
     "miniworld-maze-s3", "miniworld-pickup-objects", DOORS, "minigrid-obstructed-maze-1dlh",
 )  # fmt: skip
 
@@ -35,6 +36,7 @@ def made(name: str, **settings: Any) -> Any:
     return jaxenstein.make(name, **SIZE, **settings)[0]
 
 
+@functools.cache
 def first_states(env: Any, count: int, seed: int = 0) -> Any:
     params = env.check_params()
     keys = jax.random.split(jax.random.key(seed), count)
@@ -80,13 +82,8 @@ def test_no_level_is_on_both_sides(name: str) -> None:
         sides[split] = set(sets_of(env, first_states(env, 2000, seed=1)))
     assert not sides["train"] & sides["test"]
     assert min(map(len, sides.values())) > 1
-    # Small worlds come up again and again, so that the same would be seen if it were there.
-    env = made(name)
-    every = sets_of(env, first_states(env, 500, seed=2))
-    words = np.asarray(splits.sample_levels(env, 500, 0))
-    assert len(np.unique(words, axis=0)) > 1
-    if len(sides["train"]) < 400:
-        assert set(every) <= sides["train"] | sides["test"]
+    if name == "key-corridor-s3r1":
+        assert sum(map(len, sides.values())) == 6 * 6
 
 
 @pytest.mark.parametrize("name", [CORRIDOR, "memory-maze-9x9", DOORS])
@@ -206,19 +203,24 @@ def test_a_loop_ends_where_nothing_is_right() -> None:
         return jax.random.bits(key) + given
 
     never = jax.jit(
-        lambda key: splits.first_right(draw, lambda _: jnp.bool_(False), True, key, jnp.uint32(0))
+        lambda key: splits.first_right(
+            draw, lambda _: jnp.bool_(False), jnp.bool_(True), key, jnp.uint32(0)
+        )
     )
     assert never(jax.random.key(0)).shape == ()
 
 
 def test_what_cannot_be_held_out_is_told() -> None:
-    for split, fraction in (("test", 1e-6), ("train", 1 - 1e-6)):
-        with pytest.raises(SettingError, match=f"the {split} split of 'minigrid-lava-gap-s5' has"):
+    for split, (empty, fraction) in itertools.product(
+        ("train", "test"), (("test", 1e-6), ("train", 1 - 1e-6))
+    ):
+        with pytest.raises(SettingError, match=f"the {empty} split of 'minigrid-lava-gap-s5' has"):
             made("minigrid-lava-gap-s5", split=split, test_fraction=fraction)
     level = np.asarray(splits.sample_levels(made(CORRIDOR, levels=(3, 4)), 1, 0))[0]
     empty = "train" if splits.is_of("test", 0.2, level) else "test"
     with pytest.raises(SettingError, match="with levels=\\(3, 4\\) has no levels: of 4096"):
         made(CORRIDOR, levels=(3, 4), split=empty)
+    made(CORRIDOR, levels=(3, 4), split="test" if empty == "train" else "train")
     with pytest.raises(SettingError, match="test_fraction is of a split alone"):
         made(CORRIDOR, test_fraction=0.3)
     with pytest.raises(SettingError, match="split must be one of 'train', 'test', None"):

@@ -46,7 +46,7 @@ def fingerprint(parts: Sequence[jax.Array]) -> jax.Array:
     return mixed(jnp.sum(mixed(words[None] ^ keys), axis=1, dtype=jnp.uint32))
 
 
-def is_of(split: str, fraction: float, level: jax.Array) -> jax.Array:
+def is_of(split: str, fraction: float, level: Any) -> Any:
     """bool[]: whether a level is on a side, `"train"` or `"test"`.
 
     The levels of the test are those with the smallest hashes, so those of a smaller fraction are
@@ -55,7 +55,7 @@ def is_of(split: str, fraction: float, level: jax.Array) -> jax.Array:
     Args:
         split: the side.
         fraction: the share of all levels that is for the test.
-        level: uint32[2], as `fingerprint` returns it.
+        level: uint32[2], as `fingerprint` returns it, of JAX or NumPy.
     """
     bound = min(max(round(fraction * 2**32), 1), 2**32 - 1)
     held_out = level[0] < np.uint32(bound)
