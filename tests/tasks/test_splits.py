@@ -27,7 +27,8 @@ SIZE = {"height": 8, "width": 12}
 CORRIDOR, DOORS, CROSSING = "key-corridor-s3r2", "minigrid-red-blue-doors-6x6", "minigrid-memory-s7"
 # One of each family that draws levels.
 FAMILIES = (
-    "key-corridor-s3r1", CORRIDOR, "memory-maze-9x9", "dmlab-explore-goal-locations", "dmlab-explore-object-rewards",
+    "key-corridor-s3r1", CORRIDOR, "memory-maze-9x9", "dmlab-explore-goal-locations",
+    "dmlab-explore-object-rewards",
     "miniworld-maze-s3", "miniworld-pickup-objects", DOORS, "minigrid-obstructed-maze-1dlh",
 )  # fmt: skip
 
