@@ -25,11 +25,12 @@ from reliability import levels as counting
 
 SIZE = {"height": 8, "width": 12}
 CORRIDOR, DOORS, CROSSING = "key-corridor-s3r2", "minigrid-red-blue-doors-6x6", "minigrid-memory-s7"
-# One of each family that draws levels.
-FAMILIES = (
-    "key-corridor-s3r1", CORRIDOR, "memory-maze-9x9", "dmlab-explore-goal-locations",
-    "dmlab-explore-object-rewards",
-    "miniworld-maze-s3", "miniworld-pickup-objects", DOORS, "minigrid-obstructed-maze-1dlh",
+# One of each family that draws levels: those with few of them, and those with very many.
+FEW = ("key-corridor-s3r1", "miniworld-maze-s3", "minigrid-dynamic-obstacles-random-5x5", DOORS)
+MANY = (
+    CORRIDOR, "dmlab-explore-goal-locations", "miniworld-pickup-objects",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in (
+        "memory-maze-9x9", "dmlab-explore-object-rewards", "minigrid-obstructed-maze-1dlh")),
 )  # fmt: skip
 
 
@@ -74,17 +75,48 @@ def sets_of(env: Any, states: Any) -> list[str]:
     return [seen(env, states, i) for i in range(len(states.heading))]
 
 
-@pytest.mark.parametrize("name", FAMILIES)
-def test_no_level_is_on_both_sides(name: str) -> None:
-    """By what is seen, over thousands of draws of each side; all levels are on one of them."""
-    sides = {}
+def both_sides(name: str, count: int, **settings: Any) -> list[set[str]]:
+    """What levels of the training and of the test are seen to be."""
+    sides = []
     for split in ("train", "test"):
-        env = made(name, split=split, test_fraction=0.4)
-        sides[split] = set(sets_of(env, first_states(env, 2000, seed=1)))
-    assert not sides["train"] & sides["test"]
-    assert min(map(len, sides.values())) > 1
-    if name == "key-corridor-s3r1":
-        assert sum(map(len, sides.values())) == 6 * 6
+        env = made(name, split=split, test_fraction=0.4, **settings)
+        sides.append(set(sets_of(env, first_states(env, count, seed=1))))
+    return sides
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_no_level_is_on_both_sides(name: str) -> None:
+    """By what is seen, over thousands of draws, which bring most levels again and again."""
+    train, test = both_sides(name, 3000)
+    assert not train & test
+    every = level_counts.level_counts()[name].levels
+    assert 0.9 * every < len(train | test) <= every
+
+
+@pytest.mark.parametrize("name", MANY)
+def test_no_level_of_some_seeds_is_on_both_sides(name: str) -> None:
+    """Of so few seeds that each level comes again; together both sides are all of them."""
+    train, test = both_sides(name, 250, levels=(100, 130))
+    assert not train & test
+    env = made(name, levels=(100, 130))
+    assert train | test == set(sets_of(env, first_states(env, 250)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MANY)
+def test_no_level_of_thousands_is_on_both_sides(name: str) -> None:
+    train, test = both_sides(name, 2000)
+    assert not train & test
+    assert min(len(train), len(test)) > 100
+
+
+def test_the_order_of_things_is_no_part_of_a_level() -> None:
+    env = made("minigrid-fetch-8x8-n3")
+    state = env.first_state(jax.random.key(0), env.check_params())
+    turned = state.replace(things=jax.tree.map(lambda leaf: leaf[::-1], state.things))
+    other = state.replace(things=state.things.replace(kind=1 - state.things.kind))
+    words = [splits.fingerprint(env.level_parts(s)).tolist() for s in (state, turned, other)]
+    assert words[0] == words[1] != words[2]
 
 
 @pytest.mark.parametrize("name", [CORRIDOR, "memory-maze-9x9", DOORS])
@@ -150,9 +182,9 @@ def test_a_level_of_the_right_side_is_what_it_is_without_a_split(name: str) -> N
 @pytest.mark.usefixtures("plain_frames")
 def test_every_reset_of_a_batch_keeps_to_its_side() -> None:
     """Inside of steps and of a scan, with old keys; and of one environment alone."""
-    sides = {}
+    name, sides = "key-corridor-s3r1", []
     for split in ("train", "test"):
-        env, params = jaxenstein.make(DOORS, **SIZE, split=split, test_fraction=0.3)
+        env, params = jaxenstein.make(name, **SIZE, split=split, test_fraction=0.3)
         params = params.replace(max_steps_in_episode=2)
 
         def play(keys: jax.Array, env: Any = env, params: Any = params) -> Any:
@@ -161,7 +193,7 @@ def test_every_reset_of_a_batch_keeps_to_its_side() -> None:
             def step(state: Any, turn: jax.Array) -> tuple[Any, Any]:
                 step_keys = jax.vmap(jax.random.fold_in, (0, None))(keys, turn)
                 act = jax.vmap(env.step, (0, 0, None, None))
-                state = act(step_keys, state, jnp.int32(7), params)[1]
+                state = act(step_keys, state, jnp.int32(9), params)[1]
                 return state, state
 
             return jax.lax.scan(step, state, jnp.arange(20))[1]
@@ -170,11 +202,11 @@ def test_every_reset_of_a_batch_keeps_to_its_side() -> None:
         states = jax.device_get(jax.jit(play)(keys))
         firsts = jax.tree.map(lambda leaf, at=states.time == 0: leaf[at], states)
         assert len(firsts.heading) == 400
-        sides[split] = set(sets_of(env, firsts))
-        _, one = jax.jit(env.reset)(keys[0], params)
+        sides.append(set(sets_of(env, firsts)))
+        _, one = env.reset(keys[0], params)
         assert splits.is_of(split, 0.3, splits.fingerprint(env.level_parts(one)))
-    assert not sides["train"] & sides["test"]
-    assert min(map(len, sides.values())) > 50
+    assert not sides[0] & sides[1]
+    assert sum(map(len, sides)) == 6 * 6
 
 
 def test_a_split_of_some_seeds_has_levels_of_these_seeds_alone() -> None:
@@ -272,6 +304,27 @@ def _memory(size: int) -> int:
     return len(set(itertools.product(range(2), range(2), range(1, size - 2))))
 
 
+def _mazes(side: int) -> int:
+    """The trees of corridors that recursive backtracking from a corner can dig."""
+    cells = set(itertools.product(range(side), range(side)))
+    found = set()
+
+    def dig(way: tuple, met: frozenset, tree: frozenset) -> None:
+        if not way:
+            found.add(tree)
+            return
+        column, row = way[-1]
+        around = {(column + 1, row), (column - 1, row), (column, row + 1), (column, row - 1)}
+        ahead = around & cells - met
+        for cell in ahead:
+            dig((*way, cell), met | {cell}, tree | {frozenset((way[-1], cell))})
+        if not ahead:
+            dig(way[:-1], met, tree)
+
+    dig(((0, 0),), frozenset([(0, 0)]), frozenset())
+    return len(found)
+
+
 SMALL = {
     # Places of the only gap in a stream that can be nowhere else.
     "minigrid-lava-gap-s5": 3,
@@ -286,6 +339,17 @@ SMALL = {
     "key-corridor-s3r1": 6 * 6,
     "minigrid-door-key-5x5": _key_door(5),
     CROSSING: _memory(7),
+    "minigrid-door-key-6x6": _key_door(6),
+    # Three places of a wall in either direction, with a gap of seven tiles.
+    "minigrid-lava-crossing-s9n1": 2 * 3 * 7,
+    # Two balls that are alike, on the tiles without the goal and the start.
+    "minigrid-dynamic-obstacles-5x5": math.comb(7, 2),
+    "minigrid-dynamic-obstacles-random-5x5": 8 * 4 * math.comb(7, 2),
+    # The cell of the box, in all mazes.
+    "miniworld-maze-s2": 4 * _mazes(2),
+    "miniworld-maze-s3": 9 * _mazes(3),
+    # As of key-corridor-s3r1, with the start's three headings and the ball's colour.
+    "minigrid-key-corridor-s3r1": 6 * 6 * 3 * 6,
     # The two kinds that may be asked for, and three colours of the sign.
     "miniworld-sign": 2 * 3,
 }
