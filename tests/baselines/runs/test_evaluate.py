@@ -143,8 +143,6 @@ def test_command_tells_the_split_and_plays_the_other(
     ):
         assert main([*arguments, *more]) == 0
         assert line in capsys.readouterr().out
-    assert main([*arguments, "--set", "split=none"]) == 0
-    assert "split" not in capsys.readouterr().out
 
 
 def test_record_plays_a_trained_agent_where_it_was_trained(
