@@ -143,7 +143,7 @@ def test_a_hash_is_that_of_numbers_of_any_length() -> None:
 
     rng = np.random.default_rng(0)
     parts = rng.integers(-9, 9, (3, 5), np.int32), np.array([True, False]), np.uint8([255, 0, 7])
-    words = [int(x) & most for part in parts for x in part.reshape(-1)]
+    words = [x & most for part in parts for x in map(int, part.ravel())]
     halves = []
     for half in range(2):
         keys = [mixed((half * len(words) + i + 1) * 0x9E3779B9 & most) for i in range(len(words))]
@@ -184,8 +184,8 @@ def test_every_reset_of_a_batch_keeps_to_its_side() -> None:
     """Inside of steps and of a scan, with old keys; and of one environment alone."""
     name, sides = "key-corridor-s3r1", []
     for split in ("train", "test"):
-        env, params = jaxenstein.make(name, **SIZE, split=split, test_fraction=0.3)
-        params = params.replace(max_steps_in_episode=2)
+        env = made(name, split=split, test_fraction=0.3)
+        params = env.default_params.replace(max_steps_in_episode=2)
 
         def play(keys: jax.Array, env: Any = env, params: Any = params) -> Any:
             _, state = jax.vmap(env.reset, (0, None))(keys, params)
@@ -279,9 +279,9 @@ def test_few_levels_are_told_where_many_seeds_are_chosen() -> None:
 def test_a_split_can_be_changed_and_left_by_flags() -> None:
     given = {"env": DOORS, "settings": {"split": "train", "test_fraction": 0.5}}
     spec = spec_from(given)
-    other = changed(spec, {"settings": {"split": "test"}}).build()[0]
+    other: Any = changed(spec, {"settings": {"split": "test"}}).build()[0]
     assert (other.split, other.test_fraction) == ("test", 0.5)
-    every = changed(spec, {"settings": {"split": None}}).build()[0]
+    every: Any = changed(spec, {"settings": {"split": None}}).build()[0]
     assert (every.split, every.test_fraction) == (None, 0.2)
 
 

@@ -89,7 +89,7 @@ def first_right(
         carry: tuple[jax.Array, jax.Array, jax.Array, T],
     ) -> tuple[jax.Array, jax.Array, jax.Array, T]:
         key, tries, _, _ = carry
-        drawn = draw(key, given)
+        drawn = varying(draw(key, given), key, given, needed)
         return jax.random.fold_in(key, _AGAIN), tries + 1, right(drawn), drawn
 
     nothing = zeros(jax.eval_shape(draw, key, given))
