@@ -142,7 +142,11 @@ def test_a_hash_is_that_of_numbers_of_any_length() -> None:
         return word ^ word >> 16
 
     rng = np.random.default_rng(0)
-    parts = rng.integers(-9, 9, (3, 5), np.int32), np.array([True, False]), np.uint8([255, 0, 7])
+    parts = (
+        rng.integers(-9, 9, (3, 5), np.int32),
+        np.array([True, False]),
+        np.array([255, 0, 7], np.uint8),
+    )
     words = [x & most for part in parts for x in map(int, part.ravel())]
     halves = []
     for half in range(2):
