@@ -32,6 +32,7 @@ from jaxenstein.baselines.runs.trained import pretrained, read_config
 from jaxenstein.catalogue import ALIASES, ENTRIES, MAIN_IDS
 from jaxenstein.cli.listing import GENERATED, extent
 from jaxenstein.fields import Option, options_of
+from jaxenstein.level_counts import level_counts
 from jaxenstein.tasks.first_person import SETTINGS
 
 OUT = HERE / "environments"
@@ -119,10 +120,16 @@ def variants(family: Family) -> str:
     if not family.variants:
         return ""
     rows = [
-        (f"`{name}`", ENTRIES[name].summary, extent(env), f"{int(params.max_steps_in_episode)}")
+        (
+            f"`{name}`",
+            ENTRIES[name].summary,
+            extent(env),
+            level_counts()[name].words if name in level_counts() else "",
+            f"{int(params.max_steps_in_episode)}",
+        )
         for name, (env, params) in ((name, built(name)) for name in family.variants)
     ]
-    listed = table(("id", "", "map", "horizon"), rows, right=(3,))
+    listed = table(("id", "", "map", "levels", "horizon"), rows, right=(3, 4))
     return f"## Variants\n\n{listed}\n\n"
 
 
@@ -198,6 +205,7 @@ def facts(name: str) -> list[tuple[str, str]]:
     aliases = [f"`{alias}`" for alias, target in ALIASES.items() if target == name]
     return [
         ("map", extent(env).replace(GENERATED, ", generated at every reset")),
+        *([("levels", level_counts()[name].words)] if name in level_counts() else []),
         ("observation", f"{seen.dtype}[{', '.join(map(str, seen.shape))}] by default"),
         ("actions", str(env.num_actions)),
         ("reward", rewards(name)),

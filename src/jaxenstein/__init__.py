@@ -7,6 +7,7 @@ from .adapters.registration import register_once_imported
 from .environment import Environment, Params, State
 from .errors import (
     JAXensteinError,
+    LevelWarning,
     MapError,
     MapWarning,
     SettingError,
@@ -49,6 +50,7 @@ __all__ = [
     "Episode",
     "Frame",
     "JAXensteinError",
+    "LevelWarning",
     "MapError",
     "MapWarning",
     "Params",

@@ -17,6 +17,7 @@ from . import catalogue
 from .catalogue import Build, Row
 from .environment import AnyEnvironment, Environment
 from .errors import JAXensteinError, SettingError, UnknownEnvironmentError, nearest
+from .level_counts import check_levels
 
 ENTRIES: dict[str, Row] = dict(catalogue.ENTRIES)
 """The environments by id, those that were registered by others behind those of the package."""
@@ -93,14 +94,19 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
             `observation`, `autoreset`, `final_observation`, `frame_skip`, `sprite_layers`,
             `look`, `look_range`, `look_seeds`; see
             `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. Besides,
-            those of the task, such as `hud` of health-gathering.
+            those of the task, such as `hud` of health-gathering, and `levels`, `split` and
+            `test_fraction` of those that draw a level at each reset.
 
     Returns:
         The environment and its default params, whose numbers `params.replace(...)` changes.
 
     Raises:
         UnknownEnvironmentError: there is no such id, module or class.
-        SettingError: there is no such setting, or its value is out of range.
+        SettingError: there is no such setting, its value is out of range, or a side of the
+            split has no levels.
+
+    Warns:
+        LevelWarning: `levels` has so many of all levels that other seeds are no test.
 
     Examples:
         >>> env, params = make("my-way-home", width=84, height=84)
@@ -113,13 +119,16 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
         jaxenstein.errors.UnknownEnvironmentError: unknown environment 'my-way-hom', did you...
     """
     import_module_of(id)
-    return make_with(id, settings)
+    env, params = make_with(id, settings)
+    check_levels(env)
+    return env, params
 
 
 def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[AnyEnvironment, Any]:
     """As `make`, with settings of a file, which may have any names, `"id"` among them.
 
-    Files run no code: the module of "module:id" must have been imported.
+    Files run no code: the module of "module:id" must have been imported. No level is drawn to see
+    whether a split has any.
     """
     name, row = find(id)
     check_names(settings, row.settings, lambda: _param_names(row, settings))

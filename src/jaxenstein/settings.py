@@ -10,6 +10,7 @@ from typing import Any
 from . import registry
 from .errors import SettingError, nearest
 from .fields import Domain, Option, as_tuples, check_names, check_value, names_of, options_of
+from .level_counts import check_levels
 from .spec import Spec
 from .tasks.first_person import SEEN, SETTINGS, FirstPerson
 from .tasks.steering import HEADING
@@ -83,12 +84,13 @@ def changed(spec: Spec, given: Mapping[str, Any]) -> Spec:
     if any(name in given for name in PLACES):
         before = {name: value for name, value in before.items() if name in SETTINGS}
     merged = merge(before, given)
-    # Seeds and range of a look go with it.
+    # Seeds and range of a look go with it, and so does the share of a split.
     asked = {**given, **(given.get("settings") or {})}
-    if asked.get("look", "random") != "random":
-        for table in (merged, merged.get("settings") or {}):
-            for name in {"look_seeds", "look_range"} - set(asked):
-                table.pop(name, None)
+    gone = {"look_seeds", "look_range"} if asked.get("look", "random") != "random" else set()
+    gone |= {"test_fraction"} if asked.get("split", "") is None else set()
+    for table in (merged, merged.get("settings") or {}):
+        for name in gone - set(asked):
+            table.pop(name, None)
     return spec_from(merged)
 
 
@@ -112,6 +114,7 @@ def spec_from(given: Mapping[str, Any]) -> Spec:
         settings["text"] = given["map"]
     spec = Spec(given.get("env"), 0, settings, {})
     env, defaults = spec.build(warn=True)
+    check_levels(env)
     _check_params(params, env, defaults)
     spec = dataclasses.replace(spec, params=params, version=env.version)
     spec.build()

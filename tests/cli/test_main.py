@@ -52,6 +52,19 @@ def test_list_gives_variants_rows_on_demand(
         assert told == (rows != some)
 
 
+def test_list_tells_how_many_levels_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "simple", "key-corridor-s3r1", "memory-maze-9x9"]) == 0
+    table, notes = capsys.readouterr().out.split("\n\n")
+    rows = [line.split() for line in table.splitlines() if line[0] != " "]
+    assert [row[1:3] for row in rows] == [
+        ["MAP", "LEVELS"],
+        ["9x5", "300"],
+        ["7x3*", "36"],
+        ["11x11*", "10,000+"],
+    ]
+    assert "levels: how many different ones there are, with + at least so many" in notes
+
+
 def test_list_tells_which_actions_are_whose() -> None:
     five, three = ("a", "b", "c", "d", "e"), ("a", "b", "c")
     assert listing.actions_of({"x": five, "y": five}) == ["actions of all: 0 a, 1 b, 2 c, 3 d, 4 e"]

@@ -49,6 +49,7 @@ CASES = [
     ("health-gathering", {"observation": "depth"}),
     ("health-gathering", {"frame_skip": 2}),
     ("key-corridor", {"autoreset": None}),
+    ("key-corridor-s3r1", {"split": "test"}),
     ("dmlab-random-goal-01", {"final_observation": True}),
     ("doom-my-way-home", {}),
     ("doom-health-gathering", {"frame_skip": 4}),

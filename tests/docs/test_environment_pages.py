@@ -55,6 +55,8 @@ def test_numbers_are_those_of_the_tasks() -> None:
     assert facts["health-gathering"]["reward"] == "+1 a step, -100 at death"
     assert facts["dmlab-static-01"]["reward"] == "+10 at the goal"
     assert facts["dmlab-random-goal-02-respawn"]["reward"] == "+10 at the goal, +1 an apple"
+    assert facts["key-corridor"]["levels"] == "at least 10,000"
+    assert "levels" not in facts["simple"]
     assert facts["key-corridor"]["other name"] == "`key-corridor-s4r3`"
     assert "by time alone" in facts["dmlab-static-03-respawn"]["ends"]
     for name in IDS:

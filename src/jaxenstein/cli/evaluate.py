@@ -14,7 +14,7 @@ from ..view.episode import Pictures
 from ..view.recording import check_animation, save_animation
 from .arguments import Parser, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
-from .opening import baselines, given_options, with_map
+from .opening import baselines, given_options, telling_warnings, with_map
 from .record import play_shown
 
 if TYPE_CHECKING:
@@ -27,7 +27,8 @@ export' or of 'jaxenstein list --pretrained', with the most likely actions ("gre
 sampled ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs and
 episodes, or with one run over episodes. --gif also writes an episode beside the map. --env,
 --map-file, --set and --param play elsewhere, with nothing learned anew; another environment is seen
-as the one before was.
+as the one before was. Agents trained with a split of levels play the levels of that split;
+--set split=test plays those of the test.
 
 --in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
 anew, and --gif then shows one episode from the same start in both. It takes agents of the
@@ -40,6 +41,7 @@ examples:
   jaxenstein evaluate runs/simple-rnd --gif agent.gif --run 2
   jaxenstein evaluate runs/doom-home --in vizdoom --gif both.gif
   jaxenstein evaluate simple.npz
+  jaxenstein evaluate runs/held-out --set split=test
   jaxenstein evaluate runs/few-levels --set levels=200,10000
   jaxenstein evaluate runs/dmlab --env dmlab-static-01-respawn
 """
@@ -78,7 +80,9 @@ def run(options: argparse.Namespace) -> None:
         check_writable(options.json)
     if options.gif is not None:
         check_animation(options.gif)
-    trained = _changed(agents.load_trained(options.folder), with_map(given_options(options)))
+    trained = agents.load_trained(options.folder)
+    with telling_warnings():
+        trained = _changed(trained, with_map(given_options(options)))
     if options.game is not None:
         from ..adapters.vizdoom import check_scenario
 
@@ -103,6 +107,7 @@ def run(options: argparse.Namespace) -> None:
     updates = trained.experiment.config.updates
     many = f"{len(names)} run{'s' * (len(names) > 1)}, {options.episodes} episodes each"
     print(f"{options.folder}: update {trained.update} of {updates}, {many}")
+    print(end=_split_of(trained.experiment.learner.env))
     print(table(results))
     if options.json is not None:
         report = {name: result.to_json(names) for name, result in results.items()}
@@ -126,6 +131,17 @@ def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
     learner = after.learner
     baselines("agents").TrainedPolicy(trained, 0, False).check(learner.env, learner.env_params)
     return dataclasses.replace(trained, experiment=after)
+
+
+def _split_of(env: Any) -> str:
+    """The line that tells in which levels was played; nothing where no levels are held out."""
+    from ..tasks.first_person import GeneratedTask
+
+    if not isinstance(env, GeneratedTask) or env.split is None:
+        return ""
+    other = "train" if env.split == "test" else "test"
+    share = f"{float(env.test_fraction):.3g} of all levels are for the test"
+    return f"levels of the {env.split} split ({share}); --set split={other} plays the others\n"
 
 
 def table(results: dict[str, Result]) -> str:

@@ -61,6 +61,7 @@ def run(options: argparse.Namespace) -> None:
         print(pretrained_agents())
         return
     from .. import registry
+    from ..level_counts import level_counts
 
     for id in options.ids:
         import_module_of(id)
@@ -70,16 +71,20 @@ def run(options: argparse.Namespace) -> None:
         for name in [name for name, entry in found.items() if entry.variant_of]:
             variants.setdefault(found.pop(name).variant_of, []).append(name)
     environments = {name: registry.make(name) for name in found}
-    table = [("ID", "MAP", "HORIZON", "DISCOUNT", "DESCRIPTION")]
+    table = [("ID", "MAP", "LEVELS", "HORIZON", "DISCOUNT", "DESCRIPTION")]
     for name, (env, params) in environments.items():
         horizon, discount = str(params.max_steps_in_episode), f"{params.discount:g}"
-        table.append((name, extent(env), horizon, discount, found[name].summary))
-    print(format_table(table, right=(1, 2, 3), width=LIST_WIDTH))
+        counted = level_counts().get(name)
+        levels = counted.short if counted else ""
+        table.append((name, extent(env), levels, horizon, discount, found[name].summary))
+    print(format_table(table, right=(1, 2, 3, 4), width=LIST_WIDTH))
     print()
     aliases = {alias: name for alias, name in registry.ALIASES.items() if name in found}
     notes = ["map: columns x rows, in tiles; horizon: steps in an episode"]
     if any(row[1].endswith(GENERATED) for row in table):
         notes.append(f"{GENERATED} a new map is generated at every reset")
+    if any(row[2] for row in table[1:]):
+        notes.append("levels: how many different ones there are, with + at least so many")
     for name, others in variants.items():
         notes.append(f"as {name} (--all): {', '.join(others)}")
     if aliases:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+
+Words = TypeVar("Words", jax.Array, np.ndarray)
 
 
 def random_bits(key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
@@ -39,3 +43,10 @@ def sample_seed(key: jax.Array, seeds: tuple[int, int] | None) -> jax.Array:
         return bits
     first, stop = seeds
     return jnp.uint32(first) + sample_index(bits, stop - first).astype(jnp.uint32)
+
+
+def mixed(word: Words) -> Words:
+    """uint32: the bits of words mixed by a bijection, Chris Wellons' lowbias32."""
+    for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
+        word = (word ^ (word >> np.uint32(shift))) * np.uint32(factor)
+    return word ^ (word >> np.uint32(16))

@@ -195,6 +195,19 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         )
         return self._begin_round(start_key, state)
 
+    def level_parts(self, state: ExploreState) -> tuple[jax.Array, ...]:
+        """The walls with the doors, and the tiles of the goal or of the apples.
+
+        Objects lie elsewhere in each round: of them all tiles that they may lie on, and which pay.
+        """
+        walls = jnp.asarray(state.level.walls)[0]
+        objects = self.kind == "objects"
+        places = state.places if objects else state.things
+        there = jnp.ones(len(places), bool) if objects else state.there
+        column, row = jnp.floor(places).astype(jnp.int32).T
+        tiles = jnp.zeros(walls.shape, bool).at[row, column].max(there)
+        return walls, tiles, state.good
+
     def _level_of(self, maze: RandomMaze) -> Level:
         """Corridors have the default walls, each room has a colour of its own."""
         painted = DEFAULT_WALL + beside_rooms(maze)

@@ -6,9 +6,10 @@ import abc
 import dataclasses
 import functools
 import math
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast, get_args
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from .._jax.batching import select, where_few
@@ -26,6 +27,7 @@ from ..spaces import Box, Dict, Space
 from .draws import sample_seed
 from .levels import read_level
 from .looks import Look, patterned, randomised
+from .splits import Split, fingerprint, first_right, is_of
 from .steering import SteeringParams
 
 ObservationKind = Literal["rgb", "gray", "depth", "labels", "dict"]
@@ -197,9 +199,23 @@ class GeneratedTask(FirstPerson[S, P]):
         levels: None for levels without end, or seeds of levels: `range(first, stop)` or (first,
             stop). Every episode has one of these levels, each equally likely. A seed is the same
             level on every machine.
+        split: None for all levels, or those of one side: `"train"`, or `"test"`. What a level
+            holds decides on which side it is, so that none is on both, whatever its seed.
+        test_fraction: of a split, the share of all levels that is for the test.
     """
 
     levels: tuple[int, int] | range | None = of_form(None, "seeds")
+    split: Split | None = choice(None, (*get_args(Split), None))
+    test_fraction: float = number(0.2, above=0, below=1)
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        if self.split is None and self.test_fraction != GeneratedTask.test_fraction:
+            raise SettingError(
+                "test_fraction is of a split alone: give split='train' or split='test' too, not "
+                f"test_fraction={self.test_fraction!r} with split=None"
+            )
 
     @property
     def level_range(self) -> tuple[int, int] | None:
@@ -218,9 +234,43 @@ class GeneratedTask(FirstPerson[S, P]):
         # The kind of generator that users may change is not to change the levels.
         return jax.random.key(seed, impl="threefry2x32")
 
+    def level_parts(self, state: S) -> tuple[jax.Array, ...]:
+        """What tells the level of a first state from others: whole numbers and truth values.
+
+        They must be equal where an agent could not tell two levels apart, so things that are
+        alike belong on a map of tiles rather than into a list, which has them in some order.
+        What an episode adds to the level, such as its start, is no part of it.
+        """
+        raise SettingError(
+            f"{type(self).__name__} has no split, as it does not say what a level is: "
+            "it needs level_parts"
+        )
+
+    def first_state(self, key: jax.Array, params: P) -> S:
+        """The first state of an episode, in a level of the split."""
+        return self._first_where(jnp.bool_(True), key, params)
+
+    def _first_where(self, needed: jax.Array, key: jax.Array, params: P) -> S:
+        """A first state where bool[] `needed`, else anything."""
+        draw = super().first_state
+        if self.split is None:
+            return draw(key, params)
+
+        def right(state: S) -> jax.Array:
+            level = fingerprint(self.level_parts(state))
+            return is_of(str(self.split), float(self.test_fraction), level)
+
+        # A loop without a known end has no derivatives from behind.
+        return first_right(draw, right, needed, key, jax.lax.stop_gradient(params))
+
     def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
         """As `Environment.reset_where`; levels are expensive: only those needed are sampled."""
-        fresh = where_few(self.first_state)(over, key, jax.lax.stop_gradient(params))
+        params = jax.lax.stop_gradient(params)
+        if self.split is None:
+            fresh = where_few(self.first_state)(over, key, params)
+        else:
+            # Where it runs for all of a batch, those that need no level are not to wait for one.
+            fresh = where_few(self._first_where)(over, over, key, params)
         return select(over, fresh, state)
 
     def about(self) -> About:

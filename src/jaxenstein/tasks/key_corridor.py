@@ -121,6 +121,11 @@ class KeyCorridor(
             goal=goal,
         )
 
+    def level_parts(self, state: KeyCorridorState) -> tuple[jax.Array, ...]:
+        """The walls with the doors, the tiles of key and goal, the colour of the key."""
+        tiles = (jnp.floor(place).astype(jnp.int32) for place in (state.key, state.goal))
+        return jnp.asarray(state.level.walls), *tiles, state.key_colour
+
     def level_of(self, state: KeyCorridorState) -> Level:
         """The level of the layout."""
         return state.level

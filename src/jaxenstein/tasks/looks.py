@@ -14,7 +14,7 @@ import numpy as np
 from ..engine.art.patterns import FLOOR_PATTERNS, wall_patterns
 from ..engine.scene import Theme
 from ..maps.symbols import DEFAULT_WALL, DOOR_LABELS
-from .draws import sample_unit
+from .draws import mixed, sample_unit
 
 Look = Literal["plain", "patterned", "random"]
 # Tiles from the eye at which a wall's pattern has faded: beyond, it is finer than a pixel.
@@ -102,11 +102,4 @@ def _hashed(seed: jax.Array, count: int) -> jax.Array:
     They are needed in every step, which JAX's generators would make noticeably dearer.
     """
     index = np.arange(count, dtype=np.uint32) * np.uint32(0x9E3779B9)
-    return _mixed(_mixed(seed) + index)
-
-
-def _mixed(word: jax.Array) -> jax.Array:
-    """uint32: the bits of a word mixed by a bijection, Chris Wellons' lowbias32."""
-    for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
-        word = (word ^ (word >> np.uint32(shift))) * np.uint32(factor)
-    return word ^ (word >> np.uint32(16))
+    return mixed(mixed(seed) + index)

@@ -190,6 +190,10 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
             wanted=sample_index(start[2], self.things),
         )
 
+    def level_parts(self, state: MemoryMazeState) -> tuple[jax.Array, ...]:
+        """The walls with their colours, and the tile of each thing."""
+        return jnp.asarray(state.level.walls), jnp.floor(state.things).astype(jnp.int32)
+
     def transition(
         self,
         key: jax.Array,

@@ -20,11 +20,13 @@ import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.baselines.runs.agents import best_run, evaluate, load_policy
 from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.baselines.runs.trained import Result, load_trained
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.game import AgentGame
+from tests.baselines.tiny import OPTIONS, hardly_trained
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
@@ -125,6 +127,22 @@ def test_command_evaluates_elsewhere(folder: RunFolder, capsys: pytest.CaptureFi
     assert capsys.readouterr().out.splitlines()[-1].split()[-1] == "4"
     assert main([*arguments, "--env", "doom-basic"]) == 2
     assert "was trained with the actions turn left, " in capsys.readouterr().err
+
+
+def test_command_tells_the_split_and_plays_the_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = {name: value for name, value in OPTIONS.items() if name != "map"}
+    given["env"] = "minigrid-red-blue-doors-6x6"
+    given["settings"] = {"split": "train", "test_fraction": 0.5}
+    folder = hardly_trained(tmp_path / "tiny", resolve(given))
+    arguments = ["evaluate", str(folder.path), "--episodes", "2"]
+    for more, line in (
+        ([], "levels of the train split (0.5 of all levels are for the test); --set split=test "),
+        (["--set", "split=test"], "levels of the test split (0.5 of all "),
+    ):
+        assert main([*arguments, *more]) == 0
+        assert line in capsys.readouterr().out
 
 
 def test_record_plays_a_trained_agent_where_it_was_trained(

@@ -12,7 +12,7 @@ from ...engine.level import Level, is_solid
 from ...engine.motion import forward, path_tiles
 from ...environment import Scalar, State
 from ...maps.symbols import door_label
-from ...maps.things import BALL, BOX, GOAL, KEY, LAVA, Thing
+from ...maps.things import BALL, BOX, COLOUR_NAMES, GOAL, KEY, LAVA, Thing
 from ...pytree import PyTreeNode
 from ..steering import INTERACT
 
@@ -153,6 +153,19 @@ def mask_of(tiles: jax.Array, which: jax.Array, shape: tuple[int, ...]) -> jax.A
     row, column = np.indices(shape, np.int32)
     here = (column[None] == tiles[:, 0, None, None]) & (row[None] == tiles[:, 1, None, None])
     return jnp.any(here & which[:, None, None], axis=0)
+
+
+def things_map(things: Things, shape: tuple[int, ...]) -> jax.Array:
+    """int32[rows, columns] of `shape`: kind and colour of what lies on each tile, and in its box.
+
+    The low 8 bits tell of what lies there, those above of what is in it; 0 is for nothing. It does
+    not depend on the order of the things.
+    """
+    code = 1 + things.kind * len(COLOUR_NAMES) + things.colour
+    code = jnp.where(things.place == BOXED, code << 8, code)
+    there = things.lying | (things.place == BOXED)
+    column, row = things.tile.T
+    return jnp.zeros(shape, jnp.int32).at[row, column].add(jnp.where(there, code, 0))
 
 
 def beside(mask: jax.Array) -> jax.Array:

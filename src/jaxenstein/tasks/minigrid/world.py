@@ -41,6 +41,7 @@ from .state import (
     handle,
     mask_of,
     solid_level,
+    things_map,
     tile_in_front,
 )
 from .view import scene_of, theme_of
@@ -96,6 +97,8 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
     """Whether each episode has an instruction of its own, which has to be seen."""
     hands: ClassVar[bool] = True
     """Whether things can be picked up."""
+    starts_on_grid: ClassVar[bool] = True
+    """Whether starts are middles of tiles and quarter turns; else they are no part of a level."""
     aim_words: ClassVar[str] = "reached the goal"
     fail_words: ClassVar[str] = "stepped into lava"
 
@@ -113,6 +116,15 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         """Lay a world out, its start included; with `levels`, one of those."""
         del params
         return self.lay_out(self.level_key(key))
+
+    def level_parts(self, state: GridState) -> tuple[jax.Array, ...]:
+        """The walls with the doors, what lies where, the instruction, and a start on the grid."""
+        walls = jnp.asarray(state.level.walls)[0]
+        parts = walls, things_map(state.things, walls.shape), state.asked
+        if not self.starts_on_grid:
+            return parts
+        quarters = jnp.round(state.heading / jnp.float32(np.pi / 2)).astype(jnp.int32)
+        return *parts, state.cell, quarters
 
     @abc.abstractmethod
     def lay_out(self, key: jax.Array) -> GridState:

@@ -61,6 +61,11 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
             goal=goal,
         )
 
+    def level_parts(self, state: BoxMazeState) -> tuple[jax.Array, ...]:
+        """The walls, and the cell of the box, whose places in it are without number."""
+        cell = jnp.floor((state.goal - 1) / _PITCH).astype(jnp.int32)
+        return jnp.asarray(state.level.walls), cell
+
     def level_of(self, state: BoxMazeState) -> Level:
         """The level of the maze."""
         return state.level

@@ -112,6 +112,7 @@ class ThingsRoom(GridWorld):
     """The events that may happen."""
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
     outside: ClassVar[bool] = False
+    starts_on_grid: ClassVar[bool] = False
     action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:4], "pick up", "drop")
 
     @functools.cached_property

@@ -1,0 +1,116 @@
+"""Levels held out by what they are: a hash of the level decides on which side of a split it is.
+
+The hash takes whole numbers alone, in the order in which they stand in their arrays: equal levels
+have equal hashes on every device and with every version of JAX.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from .._jax.batching import varying, zeros
+from .draws import mixed
+
+Split = Literal["train", "test"]
+MOST_TRIES = 2**16
+"""The most levels that a reset draws to find one of its side."""
+# What a key is folded with for the next try. Other numbers would make other episodes.
+_AGAIN = 0x5917
+_GOLDEN = np.uint32(0x9E3779B9)
+
+T = TypeVar("T")
+
+
+def fingerprint(parts: Sequence[jax.Array]) -> jax.Array:
+    """uint32[2]: a hash of 64 bits of arrays of whole numbers or truth values.
+
+    Word i of all arrays in a row, w[i], gets for either half of the hash, h, the key
+    k[h, i] = mixed(j * 0x9E3779B9) with j = h * n + i + 1 and n words in all. The half is
+    mixed(sum over i of mixed(w[i] ^ k[h, i])), where `mixed` is lowbias32 and all is modulo 2**32.
+
+    Args:
+        parts: at most 32 bits a number; their shapes are no part of the hash.
+    """
+    for part in parts:
+        assert not jnp.issubdtype(part.dtype, jnp.floating), "a level is whole numbers alone"
+    words = jnp.concatenate([jnp.ravel(part).astype(jnp.uint32) for part in parts])
+    count = words.shape[0]
+    keys = mixed(np.arange(1, 2 * count + 1, dtype=np.uint32) * _GOLDEN).reshape(2, count)
+    return mixed(jnp.sum(mixed(words[None] ^ keys), axis=1, dtype=jnp.uint32))
+
+
+def is_of(split: str, fraction: float, level: Any) -> Any:
+    """bool[]: whether a level is on a side, `"train"` or `"test"`.
+
+    The levels of the test are those with the smallest hashes, so those of a smaller fraction are
+    among those of a larger one.
+
+    Args:
+        split: the side.
+        fraction: the share of all levels that is for the test.
+        level: uint32[2], as `fingerprint` returns it, of JAX or NumPy.
+    """
+    bound = min(max(round(fraction * 2**32), 1), 2**32 - 1)
+    held_out = level[0] < np.uint32(bound)
+    return held_out if split == "test" else ~held_out
+
+
+def first_right(
+    draw: Callable[[jax.Array, Any], T],
+    right: Callable[[T], jax.Array],
+    needed: jax.Array,
+    key: jax.Array,
+    given: Any,
+) -> T:
+    """What is drawn until it is right, from the key itself and then from others that follow.
+
+    The last draw if none of `MOST_TRIES` is right; zeros where nothing is needed.
+
+    Args:
+        draw: of a key and `given`.
+        right: bool[] of what was drawn.
+        needed: bool[], whether it is needed at all.
+        key: for nothing else.
+        given: passed on.
+    """
+
+    def going(carry: tuple[jax.Array, jax.Array, jax.Array, T]) -> jax.Array:
+        _, tries, found, _ = carry
+        return ~found & (tries < MOST_TRIES)
+
+    def again(
+        carry: tuple[jax.Array, jax.Array, jax.Array, T],
+    ) -> tuple[jax.Array, jax.Array, jax.Array, T]:
+        key, tries, _, _ = carry
+        drawn = varying(draw(key, given), key, given, needed)
+        return jax.random.fold_in(key, _AGAIN), tries + 1, right(drawn), drawn
+
+    nothing = zeros(jax.eval_shape(draw, key, given))
+    start = varying((jnp.int32(0), ~needed, nothing), key, given, needed)
+    return lax.while_loop(going, again, (key, *start))[3]
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def sample_levels(env: Any, count: int, seed: int | jax.Array) -> jax.Array:
+    """uint32[count, 2]: the hashes of the levels of so many first states.
+
+    Args:
+        env: a `GeneratedTask`; its split is left aside.
+        count: how many.
+        seed: of the draws.
+    """
+    params = env.check_params()
+
+    def one(key: jax.Array) -> jax.Array:
+        return fingerprint(env.level_parts(env.init_state(key, params)))
+
+    # Part by part, so that many large worlds take no more memory than some.
+    keys = jax.random.split(jax.random.key(seed, impl="threefry2x32"), count)
+    return lax.map(one, keys, batch_size=256)
