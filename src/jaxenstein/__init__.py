@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from .adapters.registration import register_once_imported
 from .environment import Environment, Params, State
 from .errors import (
+    DivergenceWarning,
     JAXensteinError,
     MapError,
     MapWarning,
@@ -45,6 +46,7 @@ _LAZY = {
 }
 
 __all__ = [
+    "DivergenceWarning",
     "Environment",
     "Episode",
     "Frame",

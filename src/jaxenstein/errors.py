@@ -59,6 +59,10 @@ class MapWarning(UserWarning):
     """A map that can be used but is likely not what its author meant."""
 
 
+class DivergenceWarning(UserWarning):
+    """An agent whose training diverged: its parameters are the last finite ones, or not finite."""
+
+
 def one_line(text: str) -> str:
     r"""A text as one line for a terminal: what that would obey is written out.
 

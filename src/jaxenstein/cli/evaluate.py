@@ -14,7 +14,7 @@ from ..view.episode import Pictures
 from ..view.recording import check_animation, save_animation
 from .arguments import Parser, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
-from .opening import baselines, given_options, with_map
+from .opening import baselines, given_options, telling_warnings, with_map
 from .record import play_shown
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ export' or of 'jaxenstein list --pretrained', with the most likely actions ("gre
 sampled ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs and
 episodes, or with one run over episodes. --gif also writes an episode beside the map. --env,
 --map-file, --set and --param play elsewhere, with nothing learned anew; another environment is seen
-as the one before was.
+as the one before was. A run that diverged plays with its last finite parameters, and a line says so.
 
 --in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
 anew, and --gif then shows one episode from the same start in both. It takes agents of the
@@ -78,7 +78,11 @@ def run(options: argparse.Namespace) -> None:
         check_writable(options.json)
     if options.gif is not None:
         check_animation(options.gif)
-    trained = _changed(agents.load_trained(options.folder), with_map(given_options(options)))
+    with telling_warnings():
+        trained = agents.load_trained(options.folder)
+        for run in range(len(trained.experiment.runs)):
+            trained.warn(run)
+    trained = _changed(trained, with_map(given_options(options)))
     if options.game is not None:
         from ..adapters.vizdoom import check_scenario
 

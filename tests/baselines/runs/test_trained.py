@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import zipfile
 from collections.abc import Callable
@@ -127,6 +128,16 @@ def edited(**changes: Any) -> Callable[[dict[str, bytes]], None]:
     return edit
 
 
+def spoilt(entries: dict[str, bytes]) -> None:
+    """A number of an array becomes NaN."""
+    name = next(name for name in entries if name.endswith("bias'].npy"))
+    array = np.load(io.BytesIO(entries[name]))
+    array.flat[0] = np.nan
+    file = io.BytesIO()
+    np.save(file, array)
+    entries[name] = file.getvalue()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -140,6 +151,12 @@ def edited(**changes: Any) -> Callable[[dict[str, bytes]], None]:
         (edited(seeds=[0, 1]), "must be of one run"),
         (edited(format=7), "format 7, not 1"),
         (edited(config={"algo": "rdn"}), "did you mean 'rnd'"),
+        (edited(hparams={"learning_rate": True}), "learning_rate must be a finite number"),
+        (edited(hparams={"clip": [0.1, 0.2]}), "clip must be a number or an array of them"),
+        (edited(hparams={"value": 1e308}), "value must be .*, which is inf in float32"),
+        (edited(update=True), "agent.update must be a whole number from 0 on, not True"),
+        (edited(update=-1), "agent.update must be a whole number from 0 on, not -1"),
+        (spoilt, "its parameters are not finite"),
     ],
 )
 def test_what_is_no_agent_is_told(file: Path, change: Any, message: str) -> None:

@@ -115,10 +115,12 @@ class Experiment:
             if plain["format"] != FORMAT:
                 raise SettingError(f"format {plain['format']!r}, not {FORMAT}")
             place = plain["environment"]
+            check_whole("environment.version", place["version"], 0)
             environment = Spec(
                 place["id"], place["version"], _tuples(place["settings"]), place["params"]
             )
-            config = Config.of(_tuples(plain["config"]))
+            # Runs from before there was a choice went on.
+            config = Config.of({"on_divergence": "continue", **_tuples(plain["config"])})
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
             hparams = HParams.of(config.algo, plain["hparams"]).flat()
             seeds = tuple(plain["seeds"])
