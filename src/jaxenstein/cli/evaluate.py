@@ -27,7 +27,7 @@ export' or of 'jaxenstein list --pretrained', with the most likely actions ("gre
 sampled ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs and
 episodes, or with one run over episodes. --gif also writes an episode beside the map. --env,
 --map-file, --set and --param play elsewhere, with nothing learned anew; another environment is seen
-as the one before was. A run that diverged plays with its last finite parameters, and a line says so.
+as the one before was. A run that diverged plays with its last finite parameters; a line says so.
 
 --in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
 anew, and --gif then shows one episode from the same start in both. It takes agents of the

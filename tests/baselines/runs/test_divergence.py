@@ -32,9 +32,7 @@ def grid(*rates: float) -> dict[str, object]:
 @pytest.fixture(scope="module")
 def mixed(plain_frames: None, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     """Two runs, the first of which diverges at once."""
-    folder = RunFolder.create(
-        tmp_path_factory.mktemp("mixed") / "run", tiny(**grid(1e38, 1e-3))
-    )
+    folder = RunFolder.create(tmp_path_factory.mktemp("mixed") / "run", tiny(**grid(1e38, 1e-3)))
     assert train(folder) == UPDATES
     return folder
 
@@ -149,9 +147,7 @@ def test_curves_are_those_of_the_runs_that_go_on(mixed: RunFolder) -> None:
 
 
 def test_a_run_from_before_there_was_a_choice_goes_on_as_it_began(tmp_path: Path) -> None:
-    folder = RunFolder.create(
-        tmp_path / "run", tiny(**grid(1e38, 1e-3), on_divergence="continue")
-    )
+    folder = RunFolder.create(tmp_path / "run", tiny(**grid(1e38, 1e-3), on_divergence="continue"))
     done: list[int] = []
     train(folder, notify=lambda update, rows: done.append(update), stop=lambda: 2 in done)
     plain = json.loads((folder.path / CONFIG).read_text())
@@ -167,7 +163,7 @@ def test_a_run_from_before_there_was_a_choice_goes_on_as_it_began(tmp_path: Path
         load_policy(folder.path, run=0)
     with (
         pytest.warns(DivergenceWarning),
-        pytest.raises(SettingError, match="the parameters of .* are not finite as float16"),
+        pytest.raises(SettingError, match=r"the parameters of .* are not finite as float16"),
     ):
         export_policy(folder.path, tmp_path / "agent.npz", 0, episodes=1)
     assert not (tmp_path / "agent.npz").exists()

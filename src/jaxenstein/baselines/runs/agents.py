@@ -181,9 +181,8 @@ def export_policy(
     rounded = lambda leaf: leaf.astype(weights).astype(np.float32)  # noqa: E731
     agent = dataclasses.replace(agent, params=jax.tree.map(rounded, agent.params))
     if not agent.finite(0):
-        raise SettingError(
-            f"{path}: the parameters of {run_names(agent.experiment)[0]} are not finite as {weights}"
-        )
+        name = run_names(agent.experiment)[0]
+        raise SettingError(f"{path}: the parameters of {name} are not finite as {weights}")
     results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)
     names = run_names(agent.experiment)
     score = {name: result.to_json(names) for name, result in results.items()}

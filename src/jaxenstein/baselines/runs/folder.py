@@ -199,7 +199,9 @@ class RunFolder:
         """
         runs, config = len(self.experiment.runs), self.experiment.config
         one = jax.eval_shape(self.experiment.learner.network.init, jax.random.key(0))
-        params = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((runs, *leaf.shape), leaf.dtype), one)
+        params = jax.tree.map(
+            lambda leaf: jax.ShapeDtypeStruct((runs, *leaf.shape), leaf.dtype), one
+        )
         number = jax.ShapeDtypeStruct((runs,), np.int32)
         like = _Networks(number, params, number if config.on_divergence == "stop" else None)
         restored = self.checkpoints.restore(like, whole=False)

@@ -61,7 +61,7 @@ class Trained:
         if run in self.diverged:
             told = self.diverged[run].told(name)
         elif not self.finite(run):
-            told = f"the parameters of {name} are not finite: it diverged, and its actions mean nothing"
+            told = f"the parameters of {name} are not finite, so that its actions mean nothing"
         else:
             return
         warnings.warn(f"{self.name}: {told}", DivergenceWarning, stacklevel=3)
