@@ -36,7 +36,8 @@ def test_trainings_have_the_same_types_and_curves(algo: str) -> None:
             learner = Learner(env, params, config)
             state = learner.init(jax.random.key(0))
             state, metrics = learner.train_chunk(state, HParams(learning_rate=1e-3), 2)
-            played = learner.evaluate(state.params, jax.random.key(1), 2)
+            # Which does not depend on the algorithm.
+            played = algo == "ppo" and learner.evaluate(state.params, jax.random.key(1), 2)
             return jax.device_get((state, metrics, played))
 
     one, other = train(False), train(True)

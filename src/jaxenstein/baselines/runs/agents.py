@@ -203,13 +203,14 @@ def chosen_run(trained: Trained, run: int | None) -> int:
 def best_run(folder: RunFolder) -> int:
     """The run with the highest mean return over the last tenth of its updates so far.
 
-    Among equal runs it is the one with the shortest episodes; without metrics the first one. Of a
-    run that diverged only the updates before count.
+    Among equal runs it is one that has not diverged, then the one with the shortest episodes;
+    without metrics the first one. Of a run that diverged only the updates before count.
     """
     if not (folder.path / METRICS).exists():
         return 0
     by_run = rows_by_run(read_metrics(folder.path), len(folder.experiment.runs))
     last = max(1, len(by_run[0]) // 10)
+    diverged = [any(row.get(METRIC) for row in rows) for rows in by_run]
     by_run = [[row for row in rows if not row.get(METRIC)][-last:] for rows in by_run]
     episodes, returns, lengths = (
         np.array([sum(row.get(name) or 0 for row in rows) for rows in by_run])
@@ -217,7 +218,7 @@ def best_run(folder: RunFolder) -> int:
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         returns, lengths = returns / episodes, lengths / episodes
-    return int(np.lexsort((lengths, -np.nan_to_num(returns, nan=-np.inf)))[0])
+    return int(np.lexsort((lengths, diverged, -np.nan_to_num(returns, nan=-np.inf)))[0])
 
 
 def evaluate_both(
