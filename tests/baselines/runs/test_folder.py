@@ -216,6 +216,7 @@ def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
         ("{", "is not JSON"),
         ("[]", "not the configuration of a run"),
         ('{"format": 99}', "format 99, not 1"),
+        ('{"format": true}', "format True, not 1"),
         ('{"format": 1}', "not the configuration of a run"),
         (json.dumps(plain | {"seeds": [0, 3]}), r"'seeds' must follow each other, not \[0, 3\]"),
         (json.dumps(misspelt), "unknown setting 'epohcs', did you mean 'epochs'"),

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
-from ...fields import as_tuples, check, check_whole, choice
+from ...fields import as_tuples, check, check_whole, choice, is_whole
 from ...spec import Spec
 from ..config import Config, HParams
 from ..learner import Learner
@@ -112,7 +112,7 @@ class Experiment:
             SettingError: it is something else, or of another version of this package.
         """
         try:
-            if plain["format"] != FORMAT:
+            if plain["format"] != FORMAT or not is_whole(plain["format"]):
                 raise SettingError(f"format {plain['format']!r}, not {FORMAT}")
             place = plain["environment"]
             check_whole("environment.version", place["version"], 0)
