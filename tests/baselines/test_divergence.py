@@ -143,6 +143,11 @@ def test_what_is_not_finite(
     assert bits(state) == bits(before.replace(diverged=jnp.int32(2)))
 
 
+@pytest.mark.parametrize("code", [8, -1, 2**40])
+def test_a_code_of_a_spoilt_file_has_words_too(code: int) -> None:
+    assert "seed-0 diverged at update 1: its " in Divergence(1, code).told("seed-0")
+
+
 def test_updates_count_until_all_runs_have_diverged() -> None:
     def count(*codes: list[int]) -> int:
         return updates_that_count({"diverged": np.array(codes), "loss": np.zeros((2, 4))})

@@ -31,9 +31,10 @@ from ..pytree import PyTreeNode
 Precision = Literal["float32", "bfloat16"]
 Convolution = Literal["matmul", "lax"]
 OnDivergence = Literal["stop", "continue"]
-# They are counted in int32.
-MOST_UPDATES = 2**31 - 1
 Grid = Mapping[str, tuple[float, ...]]
+
+# Updates are counted in int32.
+MOST_UPDATES = 2**31 - 1
 
 
 @dataclasses.dataclass(frozen=True)

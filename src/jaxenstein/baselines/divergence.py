@@ -84,7 +84,8 @@ class Divergence:
     @property
     def parts(self) -> str:
         """What was not finite, such as "loss and gradient"."""
-        found = [part for bit, part in enumerate(PARTS) if self.code >> bit & 1]
+        # A file may say anything.
+        found = [part for bit, part in enumerate(PARTS) if self.code >> bit & 1] or ["numbers"]
         return " and ".join(filter(None, [", ".join(found[:-1]), found[-1]]))
 
     def told(self, name: str) -> str:

@@ -210,7 +210,7 @@ def best_run(folder: RunFolder) -> int:
         return 0
     by_run = rows_by_run(read_metrics(folder.path), len(folder.experiment.runs))
     last = max(1, len(by_run[0]) // 10)
-    diverged = [any(row.get(METRIC) for row in rows) for rows in by_run]
+    diverged = np.array([any(row.get(METRIC) for row in rows) for rows in by_run])
     by_run = [[row for row in rows if not row.get(METRIC)][-last:] for rows in by_run]
     episodes, returns, lengths = (
         np.array([sum(row.get(name) or 0 for row in rows) for rows in by_run])
