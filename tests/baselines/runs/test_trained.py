@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -199,3 +200,17 @@ def test_one_finds_the_armour() -> None:
         episode = jaxenstein.record(policy.env, policy.params, policy, seed=seed)
         assert (episode.ending, episode.steps < 200) == ("terminated", True)
         assert episode.returns[-1] > 0.9
+
+
+def test_numbers_that_float16_does_not_hold_are_told(folder: RunFolder, tmp_path: Path) -> None:
+    shutil.copytree(folder.path, tmp_path / "run")
+    copied = RunFolder.open(tmp_path / "run")
+    restored = copied.restore()
+    assert restored is not None
+    large = jax.tree.map(lambda leaf: leaf + np.float32(1e5), restored.state.params)
+    copied.checkpoints.save(1, restored.state.replace(params=large))
+    out = tmp_path / "agent.npz"
+    with pytest.raises(SettingError, match="are not finite as float16; those of float32 are"):
+        export_policy(copied.path, out, 0, episodes=1)
+    export_policy(copied.path, out, 0, weights="float32", episodes=1)
+    assert load_trained(out).finite(0)

@@ -182,7 +182,8 @@ def export_policy(
     agent = dataclasses.replace(agent, params=jax.tree.map(rounded, agent.params))
     if not agent.finite(0):
         name = run_names(agent.experiment)[0]
-        raise SettingError(f"{path}: the parameters of {name} are not finite as {weights}")
+        hint = "; those of float32 are" if trained.finite(chosen) else ""
+        raise SettingError(f"{path}: the parameters of {name} are not finite as {weights}{hint}")
     results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)
     names = run_names(agent.experiment)
     score = {name: result.to_json(names) for name, result in results.items()}
