@@ -18,7 +18,7 @@ INTRODUCTION = """\
 
 `jaxenstein COMMAND --help` prints what stands here. Wrong arguments are answered with what would
 be right, and exit status 2; 1 means that something could not be written or run, or that a replay
-was not the same.
+was not the same; 3 that all runs of a training diverged.
 
 Commands keep the programs that JAX compiles in `~/.cache/jaxenstein` (or below `XDG_CACHE_HOME`),
 at most about 1 GiB, so that a second call begins at once. `--no-cache` leaves the folder alone, and

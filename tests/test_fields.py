@@ -42,6 +42,7 @@ class Sample:
     size: int = number(64, 1, 4096)
     layers: int = number(2, 1)
     free: int = 3
+    large: int = number(5, 1, 10**12)
     angle: float = number(60.0, 30, 120)
     near: float = number(0.2, above=0)
     step: float = number(0.5, 0, below=1)
@@ -66,6 +67,10 @@ SETTINGS: list[tuple[str, Any, str]] = [
     ("size", None, "size must be a whole number from 1 to 4096, not None"),
     ("layers", 0, "layers must be a whole number from 1 on, not 0"),
     ("free", 0.5, "free must be a whole number, not 0.5"),
+    ("free", 2**31, "free must be a whole number, not 2147483648, which int32 does not hold"),
+    ("free", -(2**31) - 1, "not -2147483649, which int32 does not hold"),
+    ("layers", 10**400, "layers must be a whole number from 1 on, not 1000"),
+    ("large", 10**12 + 1, "large must be a whole number from 1 to 1e+12, not 1000000000001"),
     ("angle", 20, "angle must be a finite number from 30 to 120, not 20"),
     ("angle", "wide", "angle must be a finite number from 30 to 120, not 'wide'"),
     ("near", 0, "near must be a finite number above 0, not 0"),

@@ -31,10 +31,13 @@ FREE = {"any", "text", "table"}
 def beyond(domain: Domain, *, array: bool) -> list[Any]:
     """The values nearest to the range of numbers that are not in it."""
     if domain.form == "whole":
+        # Whole numbers are used in int32, unless their range says otherwise.
         least, most = domain.least, domain.most
-        if array:
-            least, most = max(least, INT32.min), min(most, INT32.max)
-        return [int(end) for end in (least - 1, most + 1) if math.isfinite(end)]
+        if array or math.isinf(least):
+            least = max(least, INT32.min)
+        if array or math.isinf(most):
+            most = min(most, INT32.max)
+        return [int(least) - 1, int(most) + 1]
     low, high = np.float32(domain.least), np.float32(domain.most)
     ends = [np.nextafter(low, np.float32(-np.inf)), np.nextafter(high, np.float32(np.inf))]
     return [float(end) for end in (*ends, np.float32(domain.above), np.float32(domain.below))]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from .adapters.registration import register_once_imported
 from .environment import Environment, Params, State
 from .errors import (
+    DivergenceWarning,
     JAXensteinError,
     LevelWarning,
     MapError,
@@ -46,6 +47,7 @@ _LAZY = {
 }
 
 __all__ = [
+    "DivergenceWarning",
     "Environment",
     "Episode",
     "Frame",

@@ -63,6 +63,10 @@ class LevelWarning(UserWarning):
     """Levels that are so few that those of other seeds are no test."""
 
 
+class DivergenceWarning(UserWarning):
+    """An agent whose training diverged: its parameters are the last finite ones, or not finite."""
+
+
 def one_line(text: str) -> str:
     r"""A text as one line for a terminal: what that would obey is written out.
 

@@ -120,7 +120,7 @@ class Domain:
             good = array.dtype.kind in "iuf" or jnp.issubdtype(array.dtype, jnp.floating)
             good = good and (self.form != "whole" or bool(np.all(array == np.floor(array))))
             good = good and domain._within(array)
-        close = "" if good else self._rounded(value)
+        close = "" if good else domain._rounded(value)
         return "" if good else f"must be {domain.words}, not {reprlib.repr(array.tolist())}{close}"
 
     @functools.cached_property
@@ -128,7 +128,7 @@ class Domain:
         """The values that arrays can have: whole numbers of 32 bits."""
         if self.form != "whole":
             return self
-        least, most = max(self.least, _INT32.min), min(self.most, _INT32.max)
+        least, most = max(self.least, int(_INT32.min)), min(self.most, int(_INT32.max))
         return dataclasses.replace(self, least=least, most=most)
 
     def _holds(self, value: Any) -> bool:
@@ -161,13 +161,21 @@ class Domain:
 
     @functools.cached_property
     def _bounds(self) -> list[Any]:
-        """The range in the precision that numbers are used in."""
-        exact = self.form == "whole"
+        """The range in the precision that numbers are used in.
+
+        That is int32 for whole numbers, unless their range says otherwise.
+        """
         bounds = self.least, self.most, self.above, self.below
-        return [bound if exact else np.float32(bound) for bound in bounds]
+        if self.form != "whole":
+            return [np.float32(bound) for bound in bounds]
+        least = self.least if self.least > -math.inf else int(_INT32.min)
+        most = self.most if self.most < math.inf else int(_INT32.max)
+        return [least, most, self.above, self.below]
 
     def _rounded(self, value: Any) -> str:
-        """What a number becomes in float32, where that alone is why it is refused."""
+        """What a number is in float32 or int32, where that alone is why it is refused."""
+        if self.form == "whole" and is_whole(value) and self.least <= value <= self.most:
+            return ", which int32 does not hold"
         real = self.form == "number" and (is_whole(value) or _is_real(value))
         if real and _between(value, self.least, self.most, self.above, self.below):
             with contextlib.suppress(OverflowError):

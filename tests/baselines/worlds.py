@@ -23,7 +23,7 @@ class CueState(State):
 
 def _still(time: int, cue: jax.Array) -> CueState:
     return CueState(
-        position=jnp.zeros(2),
+        position=jnp.zeros(2, jnp.float32),
         heading=jnp.float32(0),
         time=jnp.int32(time),
         episode_return=jnp.float32(0),

@@ -97,14 +97,35 @@ def test_summary_lists_the_best_point_first(tmp_path: Path) -> None:
                                 "25.0%", "-", "75.0%"]  # fmt: skip
 
 
-def test_command_trains_skips_and_lists(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.fixture
+def common(tmp_path: Path) -> list[str]:
     (tmp_path / "map.txt").write_text(OPTIONS["map"])
-    flags = [
+    return [
         "--height=12", "--width=16", "--horizon=10", "--total-steps=192", "--num-envs=4",
         "--rollout=8", "--minibatches=2", "--epochs=2", "--features=8", "--hidden=8", "--head=8",
         "--convolutions=4x4x4", "--seeds=2", f"--map-file={tmp_path / 'map.txt'}",
-        "--no-tensorboard", "--algo", "ppo", "--grid", "clip=0.1,0.2", "--out", str(tmp_path / "s"),
+        "--no-tensorboard", "--algo", "ppo", "--out", str(tmp_path / "s"),
     ]  # fmt: skip
+
+
+def test_a_grid_that_diverges_does_not_end_the_sweep(
+    common: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = [*common, "--grid", "learning_rate=1e38,1e-3", "--at-once=2"]
+    assert main(["sweep", *flags]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.count("all 2 runs diverged") == 1
+    parts = [f"ppo-learning_rate-{rate}" for rate in ("1e+38", "0.001")]
+    for part, updates in zip(parts, (1, 6), strict=True):
+        assert f"{tmp_path / 's' / part}: {updates} of 6 updates" in captured.out
+        assert f"\n{part} " in captured.out
+    assert main(["sweep", *flags[:-2], "learning_rate=1e38", "--resume", "--at-once=1"]) == 3
+
+
+def test_command_trains_skips_and_lists(
+    common: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = [*common, "--grid", "clip=0.1,0.2"]
     # Its time is over at once; then it goes on.
     assert main(["sweep", *flags, "--minutes=0"]) == 130
     assert "0 of 6 updates" in capsys.readouterr().out

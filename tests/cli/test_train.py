@@ -127,6 +127,57 @@ def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
     assert len(read_metrics(out)) == 2 * UPDATES
 
 
+def test_a_training_that_diverges_says_so_and_keeps_what_was_finite(
+    flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, told = tmp_path / "run", "diverged at update 1: its "
+    command = ["train", *flags, "--out", str(out), "--learning-rate", "1e38"]
+    assert main(command) == 3
+    for err in (capsys.readouterr().err,):
+        assert [f"seed-{seed} {told}" in err for seed in (0, 1)] == [True, True]
+        assert "it learns no more; try a lower --learning-rate" in err
+        assert "all 2 runs diverged" in err
+        assert "to go on" not in err
+    before = (out / "metrics.jsonl").read_bytes()
+    assert main(["train", "--out", str(out), "--resume", "--no-tensorboard"]) == 3
+    assert f"seed-1 {told}" in capsys.readouterr().err
+    assert (out / "metrics.jsonl").read_bytes() == before
+    assert main(["evaluate", str(out), "--episodes", "2"]) == 0
+    captured = capsys.readouterr()
+    assert f"jaxenstein: warning: run: seed-0 {told}" in captured.err
+    assert f"jaxenstein: warning: run: seed-1 {told}" in captured.err
+    assert "greedy" in captured.out
+    agent = str(tmp_path / "agent.npz")
+    assert main(["export", str(out), "--run=1", "--out", agent, "--episodes=2"]) == 0
+    assert f"run: seed-1 {told}" in capsys.readouterr().err
+    assert main(["record", "--policy", str(out), "--out", str(tmp_path / "a.gif")]) == 0
+    assert f"run: seed-0 {told}" in capsys.readouterr().err
+
+
+def test_a_training_goes_on_where_one_run_diverges(
+    flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    varied = ["--grid", "learning_rate=1e38,1e-3", "--seeds=1"]
+    assert main(["train", *flags, *varied, "--out", str(out)]) == 0
+    captured = capsys.readouterr()
+    assert f"{UPDATES} of {UPDATES} updates  return " in captured.out
+    assert captured.err.count("learning_rate-1e+38-seed-0 diverged at update 1") == 1
+    assert "0.001-seed-0 diverged" not in captured.err
+
+
+def test_who_wants_it_goes_on_with_what_is_not_finite(
+    flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    how = ["--learning-rate=1e38", "--on-divergence=continue"]
+    assert main(["train", *flags, *how, "--out", str(out)]) == 0
+    assert len(read_metrics(out)) == 2 * UPDATES
+    assert "diverged" not in capsys.readouterr().err
+    assert main(["evaluate", str(out), "--episodes", "2"]) == 0
+    assert "run: the parameters of seed-1 are not finite" in capsys.readouterr().err
+
+
 def test_without_the_extra_each_command_names_it(tmp_path: Path) -> None:
     """In a process that cannot import flax; the other commands do not need it."""
     code = """

@@ -30,7 +30,11 @@ from ..pytree import PyTreeNode
 
 Precision = Literal["float32", "bfloat16"]
 Convolution = Literal["matmul", "lax"]
+OnDivergence = Literal["stop", "continue"]
 Grid = Mapping[str, tuple[float, ...]]
+
+# Updates are counted in int32.
+MOST_UPDATES = 2**31 - 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -182,6 +186,9 @@ class Config:
             false the bonus is added to the reward.
         stop_success: stop learning once the mean success of about the last hundred episodes has
             reached this share: what was learned can be lost again; 0: never.
+        on_divergence: what becomes of a run whose loss, gradient or parameters are not finite:
+            `"stop"`: it learns no more and keeps the parameters of the update before;
+            `"continue"`: it goes on with what is left of them.
         random_clocks: start each environment's first episode at a random time, so that episodes
             of one length do not all end at once.
         shards: groups of environments from which minibatches are sampled evenly: the number of
@@ -190,7 +197,7 @@ class Config:
     """
 
     algo: str = "ppo"
-    total_steps: int = number(10_000_000, 1)  # not printed; pobax uses 1e7 for its mazes
+    total_steps: int = number(10_000_000, 1, 10**15)  # not printed; pobax uses 1e7 for its mazes
     num_envs: int = number(64, 1)  # not printed
     rollout: int = number(128, 1)
     epochs: int = number(4, 1)
@@ -212,6 +219,7 @@ class Config:
     normalise_bonus: bool = False
     bonus_values: bool = False
     stop_success: float = number(0.0, 0, 1)
+    on_divergence: OnDivergence = choice("stop", OnDivergence)
     random_clocks: bool = False
     shards: int = number(1, 1)
     bonus: Mapping[str, Any] = FrozenDict()
@@ -239,6 +247,12 @@ class Config:
             raise SettingError(
                 "total_steps must be at least num_envs * rollout = "
                 f"{self.steps_per_update}, one update, not {self.total_steps}"
+            )
+        if self.updates > MOST_UPDATES:
+            raise SettingError(
+                f"total_steps must be at most {MOST_UPDATES} * num_envs * rollout = "
+                f"{MOST_UPDATES * self.steps_per_update}, as many updates as int32 holds, not "
+                f"{self.total_steps}"
             )
 
     @property

@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from . import optimiser, ppo
+from . import divergence, optimiser, ppo
 from .bonus import Bonus, BonusScale, Experience, Metrics
 from .config import Config, HParams
 from .networks import ActorCritic
@@ -61,6 +61,7 @@ class Loop:
             scale=scale,
             recent=jnp.float32(0) if self.config.stop_success else None,
             actors=start(self.simulator, self.network, env_key, number, self.clocks),
+            diverged=jnp.int32(0) if self.config.on_divergence == "stop" else None,
         )
 
     def updates(
@@ -89,8 +90,11 @@ class Loop:
             `advantage_mean`, `advantage_deviation`, `value_mean`, `reward_mean`, `bonus_mean`,
             `bonus_max` and `explained_variance` of the rollout, before any normalisation;
             `learning_rate`; `bonus_explained_variance` where the bonus has a value head of its own
-            (`bonus_explained_variance_1`, ... where several); and the bonus' own metrics.
+            (`bonus_explained_variance_1`, ... where several); and the bonus' own metrics. Where
+            `on_divergence` is `"stop"`, a run that diverges is left as it was, and the metrics
+            have `diverged`, as in `TrainState`.
         """
+        before = state
         key, play_key, train_key, bonus_key = jax.random.split(wrap_key(state.key), 4)
         actors, steps, finals, sums = rollout(
             self.simulator, self.network, state.params, play_key, state.actors,
@@ -123,7 +127,10 @@ class Loop:
             actors=actors,
         )
         diagnosis = _diagnose(batch, bonus) | {"learning_rate": hparams.learning_rate * left}
-        return state, sums | learnt | diagnosis | seen | bonus_learnt
+        metrics = sums | learnt | diagnosis | seen | bonus_learnt
+        if state.diverged is None:
+            return state, metrics
+        return divergence.guard(before, state, learnt | bonus_learnt, metrics)
 
     def reward(
         self, state: TrainState, hparams: HParams, experience: Experience

@@ -74,8 +74,9 @@ class Encoder(nn.Module):
         for number, (kernel, stride, features) in enumerate(layers_for(shape, self.layers)):
             name = f"image{index}_convolution{number}"
             size = (kernel, kernel, channels, features)
-            weights = self.param(f"{name}_kernel", nn.initializers.orthogonal(_SQRT2), size)
-            bias = self.param(f"{name}_bias", nn.initializers.zeros, (features,))
+            orthogonal = nn.initializers.orthogonal(_SQRT2)
+            weights = self.param(f"{name}_kernel", orthogonal, size, jnp.float32)
+            bias = self.param(f"{name}_bias", nn.initializers.zeros, (features,), jnp.float32)
             image = convolve(image, weights.astype(self.dtype), stride)
             bias = bias.astype(self.dtype).reshape((1,) * (image.ndim - 1) + (-1,))
             image = nn.relu(image + bias)
@@ -102,10 +103,11 @@ def layers_for(shape: tuple[int, int, int], layers: Layers | None) -> Layers:
     return layers
 
 
-def _orthogonal_gates(key: jax.Array, shape: tuple[int, int]) -> jax.Array:
+def _orthogonal_gates(key: jax.Array, shape: tuple[int, int], dtype: DTypeLike) -> jax.Array:
     """Recurrent weights, orthogonal for each of the three gates."""
     size = shape[0]
-    gates = [nn.initializers.orthogonal()(k, (size, size)) for k in jax.random.split(key, 3)]
+    orthogonal = nn.initializers.orthogonal()
+    gates = [orthogonal(k, (size, size), dtype) for k in jax.random.split(key, 3)]
     return jnp.concatenate(gates, axis=1)
 
 
@@ -134,8 +136,9 @@ class GRU(nn.Module):
             float32[T, N, size], the memory after each step, and the last of them.
         """
         gates = nn.Dense(3 * self.size, dtype=self.dtype, param_dtype=jnp.float32)(inputs)
-        weights = self.param("recurrent", _orthogonal_gates, (self.size, 3 * self.size))
-        bias = self.param("candidate_bias", nn.initializers.zeros, (self.size,))
+        size = (self.size, 3 * self.size)
+        weights = self.param("recurrent", _orthogonal_gates, size, jnp.float32)
+        bias = self.param("candidate_bias", nn.initializers.zeros, (self.size,), jnp.float32)
         weights, bias = weights.astype(self.dtype), bias.astype(hidden.dtype)[None]
 
         def cell(

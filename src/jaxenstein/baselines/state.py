@@ -34,6 +34,9 @@ class TrainState(PyTreeNode):
         recent: float32[], mean success of the last episodes, fixed once it has reached
             `stop_success`; None without it.
         actors: the environments, and the policy's memory of them.
+        diverged: int32[], 0 while all numbers are finite; then which of `divergence.PARTS` were
+            not, and nothing else changes any more, `update` included; None where
+            `on_divergence` is `"continue"`.
     """
 
     key: jax.Array
@@ -44,6 +47,7 @@ class TrainState(PyTreeNode):
     scale: BonusScale | None
     recent: jax.Array | None
     actors: Actors = dataclasses.field(metadata=PER_ENVIRONMENT)
+    diverged: jax.Array | None = None
 
 
 def key_data(key: jax.Array) -> jax.Array:

@@ -73,7 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit code: 0; 1 if something could not be written or run, or a replay is not the
-        same; 2 for wrong arguments; 130 after Ctrl-C; 141 if the reader of the output went away.
+        same; 2 for wrong arguments; 3 if all runs of a training diverged; 130 after Ctrl-C; 141 if
+        the reader of the output went away.
     """
     try:
         given = sys.argv[1:] if argv is None else argv

@@ -28,7 +28,8 @@ sampled ones ("sampled"), and show the means with their 95 % bootstrap intervals
 episodes, or with one run over episodes. --gif also writes an episode beside the map. --env,
 --map-file, --set and --param play elsewhere, with nothing learned anew; another environment is seen
 as the one before was. Agents trained with a split of levels play the levels of that split;
---set split=test plays those of the test.
+--set split=test plays those of the test. A run that diverged plays with its last finite parameters;
+a line says so.
 
 --in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
 anew, and --gif then shows one episode from the same start in both. It takes agents of the
@@ -80,8 +81,10 @@ def run(options: argparse.Namespace) -> None:
         check_writable(options.json)
     if options.gif is not None:
         check_animation(options.gif)
-    trained = agents.load_trained(options.folder)
     with telling_warnings():
+        trained = agents.load_trained(options.folder)
+        for run in range(len(trained.experiment.runs)):
+            trained.warn(run)
         trained = _changed(trained, with_map(given_options(options)))
     if options.game is not None:
         from ..adapters.vizdoom import check_scenario

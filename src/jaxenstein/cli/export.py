@@ -8,7 +8,7 @@ from pathlib import Path
 from ..progress import Progress
 from .arguments import Parser, add_run, add_seed, flag, whole
 from .evaluate import table
-from .opening import baselines
+from .opening import baselines, telling_warnings
 
 HELP = "write a trained agent into a small file"
 DESCRIPTION = """\
@@ -38,7 +38,10 @@ def run(options: argparse.Namespace) -> None:
     """Write the file, and say how good its agent is."""
     agents = baselines("agents")
     total = len(agents.WAYS) * options.episodes
-    with Progress(total, "evaluating", unit="episodes", compiles=True) as progress:
+    with (
+        telling_warnings(),
+        Progress(total, "evaluating", unit="episodes", compiles=True) as progress,
+    ):
         results = agents.export_policy(
             options.folder,
             options.out,

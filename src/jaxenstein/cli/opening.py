@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ..errors import LevelWarning, MapWarning, one_line
+from ..errors import DivergenceWarning, LevelWarning, MapWarning, one_line
 from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, plain_value
 from .compile_cache import forget
 
@@ -105,9 +105,9 @@ def handling(names: Iterable[str], handler: Callable[[int, object], None]) -> It
 
 @contextlib.contextmanager
 def telling_warnings() -> Iterator[None]:
-    """Print the warnings about maps and levels, one line each."""
+    """Print the warnings about maps, levels and agents, one line each."""
     with warnings.catch_warnings(record=True) as caught:
-        for kind in (MapWarning, LevelWarning):
+        for kind in (MapWarning, LevelWarning, DivergenceWarning):
             warnings.simplefilter("always", kind)
         yield
     for text in dict.fromkeys(str(warning.message) for warning in caught):

@@ -24,7 +24,7 @@ from .arguments import (
     real,
     whole,
 )
-from .opening import baselines, given_options, open_environment
+from .opening import baselines, given_options, open_environment, telling_warnings
 
 if TYPE_CHECKING:
     from ..baselines.runs.agents import TrainedPolicy
@@ -152,7 +152,8 @@ def load_agent(path: Path | None, options: argparse.Namespace) -> TrainedPolicy 
         if options.greedy or options.number is not None:
             raise UsageError("jaxenstein: --run and --greedy go with the run directory of --policy")
         return None
-    return baselines("agents").load_policy(path, options.number, greedy=options.greedy)
+    with telling_warnings():
+        return baselines("agents").load_policy(path, options.number, greedy=options.greedy)
 
 
 def open_for(

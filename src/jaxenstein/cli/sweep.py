@@ -12,7 +12,7 @@ from ..files import check_links
 from .arguments import Parser, UsageError, flag, reader, whole
 from .listing import format_table
 from .opening import add_training_options, baselines, given_training, named, telling_warnings
-from .train import add_training, carry_out, spread
+from .train import DIVERGED, add_training, carry_out, spread
 
 if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
@@ -24,7 +24,8 @@ Train every algorithm at every point of its grid, with five seeds. The runs of o
 trained side by side in one compiled program, in a run directory of its own below DIR. Without
 --grid the grids are those of the paper: none for ppo; --bonus-reward 0.1, 1, 10 and --rnd-loss
 0.01, 0.1 for rnd; --bonus-learning-rate 3e-4, 1e-4 and --bonus-reward 0.1, 1, 10 for icm.
-At the end the points are listed by the mean return over the last tenth of the training.
+At the end the points are listed by the mean return over the last tenth of the training. Runs that
+diverge are told of, as by 'train'; exit status 3 says that all of them did.
 """
 EPILOG = """\
 examples:
@@ -67,12 +68,13 @@ def run(options: argparse.Namespace) -> int:
         planned = sweeps.plan(given, algos, options.at_once, paper=not options.no_grid)
     check_links(options.out)
     folders = [_folder(options, name, planned[name]) for name in planned]
+    codes = []
     for folder in folders:
-        code = carry_out(folder, options)
-        if code:
-            return code
+        codes.append(carry_out(folder, options))
+        if codes[-1] not in (0, DIVERGED):
+            return codes[-1]
     print(table(sweeps.summary([folder.path for folder in folders])))
-    return 0
+    return min(codes)
 
 
 def _folder(options: argparse.Namespace, name: str, experiment: object) -> RunFolder:

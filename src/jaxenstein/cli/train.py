@@ -29,6 +29,7 @@ from .opening import (
 )
 
 if TYPE_CHECKING:
+    from ..baselines.divergence import Divergence
     from ..baselines.runs.folder import RunFolder
     from ..baselines.runs.metrics import Row, Sink
 
@@ -52,6 +53,11 @@ checkpoint, also after a crash, and gives the same result as without the interru
 every option from the run directory; those given again must be the same, but for a larger
 --total-steps, which trains longer where the learning rate does not --anneal with the total.
 
+A seed whose loss, gradient or parameters are not finite has diverged: it learns no more and keeps
+its last finite parameters, which 'evaluate', 'play' and 'export' take, while the other seeds go on.
+Once all seeds have diverged the training ends, with exit status 3; --resume changes nothing about
+that. --on-divergence continue lets such seeds go on as they are.
+
 A --config file has the options as names with values, such as
 
   env = "simple"
@@ -64,7 +70,12 @@ tables. RUN/config.json shows all of them. Flags win over the file.
 """
 # Updates whose episodes the progress line shows.
 RECENT = 10
-INTERRUPTED = 130
+DIVERGED, INTERRUPTED = 3, 130
+# What to do about a run that diverged.
+ADVICE = (
+    "it learns no more; try a lower --learning-rate, a smaller --gradient-norm, or smaller rewards "
+    "(docs/training.md, 'Where it diverges')"
+)
 STOPPING = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
@@ -136,18 +147,24 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
 
 
 def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
-    """Train in a run directory with a progress line, until it is done or stopped."""
+    """Train in a run directory with a progress line, until it is done or stopped.
+
+    Returns:
+        The exit code: `DIVERGED` if all runs have, `INTERRUPTED` if there is more to do, else 0.
+    """
     experiment = folder.experiment
-    total = experiment.config.updates
-    many = experiment.config.steps_per_update * len(experiment.runs)
-    recent: deque[Row] = deque(maxlen=RECENT * len(experiment.runs))
+    total, runs = experiment.config.updates, len(experiment.runs)
+    names = baselines("folder").run_names(experiment)
+    many = experiment.config.steps_per_update * runs
+    recent: deque[Row] = deque(maxlen=RECENT * runs)
+    diverged: dict[int, Divergence] = {}
     with (
         folder.locked(),
         opened_sinks(folder, options) as sinks,
         Progress(total * many, folder.path.name, compiles=True) as progress,
         stopping() as stop,
     ):
-        watch = baselines("training").StallWatch(len(experiment.runs))
+        watch = baselines("training").StallWatch(runs)
 
         def notify(update: int, rows: Sequence[Row]) -> None:
             recent.extend(rows)
@@ -155,6 +172,11 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
             seen = rows or (baselines("metrics").read_metrics(folder.path) if update else [])
             if (warning := watch.check(seen)) is not None:
                 progress.say(f"jaxenstein: warning: {warning}")
+            for run, found in baselines("metrics").diverged_runs(seen, runs).items():
+                if run not in diverged:
+                    diverged[run] = found
+                    told = f"{found.told(names[run])}; {ADVICE}"
+                    progress.say(f"jaxenstein: warning: {told}")
             if rows or update == total:
                 progress.note = note_of(recent)
                 progress.update(update * many)
@@ -171,6 +193,9 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
         )
     where = f"{folder.path}: {done} of {total} updates"
     print("  ".join(filter(None, [where, note_of(recent)])))
+    if len(diverged) == runs:
+        print(f"all {runs} runs diverged" if runs > 1 else "the run diverged", file=sys.stderr)
+        return DIVERGED
     if done < total:
         module, colon, _ = (experiment.environment.id or "").rpartition(":")
         modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])

@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -215,6 +216,7 @@ def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
         ("{", "is not JSON"),
         ("[]", "not the configuration of a run"),
         ('{"format": 99}', "format 99, not 1"),
+        ('{"format": true}', "format True, not 1"),
         ('{"format": 1}', "not the configuration of a run"),
         (json.dumps(plain | {"seeds": [0, 3]}), r"'seeds' must follow each other, not \[0, 3\]"),
         (json.dumps(misspelt), "unknown setting 'epohcs', did you mean 'epochs'"),
@@ -222,6 +224,39 @@ def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
         (tmp_path / CONFIG).write_text(text)
         with pytest.raises(SettingError, match=reason):
             RunFolder.open(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value", "reason"),
+    [
+        ("hparams", "learning_rate", True, "learning_rate must be a finite number from 0 on"),
+        ("hparams", "gae_lambda", [], "gae_lambda must be a number or an array of them, not []"),
+        ("hparams", "clip", [0.1, 0.2], "clip must be a number or an array of them, not [0.1"),
+        ("hparams", "clip", None, "clip must be a number or an array of them, not None"),
+        ("hparams", "value", 1e308, "value must be .*, not 1e+308, which is inf in float32"),
+        ("hparams", "entropy", "0.1", "entropy must be a number or an array of them, not '0.1'"),
+        ("config", "contrast", 1e308, "contrast must be .*, not 1e+308, which is inf in float32"),
+        ("config", "contrast", True, "contrast must be a finite number from 0 on, not True"),
+        ("config", "epochs", 2**31, "epochs must be .*, not 2147483648, which int32 does not hold"),
+        ("config", "num_envs", [4], "num_envs must be a whole number from 1 on, not (4,)"),
+        ("config", "anneal", 1, "anneal must be True or False, not 1"),
+        ("config", "on_divergence", "stp", "on_divergence must be one of 'stop', 'continue'"),
+        ("grid", "clip", [0.1, 1e308], "clip must be .*, not 1e+308, which is inf in float32"),
+        ("grid", "clip", [0.1, True], "grid.clip must be a list of different numbers"),
+        ("environment", "version", True, "environment.version must be a whole number from 0 on"),
+    ],
+)
+def test_wrong_values_of_a_configuration_are_told_by_file_and_entry(
+    whole: RunFolder, tmp_path: Path, part: str, name: str, value: Any, reason: str
+) -> None:
+    plain = json.loads((whole.path / CONFIG).read_text())
+    plain[part][name] = value
+    (tmp_path / CONFIG).write_text(json.dumps(plain))
+    with pytest.raises(SettingError) as caught:
+        RunFolder.open(tmp_path)
+    said = str(caught.value)
+    assert said.startswith(f"{tmp_path / CONFIG}: ")
+    assert re.search(re.escape(reason).replace(r"\.\*", ".*"), said)
 
 
 def test_a_folder_that_cannot_be_written_is_told_first(

@@ -61,7 +61,13 @@ def test_weights_and_biases_gets_every_number(
             {"update": 1, "steps": 8, "seed": 1, "loss": 2.0, "return": 3.0},
         ]
     )
+    stopped: Row = {"update": 2, "steps": 16, "seed": 1, "loss": None, "diverged": 4}
+    sink.write([{"update": 2, "steps": 16, "seed": 0, "loss": 1.0, "diverged": 0}, stopped])
     sink.close()
+    # Means are those of the runs that go on.
+    assert logged.pop() == (
+        {"a/loss": 1.0, "a/diverged": 0, "b/diverged": 4, "loss": 1.0, "diverged": 0}, 16
+    )  # fmt: skip
     assert (started["project"], started["name"], started["resume"]) == ("mine", "run", "allow")
     # A folder of the same name is another run, and the same folder goes on with its own.
     ids = []
@@ -110,6 +116,19 @@ def test_one_whose_returns_rise_is_not() -> None:
         watch = StallWatch(2)
         looked = [watch.check([first] * 2), *(watch.check([later] * 2) for _ in range(20))]
         assert any(looked) == told
+
+
+def test_runs_that_diverged_are_not_taken_for_settled() -> None:
+    def update(entropy: float) -> list[Row]:
+        return [{"episodes": 0, "diverged": 1, "entropy": None}, *rows(1, entropy, EPISODES)[:1]]
+
+    watch = StallWatch(2)
+    assert watch.check(rows(1, 1.6, 10)) is None
+    assert [watch.check(update(1.5)) for _ in range(5)] == [None] * 5
+    told = watch.check(update(0.04))
+    assert told is not None
+    assert "from 1.6 to 0.04" in told
+    assert StallWatch(1).check([{"episodes": 5 * EPISODES, "diverged": 1, "entropy": None}]) is None
 
 
 def test_rows_of_before_and_without_episodes_count() -> None:

@@ -53,6 +53,10 @@ def test_configs_are_hashable_and_count_updates() -> None:
         config.replace(num_env=3)
     with pytest.raises(SettingError, match="times shards = 4"):
         config.replace(num_envs=8, shards=4)
+    most = 40 * (2**31 - 1)
+    assert config.replace(total_steps=most).updates == 2**31 - 1
+    with pytest.raises(SettingError, match=rf"must be at most .* = {most}, .*, not {most + 40}"):
+        config.replace(total_steps=most + 40)
 
 
 def test_numbers_are_traced() -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
+import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -127,6 +129,16 @@ def edited(**changes: Any) -> Callable[[dict[str, bytes]], None]:
     return edit
 
 
+def spoilt(entries: dict[str, bytes]) -> None:
+    """A number of an array becomes NaN."""
+    name = next(name for name in entries if name.endswith("bias'].npy"))
+    array = np.load(io.BytesIO(entries[name]))
+    array.flat[0] = np.nan
+    file = io.BytesIO()
+    np.save(file, array)
+    entries[name] = file.getvalue()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -140,6 +152,12 @@ def edited(**changes: Any) -> Callable[[dict[str, bytes]], None]:
         (edited(seeds=[0, 1]), "must be of one run"),
         (edited(format=7), "format 7, not 1"),
         (edited(config={"algo": "rdn"}), "did you mean 'rnd'"),
+        (edited(hparams={"learning_rate": True}), "learning_rate must be a finite number"),
+        (edited(hparams={"clip": [0.1, 0.2]}), "clip must be a number or an array of them"),
+        (edited(hparams={"value": 1e308}), "value must be .*, which is inf in float32"),
+        (edited(update=True), "agent.update must be a whole number from 0 on, not True"),
+        (edited(update=-1), "agent.update must be a whole number from 0 on, not -1"),
+        (spoilt, "its parameters are not finite"),
     ],
 )
 def test_what_is_no_agent_is_told(file: Path, change: Any, message: str) -> None:
@@ -182,3 +200,17 @@ def test_one_finds_the_armour() -> None:
         episode = jaxenstein.record(policy.env, policy.params, policy, seed=seed)
         assert (episode.ending, episode.steps < 200) == ("terminated", True)
         assert episode.returns[-1] > 0.9
+
+
+def test_numbers_that_float16_does_not_hold_are_told(folder: RunFolder, tmp_path: Path) -> None:
+    shutil.copytree(folder.path, tmp_path / "run")
+    copied = RunFolder.open(tmp_path / "run")
+    restored = copied.restore()
+    assert restored is not None
+    large = jax.tree.map(lambda leaf: leaf + np.float32(1e5), restored.state.params)
+    copied.checkpoints.save(1, restored.state.replace(params=large))
+    out = tmp_path / "agent.npz"
+    with pytest.raises(SettingError, match="are not finite as float16; those of float32 are"):
+        export_policy(copied.path, out, 0, episodes=1)
+    export_policy(copied.path, out, 0, weights="float32", episodes=1)
+    assert load_trained(out).finite(0)

@@ -40,7 +40,7 @@ class E3BOptions:
     """
 
     e3b_embedding: Learned = choice("inverse", Learned)
-    e3b_reach: int = number(8, 1)
+    e3b_reach: int = number(8, 1, 10**6)
     e3b_latent: int = number(32, 1)
     e3b_hidden: int = number(256, 1)
     e3b_layers: int = number(2, 1)

@@ -15,6 +15,7 @@ from jax.typing import ArrayLike
 
 from ...errors import SettingError
 from ...files import check_writable
+from ..divergence import METRIC
 from ..observations import observation_spec
 from .folder import RunFolder, run_names
 from .metrics import METRICS, read_metrics, rows_by_run
@@ -127,9 +128,14 @@ def load_policy(path: str | Path, run: int | None = None, *, greedy: bool = Fals
 
     Raises:
         SettingError: there is no such run or agent, or it cannot be read.
+
+    Warns:
+        DivergenceWarning: the run diverged; its parameters are the last finite ones.
     """
     trained = load_trained(path)
-    return TrainedPolicy(trained, chosen_run(trained, run), greedy)
+    chosen = chosen_run(trained, run)
+    trained.warn(chosen)
+    return TrainedPolicy(trained, chosen, greedy)
 
 
 def export_policy(
@@ -157,17 +163,27 @@ def export_policy(
         Its episodes, by `"greedy"` and `"sampled"`.
 
     Raises:
-        SettingError: as in `load_policy`, or the file has another suffix.
+        SettingError: as in `load_policy`, or the file has another suffix, or a parameter is not
+            finite in the precision of the file.
         OutputError: it cannot be written.
+
+    Warns:
+        DivergenceWarning: as in `load_policy`.
     """
     out = Path(out)
     if out.suffix != SUFFIX:
         raise SettingError(f"{out} should end in {SUFFIX}")
     check_writable(out)
     trained = load_trained(path)
-    agent = trained.one(chosen_run(trained, run))
+    chosen = chosen_run(trained, run)
+    trained.warn(chosen)
+    agent = trained.one(chosen)
     rounded = lambda leaf: leaf.astype(weights).astype(np.float32)  # noqa: E731
     agent = dataclasses.replace(agent, params=jax.tree.map(rounded, agent.params))
+    if not agent.finite(0):
+        name = run_names(agent.experiment)[0]
+        hint = "; those of float32 are" if trained.finite(chosen) else ""
+        raise SettingError(f"{path}: the parameters of {name} are not finite as {weights}{hint}")
     results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)
     names = run_names(agent.experiment)
     score = {name: result.to_json(names) for name, result in results.items()}
@@ -188,19 +204,22 @@ def chosen_run(trained: Trained, run: int | None) -> int:
 def best_run(folder: RunFolder) -> int:
     """The run with the highest mean return over the last tenth of its updates so far.
 
-    Among equal runs it is the one with the shortest episodes; without metrics the first one.
+    Among equal runs it is one that has not diverged, then the one with the shortest episodes;
+    without metrics the first one. Of a run that diverged only the updates before count.
     """
     if not (folder.path / METRICS).exists():
         return 0
     by_run = rows_by_run(read_metrics(folder.path), len(folder.experiment.runs))
     last = max(1, len(by_run[0]) // 10)
+    diverged = np.array([any(row.get(METRIC) for row in rows) for rows in by_run])
+    by_run = [[row for row in rows if not row.get(METRIC)][-last:] for rows in by_run]
     episodes, returns, lengths = (
-        np.array([sum(row.get(name) or 0 for row in rows[-last:]) for rows in by_run])
+        np.array([sum(row.get(name) or 0 for row in rows) for rows in by_run])
         for name in ("episodes", "return_sum", "length_sum")
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         returns, lengths = returns / episodes, lengths / episodes
-    return int(np.lexsort((lengths, -np.nan_to_num(returns, nan=-np.inf)))[0])
+    return int(np.lexsort((lengths, diverged, -np.nan_to_num(returns, nan=-np.inf)))[0])
 
 
 def evaluate_both(

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from ...errors import SettingError
-from ...fields import as_tuples, check, check_whole, choice
+from ...fields import as_tuples, check, check_whole, choice, is_whole
 from ...spec import Spec
 from ..config import Config, HParams
 from ..learner import Learner
@@ -112,13 +112,15 @@ class Experiment:
             SettingError: it is something else, or of another version of this package.
         """
         try:
-            if plain["format"] != FORMAT:
+            if plain["format"] != FORMAT or not is_whole(plain["format"]):
                 raise SettingError(f"format {plain['format']!r}, not {FORMAT}")
             place = plain["environment"]
+            check_whole("environment.version", place["version"], 0)
             environment = Spec(
                 place["id"], place["version"], _tuples(place["settings"]), place["params"]
             )
-            config = Config.of(_tuples(plain["config"]))
+            # Runs from before there was a choice went on.
+            config = Config.of({"on_divergence": "continue", **_tuples(plain["config"])})
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
             hparams = HParams.of(config.algo, plain["hparams"]).flat()
             seeds = tuple(plain["seeds"])

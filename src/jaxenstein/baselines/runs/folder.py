@@ -20,11 +20,13 @@ from pathlib import Path
 from typing import IO, Any
 
 import jax
+import numpy as np
 
 from ...errors import JAXensteinError, SettingError
 from ...files import atomic, check_links, make_folder, reason_of, writing
 from ...pytree import PyTreeNode
 from ...version import __version__
+from ..divergence import Divergence, of_state
 from ..state import TrainState
 from .checkpoints import Checkpoints, Restored
 from .experiment import Experiment, check_seeds, exact
@@ -34,9 +36,11 @@ CONFIG, CHECKPOINTS, LOCK = "config.json", "checkpoints", ".lock"
 
 
 class _Networks(PyTreeNode):
-    """The part of a `TrainState` that playing needs, under the same name."""
+    """The part of a `TrainState` that playing needs, under the same names."""
 
+    update: Any
     params: Any
+    diverged: Any
 
 
 class RunFolder:
@@ -184,21 +188,27 @@ class RunFolder:
         """
         return self.checkpoints.restore(self.template)
 
-    def networks(self) -> tuple[int, Any]:
-        """The updates of the newest checkpoint and the parameters of its networks, [runs, ...].
+    def networks(self) -> tuple[int, Any, dict[int, Divergence]]:
+        """The networks of the newest checkpoint.
+
+        Returns:
+            Its updates, the parameters, [runs, ...], and the runs that diverged, by number.
 
         Raises:
             SettingError: there is no checkpoint, or none can be read.
         """
-        runs = len(self.experiment.runs)
+        runs, config = len(self.experiment.runs), self.experiment.config
         one = jax.eval_shape(self.experiment.learner.network.init, jax.random.key(0))
-        like = _Networks(
-            jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((runs, *leaf.shape), leaf.dtype), one)
+        params = jax.tree.map(
+            lambda leaf: jax.ShapeDtypeStruct((runs, *leaf.shape), leaf.dtype), one
         )
+        number = jax.ShapeDtypeStruct((runs,), np.int32)
+        like = _Networks(number, params, number if config.on_divergence == "stop" else None)
         restored = self.checkpoints.restore(like, whole=False)
         if restored is None:
             raise SettingError(f"the run in {self.path} has no checkpoint yet")
-        return restored.update, restored.state.params
+        state = restored.state
+        return restored.update, state.params, of_state(state.update, state.diverged)
 
     @functools.cached_property
     def template(self) -> TrainState:

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...errors import SettingError
 from ...files import append, atomic, reason_of, writing
+from ..divergence import METRIC, Divergence
 
 METRICS, TIMING, WANDB_ID = "metrics.jsonl", "timing.jsonl", "wandb-id.txt"
 # The largest whole number in a row: a count or a seed.
@@ -138,6 +139,15 @@ def rows_by_run(rows: Sequence[Row], runs: int) -> list[list[Row]]:
     return [list(rows[run:whole:runs]) for run in range(runs)]
 
 
+def diverged_runs(rows: Sequence[Row], runs: int) -> dict[int, Divergence]:
+    """The runs that diverged, by number, of the rows of whole updates."""
+    found: dict[int, Divergence] = {}
+    for number, row in enumerate(rows):
+        if code := row.get(METRIC):
+            found.setdefault(number % runs, Divergence(int(row["update"] or 0), int(code)))
+    return found
+
+
 def _is_number(value: Any) -> bool:
     """Whether it is None or a number that a run may have written: no NaN, nothing huge."""
     limit = LARGEST if isinstance(value, int) else sys.float_info.max
@@ -249,7 +259,10 @@ class WeightsAndBiases:
         )
 
     def write(self, rows: Sequence[Row]) -> None:
-        """Send the rows of each update together, at its environment step."""
+        """Send the rows of each update together, at its environment step.
+
+        Runs that have diverged have no part in the means.
+        """
         many = len(self._names)
         for start in range(0, len(rows), many):
             together = rows[start : start + many]
@@ -258,7 +271,7 @@ class WeightsAndBiases:
                 prefix = f"{name}/" if many > 1 else ""
                 sent |= {f"{prefix}{key}": value for key, value in _scalars(row)}
             if many > 1:
-                sent |= _averages(together)
+                sent |= _averages([row for row in together if not row.get(METRIC)])
             self._run.log(sent, step=int(together[0]["steps"] or 0))
 
     def close(self) -> None:
@@ -277,5 +290,6 @@ def _scalars(row: Row) -> Iterable[tuple[str, float]]:
 def _averages(rows: Sequence[Row]) -> dict[str, float]:
     """The mean over runs of every number that all of them have."""
     scalars = [dict(_scalars(row)) for row in rows]
-    shared = [name for name in scalars[0] if all(name in row for row in scalars)]
+    names = scalars[0] if scalars else ()
+    shared = [name for name in names if all(name in row for row in scalars)]
     return {name: float(np.mean([row[name] for row in scalars])) for name in shared}

@@ -27,7 +27,7 @@ from .experiment import Experiment, check_seeds
 SIZE = {"height": 64, "width": 64}
 PRESETS, TRAINING, NUMBERS = "presets", "training", "numbers"
 RUNS = (
-    Option("seed", "runs", Domain("whole", 0), 0, "the first seed"),
+    Option("seed", "runs", Domain("whole", 0, 2**32 - 1), 0, "the first seed"),
     Option("seeds", "runs", Domain("whole", 1), 1, "parallel runs, each with its own seed"),
     Option(
         "grid", "runs", Domain("table"), None, "numbers that differ between runs, with their values"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import warnings
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,12 +18,14 @@ from typing import Any, Literal
 import jax
 import numpy as np
 
-from ...errors import JAXensteinError, SettingError, nearest, one_line
+from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, one_line
+from ...fields import check_whole
 from ...files import atomic
+from ..divergence import Divergence
 from .checkpoints import read_tree
 from .curves import Interval, mean_interval
 from .experiment import Experiment
-from .folder import CONFIG, RunFolder, checked, versions
+from .folder import CONFIG, RunFolder, checked, run_names, versions
 
 Weights = Literal["float16", "float32"]
 
@@ -42,6 +45,7 @@ class Trained:
         params: of the networks; leaves [runs, ...].
         update: number of updates.
         folder: the run directory; None for a file.
+        diverged: the runs that diverged, by number.
     """
 
     name: str
@@ -49,6 +53,22 @@ class Trained:
     params: Any
     update: int
     folder: RunFolder | None = None
+    diverged: Mapping[int, Divergence] = dataclasses.field(default_factory=dict)
+
+    def warn(self, run: int) -> None:
+        """Give a `DivergenceWarning` if a run diverged or has parameters that are not finite."""
+        name = run_names(self.experiment)[run]
+        if run in self.diverged:
+            told = self.diverged[run].told(name)
+        elif not self.finite(run):
+            told = f"the parameters of {name} are not finite, so that its actions mean nothing"
+        else:
+            return
+        warnings.warn(f"{self.name}: {told}", DivergenceWarning, stacklevel=3)
+
+    def finite(self, run: int) -> bool:
+        """Whether all parameters of a run are finite."""
+        return all(np.all(np.isfinite(leaf[run])) for leaf in jax.tree.leaves(self.params))
 
     def one(self, run: int) -> Trained:
         """One of the runs, as if it had been trained alone."""
@@ -61,7 +81,8 @@ class Trained:
             hparams={**self.experiment.hparams, **numbers},
         )
         params = jax.tree.map(lambda leaf: leaf[run : run + 1], self.params)
-        return dataclasses.replace(self, experiment=experiment, params=params, folder=None)
+        update = self.diverged[run].update - 1 if run in self.diverged else self.update
+        return Trained(self.name, experiment, params, update)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,8 +153,8 @@ def load_trained(path: str | Path) -> Trained:
             f"{path} is neither a run directory nor a {SUFFIX} file of 'jaxenstein export'"
         )
     folder = RunFolder.open(path)
-    update, params = folder.networks()
-    return Trained(folder.path.name, folder.experiment, params, update, folder)
+    update, params, diverged = folder.networks()
+    return Trained(folder.path.name, folder.experiment, params, update, folder, diverged)
 
 
 def pretrained() -> dict[str, Path]:
@@ -177,8 +198,9 @@ def read_trained(file: Path) -> Trained:
     try:
         experiment = checked(Experiment.from_json(plain))
         update, weights = plain["agent"]["update"], plain["agent"]["weights"]
-        if len(experiment.runs) != 1 or not isinstance(update, int):
-            raise SettingError("it must be of one run, after a whole number of updates")
+        if len(experiment.runs) != 1:
+            raise SettingError(f"it must be of one run, not of {len(experiment.runs)}")
+        check_whole("agent.update", update, 0)
         if weights not in ("float16", "float32"):
             raise SettingError(f"weights must be float16 or float32, not {weights!r}")
         network = experiment.learner.network
@@ -192,7 +214,10 @@ def read_trained(file: Path) -> Trained:
     except Exception as error:
         raise _unreadable(file, error) from error
     params = jax.tree.map(lambda leaf: leaf[None].astype(np.float32), params)
-    return Trained(file.stem, experiment, params, update)
+    trained = Trained(file.stem, experiment, params, update)
+    if not trained.finite(0):
+        raise SettingError(f"{file}: its parameters are not finite")
+    return trained
 
 
 def read_config(file: Path) -> dict[str, Any]:

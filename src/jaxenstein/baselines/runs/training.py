@@ -11,6 +11,7 @@ import jax
 import numpy as np
 
 from ...errors import SettingError
+from ..divergence import METRIC, updates_that_count
 from ..state import TrainState, place
 from .checkpoints import check_space
 from .folder import RunFolder, of_another_version, versions
@@ -39,7 +40,8 @@ def train(
     """Train from the newest checkpoint until the experiment is done; return the updates done.
 
     However often it is interrupted, and whatever `chunk` and `save_every` are, the metrics and
-    the final state are the same, bit for bit on a CPU.
+    the final state are the same, bit for bit on a CPU. It is done as well once all runs have
+    diverged; `metrics.diverged_runs` tells which, and where.
 
     Args:
         folder: the run directory.
@@ -61,20 +63,27 @@ def train(
         steps, total = experiment.config.steps_per_update, experiment.config.updates
         timing, saved = Timing(folder.path, steps * len(runs), update), time.monotonic()
         notify(update, [])
-        stopped = stop()
+        stopped = stop() or _all_diverged(state)
         while update < total and not stopped:
             state, metrics = many.train_chunk(state, numbers, min(chunk, total - update))
-            rows = rows_of(jax.device_get(metrics), runs, update, steps)
-            update += len(rows) // len(runs)
+            metrics = jax.device_get(metrics)
+            count = updates_that_count(metrics)
+            metrics = {name: values[:, :count] for name, values in metrics.items()}
+            rows = rows_of(metrics, runs, update, steps)
+            update += count
             for writer in writers:
                 writer.write(rows)
             timing.write(update)
             notify(update, rows)
-            stopped = stop()
+            stopped = stop() or _all_diverged(state)
             if update == total or stopped or time.monotonic() - saved >= save_every:
                 folder.checkpoints.save(update, state)
                 saved = time.monotonic()
     return update
+
+
+def _all_diverged(state: TrainState) -> bool:
+    return state.diverged is not None and bool(np.all(np.asarray(state.diverged) > 0))
 
 
 def _check_versions(folder: RunFolder) -> None:
@@ -140,12 +149,14 @@ class StallWatch:
             self._add_returns(update)
             now = [row.get("entropy") or 0.0 for row in update]
             self._entropies = self._entropies or now
-            settled = all(new < LOST * old for new, old in zip(now, self._entropies, strict=True))
+            pairs = zip(now, self._entropies, update, strict=True)
+            going = [(new, old) for new, old, row in pairs if not row.get(METRIC)]
+            settled = bool(going) and all(new < LOST * old for new, old in going)
             enough = self._episodes >= EPISODES * self._runs
             fine = self._successes or self._warned or _risen(self._early, self._late)
             if settled and enough and not fine:
                 self._warned = True
-                first, last = np.mean(self._entropies), np.mean(now)
+                last, first = np.mean(going, axis=0)
                 return (
                     f"no success in {self._episodes:,.0f} episodes, and the entropy of the policy "
                     f"fell from {first:.2g} to {last:.2g}: it settles without having found the "
