@@ -135,7 +135,7 @@ def test_seeds_and_resets_of_some(player: Any) -> None:
     ours.reset(np.array([7, 20, 9]))
     wanted = first_frame(30, 0), first_frame(20, 1), first_frame(9, 0)
     np.testing.assert_array_equal(ours.reset([30, None, 9]), wanted)
-    second = np.array(ours.step(IDLE).obs)[1]
+    second = plain(ours.step(IDLE).obs)[1].copy()
     seen = ours.reset([40, 41, None], np.array([True, False, True]))
     np.testing.assert_array_equal(seen, [first_frame(40, 0), second, first_frame(9, 2)])
     # The fourth step of an episode, after two resets and three steps, for the second one alone.
@@ -240,7 +240,7 @@ def test_wrong_seeds_are_named_and_begin_nothing(player: Any) -> None:
 @pytest.mark.parametrize("player", STREAMS)
 def test_wrong_actions_are_named_and_do_nothing(player: Any) -> None:
     ours = player(*make_corridor(), N)
-    first = np.array(ours.reset(0))
+    first = plain(ours.reset(0)).copy()
     wrong = [np.zeros(N), np.zeros(N, bool), np.zeros((N, 1), int), [0] * 9]
     for actions in wrong:
         with pytest.raises(Exception, match=r"must be (a torch tensor of )?(one|3) integer"):
