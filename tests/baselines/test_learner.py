@@ -187,6 +187,35 @@ def test_evaluation_plays_whole_episodes():
     assert compiled._cache_size() == 2  # of one run and of two, for both ways of acting
 
 
+class EvenCountdown(Countdown):
+    """Only an end after an even number of steps is a success."""
+
+    def transition(self, key, state, action, params):
+        state, reward, ended, events = super().transition(key, state, action, params)
+        return state, jnp.where(state.cue % 2 == 0, reward, -reward), ended, events
+
+
+def test_what_follows_an_episode_does_not_count():
+    run = learner_of(EvenCountdown())
+    result = run.evaluate(run.init(KEY).params, KEY, 50)
+    wanted = np.asarray(result.terminated) & (np.asarray(result.episode_length) % 2 == 0)
+    assert len(np.unique(result.episode_length)) == 5
+    np.testing.assert_array_equal(result.success, wanted)
+
+
+def test_greedy_agents_do_the_same_in_equal_episodes():
+    run = learner()
+    params = run.init(KEY).params
+    kinds = []
+    for greedy in (True, False):
+        result = run.evaluate(params, KEY, 50, greedy)
+        length, total = np.asarray(result.episode_length), np.asarray(result.episode_return)
+        # The length is that which is seen, but for episodes that the limit ended.
+        kinds.append([len(set(total[length == steps])) for steps in (1, 2, 3, 4)])
+    assert kinds[0] == [1, 1, 1, 1]
+    assert max(kinds[1]) > 1
+
+
 def test_policy_is_the_evaluations():
     env = Memory(delay=4)
     run = learner_of(env)
