@@ -311,7 +311,7 @@ def test_without_info_on_success_it_is_an_end_of_the_task_with_a_reward():
             """Odd actions end the task, and those above 1 pay."""
             reward = jnp.where(action > 1, 1.0, 0.0)
             ended = action % 2 == 1
-            final = {"final_observation": self.env.observe(state, params)}
+            final = {"final_observation": self.env.observe(state, self.env.check_params(params))}
             return final["final_observation"], state, reward, ended, ~ended, final
 
     simulator = GymnaxSimulator(Silent(), Countdown().default_params)
