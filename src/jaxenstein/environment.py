@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar, cast, get_args
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from ._jax.batching import select, where_any
 from .about import About
@@ -261,7 +262,7 @@ class Environment(abc.ABC, Generic[S, P]):
         of compiled code, so it may be a shape or the length of a `jax.lax.scan`.
         """
         limit: Any = self._own_params(params).max_steps_in_episode
-        if isinstance(limit, jax.core.Tracer):
+        if isinstance(limit, Tracer):
             limit = limit.astype(jnp.int32)
         else:
             limit = np.asarray(limit).astype(np.int32)

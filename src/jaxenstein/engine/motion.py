@@ -6,6 +6,8 @@ import math
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax import lax
 
 from .level import Level, door_at, is_solid
 
@@ -20,6 +22,22 @@ def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
 def forward(heading: jax.Array) -> jax.Array:
     """float32[2]: the unit vector (x, y) of a heading."""
     return jnp.stack([jnp.cos(heading), jnp.sin(heading)])
+
+
+def length(offset: jax.Array) -> jax.Array:
+    """float32[...]: the lengths of float32[..., 2] offsets, the same bits in every program.
+
+    A compiler rounds a product before a sum in one program and not in another. Here each number
+    is split into halves of 12 bits, whose products need no rounding, so both give the same sum.
+    """
+    upper = lax.bitcast_convert_type(offset, jnp.uint32) & np.uint32(0xFFFFF000)
+    high = lax.bitcast_convert_type(upper, jnp.float32)
+    low = offset - high
+
+    def dot(one: jax.Array, other: jax.Array) -> jax.Array:
+        return one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1]
+
+    return jnp.sqrt(dot(high, high) + (2 * dot(high, low) + dot(low, low)))
 
 
 def path_tiles(start: jax.Array, end: jax.Array) -> tuple[jax.Array, jax.Array]:
