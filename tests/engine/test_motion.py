@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import Literal
 
 from jaxenstein.engine.level import compile_level
-from jaxenstein.engine.motion import path_tiles, walk
+from jaxenstein.engine.motion import length, path_tiles, walk
 
 Tile = tuple[int, int]
 
@@ -80,3 +82,51 @@ def test_a_step_is_stopped_by_any_tile_that_it_enters() -> None:
             np.testing.assert_array_equal(place, target if free else start)
             stopped, passed = stopped + (not free), passed + free
     assert min(stopped, passed) > 2000
+
+
+def contracted(offsets: np.ndarray, side: int | None) -> np.ndarray:
+    """`length` as a compiler computes it that joins products and sums into one rounding.
+
+    Args:
+        offsets: float32[N, 2].
+        side: which summand is joined, where both are products; None joins nothing.
+    """
+    program = jax.make_jaxpr(length)(offsets).jaxpr
+    values = {program.invars[0]: offsets}
+    products = {}
+
+    def value(name: Any) -> Any:
+        return np.asarray(name.val) if isinstance(name, Literal) else values[name]
+
+    for line in program.eqns:
+        given = [value(name) for name in line.invars]
+        assert line.primitive.name not in ("reduce_sum", "dot_general", "pjit", "jit")
+        if line.primitive.name == "mul":
+            # Of two float32 exact in float64.
+            products[line.outvars[0]] = given[0].astype(np.float64) * given[1]
+        exact = [None if isinstance(name, Literal) else products.get(name) for name in line.invars]
+        out = np.asarray(line.primitive.bind(*given, **line.params))
+        if line.primitive.name == "add" and side is not None and any(e is not None for e in exact):
+            joined = side if exact[side] is not None else 1 - side
+            total = exact[joined] + given[1 - joined].astype(np.float64)
+            out = total.astype(np.float32)
+        values[line.outvars[0]] = out
+    return values[program.outvars[0]]
+
+
+def test_a_length_is_the_same_whatever_is_rounded_together() -> None:
+    rng = np.random.default_rng(2)
+    scale = rng.choice([1e-3, 0.3, 5, 60], (4000, 1))
+    offsets = (rng.normal(size=(4000, 2)) * scale).astype(np.float32)
+    plain = contracted(offsets, None)
+    for side in (0, 1):
+        np.testing.assert_array_equal(contracted(offsets, side), plain)
+    np.testing.assert_array_equal(jax.jit(length)(offsets), plain)
+    np.testing.assert_array_equal([jax.jit(length)(one) for one in offsets[:50]], plain[:50])
+    true = np.hypot(*offsets.astype(np.float64).T)
+    assert (np.abs(plain - true) <= 1.5 * np.spacing(plain)).all()
+
+
+def test_a_length_has_the_slope_of_a_length() -> None:
+    offset = jnp.array([-3.0, 4.0]) * 1.1
+    np.testing.assert_allclose(jax.grad(length)(offset), [-0.6, 0.8], rtol=1e-6)
