@@ -9,10 +9,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jax.extend.core import Literal
 
 from jaxenstein.engine.level import compile_level
-from jaxenstein.engine.motion import length, path_tiles, walk
+from jaxenstein.engine.motion import length, path_tiles, settled, turn, walk
 
 Tile = tuple[int, int]
 
@@ -130,3 +131,62 @@ def test_a_length_is_the_same_whatever_is_rounded_together() -> None:
 def test_a_length_has_the_slope_of_a_length() -> None:
     offset = jnp.array([-3.0, 4.0]) * 1.1
     np.testing.assert_allclose(jax.grad(length)(offset), [-0.6, 0.8], rtol=1e-6)
+
+
+def turned(start: Any, angle: Any, count: int) -> np.ndarray:
+    """float32[count, ...]: headings after 1 to `count` turns."""
+
+    def once(heading: jax.Array, _: None) -> tuple[jax.Array, jax.Array]:
+        heading = turn(heading, angle)
+        return heading, heading
+
+    start = jnp.asarray(start, jnp.float32)
+    return np.asarray(jax.jit(lambda h: jax.lax.scan(once, h, None, length=count)[1])(start))
+
+
+@pytest.mark.parametrize(
+    ("degrees", "period"),
+    [(15, 24), (45, 8), (90, 4), (22.5, 16), (21.5, 720), (8.8, 450), (7, 360)],
+)
+@pytest.mark.parametrize("way", [1, -1])
+def test_turns_never_drift(degrees: float, period: int, way: int) -> None:
+    chance = np.random.default_rng(0).uniform(0, 2 * math.pi, 200).astype(np.float32)
+    starts = np.asarray(jax.jit(settled)(chance))
+    assert np.abs(starts - chance).max() <= 2e-6
+    headings = turned(starts, jnp.float32(way * math.radians(degrees)), 2 * period)
+    assert (headings >= 0).all()
+    assert (headings < 2 * np.float32(math.pi)).all()
+    np.testing.assert_array_equal(headings[period - 1], starts)
+    np.testing.assert_array_equal(headings[period:], headings[:period])
+    # The parts of a degree that a start is; from there on all is exact.
+    parts = np.round(np.degrees(starts.astype(np.float64)) * 5000)
+    for count in (1, 2, period - 1):
+        true = np.radians((parts / 5000 + way * count * degrees) % 360)
+        off = np.abs(headings[count - 1] - true)
+        assert np.minimum(off, 2 * math.pi - off).max() <= np.spacing(np.float32(2 * math.pi))
+
+
+def test_24000_turns_end_where_they_began() -> None:
+    headings = turned(0.25, jnp.float32(math.radians(15)), 24_024)
+    assert headings[24_023] == headings[23]
+
+
+def test_from_the_axes_all_right_angles_are_exact() -> None:
+    angles = np.float32(np.radians([90, 180, 270, 0]))
+    np.testing.assert_array_equal(turned(0.0, jnp.float32(math.pi / 2), 4), angles)
+
+
+@pytest.mark.parametrize("angle", [0.1, 1.0, -0.3, 0.0, 1e-5])
+def test_other_angles_are_added(angle: float) -> None:
+    starts = np.random.default_rng(1).uniform(0, 6.28, 500).astype(np.float32)
+    wanted = np.mod(starts + np.float32(angle), np.float32(2 * math.pi))
+    np.testing.assert_array_equal(jax.jit(turn)(starts, jnp.float32(angle)), wanted)
+
+
+def test_turns_are_the_same_alone_and_in_a_batch() -> None:
+    starts = np.random.default_rng(2).uniform(0, 6.28, 40).astype(np.float32)
+    angle = jnp.float32(math.radians(15))
+    batch = jax.jit(jax.vmap(turn, (0, None)))(starts, angle)
+    np.testing.assert_array_equal([jax.jit(turn)(start, angle) for start in starts], batch)
+    slopes = jax.jit(jax.vmap(jax.grad(turn, (0, 1)), (0, None)))(starts, angle)
+    np.testing.assert_array_equal(slopes, np.ones((2, 40)))

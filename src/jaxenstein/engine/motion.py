@@ -11,12 +11,63 @@ from jax import lax
 
 from .level import Level, door_at, is_solid
 
+# Headings are whole numbers of these parts of a degree: so fine that float32 hardly knows finer
+# ones, and so coarse that it tells each from the next.
+PARTS = 5000
+_CIRCLE = 360 * PARTS
+
 
 def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
-    """float32[]: the heading turned clockwise on the map by an angle, in [0, 2 pi)."""
+    """float32[]: the heading turned clockwise on the map by an angle, in [0, 2 pi).
+
+    Turns by a whole number of parts of a degree are counted in whole numbers: any number of them
+    adds up without an error. Other angles are added as they are.
+    """
     turned = jnp.mod(heading + angle, jnp.float32(2 * math.pi))
     # A tiny negative heading rounds up to the full circle itself.
-    return jnp.where(turned >= jnp.float32(2 * math.pi), 0, turned)
+    turned = jnp.where(turned >= jnp.float32(2 * math.pi), 0, turned)
+    steps = _parts(angle)
+    whole = (jnp.abs(_radians(steps) - angle) <= jnp.abs(angle) * np.float32(2**-23)) & (angle != 0)
+    return _as_if(jnp.where(whole, _radians((_parts(heading) + steps) % _CIRCLE), turned), turned)
+
+
+def settled(heading: jax.Array) -> jax.Array:
+    """float32[]: the nearest heading that `turn` comes back to, at most 2e-6 radians away."""
+    return _as_if(_radians(_parts(heading) % _CIRCLE), heading)
+
+
+def _parts(angle: jax.Array) -> jax.Array:
+    """int32[]: an angle in parts of a degree."""
+    return jnp.round(angle * np.float32(_CIRCLE / (2 * math.pi))).astype(jnp.int32)
+
+
+def _radians(parts: jax.Array) -> jax.Array:
+    """float32[]: parts of a degree in radians, rounded once.
+
+    No factor has more bits than its products need to be whole in float32: the sum is the same
+    whether a compiler rounds them or not.
+    """
+    degrees = parts // PARTS
+    rest = (parts - degrees * PARTS).astype(jnp.float32)
+    high, low = _in_two(math.pi / 180, 15)
+    rest_high, rest_low = _in_two(math.pi / 180 / PARTS, 11)
+    less = degrees.astype(jnp.float32) * low + (rest * rest_high + rest * rest_low)
+    return degrees.astype(jnp.float32) * high + less
+
+
+def _in_two(number: float, bits: int) -> tuple[np.float32, np.float32]:
+    """A number above 0 as a sum of two of so many bits each."""
+    parts = []
+    for _ in range(2):
+        unit = 2.0 ** (math.floor(math.log2(number)) + 1 - bits)
+        parts.append(math.floor(number / unit) * unit)
+        number -= parts[-1]
+    return np.float32(parts[0]), np.float32(parts[1])
+
+
+def _as_if(value: jax.Array, other: jax.Array) -> jax.Array:
+    """A value that derivatives take for another one."""
+    return lax.stop_gradient(value) + (other - lax.stop_gradient(other))
 
 
 def forward(heading: jax.Array) -> jax.Array:
