@@ -11,34 +11,41 @@ from jax import lax
 
 from .level import Level, door_at, is_solid
 
-# Headings are whole numbers of these parts of a degree: so fine that float32 hardly knows finer
-# ones, and so coarse that it tells each from the next.
+# Parts of a degree that are counted: so fine that float32 hardly knows finer ones, and so coarse
+# that a heading with `DRIFT` radians of rounding still tells which it is.
 PARTS = 5000
+DRIFT = 1e-6
 _CIRCLE = 360 * PARTS
 
 
 def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
     """float32[]: the heading turned clockwise on the map by an angle, in [0, 2 pi).
 
-    Turns by a whole number of parts of a degree are counted in whole numbers: any number of them
-    adds up without an error. Other angles are added as they are.
+    Where the angle is a whole number of parts of a degree, so is the heading, but for at most
+    `DRIFT`: any number of such turns adds up to no more. Other angles are added as they are.
     """
     turned = jnp.mod(heading + angle, jnp.float32(2 * math.pi))
     # A tiny negative heading rounds up to the full circle itself.
     turned = jnp.where(turned >= jnp.float32(2 * math.pi), 0, turned)
     steps = _parts(angle)
     whole = (jnp.abs(_radians(steps) - angle) <= jnp.abs(angle) * np.float32(2**-23)) & (angle != 0)
-    return _as_if(jnp.where(whole, _radians((_parts(heading) + steps) % _CIRCLE), turned), turned)
-
-
-def settled(heading: jax.Array) -> jax.Array:
-    """float32[]: the nearest heading that `turn` comes back to, at most 2e-6 radians away."""
-    return _as_if(_radians(_parts(heading) % _CIRCLE), heading)
+    place = _nearest(turned)
+    strayed = jnp.abs(_radians(place) - turned) > np.float32(DRIFT)
+    exact = jnp.where(whole & strayed, _radians(place % _CIRCLE), turned)
+    # To derivatives it is the sum.
+    return lax.stop_gradient(exact) + (turned - lax.stop_gradient(turned))
 
 
 def _parts(angle: jax.Array) -> jax.Array:
     """int32[]: an angle in parts of a degree."""
     return jnp.round(angle * np.float32(_CIRCLE / (2 * math.pi))).astype(jnp.int32)
+
+
+def _nearest(angle: jax.Array) -> jax.Array:
+    """int32[]: as `_parts`, where a product's rounding may not decide between two of them."""
+    parts, half = _parts(angle), np.float32(math.pi / _CIRCLE)
+    more = angle - _radians(parts)
+    return parts + (more > half).astype(jnp.int32) - (more < -half).astype(jnp.int32)
 
 
 def _radians(parts: jax.Array) -> jax.Array:
@@ -63,11 +70,6 @@ def _in_two(number: float, bits: int) -> tuple[np.float32, np.float32]:
         parts.append(math.floor(number / unit) * unit)
         number -= parts[-1]
     return np.float32(parts[0]), np.float32(parts[1])
-
-
-def _as_if(value: jax.Array, other: jax.Array) -> jax.Array:
-    """A value that derivatives take for another one."""
-    return lax.stop_gradient(value) + (other - lax.stop_gradient(other))
 
 
 def forward(heading: jax.Array) -> jax.Array:

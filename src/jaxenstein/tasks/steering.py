@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..engine.level import Level
-from ..engine.motion import forward, settled, turn, walk
+from ..engine.motion import forward, turn, walk
 from ..environment import Params, Scalar
 from ..fields import Domain, check_value
 from ..params import number
@@ -85,7 +85,7 @@ def centres(cells: Any) -> jax.Array:
 def sample_heading(bits: jax.Array, heading: Any) -> jax.Array:
     """float32[] radians, uniform over what a heading setting allows, from uint32 bits."""
     low, high = heading_range(heading)
-    return settled(turn(jnp.float32(low), jnp.float32(high - low) * sample_unit(bits)))
+    return turn(jnp.float32(low), jnp.float32(high - low) * sample_unit(bits))
 
 
 def heading_range(heading: Any) -> tuple[float, float]:
