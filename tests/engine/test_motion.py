@@ -153,13 +153,13 @@ def apart(headings: np.ndarray, others: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("degrees", [15, 45, 90, 22.5, 21.5, 8.8, 7])
 @pytest.mark.parametrize("way", [1, -1])
 def test_turns_never_drift(degrees: float, way: int) -> None:
-    chance = np.random.default_rng(0).uniform(0, 360 * 5000, 200)
-    parts = np.append(np.floor(chance), [0, 90 * 5000, 360 * 5000 - 1])
-    headings = turned(np.radians(parts / 5000), jnp.float32(way * math.radians(degrees)), 3000)
+    chance = np.random.default_rng(0).uniform(0, 360 * 4000, 200)
+    parts = np.append(np.floor(chance), [0, 90 * 4000, 360 * 4000 - 1])
+    headings = turned(np.radians(parts / 4000), jnp.float32(way * math.radians(degrees)), 3000)
     assert (headings >= 0).all()
     assert (headings < 2 * np.float32(math.pi)).all()
     counts = np.arange(1, 3001)[:, None]
-    true = np.radians((parts / 5000 + way * counts * degrees) % 360)
+    true = np.radians((parts / 4000 + way * counts * degrees) % 360)
     # And half of the last bit.
     assert apart(headings, true).max() <= DRIFT + 2.4e-7
 
@@ -167,8 +167,8 @@ def test_turns_never_drift(degrees: float, way: int) -> None:
 def test_24000_turns_end_where_they_began() -> None:
     starts = np.random.default_rng(1).uniform(0, 2 * math.pi, 50).astype(np.float32)
     headings = turned(starts, jnp.float32(math.radians(15)), 24_000)
-    # A start between two parts of a degree takes the nearer one, at most 1.75e-6 away.
-    assert apart(headings[-1], starts).max() <= 1.75e-6 + DRIFT
+    # A start between two parts of a degree takes the nearer one, at most 2.2e-6 away.
+    assert apart(headings[-1], starts).max() <= 2.2e-6 + DRIFT
     assert apart(headings[-1], headings[23]).max() <= 2 * DRIFT
 
 

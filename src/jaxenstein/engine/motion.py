@@ -12,10 +12,9 @@ from jax import lax
 from .level import Level, door_at, is_solid
 
 # Parts of a degree that are counted: so fine that float32 hardly knows finer ones, and so coarse
-# that a heading with `DRIFT` radians of rounding still tells which it is.
-PARTS = 5000
-DRIFT = 1e-6
-_CIRCLE = 360 * PARTS
+# that a heading with `DRIFT` radians of rounding still tells which it is after one more turn.
+PARTS = 4000
+DRIFT = 1.2e-6
 
 
 def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
@@ -27,39 +26,31 @@ def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
     turned = jnp.mod(heading + angle, jnp.float32(2 * math.pi))
     # A tiny negative heading rounds up to the full circle itself.
     turned = jnp.where(turned >= jnp.float32(2 * math.pi), 0, turned)
-    steps = _parts(angle)
-    whole = (jnp.abs(_radians(steps) - angle) <= jnp.abs(angle) * np.float32(2**-23)) & (angle != 0)
-    place = _nearest(turned)
-    strayed = jnp.abs(_radians(place) - turned) > np.float32(DRIFT)
-    exact = jnp.where(whole & strayed, _radians(place % _CIRCLE), turned)
+    whole = (jnp.abs(_in_parts(angle) - angle) <= jnp.abs(angle) * np.float32(2**-23)) & (
+        angle != 0
+    )
+    near = _in_parts(turned)
+    off = jnp.abs(near - turned)
+    # Half of a part away it could as well be the next one.
+    strayed = (off > np.float32(DRIFT)) & (off < np.float32(math.pi / 360 / PARTS))
+    near = jnp.where(near >= jnp.float32(2 * math.pi), 0, near)
+    exact = jnp.where(whole & strayed, near, turned)
     # To derivatives it is the sum.
     return lax.stop_gradient(exact) + (turned - lax.stop_gradient(turned))
 
 
-def _parts(angle: jax.Array) -> jax.Array:
-    """int32[]: an angle in parts of a degree."""
-    return jnp.round(angle * np.float32(_CIRCLE / (2 * math.pi))).astype(jnp.int32)
-
-
-def _nearest(angle: jax.Array) -> jax.Array:
-    """int32[]: as `_parts`, where a product's rounding may not decide between two of them."""
-    parts, half = _parts(angle), np.float32(math.pi / _CIRCLE)
-    more = angle - _radians(parts)
-    return parts + (more > half).astype(jnp.int32) - (more < -half).astype(jnp.int32)
-
-
-def _radians(parts: jax.Array) -> jax.Array:
-    """float32[]: parts of a degree in radians, rounded once.
+def _in_parts(angle: jax.Array) -> jax.Array:
+    """float32[]: the angle that is a whole number of parts of a degree and nearest to another.
 
     No factor has more bits than its products need to be whole in float32: the sum is the same
     whether a compiler rounds them or not.
     """
-    degrees = parts // PARTS
-    rest = (parts - degrees * PARTS).astype(jnp.float32)
+    parts = jnp.round(angle * np.float32(180 * PARTS / math.pi))
+    degrees = jnp.floor(parts * np.float32(1 / PARTS))
+    rest = parts - degrees * np.float32(PARTS)
     high, low = _in_two(math.pi / 180, 15)
     rest_high, rest_low = _in_two(math.pi / 180 / PARTS, 11)
-    less = degrees.astype(jnp.float32) * low + (rest * rest_high + rest * rest_low)
-    return degrees.astype(jnp.float32) * high + less
+    return degrees * high + (degrees * low + (rest * rest_high + rest * rest_low))
 
 
 def _in_two(number: float, bits: int) -> tuple[np.float32, np.float32]:
