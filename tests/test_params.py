@@ -10,6 +10,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein import SettingError
+from jaxenstein.adapters.gymnasium import GymnasiumEnv
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
@@ -47,6 +48,58 @@ def test_what_is_traced_or_no_number_passes():
     assert shapes.replace(discount=shapes.turn_angle).discount.dtype == np.float32
     many = params.replace(move_distance=jnp.array([0.1, 0.9]))
     assert env.check_params(many).move_distance.shape == (2,)
+
+
+@pytest.mark.parametrize("name", ["turn_angle", "max_steps_in_episode"])
+def test_params_of_a_batch_are_no_params_of_one_environment(name):
+    env, params = jaxenstein.make("simple", **SIZE)
+    many = params.replace(**{name: jnp.stack([getattr(params, name)] * 4)})
+    keys = jax.random.split(jax.random.key(0), 4)
+    _, states = jax.vmap(env.reset, (0, None))(keys, params)
+    one = jax.tree.map(lambda leaf: leaf[0], states)
+    shapes = rf"{name} must have the shape \(\), not \(4,\)"
+    remedy = rf"replace\({name}=0\) and jax.vmap\(env.reset, in_axes=\(0, axes\)\)"
+    for enter in (
+        lambda: jax.vmap(env.reset, (0, None))(keys, many),
+        lambda: jax.vmap(env.step, (0, 0, None, None))(keys, states, 2, many),
+        lambda: jax.vmap(env.advance, (0, 0, None, None))(keys, states, 2, many),
+        lambda: env.step(keys[0], one, 2, many),
+        lambda: env.single_params(many),
+        lambda: jaxenstein.record(env, many, [2]),
+        lambda: GymnasiumEnv(env, many),
+    ):
+        with pytest.raises(SettingError, match=f"params of 'simple'.*{shapes}.*{remedy}"):
+            enter()
+
+
+def test_stacked_params_are_mapped():
+    env, params = jaxenstein.make("simple", **SIZE)
+    keys = jax.random.split(jax.random.key(0), 1)
+    stacked = jax.tree.map(lambda leaf: leaf[None], params)
+    for enter in (
+        lambda: jax.vmap(env.reset, (0, None))(keys, stacked),
+        lambda: GymnasiumEnv(env, stacked),
+    ):
+        with pytest.raises(SettingError, match=r"env.reset, in_axes=\(0, 0\)\)"):
+            enter()
+    _, states = jax.vmap(env.reset, (0, 0))(keys, stacked)
+    assert states.time.shape == (1,)
+
+
+def test_the_most_steps_inside_of_compiled_code():
+    env, params = jaxenstein.make("simple", frame_skip=3, **SIZE)
+    params = params.replace(max_steps_in_episode=8)
+
+    @jax.jit
+    def played(known):
+        length = env.most_steps(params)  # known while this is traced
+        assert jnp.zeros(length).shape == (3,)
+        return jax.lax.scan(lambda i, _: (i + 1, None), 0, length=length)[0], env.most_steps(known)
+
+    assert [int(steps) for steps in played(params)] == [3, 3]
+    many = params.replace(max_steps_in_episode=jnp.array([3, 4]))
+    assert jax.jit(env.most_steps)(many).tolist() == env.most_steps(many).tolist() == [1, 2]
+    assert env.most_steps(many).dtype == jax.jit(env.most_steps)(many).dtype == np.int32
 
 
 def test_adapters_and_files_check_them_too():

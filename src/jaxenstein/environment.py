@@ -15,6 +15,8 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar, cast, get_args
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 
 from ._jax.batching import select, where_any
 from .about import About
@@ -23,6 +25,7 @@ from .errors import SettingError, nearest
 from .fields import check, choice, number
 from .params import Params as Params
 from .params import Scalar as Scalar
+from .params import check_single
 from .spaces import Discrete, Space
 from .state import Advanced, Outcome, S, repeated
 from .state import Info as Info
@@ -189,7 +192,7 @@ class Environment(abc.ABC, Generic[S, P]):
     @compiled
     def reset(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
         """Begin an episode: observation and state."""
-        params = self.check_params(params)
+        params = self.single_params(params)
         state = self.first_state(key, params)
         return self.observe(state, params), state
 
@@ -206,7 +209,7 @@ class Environment(abc.ABC, Generic[S, P]):
             episode where `terminated | truncated`; `success`, bool[], is true in a step that
             reached the task's aim.
         """
-        params = self.check_params(params)
+        params = self.single_params(params)
         step_key, reset_key = jax.random.split(key)
         out = outcome_of(self, step_key, reset_key, state, action, params)
         info = out.info
@@ -237,7 +240,7 @@ class Environment(abc.ABC, Generic[S, P]):
             state; float32[] reward; bool[] terminated; info. Truncation is
             `time_is_up(state, params)`; `state.done` covers both ends.
         """
-        params = self.check_params(params)
+        params = self.single_params(params)
         action = checked_action(action, self.num_actions)
         after, reward, terminated, events = repeated(
             self._world_step, self.frame_skip, key, state, action, params
@@ -252,9 +255,17 @@ class Environment(abc.ABC, Generic[S, P]):
         success = self.succeeded(after, reward, terminated, events, params)
         return after, reward, terminated, events | {"success": success}
 
-    def most_steps(self, params: P) -> jax.Array:
-        """int32[...]: the most steps an episode can have, each `frame_skip` of the world."""
-        limit = jnp.asarray(self.check_params(params).max_steps_in_episode)
+    def most_steps(self, params: P) -> jax.Array | np.ndarray | np.int32:
+        """int32[...]: the most steps an episode can have, each `frame_skip` of the world.
+
+        Traced where the params are. Else it is a number of numpy, or an array of them, also inside
+        of compiled code, so it may be a shape or the length of a `jax.lax.scan`.
+        """
+        limit: Any = self._own_params(params).max_steps_in_episode
+        if isinstance(limit, Tracer):
+            limit = limit.astype(jnp.int32)
+        else:
+            limit = np.asarray(limit).astype(np.int32)
         return -(-limit // self.frame_skip)
 
     def index_of(self, action: str) -> int:
@@ -286,16 +297,33 @@ class Environment(abc.ABC, Generic[S, P]):
             SettingError: they are of another kind of environment, or one has a value that it
                 cannot have.
         """
+        return jax.tree.map(as_kind, self._own_params(params), self.default_params)
+
+    def _own_params(self, params: P | None) -> P:
+        """The params as they are, checked; the default ones for None."""
         default = self.default_params
         if params is None:
-            return jax.tree.map(as_kind, default, default)
+            return default
         if type(params) is not type(default):
             raise SettingError(
                 f"params of {self.name!r} must be a {type(default).__name__}, as `make` returns "
                 f"it, not {type(params).__name__}"
             )
         params.check()
-        return jax.tree.map(as_kind, params, default)
+        return params
+
+    def single_params(self, params: P | None = None) -> P:
+        """As `check_params`, of one environment: each number has as many axes as the default's.
+
+        `reset`, `step` and `advance` look at this when they are traced.
+
+        Raises:
+            SettingError: as `check_params`; or a number has an axis of a batch. The message names
+                the number, its shape, and `in_axes` of `jax.vmap`.
+        """
+        params = self.check_params(params)
+        check_single(params, self.default_params, self.name)
+        return params
 
 
 AnyEnvironment = Environment[Any, Any]
@@ -321,7 +349,7 @@ def outcome_of(
         action: an integer.
         params: of the environment.
     """
-    params = env.check_params(params)
+    params = env.single_params(params)
     final, reward, terminated, info = env.advance(step_key, state, action, params)
     truncated = env.time_is_up(final, params)
     if env.autoreset is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Self
 
 import jax
+import numpy as np
 
 from .errors import SettingError, nearest
 from .fields import check_numbers, is_array_like, names_of
@@ -63,3 +64,65 @@ class Params(PyTreeNode):
             SettingError: one is not a number in its range.
         """
         check_numbers(self)
+
+
+def check_single(params: Params, default: Params, owner: str) -> None:
+    """Look at the shapes of what should be the params of one environment, traced or not.
+
+    Args:
+        params: of the class of `default`.
+        default: the default params, whose numbers of axes are the right ones.
+        owner: the environment's name, for the message.
+
+    Raises:
+        SettingError: a number has more axes or fewer.
+    """
+    shapes = _shapes(params, default)
+    wrong = [name for name, shape, right in shapes if len(shape) != len(right)]
+    if not wrong:
+        return
+    name, shape, right = next(entry for entry in shapes if entry[0] == wrong[0])
+    own = ", ".join(f"{name}=0" for name in wrong)
+    axes = "0" if len(wrong) == len(shapes) else "axes"
+    made = f"axes = jax.tree.map(lambda _: None, params).replace({own}) and "
+    raise SettingError(
+        f"params of {owner!r} must be those of one environment: {name} must have the shape "
+        f"{right}, not {shape}. For environments that differ jax.vmap maps them, with in_axes: "
+        f"{made if axes == 'axes' else ''}jax.vmap(env.reset, in_axes=(0, {axes}))(keys, params)"
+    )
+
+
+def differing(params: Params, default: Params, count: int, owner: str) -> list[bool]:
+    """Which numbers differ between environments: those with a leading axis of their number.
+
+    Args:
+        params: of the class of `default`.
+        default: the default params, whose numbers of axes are those of one environment.
+        count: how many environments there are.
+        owner: their name, for the message.
+
+    Returns:
+        One for each leaf of the params, in their order.
+
+    Raises:
+        SettingError: a number has neither the axes of the default's nor that one more.
+    """
+    found = []
+    for name, shape, right in _shapes(params, default):
+        more = len(shape) != len(right)
+        if more and (len(shape) != len(right) + 1 or shape[0] != count):
+            raise SettingError(
+                f"params of {count} environments of {owner!r}: {name} must have the shape "
+                f"{right}, for all of them, or {(count, *right)}, one for each, not {shape}"
+            )
+        found.append(more)
+    return found
+
+
+def _shapes(params: Params, default: Params) -> list[tuple[str, tuple[int, ...], tuple[int, ...]]]:
+    """Of each number its name, its shape, and the shape of the default's."""
+    named, usual = jax.tree_util.tree_leaves_with_path(params), jax.tree.leaves(default)
+    return [
+        (jax.tree_util.keystr(path).lstrip("."), np.shape(leaf), np.shape(right))
+        for (path, leaf), right in zip(named, usual, strict=True)
+    ]

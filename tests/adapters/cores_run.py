@@ -18,9 +18,13 @@ COUNT, STEPS = 6, 12
 env, params = make_crowd()
 assert jax.device_count() == 2
 assert Batch(env, params, COUNT + 1)._mesh is None
-for mode in ("same-step", "next-step"):
+own = params.replace(move_distance=np.linspace(0.3, 0.6, COUNT, dtype=np.float32))
+for mode, given in (("same-step", own), ("next-step", params)):
     rng = np.random.default_rng(0)
-    spread, alone = (Batch(env, params, COUNT, autoreset=mode, spread=s) for s in (True, False))
+    # Where params lie does not matter.
+    far = jax.device_put(env.check_params(given), jax.devices()[1])
+    spread = Batch(env, far, COUNT, autoreset=mode)
+    alone = Batch(env, given, COUNT, autoreset=mode, spread=False)
     first = [batch.reset(3)[0] for batch in (spread, alone)]
     np.testing.assert_array_equal(*first)
     ended = 0
@@ -36,6 +40,8 @@ for mode in ("same-step", "next-step"):
             np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-6, atol=1e-6)
         ended += int((one.terminated | one.truncated).sum())
     assert ended > 0
+mixed = far.replace(discount=jax.device_put(np.float32(0.5), jax.devices()[0]))
+Batch(env, mixed, COUNT, spread=False).reset(0)
 with pytest.raises(jaxenstein.SettingError, match="used already"):
     jaxenstein.use_cores(1)
 print("equal")

@@ -151,6 +151,51 @@ def compare(out: Any, told: list[dict[str, Any]]) -> None:
         assert not any(info[name].any() for name in events)
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_each_environment_may_have_its_own_params(mode: Any) -> None:
+    env, params = make_crowd(heading=(-10.0, 10.0))
+    speeds, limits = np.array([0.3, 0.5, 0.7], np.float32), np.array([4, 9, 6])
+    own = params.replace(move_distance=speeds, max_steps_in_episode=limits)
+    batch = Batch(env, own, 3, autoreset=mode)
+    loops = []
+    for i, seed in enumerate((5, 6, 7)):
+        one = params.replace(move_distance=speeds[i], max_steps_in_episode=limits[i])
+        loops.append(Loop(env, one, mode, [seed]))
+    observation, info = batch.reset(5)
+    for i, loop in enumerate(loops):
+        assert_same(at((observation, info), i), loop.reset(0))
+    ended = np.zeros(3, int)
+    for time in range(14):
+        out = batch.step(np.array([2, 2, 0]))
+        compare(out, [loop.step(0, action) for loop, action in zip(loops, (2, 2, 0), strict=True)])
+        ended += out.terminated | out.truncated
+        if time == 7:
+            mask = np.array([True, False, True])
+            observation, info = batch.reset(mask=mask)
+            for i in (0, 2):
+                assert_same(at((observation, info), i), loops[i].reset(0))
+    assert (ended > 0).all()
+    # All pictures at once are those of each.
+    dim = dataclasses.replace(env, observation="gray")
+    for i, image in enumerate(np.asarray(batch.observe(dim))):
+        np.testing.assert_array_equal(image, dim.observe(at(batch.states, i), params))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"turn_angle": [0.1] * 2}, r"turn_angle must .* \(\), for all .* \(3,\), one .*\(2,\)"),
+        ({"discount": [[0.5] * 3]}, r"discount must have .* not \(1, 3\)"),
+        ({"turn_angle": [0.1] * 3, "goal_radius": [1.0]}, r"goal_radius must have .* not \(1,\)"),
+    ],
+)
+def test_params_of_another_number_of_environments(changes: Any, message: str) -> None:
+    env, params = make_crowd()
+    wrong = params.replace(**{name: np.array(value) for name, value in changes.items()})
+    with pytest.raises(jaxenstein.SettingError, match=message):
+        Batch(env, wrong, 3)
+
+
 def test_more_than_a_block_of_episodes_end_at_once(made: Any) -> None:
     batch = batch_of(made)
     batch.reset(0)
@@ -175,9 +220,9 @@ def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Navigation, "observe", count)
     batch = Batch(env, params, 3)
     keys, actions = batch_calls.keys_of([1, 2, 3]), np.zeros(3, np.int32)
-    plan = None, *batch._layout, batch._numbers
+    plan = batch._plan
     reset = inspect.unwrap(batch_calls.reset)
-    rows = jax.eval_shape(lambda: reset(env, plan[1], keys, batch.params))[0]
+    rows = jax.eval_shape(lambda: reset(env, plan, keys, batch._packed_params))[0]
     assert len(drawn) == 1
     for mode in (None, "next-step"):
         drawn.clear()

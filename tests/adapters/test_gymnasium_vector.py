@@ -156,6 +156,19 @@ def test_make_vec() -> None:
     assert envs.closed
 
 
+def test_params_of_each(made: Any) -> None:
+    limits = made[1].replace(max_steps_in_episode=np.array([2, 9]))
+    envs = vector.GymnasiumVectorEnv(made[0], limits, 2, max_episode_steps=4)
+    assert envs.params.max_steps_in_episode.tolist() == [2, 4]
+    envs.reset(seed=0)
+    assert [envs.step(np.array([4, 4]))[3].tolist() for _ in range(2)][-1] == [True, False]
+    rewards = np.array([1.0, 7.0], np.float32)
+    byname = vector.GymnasiumVectorEnv("simple", num_envs=2, goal_reward=rewards, **SMALL)
+    assert byname.params.goal_reward.tolist() == [1, 7]
+    with pytest.raises(jaxenstein.SettingError, match=r"goal_reward must have .* not \(2,\)"):
+        vector.GymnasiumVectorEnv("simple", num_envs=3, goal_reward=rewards, **SMALL)
+
+
 def test_max_episode_steps_only_shortens(made: Any) -> None:
     for limit, wanted in ((2, 2), (20, 9)):
         envs = vector.GymnasiumVectorEnv(*made, COUNT, max_episode_steps=limit)

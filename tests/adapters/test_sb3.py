@@ -109,12 +109,25 @@ def test_attributes_and_methods(made, venv):
     assert venv.step(np.full(N, STAY))[2].all()
     with pytest.raises(jaxenstein.SettingError, match="did you mean 'move_distance'"):
         venv.set_attr("move_distanc", 1.0)
-    with pytest.raises(jaxenstein.SettingError, match="set it for all"):
-        venv.set_attr("move_distance", 0.5, indices=[0])
+    with pytest.raises(jaxenstein.SettingError, match="move_distance must be"):
+        venv.set_attr("move_distance", 1.5, indices=[0])
     with pytest.raises(jaxenstein.SettingError, match="no environment 3 among 3"):
         venv.get_attr("name", indices=[3])
     assert venv.env_is_wrapped(Monitor, indices=[0]) == [True]
     assert venv.env_is_wrapped(VecMonitor) == [False] * N
+
+
+def test_params_of_each(made):
+    env, params = made
+    venv = SB3VecEnv(env, params.replace(move_distance=np.array([0.2, 0.3, 0.6])), N)
+    assert venv.get_attr("move_distance") == pytest.approx([0.2, 0.3, 0.6])
+    assert venv.get_attr("move_distance", indices=[2]) == pytest.approx([0.6])
+    venv.set_attr("max_steps_in_episode", 1, indices=[1])
+    assert venv.get_attr("max_steps_in_episode") == [7, 1, 7]
+    venv.reset()
+    assert venv.step(np.full(N, STAY))[2].tolist() == [False, True, False]
+    venv.set_attr("max_steps_in_episode", 3)
+    assert venv.get_attr("max_steps_in_episode") == [3, 3, 3]
 
 
 def test_pictures(made, venv):

@@ -15,6 +15,7 @@ import numpy as np
 from .._jax.packing import Packing
 from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError
+from ..params import differing
 from . import batch_calls
 
 # Environments that are reset and drawn in one call after a step in which some ended.
@@ -102,7 +103,8 @@ class Batch:
 
         Args:
             env: the environment; its own `autoreset` and `final_observation` do not matter.
-            params: its params, of all environments.
+            params: its params: numbers of all environments, or arrays with a leading axis N, of
+                each its own. Those that lie on another device than the environments are moved.
             num_envs: N, at least 1.
             autoreset: `"same-step"`, `"next-step"` or None, as `Environment.autoreset`.
             spread: whether the environments may lie on several processor cores, if
@@ -121,22 +123,36 @@ class Batch:
         self._stepped = stepped if autoreset == "next-step" else self.env
         self.autoreset = autoreset
         self.num_envs = num_envs
-        self.params = self.env.check_params(params)
         self._mesh = batch_calls.mesh_for(num_envs) if spread else None
+        self.params = params
         # Of each environment its stream and its state, and what a step tells beside them.
         self._kept: jax.Array | None = None
         self._layouts: tuple[Packing, Packing] | None = None
 
     @property
     def params(self) -> Any:
-        """The params of all environments."""
+        """The params of all environments; with a leading axis N where each has its own."""
         return self._params
 
     @params.setter
     def params(self, params: Any) -> None:
+        params = self.env.check_params(params)
+        own = differing(params, self.env.default_params, self.num_envs, self.env.name)
+        params = self._in_place(params)
+        leaves, tree = jax.tree.flatten(params)
+        axes = tree.unflatten([0 if mapped else None for mapped in own])
+        one = tree.unflatten([leaf[0] if m else leaf for leaf, m in zip(leaves, own, strict=True)])
         self._params = params
-        self._numbers = Packing(lambda: params)
-        self._packed_params = self._numbers.pack(params)
+        self._numbers = Packing(lambda: one)
+        pack = self._numbers.pack
+        self._packed_params = jax.vmap(pack, (axes,))(params) if any(own) else pack(params)
+
+    def _in_place(self, params: Any) -> Any:
+        """The params where the environments are: no longer bound to a device if those lie apart."""
+        devices = set().union(*(leaf.devices() for leaf in jax.tree.leaves(params)))
+        if self._mesh is None and len(devices) == 1:
+            return params
+        return jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)), params)
 
     @property
     def begun(self) -> bool:
@@ -157,8 +173,12 @@ class Batch:
     def _layout(self) -> tuple[Packing, Packing]:
         """Of the stream and state of an environment, and of reward, ends and info."""
         if self._layouts is None:
-            self._layouts = batch_calls.layouts(self.env, self.params)
+            self._layouts = batch_calls.layouts(self.env, self._numbers)
         return self._layouts
+
+    @property
+    def _plan(self) -> batch_calls.Plan:
+        return self._mesh, *self._layout, self._numbers
 
     def reset(
         self, seed: int | Sequence[int | None] | None = None, mask: Any = None
@@ -185,12 +205,12 @@ class Batch:
         if self._kept is None and not chosen.all():
             raise SettingError("the first reset must be of all environments: leave the mask out")
         keys = self._seeded(_seeds(seed, self.num_envs), chosen)
-        kept = self._layout[0]
+        numbers = self._packed_params
         if chosen.all():
-            out = batch_calls.reset(self.env, kept, keys, self.params)
+            out = batch_calls.reset(self.env, self._plan, keys, numbers)
         else:
             states, mask = self._streams()[1], jnp.asarray(chosen)
-            out = batch_calls.reset_some(self.env, kept, keys, states, mask, self.params)
+            out = batch_calls.reset_some(self.env, self._plan, keys, states, mask, numbers)
         self._kept, observation, info = out
         return observation, {name: np.array(value) for name, value in info.items()}
 
@@ -217,9 +237,8 @@ class Batch:
             # Before a cast on the device could wrap them around.
             valid = (actions >= 0) & (actions < self.env.num_actions)
             actions = np.where(valid, actions, -1).astype(np.int32)
-        layouts = *self._layout, self._numbers
         self._kept, observation, outcome = batch_calls.step(
-            self._stepped, (self._mesh, *layouts), self._kept, actions, self._packed_params
+            self._stepped, self._plan, self._kept, actions, self._packed_params
         )
         stepped = Stepped(observation, *self._layout[1].read(outcome), ended=None)
         if self.autoreset == "same-step":
@@ -227,6 +246,10 @@ class Batch:
             if indices.size:
                 return self._restart(stepped, indices)
         return stepped
+
+    def observe(self, env: AnyEnvironment) -> Any:
+        """What another environment of the same states would observe in them; after a reset."""
+        return batch_calls.observe(env, self._numbers, self.states, self._packed_params)
 
     def _restart(self, stepped: Stepped[np.ndarray], indices: np.ndarray) -> Stepped[np.ndarray]:
         """Reset the environments `indices` after a step that ended their episodes."""
@@ -239,7 +262,7 @@ class Batch:
             # Filled up with the last one again, which writes the same values once more.
             padded = np.pad(some, (0, together - some.size), mode="edge").astype(np.int32)
             self._kept, observation, final, first_info = batch_calls.restart(
-                self.env, self._layout[0], self._kept, observation, padded, self.params
+                self.env, self._plan, self._kept, observation, padded, self._packed_params
             )
             frames.append(jax.tree.map(lambda leaf, n=some.size: np.asarray(leaf)[:n], final))
             for name, value in first_info.items():

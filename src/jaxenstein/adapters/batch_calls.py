@@ -31,25 +31,56 @@ def mesh_for(num_envs: int) -> Mesh | None:
     return jax.make_mesh((count,), ("env",), axis_types=(AxisType.Auto,))
 
 
-def _apart(mesh: Mesh | None, function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of (rows, actions, numbers) on each device's rows and actions by themselves."""
+def _apart(
+    mesh: Mesh | None,
+    function: Callable[..., Any],
+    rows: jax.Array,
+    actions: jax.Array,
+    numbers: jax.Array,
+) -> Any:
+    """A function of rows, actions and numbers, on each device's environments by themselves."""
     if mesh is None:
-        return function
-    env, everywhere = PartitionSpec("env"), PartitionSpec()
+        return function(rows, actions, numbers)
+    env = PartitionSpec("env")
+    each = env if numbers.ndim == 2 else PartitionSpec()
     # Nothing is exchanged, so there is nothing to check about what varies along the axis.
     return jax.shard_map(
-        function, mesh=mesh, in_specs=(env, env, everywhere), out_specs=env, check_vma=False
-    )
+        function, mesh=mesh, in_specs=(env, env, each), out_specs=env, check_vma=False
+    )(rows, actions, numbers)
 
 
-def layouts(env: AnyEnvironment, params: Any) -> tuple[Packing, Packing]:
-    """Of an environment's stream and state, and of a step's outcome; compiles nothing."""
+def _over(function: Callable[..., Any], layout: Packing, numbers: jax.Array, *args: Any) -> Any:
+    """`function` of each environment's arguments and its params.
+
+    Args:
+        function: of one environment's arguments and, last, params.
+        layout: of the params of one environment.
+        numbers: uint32[words] of the params of all, or uint32[N, words] of each.
+        *args: trees with a leading axis N.
+    """
+
+    def of_one(numbers: jax.Array, *args: Any) -> Any:
+        return function(*args, layout.unpack(numbers))
+
+    return jax.vmap(of_one, (0 if numbers.ndim == 2 else None, *(0 for _ in args)))(numbers, *args)
+
+
+def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
+    """Of an environment's stream and state, and of a step's outcome; compiles nothing.
+
+    Args:
+        env: the environment.
+        numbers: the layout of its params.
+    """
+
+    def params() -> Any:
+        return numbers.unpack(jnp.zeros(numbers.words, jnp.uint32))
 
     def kept() -> Any:
-        return jax.random.key(0), env.first_state(jax.random.key(0), params)
+        return jax.random.key(0), env.first_state(jax.random.key(0), params())
 
     def outcome(key: jax.Array, state: Any) -> Any:
-        return outcome_of(env, key, key, state, jnp.int32(0), params)[2:]
+        return outcome_of(env, key, key, state, jnp.int32(0), params())[2:]
 
     return Packing(kept), Packing(lambda: outcome(*kept()))
 
@@ -62,32 +93,39 @@ _compiled = functools.partial(jax.jit, static_argnums=(0, 1))
 # the batch or its caller makes the resets.
 
 
+# How calls are carried out, which is part of the program: over which devices, and the layouts of
+# what is kept, of the outcome of a step, and of the params.
+Plan = tuple[Mesh | None, Packing, Packing, Packing]
+
+
 @_compiled
-def reset(env: AnyEnvironment, kept: Packing, keys: jax.Array, params: Any) -> tuple[Any, ...]:
+def reset(env: AnyEnvironment, plan: Plan, keys: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
     """Begin an episode in each environment: rows, observations, info."""
+    _, kept, _, layout = plan
     keys, used = _split(keys)
-    observation, states = jax.vmap(env.reset, (0, None))(used, params)
-    info = jax.vmap(env.describe, (0, None))(states, params)
+    observation, states = _over(env.reset, layout, numbers, used)
+    info = _over(env.describe, layout, numbers, states)
     return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
 @_compiled
 def reset_some(
-    env: AnyEnvironment, kept: Packing, keys: jax.Array, states: Any, mask: jax.Array, params: Any
+    env: AnyEnvironment,
+    plan: Plan,
+    keys: jax.Array,
+    states: Any,
+    mask: jax.Array,
+    numbers: jax.Array,
 ) -> tuple[Any, ...]:
     """Begin an episode where the mask says so: rows, observations, info."""
+    _, kept, _, layout = plan
     after, used = _split(keys)
-    fresh = jax.vmap(env.first_state, (0, None))(used, params)
+    fresh = _over(env.first_state, layout, numbers, used)
     keys = jnp.where(mask, after, keys)
     states = jax.vmap(select)(mask, fresh, states)
-    observation = jax.vmap(env.observe, (0, None))(states, params)
-    info = jax.vmap(env.describe, (0, None))(states, params)
+    observation = _over(env.observe, layout, numbers, states)
+    info = _over(env.describe, layout, numbers, states)
     return jax.vmap(kept.pack)((keys, states)), observation, info
-
-
-# How a step is carried out, which is part of the program: over which devices, and the layouts of
-# what is kept, of the outcome of a step, and of the params.
-Plan = tuple[Mesh | None, Packing, Packing, Packing]
 
 
 @_compiled
@@ -98,40 +136,48 @@ def step(
     mesh, kept, outcome, layout = plan
 
     def of_rows(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
-        params = layout.unpack(numbers)
         keys, states = jax.vmap(kept.unpack)(rows)
         keys, used = _split(keys)
         # A reset takes the key that `restart` would take, the world's step that of other modes.
         steps, resets = _split(used)
         used = (steps, used if env.autoreset else resets)
-        step = jax.vmap(functools.partial(outcome_of, env), (0, 0, 0, 0, None))
-        states, _, *rest = step(*used, states, actions, params)
-        observation = jax.vmap(env.observe, (0, None))(states, params)
+        step = functools.partial(outcome_of, env)
+        states, _, *rest = _over(step, layout, numbers, *used, states, actions)
+        observation = _over(env.observe, layout, numbers, states)
         return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(outcome.pack)(tuple(rest))
 
-    return _apart(mesh, of_rows)(rows, actions, numbers)
+    return _apart(mesh, of_rows, rows, actions, numbers)
 
 
 # The observations are given away, so that the frames of the others need not be copied.
 @functools.partial(jax.jit, static_argnums=(0, 1), donate_argnums=3)
 def restart(
     env: AnyEnvironment,
-    kept: Packing,
+    plan: Plan,
     rows: jax.Array,
     observation: Any,
     indices: jax.Array,
-    params: Any,
+    numbers: jax.Array,
 ) -> tuple[Any, ...]:
     """Begin one in the environments `indices`: rows, observations, the last ones, info."""
+    _, kept, _, layout = plan
+    if numbers.ndim == 2:
+        numbers = numbers[indices]
     final = jax.tree.map(lambda leaf: leaf[indices], observation)
     after, used = _split(jax.vmap(kept.unpack)(rows[indices])[0])
-    first, fresh = jax.vmap(env.reset, (0, None))(used, params)
+    first, fresh = _over(env.reset, layout, numbers, used)
     rows, observation = jax.tree.map(
         lambda every, some: every.at[indices].set(some),
         (rows, observation),
         (jax.vmap(kept.pack)((after, fresh)), first),
     )
-    return rows, observation, final, jax.vmap(env.describe, (0, None))(fresh, params)
+    return rows, observation, final, _over(env.describe, layout, numbers, fresh)
+
+
+@_compiled
+def observe(env: AnyEnvironment, layout: Packing, states: Any, numbers: jax.Array) -> Any:
+    """What each environment observes."""
+    return _over(env.observe, layout, numbers, states)
 
 
 def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import jax
@@ -75,6 +75,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
             UnknownEnvironmentError: there is no such id.
         """
         env, params = resolve(env, params, settings)
+        params = env.single_params(params)
         check_render_mode(env, render_mode, self.metadata["render_modes"])
         self._batch = Batch(env, params, autoreset=None)
         self.env, self.params = self._batch.env, self._batch.params
@@ -178,22 +179,15 @@ def resolve(
     static = set(find(env)[1].settings)
     made, default = make(env, **{key: settings[key] for key in settings if key in static})
     numbers = {key: value for key, value in settings.items() if key not in static}
-    _check_numbers(
-        numbers, made.name, [field.name for field in dataclasses.fields(default)], static
-    )
+    _check_names(numbers, made.name, [field.name for field in dataclasses.fields(default)], static)
     return made, made.check_params(params).replace(**numbers)
 
 
-def _check_numbers(
-    numbers: dict[str, Any], owner: str, params: list[str], settings: set[str]
-) -> None:
-    for name, value in numbers.items():
+def _check_names(names: Iterable[str], owner: str, params: list[str], settings: set[str]) -> None:
+    for name in names:
         if name not in params:
             close = nearest(name, [*settings, *params])
             raise SettingError(f"{owner} has no setting or param {name!r}{close}")
-        number = np.asarray(value)
-        if number.shape != () or number.dtype.kind not in "biuf":
-            raise SettingError(f"{name} must be a number, not {value!r}")
 
 
 def gymnasium_space(env: AnyEnvironment, params: Any) -> gymnasium.Space[Any]:
@@ -265,12 +259,7 @@ def frames(batch: Batch, observation: Any = None) -> np.ndarray:
     if observation is not None and env.observation in ("rgb", "dict"):
         return np.array(observation["image"] if env.observation == "dict" else observation)
     coloured = dataclasses.replace(env, observation="rgb")
-    return np.array(_observe(coloured, batch.states, batch.params))
-
-
-_observe = jax.jit(
-    lambda env, states, params: jax.vmap(env.observe, (0, None))(states, params), static_argnums=0
-)
+    return np.array(batch.observe(coloured))
 
 
 def _first(tree: Any) -> Any:

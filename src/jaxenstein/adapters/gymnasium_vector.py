@@ -42,7 +42,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
 
     Attributes:
         env: the environment.
-        params: its params.
+        params: its params; with a leading axis N where each environment has its own.
         autoreset_mode: what follows the end of an episode.
     """
 
@@ -68,7 +68,8 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
 
         Args:
             env: an environment or an id of `jaxenstein.make`.
-            params: params of the environment; None for its own.
+            params: params of all environments, or with a leading axis N where each has its own;
+                None for the environment's own.
             num_envs: N, at least 1.
             autoreset_mode: Gymnasium's modes, or their names `"NextStep"`: the step after the end
                 of an episode resets, ignores its action and has the reward 0; `"SameStep"`: the
@@ -205,8 +206,9 @@ def _mode(mode: Any) -> AutoresetMode:
 def _shortened(params: Any, most: Any, frame_skip: int) -> Any:
     if isinstance(most, bool) or not isinstance(most, int) or most < 1:
         raise SettingError(f"max_episode_steps must be a whole number from 1 on, not {most!r}")
-    limit = min(most * frame_skip, int(params.max_steps_in_episode))
-    return params.replace(max_steps_in_episode=limit)
+    limit = min(most * frame_skip, np.iinfo(np.int32).max)
+    limits = np.minimum(limit, np.asarray(params.max_steps_in_episode))
+    return params.replace(max_steps_in_episode=limits)
 
 
 def _taken(values: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndarray]:

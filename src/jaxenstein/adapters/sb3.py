@@ -7,7 +7,6 @@ JAX drew and any other: its `CnnPolicy` turns uint8[H, W, C] round by itself, fr
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -17,6 +16,7 @@ import numpy as np
 
 from ..environment import AnyEnvironment
 from ..errors import SettingError, nearest
+from ..fields import names_of
 from .batch import Batch, Ended
 
 try:
@@ -46,7 +46,7 @@ class SB3VecEnv(VecEnv):
     `env_is_wrapped(Monitor)` is true; and `is_success`, which SB3's evaluation logs. Every info has
     `TimeLimit.truncated`: whether the time limit alone ended the episode.
 
-    All environments share their params, so attributes are those of all of them.
+    Attributes are those of the environment, the same for all, and params, which may differ.
     """
 
     def __init__(
@@ -63,7 +63,8 @@ class SB3VecEnv(VecEnv):
         Args:
             env: an environment, whose own `autoreset` and `final_observation` do not matter, or
                 an id of `jaxenstein.make`.
-            params: params of all environments; None for the environment's own.
+            params: params of all environments, or with a leading axis N where each has its own;
+                None for the environment's own.
             num_envs: N, at least 1.
             render_mode: `"rgb_array"`, for `render` and `get_images` to draw what each agent
                 sees, or None.
@@ -130,32 +131,37 @@ class SB3VecEnv(VecEnv):
             AttributeError: there is neither.
             SettingError: an index is out of range.
         """
-        count = len(self._chosen(indices))
+        chosen = self._chosen(indices)
         if attr_name == "render_mode":
-            return [self.render_mode] * count
-        for owner in (self.batch.params, self.batch.env):
-            if hasattr(owner, attr_name):
-                value = getattr(owner, attr_name)
-                return [value.item() if isinstance(value, jax.Array) else value] * count
+            return [self.render_mode] * len(chosen)
+        if attr_name in names_of(self.batch.params):
+            return self._param(attr_name)[chosen].tolist()
+        if hasattr(self.batch.env, attr_name):
+            return [getattr(self.batch.env, attr_name)] * len(chosen)
         raise AttributeError(f"{self.batch.env.name} has no attribute or param {attr_name!r}")
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        """Set a param of all environments, from the next step on.
+        """Set a param of all environments or of some, from the next step on.
 
         Raises:
-            SettingError: there is no such param, or `indices` leaves environments out.
+            SettingError: there is no such param, it cannot have the value, or an index is out of
+                range.
         """
         params = self.batch.params
-        names = [field.name for field in dataclasses.fields(params)]
+        names = names_of(params)
         if attr_name not in names:
             raise SettingError(
                 f"there is no param {attr_name!r}{nearest(attr_name, names)}; "
                 f"those that can be set: {', '.join(names)}"
             )
-        if set(self._chosen(indices)) != set(range(self.num_envs)):
-            raise SettingError(f"{attr_name} is one number for all environments: set it for all")
+        # The value is looked at before it could take the type of those that stay.
         changed = params.replace(**{attr_name: value})
-        self.batch.params = self.batch.env.check_params(changed)
+        chosen = self._chosen(indices)
+        if len(set(chosen)) < self.num_envs:
+            numbers = self._param(attr_name)
+            numbers[chosen] = value
+            changed = params.replace(**{attr_name: numbers})
+        self.batch.params = changed
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
@@ -201,6 +207,12 @@ class SB3VecEnv(VecEnv):
             success = {"is_success": bool(info["success"])}
             last_of = {"terminal_observation": observation, "episode": episode}
             yield i, info | success | last_of
+
+    def _param(self, name: str) -> np.ndarray:
+        """[N, ...]: a param of each environment."""
+        value = np.asarray(getattr(self.batch.params, name))
+        usual = np.shape(getattr(self.batch.env.default_params, name))
+        return np.array(np.broadcast_to(value, (self.num_envs, *usual)))
 
     def _chosen(self, indices: Indices) -> list[int]:
         chosen = list(self._get_indices(indices))

@@ -61,12 +61,12 @@ class StoaEnvironment(stoa.Environment):
 
         Raises:
             SettingError: it is no environment or resets in the next step, or the params are of
-                another kind.
+                another kind or not those of one environment.
         """
         check_fit(env, (None, "same-step"), "Stoa")
         super().__init__()
         self.env = env
-        self.params = env.check_params(params)
+        self.params = env.single_params(params)
 
     def __repr__(self) -> str:
         """The id, and whether it resets."""

@@ -78,13 +78,13 @@ class GameSession(Session):
             seed: of the first episode.
 
         Raises:
-            SettingError: the game has no such scenario, the image is larger than its screens, or
-                the seed is none.
+            SettingError: the game has no such scenario, the image is larger than its screens, the
+                params are not those of one environment, or the seed is none.
         """
         check_seed(seed)
         scenario = check_scenario(env)
         assert isinstance(env, DoomScenario)
-        params = env.default_params if params is None else params
+        params = env.single_params(params)
         limit = int(params.max_steps_in_episode)
         size = screen_for(env.height, env.width)
         weapon = env.show_weapon

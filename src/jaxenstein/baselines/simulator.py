@@ -65,7 +65,12 @@ class OwnSimulator:
     """
 
     def __init__(self, env: Environment[Any, Any], params: Any) -> None:
-        """Take an environment and its params."""
+        """Take an environment and its params.
+
+        Raises:
+            SettingError: the params are not those of one environment.
+        """
+        env.single_params(params)
         self.num_actions, self.frame_skip = env.num_actions, env.frame_skip
         # Equal to the environment of sessions, so that rendering is traced once for both.
         self._env = dataclasses.replace(env, autoreset=None, final_observation=False)

@@ -104,7 +104,10 @@ def _summary(tilemap: TileMap, cells: str, more: dict[str, int]) -> list[str]:
     things = ", ".join(f"{count} {noun}{'s' * (count != 1)}" for noun, count in counts.items())
     lines = [f"{tilemap.name}: {cells}{tilemap.columns} x {tilemap.rows} tiles; {things}"]
     if not tilemap.goals:
-        lines.append("it has no goal: put a G where one may lie before using it as --map-file")
+        lines.append(
+            "it has no goal: put a G where one may lie before using it as --map-file; a task of "
+            "your own that needs none reads it by parse_ascii(text, goal_required=False)"
+        )
     return lines
 
 

@@ -6,20 +6,82 @@ import math
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax import lax
 
 from .level import Level, door_at, is_solid
 
+# Parts of a degree that are counted: so fine that float32 hardly knows finer ones, and so coarse
+# that a heading with `DRIFT` radians of rounding still tells which it is after one more turn.
+PARTS = 4000
+DRIFT = 1.2e-6
+
 
 def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
-    """float32[]: the heading turned clockwise on the map by an angle, in [0, 2 pi)."""
+    """float32[]: the heading turned clockwise on the map by an angle, in [0, 2 pi).
+
+    Where the angle is a whole number of parts of a degree, so is the heading, but for at most
+    `DRIFT`: any number of such turns adds up to no more. Other angles are added as they are.
+    """
     turned = jnp.mod(heading + angle, jnp.float32(2 * math.pi))
     # A tiny negative heading rounds up to the full circle itself.
-    return jnp.where(turned >= jnp.float32(2 * math.pi), 0, turned)
+    turned = jnp.where(turned >= jnp.float32(2 * math.pi), 0, turned)
+    whole = (jnp.abs(_in_parts(angle) - angle) <= jnp.abs(angle) * np.float32(2**-23)) & (
+        angle != 0
+    )
+    near = _in_parts(turned)
+    off = jnp.abs(near - turned)
+    # Half of a part away it could as well be the next one.
+    strayed = (off > np.float32(DRIFT)) & (off < np.float32(math.pi / 360 / PARTS))
+    near = jnp.where(near >= jnp.float32(2 * math.pi), 0, near)
+    exact = jnp.where(whole & strayed, near, turned)
+    # To derivatives it is the sum.
+    return lax.stop_gradient(exact) + (turned - lax.stop_gradient(turned))
+
+
+def _in_parts(angle: jax.Array) -> jax.Array:
+    """float32[]: the angle that is a whole number of parts of a degree and nearest to another.
+
+    No factor has more bits than its products need to be whole in float32: the sum is the same
+    whether a compiler rounds them or not.
+    """
+    parts = jnp.round(angle * np.float32(180 * PARTS / math.pi))
+    degrees = jnp.floor(parts * np.float32(1 / PARTS))
+    rest = parts - degrees * np.float32(PARTS)
+    high, low = _in_two(math.pi / 180, 15)
+    rest_high, rest_low = _in_two(math.pi / 180 / PARTS, 11)
+    return degrees * high + (degrees * low + (rest * rest_high + rest * rest_low))
+
+
+def _in_two(number: float, bits: int) -> tuple[np.float32, np.float32]:
+    """A number above 0 as a sum of two of so many bits each."""
+    parts = []
+    for _ in range(2):
+        unit = 2.0 ** (math.floor(math.log2(number)) + 1 - bits)
+        parts.append(math.floor(number / unit) * unit)
+        number -= parts[-1]
+    return np.float32(parts[0]), np.float32(parts[1])
 
 
 def forward(heading: jax.Array) -> jax.Array:
     """float32[2]: the unit vector (x, y) of a heading."""
     return jnp.stack([jnp.cos(heading), jnp.sin(heading)])
+
+
+def length(offset: jax.Array) -> jax.Array:
+    """float32[...]: the lengths of float32[..., 2] offsets, the same bits in every program.
+
+    A compiler rounds a product before a sum in one program and not in another. Here each number
+    is split into halves of 12 bits, whose products need no rounding, so both give the same sum.
+    """
+    upper = lax.bitcast_convert_type(offset, jnp.uint32) & np.uint32(0xFFFFF000)
+    high = lax.bitcast_convert_type(upper, jnp.float32)
+    low = offset - high
+
+    def dot(one: jax.Array, other: jax.Array) -> jax.Array:
+        return one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1]
+
+    return jnp.sqrt(dot(high, high) + (2 * dot(high, low) + dot(low, low)))
 
 
 def path_tiles(start: jax.Array, end: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -54,7 +54,8 @@ def record(
 
     Raises:
         SettingError: the environment is not seen in first person, there is no such policy, it
-            does not know this task, or an action, `seed` or `steps` is no whole number in range.
+            does not know this task, an action, `seed` or `steps` is no whole number in range, or
+            the params are not those of one environment.
 
     Examples:
         >>> import jaxenstein
@@ -66,7 +67,7 @@ def record(
     """
     if not isinstance(env, FirstPerson):
         raise SettingError(f"only environments seen in first person are recorded, not {env!r}")
-    params = env.default_params if params is None else params
+    params = env.single_params(params)
     seed = check_seed(seed)
     chosen, length = _policy(policy, env, params, seed)
     limit = int(env.most_steps(params)) if length is None else length

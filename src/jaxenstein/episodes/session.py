@@ -43,10 +43,14 @@ class Session:
     """
 
     def __init__(self, env: AnyEnvironment, params: Any, seed: int = 0) -> None:
-        """Reset `env` with `seed`; its `autoreset` and `final_observation` do not matter."""
+        """Reset `env` with `seed`; its `autoreset` and `final_observation` do not matter.
+
+        Raises:
+            SettingError: the params are not those of one environment.
+        """
         self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
         # As arrays: Python's numbers would be transferred, and compiled for, by themselves.
-        self.params = env.check_params(params)
+        self.params = env.single_params(params)
         self.reset(seed)
 
     @property

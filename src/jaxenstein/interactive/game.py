@@ -72,8 +72,11 @@ class Game:
             fps: the most actions a second.
             keep: whether to keep the frames of everything played, for `episodes`.
             note: a line about the picture.
+
+        Raises:
+            SettingError: the params are not those of one environment.
         """
-        self.params = params
+        self.params = env.single_params(params)
         self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
         self.paused = self.mapped = self.helping = self.over = False
         self._builders: list[tuple[EpisodeBuilder, Any]] = []

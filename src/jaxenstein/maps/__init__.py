@@ -1,7 +1,8 @@
 """Maps on the host: text to `TileMap`, in numpy alone. Nothing here imports JAX."""
 
 from .ascii import layout_names, load_layout, parse_ascii
-from .symbols import legend
+from .own_things import register_thing
+from .symbols import label_name, legend
 from .tilemap import MAX_SIZE, Door, Item, Key, TileMap
 
 __all__ = [
@@ -10,8 +11,10 @@ __all__ = [
     "Item",
     "Key",
     "TileMap",
+    "label_name",
     "layout_names",
     "legend",
     "load_layout",
     "parse_ascii",
+    "register_thing",
 ]

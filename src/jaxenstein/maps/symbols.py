@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .things import COLOUR_NAMES, COLOURS, RGB, THINGS, Role
+from ..errors import SettingError
+from .things import COLOUR_NAMES, COLOURS, RGB, THING_OF, THINGS, Role
 
 # What stands on a tile: "floor", "spawn", "wall", "door" or the name of a thing.
 Kind = str
@@ -91,7 +92,7 @@ LABEL_NAMES: tuple[str, ...] = (
     *(f"locked {name} door" for name in COLOUR_NAMES),
     *(name for thing in THINGS for name in thing.names),
 )
-"""Name of each label id."""
+"""Name of each label id that this package gives; `label_name` knows those of one's own things."""
 
 
 def _label_colours() -> np.ndarray:
@@ -105,7 +106,30 @@ def _label_colours() -> np.ndarray:
 
 
 LABEL_COLOURS: np.ndarray = _label_colours()
-"""uint8[L, 3], RGB of each label id in full light; read-only."""
+"""uint8[L, 3], RGB of each of these label ids in full light; read-only."""
+
+
+def label_name(label: int) -> str:
+    """The name of a label id, of one's own things too.
+
+    Raises:
+        SettingError: there is no such label.
+    """
+    if 0 <= label < len(LABEL_NAMES):
+        return LABEL_NAMES[label]
+    if label not in THING_OF:
+        raise SettingError(f"label {label} is none of those that there are")
+    thing = THING_OF[label]
+    return thing.names[label - thing.label]
+
+
+def label_colours() -> np.ndarray:
+    """uint8[256, 3]: RGB of each label id in full light, of one's own things too; else 0."""
+    colours = np.zeros((256, 3), np.uint8)
+    colours[: len(LABEL_COLOURS)] = LABEL_COLOURS
+    for label, thing in THING_OF.items():
+        colours[label] = thing.colours[label - thing.label]
+    return colours
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,15 @@
 """What can stand on a map: one row for each thing, with all that anyone has to know of it.
 
-A new thing is a row of `THINGS` with the next free labels, and a picture in `engine/art`.
+A new thing of this package is a row of `THINGS` with the next free labels, and a picture in
+`engine/art`. `own_things.register_thing` adds a row from outside.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
+
+from ..errors import SettingError
 
 RGB = tuple[int, int, int]
 Glyph = Literal["star", "key", "apple", "medkit"]
@@ -34,7 +37,7 @@ class Thing:
         name: what it is called.
         label: its label id; of a coloured thing the first of six.
         colour: RGB in full light of its shape, of its label and on maps, or None.
-        art: its picture, a file in `engine/art`.
+        art: its picture: a file in `engine/art`, or the text of one.
         radius: half the billboard's side in tiles.
         drop: tiles from eye height down to the billboard's centre.
         detail: RGB of the picture's second colour, or None for a darker shade of the first.
@@ -179,5 +182,28 @@ THINGS: tuple[Thing, ...] = (
 )
 """All of them, in the order of their labels."""
 
-THING_OF: dict[int, Thing] = {label: thing for thing in THINGS for label in thing.labels}
-"""The thing of each label id that is one's."""
+THING_OF: dict[int, Thing] = {}
+"""The thing of each label id that is one's, those of one's own (`own_things`) included."""
+
+
+def enter(thing: Thing) -> Thing:
+    """Make a thing known by its labels, in the place of one with the same name and label.
+
+    Raises:
+        SettingError: one of its labels, or its name, is another thing's.
+    """
+    for other in THING_OF.values():
+        same = (other.name == thing.name) + (other.label == thing.label)
+        if same == 1 or (same == 0 and set(other.labels) & set(thing.labels)):
+            raise SettingError(
+                f"{thing.name!r} with the labels {list(thing.labels)}: "
+                f"{other.name!r} has the labels {list(other.labels)} already"
+            )
+    for label in [label for label, other in THING_OF.items() if other.name == thing.name]:
+        del THING_OF[label]
+    THING_OF.update(dict.fromkeys(thing.labels, thing))
+    return thing
+
+
+for _thing in THINGS:
+    enter(_thing)

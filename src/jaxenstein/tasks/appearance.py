@@ -10,7 +10,7 @@ from ..engine.art import load_art
 from ..engine.scene import Theme
 from ..errors import SettingError
 from ..maps.symbols import LABEL_COLOURS, door_label
-from ..maps.things import COLOURS, RGB, THING_OF
+from ..maps.things import COLOURS, RGB, THING_OF, Thing
 
 # The two tiles of the checker, and the ceiling.
 FLOOR: tuple[RGB, RGB] = ((88, 92, 84), (68, 72, 66))
@@ -28,10 +28,14 @@ def build_theme(
     """The look of a map.
 
     Args:
-        sprites: labels of the sprite pictures, in the order of `Sprites.picture`.
+        sprites: labels of the sprite pictures, in the order of `Sprites.picture`: those of
+            `maps.things`, and of things of one's own.
         doors: whether there are doors; without, nothing is spent on drawing panels.
         floor: the checker's colours, RGB.
         ceiling: its colour, RGB.
+
+    Raises:
+        SettingError: a label is that of no thing.
     """
     colours = np.array(LABEL_COLOURS, np.float32)
     panels = np.zeros(len(colours), np.int32)
@@ -40,7 +44,7 @@ def build_theme(
             panels[door_label(colour, locked=False)] = 1
             panels[door_label(colour, locked=True)] = 2
     plain = np.zeros_like(load_art("door"))
-    things = [THING_OF[label] for label in sprites]
+    things = [_thing_of(label) for label in sprites]
     return Theme(
         wall_colours=colours,
         wall_panels=panels,
@@ -50,12 +54,20 @@ def build_theme(
         ceiling=np.array(ceiling, np.float32),
         sprite_art=np.stack([load_art(thing.art) for thing in things] or [plain]),
         sprite_colours=np.array(
-            [THING_OF[label].paints(label) for label in sprites], np.float32
+            [t.paints(label) for t, label in zip(things, sprites, strict=True)], np.float32
         ).reshape(-1, 2, 3),
         sprite_radius=np.array([thing.radius for thing in things], np.float32),
         sprite_drop=np.array([thing.drop for thing in things], np.float32),
         sprite_labels=np.array(sprites, np.uint8),
     )
+
+
+def _thing_of(label: int) -> Thing:
+    if label not in THING_OF:
+        raise SettingError(
+            f"label {label} is that of no thing: jaxenstein.maps.register_thing makes one known"
+        )
+    return THING_OF[label]
 
 
 def check_rgb(field: str, value: Any, shape: tuple[int, ...]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..about import About, Event
 from ..engine.level import Level
-from ..engine.motion import forward, touched_door
+from ..engine.motion import forward, length, touched_door
 from ..engine.scene import Scene, Sprites, Theme
 from ..environment import Info, Scalar
 from ..maps.things import COLOUR_NAMES
@@ -149,7 +149,7 @@ class GoalTask(FirstPerson[S, NavigationParams]):
         )
 
     def _distance(self, state: S) -> jax.Array:
-        return jnp.sqrt(jnp.sum((self.goal_of(state) - state.position) ** 2))
+        return length(self.goal_of(state) - state.position)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

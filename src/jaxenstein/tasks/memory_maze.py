@@ -16,7 +16,7 @@ import numpy as np
 
 from ..about import About, Choose, Event, Player
 from ..engine.level import Level, level_from_walls
-from ..engine.motion import forward, walk
+from ..engine.motion import forward, length, walk
 from ..engine.scene import Scene, Sprites, Theme
 from ..engine.shade import ImageKind
 from ..environment import Info, Scalar, State
@@ -282,7 +282,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         return flood(~walls, (column == target[0]) & (row == target[1]))
 
     def _distance(self, state: MemoryMazeState) -> jax.Array:
-        return jnp.sqrt(jnp.sum((state.things[state.wanted] - state.position) ** 2))
+        return length(state.things[state.wanted] - state.position)
 
     def _paint(self, paved: jax.Array, bits: jax.Array) -> jax.Array:
         """uint8[N, N]: the walls; each ninth of the maze has a colour of its own."""

@@ -12,7 +12,7 @@ from PIL import Image
 
 from ..errors import SettingError
 from ..fields import check_whole
-from ..maps.symbols import LABEL_COLOURS
+from ..maps.symbols import label_colours, label_name
 from .recording import enlarge, evenly, mosaic, save_png, scale_to
 
 # Depth in tiles at which a depth image is at half brightness.
@@ -40,7 +40,7 @@ def picture(image: np.ndarray, kind: str) -> np.ndarray:
     if kind in ("rgb", "dict"):
         return image
     if kind == "labels":
-        return np.asarray(LABEL_COLOURS, np.uint8)[image]
+        return label_colours()[image]
     if kind == "depth":
         image = np.round(255 * HALF_DEPTH / (HALF_DEPTH + image)).astype(np.uint8)
     return np.repeat(image[..., None], 3, axis=-1)
@@ -134,5 +134,6 @@ def _check(image: np.ndarray, kind: str) -> None:
         raise SettingError(
             f"a {kind} observation is {dtype}{shape}, not {image.dtype}{list(image.shape)}"
         )
-    if kind == "labels" and image.max() >= len(LABEL_COLOURS):
-        raise SettingError(f"label {image.max()} is none of the {len(LABEL_COLOURS)} there are")
+    if kind == "labels":
+        for label in np.unique(image):
+            label_name(int(label))

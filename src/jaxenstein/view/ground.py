@@ -6,6 +6,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from ..maps.symbols import LABEL_COLOURS
+from ..maps.things import THING_OF
 from ..maps.tilemap import TileMap
 from .glyphs import Colour
 
@@ -39,7 +40,9 @@ def open_floor(tilemap: TileMap) -> np.ndarray:
 
 def paint(label: int) -> Colour:
     """The colour of a label id."""
-    red, green, blue = (int(part) for part in LABEL_COLOURS[label])
+    thing = THING_OF.get(label)
+    rgb = LABEL_COLOURS[label] if thing is None else thing.colours[label - thing.label]
+    red, green, blue = (int(part) for part in rgb)
     return red, green, blue
 
 

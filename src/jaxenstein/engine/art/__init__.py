@@ -12,6 +12,7 @@ from importlib import resources
 import numpy as np
 
 SIZE = 32
+MARKS = ".#o"
 
 
 @functools.cache
@@ -19,11 +20,13 @@ def load_art(name: str) -> np.ndarray:
     """uint32[2, 32]: planes (drawn at all, drawn in the second colour) by column, top bit greatest.
 
     Args:
-        name: the file beside this module, without its suffix.
+        name: the file beside this module, without its suffix; or the picture itself, 32 lines.
     """
-    text = resources.files(__name__).joinpath(f"{name}.txt").read_text(encoding="ascii")
+    text = name
+    if "\n" not in name:
+        text = resources.files(__name__).joinpath(f"{name}.txt").read_text(encoding="ascii")
     cells = np.array([list(line) for line in text.split()])
-    if cells.shape != (SIZE, SIZE) or not np.isin(cells, [".", "#", "o"]).all():
+    if cells.shape != (SIZE, SIZE) or not np.isin(cells, list(MARKS)).all():
         raise ValueError(f"art {name!r} must be {SIZE} by {SIZE} characters of '.', '#' and 'o'")
     weights = np.left_shift(np.uint32(1), np.arange(SIZE, dtype=np.uint32)[::-1])[:, None]
     planes = np.stack([cells != ".", cells == "o"])

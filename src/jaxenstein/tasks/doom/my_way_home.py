@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...about import About, Choose, Event, Player
+from ...engine.motion import length
 from ...environment import Info
 from ...params import Params, Scalar
 from .collision import LATTICE, Geometry, load_geometry
@@ -136,8 +137,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     def describe(self, state: DoomHomeState, params: DoomHomeParams) -> Info:
         """Add the straight-line distance to the armour, in tiles."""
         offset = self.to_tiles(jnp.asarray(self.goal.place)) - state.position
-        distance = jnp.sqrt(jnp.sum(offset**2))
-        return super().describe(state, params) | {"distance_to_goal": distance}
+        return super().describe(state, params) | {"distance_to_goal": length(offset)}
 
     def about(self) -> About:
         """What the task says of itself."""

@@ -1,0 +1,168 @@
+"""Things of one's own: rows as those of `things`, whose pictures need no file of this package."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..engine.art import MARKS, SIZE
+from ..errors import SettingError
+from .symbols import LABEL_NAMES
+from .things import COLOURS, RGB, Thing, enter
+
+OWN_LABELS = range(192, 256)
+"""Labels that this package gives to nothing."""
+# Of a thing in several colours light pixels are the shape and dark ones the detail.
+_LIGHT, _DARK = (255, 255, 255), (0, 0, 0)
+
+
+def register_thing(
+    name: str,
+    label: int,
+    picture: str | Path | np.ndarray,
+    *,
+    colour: RGB | None,
+    detail: RGB | None = None,
+    radius: float = 0.25,
+    drop: float | None = None,
+) -> Thing:
+    """Make a new kind of thing known: `build_theme` draws it by its label, and so do maps.
+
+    The same name may be registered again, with the same label: what is built from then on has the
+    new picture.
+
+    Args:
+        name: what it is called.
+        label: its label id, 192 to 255; of a thing in several colours the first of six.
+        picture: 32 by 32 points. As text, 32 lines of 32 characters: `.` is empty, `#` has the
+            first colour, `o` the second (an indentation is taken off). As an array, int[32, 32]
+            with 0, 1 and 2 for these. As the name of an image file, or as an array uint8[32, 32, 3]
+            or [32, 32, 4]: a point whose alpha is below 128 is empty, and every other has
+            whichever of `colour` and `detail` is nearer to it in RGB.
+        colour: RGB, 0 to 255, of its shape in full light, of its label and on maps. None for one in
+            all colours of keys: of an image light points are then the shape, dark ones the detail.
+        detail: RGB of the picture's second colour; None for a darker shade of the first.
+        radius: half the billboard's side in tiles, above 0 to 0.5.
+        drop: tiles from eye height down to the billboard's centre; None for one that stands on
+            the floor.
+
+    Returns:
+        The thing, with its `labels`.
+
+    Raises:
+        SettingError: the picture has another size or holds something else, its file cannot be
+            read, or the name, label or colour is another thing's or none.
+    """
+    if not isinstance(name, str) or not name.strip() or not name.isprintable():
+        raise SettingError(f"the name of a thing must be a text of one line, not {name!r}")
+    _check_rgb(name, "colour", colour)
+    _check_rgb(name, "detail", detail)
+    _check_size(name, radius, drop)
+    whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
+    last = OWN_LABELS[-len(COLOURS) if colour is None else -1]
+    if not whole or not OWN_LABELS[0] <= label <= last:
+        raise SettingError(
+            f"the label of {name!r} must be a whole number from {OWN_LABELS[0]} to {last}, "
+            f"not {label!r}"
+        )
+    drop = 0.5 - radius if drop is None else drop
+    thing = Thing(name, int(label), colour, "", radius, drop, detail)
+    if taken := set(thing.names) & set(LABEL_NAMES):
+        raise SettingError(f"{min(taken)!r} is the name of a label already: {name!r} needs another")
+    return enter(dataclasses.replace(thing, art=_art(thing, picture)))
+
+
+def _art(thing: Thing, picture: Any) -> str:
+    """A picture as text, as files of `engine/art` have it."""
+    place = f"the picture of {thing.name!r}"
+    if isinstance(picture, str) and "\n" in picture:
+        text = textwrap.dedent(picture).strip("\n")
+        rows = [line.rstrip() for line in text.split("\n")]
+    elif isinstance(picture, str | Path):
+        rows = _rows(thing, _read(place, Path(picture)), place)
+    else:
+        rows = _rows(thing, np.asarray(picture), place)
+    _check_rows(place, rows)
+    return "\n".join(rows)
+
+
+def _check_rows(place: str, rows: list[str]) -> None:
+    if len(rows) != SIZE:
+        raise SettingError(f"{place} must have {SIZE} rows, not {len(rows)}")
+    for number, row in enumerate(rows, start=1):
+        if len(row) != SIZE:
+            raise SettingError(f"{place}: row {number} must have {SIZE} points, not {len(row)}")
+        if wrong := set(row) - set(MARKS):
+            raise SettingError(
+                f"{place}: row {number} has {min(wrong)!r}, which is none of "
+                f"{', '.join(map(repr, MARKS))}"
+            )
+    if not set("".join(rows)) - {MARKS[0]}:
+        raise SettingError(f"{place} is empty: nothing of it would be seen")
+
+
+def _read(place: str, path: Path) -> np.ndarray:
+    """uint8[H, W, 4]: the image of a file."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image.convert("RGBA"))
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise SettingError(f"{place}: {str(path)!r} cannot be read as an image ({error})") from None
+
+
+def _rows(thing: Thing, array: np.ndarray, place: str) -> list[str]:
+    """Lines of characters of an array."""
+    coloured = array.ndim == 3 and array.shape[-1] in (3, 4) and array.dtype == np.uint8
+    if not coloured and (array.ndim != 2 or array.dtype.kind not in "iub"):
+        raise SettingError(
+            f"{place} must be text, the name of an image file, int[{SIZE}, {SIZE}] or "
+            f"uint8[{SIZE}, {SIZE}, 3 or 4], not {array.dtype}{list(array.shape)}"
+        )
+    if array.shape[:2] != (SIZE, SIZE):
+        rows, columns = array.shape[:2]
+        raise SettingError(
+            f"{place} must have {SIZE} rows and {SIZE} columns, not {rows} and {columns}"
+        )
+    marks = _marks_of(thing, array) if coloured else array.astype(np.int64)
+    low, high = marks.min(), marks.max()
+    if low < 0 or high >= len(MARKS):
+        raise SettingError(f"{place} must hold 0, 1 and 2 alone, not {low} to {high}")
+    return ["".join(MARKS[mark] for mark in row) for row in marks]
+
+
+def _marks_of(thing: Thing, image: np.ndarray) -> np.ndarray:
+    """int[32, 32]: 0 where an image is empty, 1 in the first colour and 2 in the second."""
+    paints = (_LIGHT, _DARK) if thing.coloured else thing.paints(thing.label)
+    offset = image[:, :, None, :3] - np.array(paints, float)
+    marks = 1 + np.argmin((offset**2).sum(axis=-1), axis=-1)
+    return np.where(image[..., 3] >= 128, marks, 0) if image.shape[-1] == 4 else marks
+
+
+def _check_rgb(name: str, what: str, value: Any) -> None:
+    parts = value if isinstance(value, tuple) else ()
+    whole = all(isinstance(p, int | np.integer) and not isinstance(p, bool) for p in parts)
+    if value is None or (len(parts) == 3 and whole and all(0 <= p <= 255 for p in parts)):
+        return
+    raise SettingError(
+        f"the {what} of {name!r} must be (red, green, blue), whole numbers from 0 to 255, or None, "
+        f"not {value!r}"
+    )
+
+
+def _check_size(name: str, radius: Any, drop: Any) -> None:
+    numbers = [radius] if drop is None else [radius, drop]
+    real = all(isinstance(n, int | float) and math.isfinite(n) for n in numbers)
+    if not real or not 0 < radius <= 0.5:
+        raise SettingError(f"the radius of {name!r} must be above 0 to 0.5 tiles, not {radius!r}")
+    if drop is not None and abs(drop) + radius > 0.5 + 1e-9:
+        raise SettingError(
+            f"the drop of {name!r} must be from {radius - 0.5:g} to {0.5 - radius:g} with a radius "
+            f"of {radius:g}, between floor and ceiling, not {drop!r}"
+        )
