@@ -92,7 +92,7 @@ def test_the_most_steps_inside_of_compiled_code():
 
     @jax.jit
     def played(known):
-        length = env.most_steps(params)  # known while this is traced
+        length = int(env.most_steps(params))  # known while this is traced
         assert jnp.zeros(length).shape == (3,)
         return jax.lax.scan(lambda i, _: (i + 1, None), 0, length=length)[0], env.most_steps(known)
 

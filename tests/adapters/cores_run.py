@@ -1,5 +1,6 @@
 """Run by test_batch.py on two simulated devices: a spread batch beside one on a single device."""
 
+from typing import Any
 from unittest import mock
 
 import jax
@@ -8,6 +9,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein.adapters.batch import Batch
+from jaxenstein.environment import Autoreset
 from tests.adapters.corridor import make_crowd
 from tests.reference.frames import plain_frame
 
@@ -19,7 +21,8 @@ env, params = make_crowd()
 assert jax.device_count() == 2
 assert Batch(env, params, COUNT + 1)._mesh is None
 own = params.replace(move_distance=np.linspace(0.3, 0.6, COUNT, dtype=np.float32))
-for mode, given in (("same-step", own), ("next-step", params)):
+modes: tuple[tuple[Autoreset, Any], ...] = (("same-step", own), ("next-step", params))
+for mode, given in modes:
     rng = np.random.default_rng(0)
     # Where params lie does not matter.
     far = jax.device_put(env.check_params(given), jax.devices()[1])

@@ -18,7 +18,7 @@ import jaxenstein
 from jaxenstein.adapters import batch_calls
 from jaxenstein.adapters.batch import Batch
 from jaxenstein.tasks.navigation import Navigation
-from tests.adapters.corridor import CROWD
+from tests.adapters.corridor import CROWD, make_crowd
 from tests.devices import run_with_devices
 
 pytestmark = pytest.mark.usefixtures("plain_frames")

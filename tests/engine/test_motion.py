@@ -180,7 +180,7 @@ def test_a_walk_of_turns_never_drifts() -> None:
         heading = turn(heading, way * angle)
         return heading, heading
 
-    headings = np.asarray(jax.lax.scan(once, jnp.float32(0), ways)[1])
+    headings = np.asarray(jax.lax.scan(once, jnp.float32(0), jnp.asarray(ways))[1])
     true = np.radians((15 * np.cumsum(ways.astype(int))) % 360)
     assert apart(headings, true).max() <= DRIFT + 2.4e-7
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -91,7 +92,7 @@ def test_one_in_several_colours_has_a_label_for_each() -> None:
 class Hunt(Navigation):
     """A map whose goal is the thing with the label 200."""
 
-    @property
+    @functools.cached_property
     def sprite_labels(self) -> tuple[int, ...]:
         return (200,)
 
