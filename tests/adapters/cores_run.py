@@ -22,11 +22,12 @@ assert jax.device_count() == 2
 assert Batch(env, params, COUNT + 1)._mesh is None
 own = params.replace(move_distance=np.linspace(0.3, 0.6, COUNT, dtype=np.float32))
 modes: tuple[tuple[Autoreset, Any], ...] = (("same-step", own), ("next-step", params))
+# Where params lie does not matter.
+far = jax.device_put(env.check_params(params), jax.devices()[1])
 for mode, given in modes:
     rng = np.random.default_rng(0)
-    # Where params lie does not matter.
-    far = jax.device_put(env.check_params(given), jax.devices()[1])
-    spread = Batch(env, far, COUNT, autoreset=mode)
+    there = jax.device_put(env.check_params(given), jax.devices()[1])
+    spread = Batch(env, there, COUNT, autoreset=mode)
     alone = Batch(env, given, COUNT, autoreset=mode, spread=False)
     first = [batch.reset(3)[0] for batch in (spread, alone)]
     np.testing.assert_array_equal(*first)

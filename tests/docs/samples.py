@@ -64,9 +64,21 @@ def commands(page: Path) -> list[list[str]]:
     return [shlex.split(line, comments=True) for line in lines if known.match(line)]
 
 
+def prose(page: Path) -> str:
+    """A page without its Python."""
+    return re.sub(r"^```python\n.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as the site and GitHub make them."""
+    headings = re.findall(r"^#+ (.+)$", prose(page), re.MULTILINE)
+    plain = [re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower() for heading in headings]
+    return {re.sub(r"[^\w -]", "", heading).strip().replace(" ", "-") for heading in plain}
+
+
 def links(page: Path) -> list[str]:
     """The files of this repository that a page links or shows, without anchors."""
-    text = re.sub(r"^```python\n.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
+    text = prose(page)
     targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text)
     targets += re.findall(r"^```\{(?:image|include|literalinclude)\} (\S+)$", text, re.MULTILINE)
     return [target for target in targets if not re.match(r"[a-z]+:", target)]

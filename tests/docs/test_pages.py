@@ -12,7 +12,7 @@ import pytest
 import jaxenstein
 from jaxenstein import registry
 from jaxenstein.cli import build_parser
-from tests.docs.samples import PAGES, ROOT, Sample, commands, links, samples
+from tests.docs.samples import PAGES, ROOT, Sample, anchors, commands, links, prose, samples
 
 SAMPLES = [sample for page in PAGES for sample in samples(page)]
 WITH_PARTNERS = [sample for sample in SAMPLES if sample.partners]
@@ -60,6 +60,41 @@ def test_linked_files_exist(page: Path) -> None:
     assert [link for link in found if not (page.parent / link).exists()] == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=by_name)
+def test_linked_headings_exist(page: Path) -> None:
+    found = re.findall(r"\]\(([^):#]*\.md)?#([^)]+)\)", prose(page))
+    places = [((page.parent / name) if name else page, anchor) for name, anchor in found]
+    assert [
+        f"{place.name}#{anchor}"
+        for place, anchor in places
+        if place.exists() and anchor not in anchors(place)
+    ] == []
+
+
+def test_defaults_of_settings_are_those_of_the_table() -> None:
+    text = (ROOT / "docs" / "concepts.md").read_text("utf-8")
+    rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]+) \|", text, re.MULTILINE)
+    env, _ = jaxenstein.make("simple")
+    told = {
+        name: default.strip().strip("`")
+        for names, defaults in rows
+        if all(hasattr(env, name) for name in re.findall(r"\w+", names))
+        for name, default in zip(
+            re.findall(r"\w+", names), _defaults(defaults, names.count("`") // 2), strict=True
+        )
+    }
+    assert {"height", "width", "frame_skip", "observation", "look_seeds"} <= set(told)
+    for name, default in told.items():
+        value = getattr(env, name)
+        assert default in (f"{value:g}" if isinstance(value, float) else str(value), f'"{value}"')
+
+
+def _defaults(text: str, count: int) -> list[str]:
+    """The default of each setting of a row, without those of other tasks."""
+    parts = [part for part in text.split(",") if " in " not in part]
+    return parts if len(parts) == count else parts * count
+
+
 def place(path: str) -> Path:
     """Of the package's sources where they are imported from: beside the tests, or from a wheel."""
     inside = path.removeprefix("src/jaxenstein/")
@@ -82,6 +117,8 @@ def test_commands_are_understood(page: Path) -> None:
     targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
     for program, *arguments in commands(page):
         name = program.rpartition("/")[2]
+        configs = [path for path in arguments if path.endswith(".toml") and "$" not in path]
+        assert [path for path in configs if not (ROOT / path).is_file()] == []
         if name == "jaxenstein" and (arguments[0] not in BASELINES or find_spec("optax")):
             build_parser().parse_args(arguments)
         elif name == "make":
