@@ -139,7 +139,7 @@ def test_command_tells_the_split_and_plays_the_other(
     arguments = ["evaluate", str(folder.path), "--episodes", "2"]
     for more, line in (
         ([], "levels of the train split (test_fraction 0.5); --set split=test "),
-        (["--set", "split=test"], "levels of the test split (0.5 of all "),
+        (["--set", "split=test"], "levels of the test split (test_fraction 0.5); "),
     ):
         assert main([*arguments, *more]) == 0
         assert line in capsys.readouterr().out
