@@ -16,9 +16,9 @@ from jaxenstein.cli import build_parser
 INTRODUCTION = """\
 # Command line
 
-`jaxenstein COMMAND --help` prints what stands here. Wrong arguments are answered with what would
-be right, and exit status 2; 1 means that something could not be written or run, or that a replay
-was not the same; 3 that all runs of a training diverged.
+`jaxenstein COMMAND --help` prints the text of this page. The exit status is 2 for wrong arguments,
+with a message that says what would be right; 1 if something could not be written or run, or if a
+replay differs; 3 if all runs of a training diverged.
 
 Commands keep the programs that JAX compiles in `~/.cache/jaxenstein` (or below `XDG_CACHE_HOME`),
 at most about 1 GiB, so that a second call begins at once. `--no-cache` leaves the folder alone, and

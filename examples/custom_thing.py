@@ -1,8 +1,8 @@
-"""A new kind of thing: walk to a mushroom that no other task has.
+"""Your own kind of thing: the goal is drawn as a mushroom.
 
     python examples/custom_thing.py
 
-plays an episode of the player that knows the way, and tells how much of the first frame shows it.
+plays one episode with the scripted player, and prints the share of the first frame that it covers.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ MAP = parse_ascii("#######\n#S...G#\n#.....#\n#######", "wood")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MushroomHunt(Navigation):
-    """Walk to the mushroom, which stands where the goal of other maps would be."""
+    """Walk to the mushroom, which stands on the goal tile."""
 
     name: str = "mushroom-hunt"
     tilemap: TileMap = MAP
@@ -71,7 +71,7 @@ class MushroomHunt(Navigation):
 
     @functools.cached_property
     def sprite_labels(self) -> tuple[int, ...]:
-        """The pictures of this task: one, in the goal's place."""
+        """The label of the only picture: the mushroom."""
         return (MUSHROOM.label,)
 
 

@@ -258,8 +258,8 @@ class Environment(abc.ABC, Generic[S, P]):
     def most_steps(self, params: P) -> jax.Array | np.ndarray | np.int32:
         """int32[...]: the most steps an episode can have, each `frame_skip` of the world.
 
-        Traced where the params are. Else it is a number of numpy, or an array of them, also inside
-        of compiled code, so it may be a shape or the length of a `jax.lax.scan`.
+        A NumPy number or array unless the params are traced, also inside compiled code: it may be
+        a shape or the length of a `jax.lax.scan`.
         """
         limit: Any = self._own_params(params).max_steps_in_episode
         if isinstance(limit, Tracer):
@@ -300,7 +300,7 @@ class Environment(abc.ABC, Generic[S, P]):
         return jax.tree.map(as_kind, self._own_params(params), self.default_params)
 
     def _own_params(self, params: P | None) -> P:
-        """The params as they are, checked; the default ones for None."""
+        """The params, checked but not converted; the default params for None."""
         default = self.default_params
         if params is None:
             return default
@@ -313,13 +313,13 @@ class Environment(abc.ABC, Generic[S, P]):
         return params
 
     def single_params(self, params: P | None = None) -> P:
-        """As `check_params`, of one environment: each number has as many axes as the default's.
+        """As `check_params`, without a batch axis: each param has the axes of its default.
 
-        `reset`, `step` and `advance` look at this when they are traced.
+        `reset`, `step` and `advance` check this when they are traced.
 
         Raises:
-            SettingError: as `check_params`; or a number has an axis of a batch. The message names
-                the number, its shape, and `in_axes` of `jax.vmap`.
+            SettingError: as `check_params`; or a param has a batch axis. The message names the
+                param, its shape, and the right `in_axes` of `jax.vmap`.
         """
         params = self.check_params(params)
         check_single(params, self.default_params, self.name)

@@ -60,11 +60,11 @@ class MapWarning(UserWarning):
 
 
 class LevelWarning(UserWarning):
-    """Levels that are so few that those of other seeds are no test."""
+    """There are so few levels that other seeds draw the same levels again."""
 
 
 class DivergenceWarning(UserWarning):
-    """An agent whose training diverged: its parameters are the last finite ones, or not finite."""
+    """The training of an agent diverged: its parameters are the last finite ones or not finite."""
 
 
 def one_line(text: str) -> str:

@@ -163,7 +163,7 @@ class Domain:
     def _bounds(self) -> list[Any]:
         """The range in the precision that numbers are used in.
 
-        That is int32 for whole numbers, unless their range says otherwise.
+        For whole numbers without a range it is int32.
         """
         bounds = self.least, self.most, self.above, self.below
         if self.form != "whole":
@@ -173,9 +173,9 @@ class Domain:
         return [least, most, self.above, self.below]
 
     def _rounded(self, value: Any) -> str:
-        """What a number is in float32 or int32, where that alone is why it is refused."""
+        """A note where a number is refused only because of float32 or int32; else ""."""
         if self.form == "whole" and is_whole(value) and self.least <= value <= self.most:
-            return ", which int32 does not hold"
+            return ", which does not fit into int32"
         real = self.form == "number" and (is_whole(value) or _is_real(value))
         if real and _between(value, self.least, self.most, self.above, self.below):
             with contextlib.suppress(OverflowError):

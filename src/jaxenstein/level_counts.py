@@ -1,4 +1,4 @@
-"""How many levels the environments have, and what that means for those who hold some out."""
+"""The number of levels of each environment, and checks of `levels` and `split`."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from .fields import names_of
 
 FILE = Path(__file__).with_name("level_counts.json")
 """Written by `python -m reliability.levels`."""
-# Levels that `make` draws to see that a split has some; more than any split needs that is of use.
+# Levels that `make` draws to check that a split has any; a useful split needs fewer.
 DRAWS = 4096
-# Other seeds are no test where so many of their levels are among the chosen ones.
+# From this share of all levels on, other seeds draw too many of the chosen levels again.
 MUCH = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
 class LevelCount:
-    """How many levels an environment has.
+    """The number of levels of an environment.
 
     Attributes:
-        levels: how many, or fewer than there are.
-        exact: whether it is their number; else there are at least so many.
+        levels: their number, or a lower bound.
+        exact: whether `levels` is the exact number.
         version: of the environment whose levels were counted.
     """
 
@@ -49,20 +49,23 @@ class LevelCount:
 
 @functools.cache
 def level_counts() -> dict[str, LevelCount]:
-    """The environments that draw a level at each reset, by their ids, with how many they have."""
+    """The level counts of the environments that draw a level at each reset, by id."""
     stored = json.loads(FILE.read_text("utf-8"))
     return {name: LevelCount(**row) for name, row in stored.items()}
 
 
 def check_levels(env: Any, stacklevel: int = 3) -> None:
-    """Tell where what `make` was asked for holds no levels out.
+    """Check that the `levels` and `split` of an environment leave unseen levels.
 
     Args:
         env: an environment of any task.
-        stacklevel: whose line a warning names, as for `warnings.warn`.
+        stacklevel: as for `warnings.warn`.
 
     Raises:
         SettingError: a side of the split has no levels.
+
+    Warns:
+        LevelWarning: there is no split, and `levels` covers a tenth of all levels or more.
     """
     from .tasks.first_person import GeneratedTask
 
@@ -72,22 +75,22 @@ def check_levels(env: Any, stacklevel: int = 3) -> None:
         _check_split(env)
         return
     count, seeds = level_counts().get(env.name), env.level_range
-    # One level alone is chosen to be the only one.
+    # A single level is meant to be the only one.
     if count is None or not count.exact or seeds is None or seeds[1] - seeds[0] == 1:
         return
     share = 1 - (1 - 1 / count.levels) ** (seeds[1] - seeds[0])
     if share >= MUCH:
         warnings.warn(
-            f"{env.name} has {count.levels:,} levels in all, and levels=({seeds[0]}, {seeds[1]}) "
-            f"has about {share:.0%} of them: other seeds draw these again, and are no test with "
-            "levels never seen; split='train' and split='test' have none in common",
+            f"{env.name} has {count.levels:,} levels, and levels=({seeds[0]}, {seeds[1]}) covers "
+            f"about {share:.0%} of them: other seeds draw the same levels again; for a test on "
+            "unseen levels use split='train' and split='test'",
             LevelWarning,
             stacklevel=stacklevel,
         )
 
 
 def _check_split(env: Any) -> None:
-    """Raise where a side has no levels; of some seeds only the side that is asked for counts."""
+    """Raise if a side has no levels; with `levels`, only the side of `env.split` counts."""
     from .tasks.splits import is_of
 
     levels, fraction = _drawn(_bare(env)), float(env.test_fraction)
@@ -98,15 +101,15 @@ def _check_split(env: Any) -> None:
     different = len(np.unique(levels, axis=0))
     seeds = "" if env.level_range is None else f" with levels={env.level_range}"
     raise SettingError(
-        f"the {empty[0]} split of {env.name!r}{seeds} has no levels: of {DRAWS} that were drawn, "
-        f"{different} different one{'s' * (different > 1)}, none is in it with "
-        f"test_fraction={fraction:g}; take a {'larger' if empty[0] == 'test' else 'smaller'} one"
-        f"{' or more levels' * (env.level_range is not None)}"
+        f"the {empty[0]} split of {env.name!r}{seeds} has no levels: {DRAWS} draws found "
+        f"{different} level{'s' * (different > 1)}, none of them in it with "
+        f"test_fraction={fraction:g}; give a {'larger' if empty[0] == 'test' else 'smaller'} "
+        f"test_fraction{' or more levels' * (env.level_range is not None)}"
     )
 
 
 def _bare(env: Any) -> Any:
-    """An environment with the same levels, which is equal for all splits and kinds of frames."""
+    """An environment with the same levels, equal for all splits and observations."""
     from .tasks.first_person import SETTINGS
 
     usual = {field.name: field.default for field in dataclasses.fields(env)}

@@ -67,15 +67,15 @@ class Params(PyTreeNode):
 
 
 def check_single(params: Params, default: Params, owner: str) -> None:
-    """Look at the shapes of what should be the params of one environment, traced or not.
+    """Check that params, traced or not, have no batch axis.
 
     Args:
         params: of the class of `default`.
-        default: the default params, whose numbers of axes are the right ones.
+        default: the default params, which have the right numbers of axes.
         owner: the environment's name, for the message.
 
     Raises:
-        SettingError: a number has more axes or fewer.
+        SettingError: a param has more or fewer axes.
     """
     shapes = _shapes(params, default)
     wrong = [name for name, shape, right in shapes if len(shape) != len(right)]
@@ -86,26 +86,26 @@ def check_single(params: Params, default: Params, owner: str) -> None:
     axes = "0" if len(wrong) == len(shapes) else "axes"
     made = f"axes = jax.tree.map(lambda _: None, params).replace({own}) and "
     raise SettingError(
-        f"params of {owner!r} must be those of one environment: {name} must have the shape "
-        f"{right}, not {shape}. For environments that differ jax.vmap maps them, with in_axes: "
+        f"params of {owner!r} must not have a batch axis: {name} must have the shape {right}, not "
+        f"{shape}. For params that differ between environments use jax.vmap with in_axes: "
         f"{made if axes == 'axes' else ''}jax.vmap(env.reset, in_axes=(0, {axes}))(keys, params)"
     )
 
 
 def differing(params: Params, default: Params, count: int, owner: str) -> list[bool]:
-    """Which numbers differ between environments: those with a leading axis of their number.
+    """Find the params that differ between environments, by their leading axis N.
 
     Args:
         params: of the class of `default`.
-        default: the default params, whose numbers of axes are those of one environment.
-        count: how many environments there are.
+        default: the default params, which have the axes of one environment.
+        count: N, the number of environments.
         owner: their name, for the message.
 
     Returns:
-        One for each leaf of the params, in their order.
+        A truth value for each leaf of the params, in their order.
 
     Raises:
-        SettingError: a number has neither the axes of the default's nor that one more.
+        SettingError: a param has neither the shape of its default nor a leading axis N more.
     """
     found = []
     for name, shape, right in _shapes(params, default):
@@ -113,14 +113,14 @@ def differing(params: Params, default: Params, count: int, owner: str) -> list[b
         if more and (len(shape) != len(right) + 1 or shape[0] != count):
             raise SettingError(
                 f"params of {count} environments of {owner!r}: {name} must have the shape "
-                f"{right}, for all of them, or {(count, *right)}, one for each, not {shape}"
+                f"{right}, for all, or {(count, *right)}, one entry for each, not {shape}"
             )
         found.append(more)
     return found
 
 
 def _shapes(params: Params, default: Params) -> list[tuple[str, tuple[int, ...], tuple[int, ...]]]:
-    """Of each number its name, its shape, and the shape of the default's."""
+    """The name, the shape and the default's shape of each param."""
     named, usual = jax.tree_util.tree_leaves_with_path(params), jax.tree.leaves(default)
     return [
         (jax.tree_util.keystr(path).lstrip("."), np.shape(leaf), np.shape(right))

@@ -93,9 +93,9 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
         **settings: static settings: `height`, `width` and `field_of_view` of the image,
             `observation`, `autoreset`, `final_observation`, `frame_skip`, `sprite_layers`,
             `look`, `look_range`, `look_seeds`; see
-            `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. Besides,
+            `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. Also
             those of the task, such as `hud` of health-gathering, and `levels`, `split` and
-            `test_fraction` of those that draw a level at each reset.
+            `test_fraction` if it draws a level at each reset.
 
     Returns:
         The environment and its default params, whose numbers `params.replace(...)` changes.
@@ -106,7 +106,7 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
             split has no levels.
 
     Warns:
-        LevelWarning: `levels` has so many of all levels that other seeds are no test.
+        LevelWarning: `levels` covers a tenth of all levels or more.
 
     Examples:
         >>> env, params = make("my-way-home", width=84, height=84)
@@ -127,8 +127,8 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
 def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[AnyEnvironment, Any]:
     """As `make`, with settings of a file, which may have any names, `"id"` among them.
 
-    Files run no code: the module of "module:id" must have been imported. No level is drawn to see
-    whether a split has any.
+    Files run no code: the module of "module:id" must have been imported. It does not
+    check that a split has levels.
     """
     name, row = find(id)
     check_names(settings, row.settings, lambda: _param_names(row, settings))

@@ -84,7 +84,7 @@ def changed(spec: Spec, given: Mapping[str, Any]) -> Spec:
     if any(name in given for name in PLACES):
         before = {name: value for name, value in before.items() if name in SETTINGS}
     merged = merge(before, given)
-    # Seeds and range of a look go with it, and so does the share of a split.
+    # Drop the options of a look or split that is no longer set.
     asked = {**given, **(given.get("settings") or {})}
     gone = {"look_seeds", "look_range"} if asked.get("look", "random") != "random" else set()
     gone |= {"test_fraction"} if asked.get("split", "") is None else set()

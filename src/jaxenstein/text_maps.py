@@ -19,9 +19,9 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
 
     Args:
         text: the map, one line a row of tiles; `jaxenstein list --symbols` prints the symbols.
-            It needs at least one spawn `S` and one goal `G`: the task is to reach it. The map of a
-            task of your own is read by `jaxenstein.maps.parse_ascii`, which takes one without a
-            goal with `goal_required=False`.
+            It needs at least one spawn `S` and one goal `G`, since the task is to reach a goal.
+            For your own task without a goal use
+            `jaxenstein.maps.parse_ascii(text, goal_required=False)`.
         **settings: those of `make`, and `name`; `heading`, degrees of the first heading: None
             for any, a number, or (lowest, highest); `regions`, a second text of the same shape
             that gives floor cells the symbol of the walls around them, or `faces`, one that says

@@ -62,7 +62,7 @@ def test_list_tells_how_many_levels_there_are(capsys: pytest.CaptureFixture[str]
         ["7x3*", "36"],
         ["11x11*", "10,000+"],
     ]
-    assert "levels: how many different ones there are, with + at least so many" in notes
+    assert "levels: the number of different levels; + means at least so many" in notes
 
 
 def test_list_tells_which_actions_are_whose() -> None:

@@ -97,7 +97,7 @@ def test_another_look_takes_the_place_of_that_of_a_run() -> None:
     plain = changed(trained, {"settings": {"look": "plain"}}).build()[0]
     assert isinstance(plain, FirstPerson)
     assert plain.look == "plain"
-    with pytest.raises(SettingError, match="look_seeds is of look='random' alone"):
+    with pytest.raises(SettingError, match="look_seeds needs look='random'"):
         spec_from({"env": "simple", "look_seeds": [0, 100]})
 
 

@@ -1,4 +1,4 @@
-"""Things of one's own: pictures of every form, what shows them, and what is refused."""
+"""Registered things: pictures of every form, what shows them, and what is refused."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from PIL import Image
 from jaxenstein import SettingError, show
 from jaxenstein.engine.art import load_art
 from jaxenstein.maps import label_name, parse_ascii, register_thing
+from jaxenstein.maps.own_things import OWN_LABELS
 from jaxenstein.maps.things import KEY, THING_OF
 from jaxenstein.tasks.appearance import build_theme
 from jaxenstein.tasks.navigation import Navigation
@@ -27,6 +28,8 @@ RED, BLUE = (200, 30, 20), (20, 40, 220)
 @pytest.fixture(autouse=True)
 def _only_here() -> Iterator[None]:
     before = dict(THING_OF)
+    for label in OWN_LABELS:  # of other tests in this process
+        THING_OF.pop(label, None)
     yield
     THING_OF.clear()
     THING_OF.update(before)
@@ -135,7 +138,7 @@ TEXT = as_text(np.ones((32, 32), int))
         ({"picture": "x" + TEXT[1:]}, "row 1 has 'x', which is none of '.', '#', 'o'"),
         ({"picture": TEXT.replace("#", ".")}, "is empty"),
         ({"picture": np.ones((32, 31), int)}, "32 rows and 32 columns, not 32 and 31"),
-        ({"picture": np.full((32, 32), 3)}, "must hold 0, 1 and 2 alone, not 3 to 3"),
+        ({"picture": np.full((32, 32), 3)}, "must hold only 0, 1 and 2, not 3 to 3"),
         ({"picture": np.ones((32, 32))}, r"not float64\[32, 32\]"),
         ({"picture": np.ones((16, 16, 4), np.uint8)}, "32 columns, not 16 and 16"),
         ({"picture": np.ones((2, 32), np.uint32)}, "32 columns, not 2 and 32"),
@@ -146,8 +149,8 @@ TEXT = as_text(np.ones((32, 32), int))
         ({"label": 201}, "'peel' has the labels .201."),
         ({"label": 196, "colour": None}, "'peel' has the labels .201."),
         ({"name": "peel"}, "'peel' has the labels .201."),
-        ({"name": "red wall"}, "'red wall' is the name of a label already"),
-        ({"name": "key", "colour": None}, "'blue key' is the name of a label"),
+        ({"name": "red wall"}, "'red wall' is already the name of a label"),
+        ({"name": "key", "colour": None}, "'blue key' is already the name of a label"),
         ({"name": ""}, "must be a text of one line"),
         ({"colour": (1, 2)}, "the colour of 'banana' must be"),
         ({"detail": (0, 0, 256)}, "the detail of 'banana' must be"),
@@ -165,7 +168,7 @@ def test_what_is_none(changes: dict[str, Any], message: str) -> None:
 
 
 def test_a_label_of_nothing_has_no_picture_and_no_name() -> None:
-    with pytest.raises(SettingError, match=r"label 222 is that of no thing: .*register_thing"):
+    with pytest.raises(SettingError, match=r"no thing has the label 222: .*register_thing"):
         build_theme((222,), doors=False)
-    with pytest.raises(SettingError, match="label 222 is none"):
+    with pytest.raises(SettingError, match="there is no label 222"):
         label_name(222)

@@ -103,8 +103,8 @@ class Batch:
 
         Args:
             env: the environment; its own `autoreset` and `final_observation` do not matter.
-            params: its params: numbers of all environments, or arrays with a leading axis N, of
-                each its own. Those that lie on another device than the environments are moved.
+            params: its params, each one number for all environments or an array with a leading
+                axis N. Params on another device are moved to that of the environments.
             num_envs: N, at least 1.
             autoreset: `"same-step"`, `"next-step"` or None, as `Environment.autoreset`.
             spread: whether the environments may lie on several processor cores, if
@@ -131,7 +131,7 @@ class Batch:
 
     @property
     def params(self) -> Any:
-        """The params of all environments; with a leading axis N where each has its own."""
+        """The params, with a leading axis N where they differ between environments."""
         return self._params
 
     @params.setter
@@ -148,7 +148,7 @@ class Batch:
         self._packed_params = jax.vmap(pack, (axes,))(params) if any(own) else pack(params)
 
     def _in_place(self, params: Any) -> Any:
-        """The params where the environments are: no longer bound to a device if those lie apart."""
+        """The params on the device of the environments; on no fixed one if these use several."""
         devices = set().union(*(leaf.devices() for leaf in jax.tree.leaves(params)))
         if self._mesh is None and len(devices) == 1:
             return params
@@ -248,7 +248,7 @@ class Batch:
         return stepped
 
     def observe(self, env: AnyEnvironment) -> Any:
-        """What another environment of the same states would observe in them; after a reset."""
+        """The observations that `env` draws of the current states; after a reset."""
         return batch_calls.observe(env, self._numbers, self.states, self._packed_params)
 
     def _restart(self, stepped: Stepped[np.ndarray], indices: np.ndarray) -> Stepped[np.ndarray]:

@@ -38,7 +38,7 @@ def _apart(
     actions: jax.Array,
     numbers: jax.Array,
 ) -> Any:
-    """A function of rows, actions and numbers, on each device's environments by themselves."""
+    """Apply a function to rows, actions and numbers, on each device separately."""
     if mesh is None:
         return function(rows, actions, numbers)
     env = PartitionSpec("env")
@@ -50,12 +50,12 @@ def _apart(
 
 
 def _over(function: Callable[..., Any], layout: Packing, numbers: jax.Array, *args: Any) -> Any:
-    """`function` of each environment's arguments and its params.
+    """Map a function over the arguments and params of all environments.
 
     Args:
-        function: of one environment's arguments and, last, params.
+        function: takes the arguments of one environment and, last, its params.
         layout: of the params of one environment.
-        numbers: uint32[words] of the params of all, or uint32[N, words] of each.
+        numbers: the packed params: uint32[words] for all, or uint32[N, words], one row for each.
         *args: trees with a leading axis N.
     """
 
@@ -66,7 +66,7 @@ def _over(function: Callable[..., Any], layout: Packing, numbers: jax.Array, *ar
 
 
 def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
-    """Of an environment's stream and state, and of a step's outcome; compiles nothing.
+    """The layouts of an environment's stream and state, and of a step's outcome; not compiled.
 
     Args:
         env: the environment.
@@ -93,8 +93,8 @@ _compiled = functools.partial(jax.jit, static_argnums=(0, 1))
 # the batch or its caller makes the resets.
 
 
-# How calls are carried out, which is part of the program: over which devices, and the layouts of
-# what is kept, of the outcome of a step, and of the params.
+# The static arguments of a call: the devices, and the layouts of the kept rows, of the outcome of a
+# step, and of the params.
 Plan = tuple[Mesh | None, Packing, Packing, Packing]
 
 
@@ -176,7 +176,7 @@ def restart(
 
 @_compiled
 def observe(env: AnyEnvironment, layout: Packing, states: Any, numbers: jax.Array) -> Any:
-    """What each environment observes."""
+    """The observation of each environment."""
     return _over(env.observe, layout, numbers, states)
 
 

@@ -42,7 +42,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
 
     Attributes:
         env: the environment.
-        params: its params; with a leading axis N where each environment has its own.
+        params: its params, with a leading axis N where they differ between environments.
         autoreset_mode: what follows the end of an episode.
     """
 
@@ -68,8 +68,8 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
 
         Args:
             env: an environment or an id of `jaxenstein.make`.
-            params: params of all environments, or with a leading axis N where each has its own;
-                None for the environment's own.
+            params: each one number for all environments or an array with a leading axis N; None
+                for the default params.
             num_envs: N, at least 1.
             autoreset_mode: Gymnasium's modes, or their names `"NextStep"`: the step after the end
                 of an episode resets, ignores its action and has the reward 0; `"SameStep"`: the

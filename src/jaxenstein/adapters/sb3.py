@@ -46,7 +46,7 @@ class SB3VecEnv(VecEnv):
     `env_is_wrapped(Monitor)` is true; and `is_success`, which SB3's evaluation logs. Every info has
     `TimeLimit.truncated`: whether the time limit alone ended the episode.
 
-    Attributes are those of the environment, the same for all, and params, which may differ.
+    Attributes are those of the environment, equal for all, and its params, which may differ.
     """
 
     def __init__(
@@ -63,8 +63,8 @@ class SB3VecEnv(VecEnv):
         Args:
             env: an environment, whose own `autoreset` and `final_observation` do not matter, or
                 an id of `jaxenstein.make`.
-            params: params of all environments, or with a leading axis N where each has its own;
-                None for the environment's own.
+            params: each one number for all environments or an array with a leading axis N; None
+                for the default params.
             num_envs: N, at least 1.
             render_mode: `"rgb_array"`, for `render` and `get_images` to draw what each agent
                 sees, or None.
@@ -141,7 +141,7 @@ class SB3VecEnv(VecEnv):
         raise AttributeError(f"{self.batch.env.name} has no attribute or param {attr_name!r}")
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        """Set a param of all environments or of some, from the next step on.
+        """Set a param of all environments or of some, effective from the next step.
 
         Raises:
             SettingError: there is no such param, it cannot have the value, or an index is out of
@@ -154,7 +154,7 @@ class SB3VecEnv(VecEnv):
                 f"there is no param {attr_name!r}{nearest(attr_name, names)}; "
                 f"those that can be set: {', '.join(names)}"
             )
-        # The value is looked at before it could take the type of those that stay.
+        # Check the value before it is cast to the type of the others.
         changed = params.replace(**{attr_name: value})
         chosen = self._chosen(indices)
         if len(set(chosen)) < self.num_envs:

@@ -61,7 +61,7 @@ class StoaEnvironment(stoa.Environment):
 
         Raises:
             SettingError: it is no environment or resets in the next step, or the params are of
-                another kind or not those of one environment.
+                another kind or have a batch axis.
         """
         check_fit(env, (None, "same-step"), "Stoa")
         super().__init__()

@@ -60,7 +60,7 @@ class Bonus(Protocol):
     def init(self, key: jax.Array) -> Any:
         """Initialise the state: networks, optimiser, statistics; a pytree of arrays.
 
-        All numbers are finite: a run whose state has one that is not is taken to have diverged.
+        All numbers must be finite: otherwise the run counts as diverged.
         Arrays with an entry for each environment are fields of a record, declared with
         `dataclasses.field(metadata=PER_ENVIRONMENT)`.
         """
@@ -86,8 +86,8 @@ class Bonus(Protocol):
     ) -> tuple[Any, Metrics]:
         """Learn from the rollout, after the policy; `rate` is the learning rate of this update.
 
-        Metrics whose names end in `loss` or `gradient_norm` must be finite, or the run is taken to
-        have diverged.
+        Metrics whose names end in `loss` or `gradient_norm` must be finite: otherwise the run
+        counts as diverged.
         """
         ...
 

@@ -186,9 +186,9 @@ class Config:
             false the bonus is added to the reward.
         stop_success: stop learning once the mean success of about the last hundred episodes has
             reached this share: what was learned can be lost again; 0: never.
-        on_divergence: what becomes of a run whose loss, gradient or parameters are not finite:
-            `"stop"`: it learns no more and keeps the parameters of the update before;
-            `"continue"`: it goes on with what is left of them.
+        on_divergence: what happens if a loss, gradient or parameter of a run is not finite:
+            `"stop"`: the run stops learning and keeps its last finite parameters;
+            `"continue"`: the run continues as it is.
         random_clocks: start each environment's first episode at a random time, so that episodes
             of one length do not all end at once.
         shards: groups of environments from which minibatches are sampled evenly: the number of
@@ -251,7 +251,7 @@ class Config:
         if self.updates > MOST_UPDATES:
             raise SettingError(
                 f"total_steps must be at most {MOST_UPDATES} * num_envs * rollout = "
-                f"{MOST_UPDATES * self.steps_per_update}, as many updates as int32 holds, not "
+                f"{MOST_UPDATES * self.steps_per_update}, since int32 counts the updates, not "
                 f"{self.total_steps}"
             )
 

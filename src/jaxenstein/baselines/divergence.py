@@ -1,8 +1,8 @@
-"""Runs that diverge: found inside the update, which then leaves the run as it was before.
+"""Divergence of runs: the update detects it and is then undone.
 
-A run whose loss, gradient or state has a number that is not finite can only spread it. The update
-that finds one changes nothing but `TrainState.diverged`, and so do all later ones: every checkpoint
-has the last finite parameters of such a run, and says what became of it.
+A run diverges if its loss, gradient or state has a number that is not finite. That update sets
+`TrainState.diverged` and changes nothing else, and later updates change nothing at all. So every
+checkpoint holds the last finite parameters of the run and the record of its divergence.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from .bonus import Metrics
 from .state import TrainState
 
 PARTS = ("loss", "gradient", "parameters")
-"""What may not be finite; part n is bit n of `TrainState.diverged`."""
+"""The parts that must be finite; part n is bit n of `TrainState.diverged`."""
 
-# The metric, and what the names of the metrics end in that have to be finite.
+# The metric, and the endings of the names of metrics that must be finite.
 METRIC = "diverged"
 LOSS, GRADIENT = "loss", "gradient_norm"
 
@@ -29,17 +29,17 @@ LOSS, GRADIENT = "loss", "gradient_norm"
 def guard(
     before: TrainState, after: TrainState, learnt: Metrics, metrics: Metrics
 ) -> tuple[TrainState, Metrics]:
-    """Leave a run as it was, if this update or an earlier one found it to have diverged.
+    """Undo an update if the run diverged in it or earlier.
 
     Args:
         before: the state before the update, with `diverged`.
-        after: the state that the update leads to.
-        learnt: the metrics of all that was trained.
-        metrics: those that the update returns.
+        after: the state after the update.
+        learnt: the metrics of the training of policy and bonus.
+        metrics: all metrics of the update.
 
     Returns:
-        The state, and the metrics with `diverged`; those of a run that diverged are 0 or NaN, since
-        what it played is forgotten.
+        The state, and the metrics with `diverged`. The other metrics of a diverged run are 0 or
+        NaN, since its rollout is undone too.
     """
     assert before.diverged is not None
     code = jnp.where(before.diverged > 0, before.diverged, _found(after, learnt))
@@ -50,7 +50,7 @@ def guard(
 
 
 def _found(state: TrainState, learnt: Metrics) -> jax.Array:
-    """int32[], the parts that are not finite."""
+    """int32[]: the parts that are not finite, as bits."""
     ending = lambda end: [value for name, value in learnt.items() if name.endswith(end)]  # noqa: E731
     parts = (ending(LOSS), ending(GRADIENT), (state.params, state.bonus, state.scale))
     bits = [jnp.where(_finite(part), 0, 1 << bit) for bit, part in enumerate(parts)]
@@ -64,17 +64,17 @@ def _finite(tree: Any) -> jax.Array:
 
 
 def _nothing(value: jax.Array) -> jax.Array:
-    """NaN, or 0 of a whole number."""
+    """NaN for floats, 0 for whole numbers."""
     floating = jnp.issubdtype(value.dtype, jnp.floating)
     return jnp.full_like(value, jnp.nan if floating else 0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Divergence:
-    """What became of a run that diverged.
+    """The divergence of a run.
 
     Attributes:
-        update: the update that found it, from 1; the run has its state of the one before.
+        update: the update in which the run diverged, from 1; the run keeps the state before it.
         code: as `TrainState.diverged`.
     """
 
@@ -83,22 +83,22 @@ class Divergence:
 
     @property
     def parts(self) -> str:
-        """What was not finite, such as "loss and gradient"."""
-        # A file may say anything.
+        """The parts that were not finite, such as "loss and gradient"."""
+        # A file may hold any code.
         found = [part for bit, part in enumerate(PARTS) if self.code >> bit & 1] or ["numbers"]
         return " and ".join(filter(None, [", ".join(found[:-1]), found[-1]]))
 
     def told(self, name: str) -> str:
-        """The facts in words, of the run of a name."""
+        """A message about the run with this name."""
         one = self.code in (1, 2)
         return (
             f"{name} diverged at update {self.update}: its {self.parts} {'was' if one else 'were'} "
-            f"not finite; it has its parameters of update {self.update - 1}, the last finite ones"
+            f"not finite; it keeps the parameters of update {self.update - 1}, the last finite ones"
         )
 
 
 def of_state(update: np.ndarray, diverged: np.ndarray | None) -> dict[int, Divergence]:
-    """The runs that diverged, by number, of `TrainState.update` and `diverged`, int32[runs]."""
+    """The diverged runs by number, from `TrainState.update` and `diverged`, int32[runs]."""
     if diverged is None:
         return {}
     pairs = enumerate(zip(update.tolist(), diverged.tolist(), strict=True))
@@ -106,7 +106,7 @@ def of_state(update: np.ndarray, diverged: np.ndarray | None) -> dict[int, Diver
 
 
 def updates_that_count(metrics: Mapping[str, np.ndarray]) -> int:
-    """How many updates of a chunk there are until all runs have diverged, this one included.
+    """The updates of a chunk up to and including the one in which the last run diverged.
 
     `metrics` are [runs, updates].
     """

@@ -90,8 +90,8 @@ class Loop:
             `advantage_mean`, `advantage_deviation`, `value_mean`, `reward_mean`, `bonus_mean`,
             `bonus_max` and `explained_variance` of the rollout, before any normalisation;
             `learning_rate`; `bonus_explained_variance` where the bonus has a value head of its own
-            (`bonus_explained_variance_1`, ... where several); and the bonus' own metrics. Where
-            `on_divergence` is `"stop"`, a run that diverges is left as it was, and the metrics
+            (`bonus_explained_variance_1`, ... where several); and the bonus' own metrics. If
+            `on_divergence` is `"stop"`, the update of a diverged run is undone, and the metrics
             have `diverged`, as in `TrainState`.
         """
         before = state

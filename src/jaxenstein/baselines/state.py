@@ -34,9 +34,9 @@ class TrainState(PyTreeNode):
         recent: float32[], mean success of the last episodes, fixed once it has reached
             `stop_success`; None without it.
         actors: the environments, and the policy's memory of them.
-        diverged: int32[], 0 while all numbers are finite; then which of `divergence.PARTS` were
-            not, and nothing else changes any more, `update` included; None where
-            `on_divergence` is `"continue"`.
+        diverged: int32[], 0 while all numbers are finite. After a divergence its bits tell which
+            of `divergence.PARTS` were not finite, and all other fields stay fixed, `update`
+            included. None if `on_divergence` is `"continue"`.
     """
 
     key: jax.Array

@@ -105,8 +105,8 @@ def _summary(tilemap: TileMap, cells: str, more: dict[str, int]) -> list[str]:
     lines = [f"{tilemap.name}: {cells}{tilemap.columns} x {tilemap.rows} tiles; {things}"]
     if not tilemap.goals:
         lines.append(
-            "it has no goal: put a G where one may lie before using it as --map-file; a task of "
-            "your own that needs none reads it by parse_ascii(text, goal_required=False)"
+            "it has no goal: put a G on a tile to use it as --map-file; a task without a goal "
+            "reads it with parse_ascii(text, goal_required=False)"
         )
     return lines
 

@@ -22,18 +22,17 @@ if TYPE_CHECKING:
 
 HELP = "evaluate trained agents, and record one"
 DESCRIPTION = """\
-Play whole episodes with the agents of a run directory, or with one of a file of 'jaxenstein
-export' or of 'jaxenstein list --pretrained', with the most likely actions ("greedy") and with
-sampled ones ("sampled"), and show the means with their 95 % bootstrap intervals: over runs and
-episodes, or with one run over episodes. --gif also writes an episode beside the map. --env,
---map-file, --set and --param play elsewhere, with nothing learned anew; another environment is seen
-as the one before was. Agents trained with a split of levels play the levels of that split;
---set split=test plays those of the test. A run that diverged plays with its last finite parameters;
-a line says so.
+Play whole episodes with the agents of a run directory, of a file of 'jaxenstein export' or of
+'jaxenstein list --pretrained'. Show the means for the most likely actions ("greedy") and for
+sampled actions ("sampled"), with 95 % bootstrap intervals over runs and episodes. --gif also writes
+an episode beside the map. --env, --map-file, --set and --param test the agents in another
+environment, without further training and with the same observations. Agents trained with a split of
+levels play that split; --set split=test plays the test levels. A diverged run plays with its last
+finite parameters, and a warning says so.
 
---in vizdoom plays the same number of episodes in the running ViZDoom as well, with nothing learned
-anew, and --gif then shows one episode from the same start in both. It takes agents of the
-doom- environments, but not of sparse variants, and the extra 'vizdoom'.
+--in vizdoom also plays the same number of episodes in ViZDoom itself, without further training.
+--gif then shows one episode from the same start in both. It needs the extra 'vizdoom' and agents of
+a doom- environment that is not a sparse variant.
 """
 EPILOG = """\
 examples:
@@ -137,13 +136,13 @@ def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
 
 
 def _split_of(env: Any) -> str:
-    """The line that tells in which levels was played; nothing where no levels are held out."""
+    """A line that names the split of the levels; "" without a split."""
     from ..tasks.first_person import GeneratedTask
 
     if not isinstance(env, GeneratedTask) or env.split is None:
         return ""
     other = "train" if env.split == "test" else "test"
-    share = f"{float(env.test_fraction):.3g} of all levels are for the test"
+    share = f"test_fraction {float(env.test_fraction):.3g}"
     return f"levels of the {env.split} split ({share}); --set split={other} plays the others\n"
 
 

@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> None:
     if any(row[1].endswith(GENERATED) for row in table):
         notes.append(f"{GENERATED} a new map is generated at every reset")
     if any(row[2] for row in table[1:]):
-        notes.append("levels: how many different ones there are, with + at least so many")
+        notes.append("levels: the number of different levels; + means at least so many")
     for name, others in variants.items():
         notes.append(f"as {name} (--all): {', '.join(others)}")
     if aliases:

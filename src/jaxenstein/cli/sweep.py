@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 HELP = "train the grids of the paper, or others"
 DESCRIPTION = """\
-Train every algorithm at every point of its grid, with five seeds. The runs of one algorithm are
-trained side by side in one compiled program, in a run directory of its own below DIR. Without
---grid the grids are those of the paper: none for ppo; --bonus-reward 0.1, 1, 10 and --rnd-loss
+Train every algorithm at every point of its grid, with five seeds. One compiled program trains all
+runs of an algorithm in parallel, in one run directory per algorithm below DIR. Without --grid the
+grids are those of the paper: none for ppo; --bonus-reward 0.1, 1, 10 and --rnd-loss
 0.01, 0.1 for rnd; --bonus-learning-rate 3e-4, 1e-4 and --bonus-reward 0.1, 1, 10 for icm.
-At the end the points are listed by the mean return over the last tenth of the training. Runs that
-diverge are told of, as by 'train'; exit status 3 says that all of them did.
+The final table sorts the points by the mean return over the last tenth of the training. A warning
+names each diverged run, as in 'train'; the exit status is 3 if all runs diverged.
 """
 EPILOG = """\
 examples:
@@ -34,9 +34,9 @@ examples:
   jaxenstein sweep --algo rnd --grid bonus_reward=0.1,1 --at-once 10 --out runs/rnd
   jaxenstein sweep --algo ppo rnd --no-grid --minutes 25 --config maze.toml --out runs/maze
 
---resume skips what is done and goes on with what is not; give the same options again.
-Of many points the best one looks better than it is: train it again with other seeds (--seed)
-before comparing it with anything.
+--resume skips finished runs and continues the others; give the same options again.
+The best of many points looks better than it is: train it again with other seeds (--seed) before
+you compare it with anything.
 """
 
 

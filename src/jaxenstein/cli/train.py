@@ -37,7 +37,7 @@ HELP = "train recurrent PPO, RND, ICM or E3B, with checkpoints"
 DESCRIPTION = """\
 Train recurrent PPO on any environment, alone (--algo ppo) or with an exploration bonus: random
 network distillation (rnd), intrinsic curiosity (icm), an elliptical episodic bonus (e3b). All
-seeds are trained side by side in one compiled program. The run directory holds the resolved
+seeds train in parallel in one compiled program. The run directory holds the resolved
 configuration, a row of metrics for each update and seed as JSON lines, and the last two
 checkpoints. Needs the extra 'baselines': pip install 'jaxenstein[baselines]'.
 """
@@ -48,17 +48,17 @@ examples:
   jaxenstein train --env key-door --algo rnd --recipe tuned --frame-skip 6 --out runs/key-door
   jaxenstein train --config maze.toml --learning-rate 1e-4 --out runs/maze
 
-Ctrl-C stops after the update that runs, with a checkpoint; --resume goes on from the newest
-checkpoint, also after a crash, and gives the same result as without the interruption. It takes
-every option from the run directory; those given again must be the same, but for a larger
---total-steps, which trains longer where the learning rate does not --anneal with the total.
+Ctrl-C stops after the current update, with a checkpoint. --resume continues from the newest
+checkpoint, also after a crash, with the same result as without the interruption. It takes every
+option from the run directory. Options given again must be the same, except for a larger
+--total-steps, which trains for longer unless the learning rate falls with the total (--anneal).
 
-A seed whose loss, gradient or parameters are not finite has diverged: it learns no more and keeps
-its last finite parameters, which 'evaluate', 'play' and 'export' take, while the other seeds go on.
-Once all seeds have diverged the training ends, with exit status 3; --resume changes nothing about
-that. --on-divergence continue lets such seeds go on as they are.
+A seed diverges if its loss, gradient or parameters are not finite. It stops learning and keeps its
+last finite parameters, which 'evaluate', 'play' and 'export' use. The other seeds continue. If all
+seeds diverge, training ends with exit status 3, also with --resume. With --on-divergence continue
+such seeds continue as they are.
 
-A --config file has the options as names with values, such as
+A --config file holds options as names with values, such as
 
   env = "simple"
   algo = "rnd"
@@ -66,14 +66,14 @@ A --config file has the options as names with values, such as
   seeds = 5
 
 with underscores for hyphens; 'map' is a map as text, and 'settings', 'params' and 'grid' are
-tables. RUN/config.json shows all of them. Flags win over the file.
+tables. RUN/config.json shows all options. Flags override the file.
 """
 # Updates whose episodes the progress line shows.
 RECENT = 10
 DIVERGED, INTERRUPTED = 3, 130
 # What to do about a run that diverged.
 ADVICE = (
-    "it learns no more; try a lower --learning-rate, a smaller --gradient-norm, or smaller rewards "
+    "it stops learning; try a lower --learning-rate, a smaller --gradient-norm, or smaller rewards "
     "(docs/training.md, 'Where it diverges')"
 )
 STOPPING = ("SIGINT", "SIGTERM", "SIGHUP")

@@ -11,8 +11,8 @@ from jax import lax
 
 from .level import Level, door_at, is_solid
 
-# Parts of a degree that are counted: so fine that float32 hardly knows finer ones, and so coarse
-# that a heading with `DRIFT` radians of rounding still tells which it is after one more turn.
+# Headings are rounded to this many parts of a degree: about as fine as float32, and coarse enough
+# that a heading with `DRIFT` radians of rounding still identifies its part after one more turn.
 PARTS = 4000
 DRIFT = 1.2e-6
 
@@ -20,8 +20,8 @@ DRIFT = 1.2e-6
 def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
     """float32[]: the heading turned clockwise on the map by an angle, in [0, 2 pi).
 
-    Where the angle is a whole number of parts of a degree, so is the heading, but for at most
-    `DRIFT`: any number of such turns adds up to no more. Other angles are added as they are.
+    If the angle is a whole number of parts of a degree, the heading stays within `DRIFT` radians of
+    the exact sum after any number of turns. Other angles are added as they are.
     """
     turned = jnp.mod(heading + angle, jnp.float32(2 * math.pi))
     # A tiny negative heading rounds up to the full circle itself.
@@ -31,19 +31,19 @@ def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
     )
     near = _in_parts(turned)
     off = jnp.abs(near - turned)
-    # Half of a part away it could as well be the next one.
+    # Half a part away, the next part would be as close.
     strayed = (off > np.float32(DRIFT)) & (off < np.float32(math.pi / 360 / PARTS))
     near = jnp.where(near >= jnp.float32(2 * math.pi), 0, near)
     exact = jnp.where(whole & strayed, near, turned)
-    # To derivatives it is the sum.
+    # Its derivative is that of the sum.
     return lax.stop_gradient(exact) + (turned - lax.stop_gradient(turned))
 
 
 def _in_parts(angle: jax.Array) -> jax.Array:
-    """float32[]: the angle that is a whole number of parts of a degree and nearest to another.
+    """float32[]: an angle rounded to a whole number of parts of a degree.
 
-    No factor has more bits than its products need to be whole in float32: the sum is the same
-    whether a compiler rounds them or not.
+    The factors have so few bits that their products are exact in float32. So the sum is the same
+    whether a compiler rounds the products or not.
     """
     parts = jnp.round(angle * np.float32(180 * PARTS / math.pi))
     degrees = jnp.floor(parts * np.float32(1 / PARTS))
@@ -54,7 +54,7 @@ def _in_parts(angle: jax.Array) -> jax.Array:
 
 
 def _in_two(number: float, bits: int) -> tuple[np.float32, np.float32]:
-    """A number above 0 as a sum of two of so many bits each."""
+    """A positive number as the sum of two numbers with `bits` bits each."""
     parts = []
     for _ in range(2):
         unit = 2.0 ** (math.floor(math.log2(number)) + 1 - bits)
@@ -71,8 +71,8 @@ def forward(heading: jax.Array) -> jax.Array:
 def length(offset: jax.Array) -> jax.Array:
     """float32[...]: the lengths of float32[..., 2] offsets, the same bits in every program.
 
-    A compiler rounds a product before a sum in one program and not in another. Here each number
-    is split into halves of 12 bits, whose products need no rounding, so both give the same sum.
+    Compilers may or may not round a product before a sum. Here each number is split into halves of
+    12 bits, whose products are exact, so the sum is the same either way.
     """
     upper = lax.bitcast_convert_type(offset, jnp.uint32) & np.uint32(0xFFFFF000)
     high = lax.bitcast_convert_type(upper, jnp.float32)

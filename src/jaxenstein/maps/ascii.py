@@ -37,7 +37,7 @@ def parse_ascii(
     Args:
         text: the map; `symbols.legend()` explains the characters.
         name: what to call it.
-        goal_required: whether a map without a goal is an error; False for a task that needs none.
+        goal_required: whether a map without a goal is an error; False for a task without a goal.
         regions: a second text of the same shape. The wall symbol on a floor or door tile says
             what every wall face beside that tile shows; floor symbols leave the walls as they
             are. On a wall it may only repeat the wall's symbol, `#` or floor. Doors keep their
@@ -69,8 +69,8 @@ def parse_ascii(
         raise MapError("the map has no spawn: put an 'S' where an episode may start")
     if goal_required and not tilemap.goals:
         raise MapError(
-            "the map has no goal: put a 'G' where the goal may lie; the map of a task of your own "
-            "that needs none is read by parse_ascii(text, goal_required=False)"
+            "the map has no goal: put a 'G' where the goal may lie; for a task without a goal call "
+            "parse_ascii(text, goal_required=False)"
         )
     if regions is not None and faces is not None:
         raise MapError("give regions or faces of a map, not both")

@@ -1,4 +1,4 @@
-"""Things of one's own: rows as those of `things`, whose pictures need no file of this package."""
+"""Your own kinds of things: rows like those of `things`, with pictures from outside."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from .symbols import LABEL_NAMES
 from .things import COLOURS, RGB, Thing, enter
 
 OWN_LABELS = range(192, 256)
-"""Labels that this package gives to nothing."""
-# Of a thing in several colours light pixels are the shape and dark ones the detail.
+"""Labels that this package does not use."""
+# In images of a thing in several colours, light pixels are the shape and dark ones the detail.
 _LIGHT, _DARK = (255, 255, 255), (0, 0, 0)
 
 
@@ -31,32 +31,30 @@ def register_thing(
     radius: float = 0.25,
     drop: float | None = None,
 ) -> Thing:
-    """Make a new kind of thing known: `build_theme` draws it by its label, and so do maps.
+    """Register a new kind of thing, which `build_theme` and maps from above draw by its label.
 
-    The same name may be registered again, with the same label: what is built from then on has the
-    new picture.
+    A second call with the same name and label replaces the picture in everything built later.
 
     Args:
-        name: what it is called.
-        label: its label id, 192 to 255; of a thing in several colours the first of six.
-        picture: 32 by 32 points. As text, 32 lines of 32 characters: `.` is empty, `#` has the
-            first colour, `o` the second (an indentation is taken off). As an array, int[32, 32]
-            with 0, 1 and 2 for these. As the name of an image file, or as an array uint8[32, 32, 3]
-            or [32, 32, 4]: a point whose alpha is below 128 is empty, and every other has
-            whichever of `colour` and `detail` is nearer to it in RGB.
-        colour: RGB, 0 to 255, of its shape in full light, of its label and on maps. None for one in
-            all colours of keys: of an image light points are then the shape, dark ones the detail.
-        detail: RGB of the picture's second colour; None for a darker shade of the first.
+        name: its name.
+        label: its label id, 192 to 255; with `colour=None` the first of its six labels.
+        picture: 32 by 32 points, in one of three forms. Text has 32 lines of 32 characters: `.` is
+            empty, `#` has the first colour and `o` the second; common indentation is removed. An
+            array int[32, 32] has 0, 1 and 2 in their place. An image is the name of a file, or an
+            array uint8[32, 32, 3 or 4]: points with an alpha below 128 are empty, and all others
+            get the nearer of `colour` and `detail` in RGB.
+        colour: RGB, 0 to 255, of its shape in full light, of its label and on maps. None for all
+            six colours of keys; light points of an image are then the shape, dark ones the detail.
+        detail: RGB of the second colour; None for a darker shade of the first.
         radius: half the billboard's side in tiles, above 0 to 0.5.
-        drop: tiles from eye height down to the billboard's centre; None for one that stands on
-            the floor.
+        drop: tiles from eye height down to the billboard's centre; None to stand on the floor.
 
     Returns:
         The thing, with its `labels`.
 
     Raises:
-        SettingError: the picture has another size or holds something else, its file cannot be
-            read, or the name, label or colour is another thing's or none.
+        SettingError: the picture has another size or form, its file cannot be read, a value is
+            invalid, or another thing has the name or a label.
     """
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
         raise SettingError(f"the name of a thing must be a text of one line, not {name!r}")
@@ -73,12 +71,14 @@ def register_thing(
     drop = 0.5 - radius if drop is None else drop
     thing = Thing(name, int(label), colour, "", radius, drop, detail)
     if taken := set(thing.names) & set(LABEL_NAMES):
-        raise SettingError(f"{min(taken)!r} is the name of a label already: {name!r} needs another")
+        raise SettingError(
+            f"{min(taken)!r} is already the name of a label: choose another name than {name!r}"
+        )
     return enter(dataclasses.replace(thing, art=_art(thing, picture)))
 
 
 def _art(thing: Thing, picture: Any) -> str:
-    """A picture as text, as files of `engine/art` have it."""
+    """A picture as text, in the form of the files of `engine/art`."""
     place = f"the picture of {thing.name!r}"
     if isinstance(picture, str) and "\n" in picture:
         text = textwrap.dedent(picture).strip("\n")
@@ -103,7 +103,7 @@ def _check_rows(place: str, rows: list[str]) -> None:
                 f"{', '.join(map(repr, MARKS))}"
             )
     if not set("".join(rows)) - {MARKS[0]}:
-        raise SettingError(f"{place} is empty: nothing of it would be seen")
+        raise SettingError(f"{place} is empty: it needs at least one point that is drawn")
 
 
 def _read(place: str, path: Path) -> np.ndarray:
@@ -118,7 +118,7 @@ def _read(place: str, path: Path) -> np.ndarray:
 
 
 def _rows(thing: Thing, array: np.ndarray, place: str) -> list[str]:
-    """Lines of characters of an array."""
+    """The lines of text of an array."""
     coloured = array.ndim == 3 and array.shape[-1] in (3, 4) and array.dtype == np.uint8
     if not coloured and (array.ndim != 2 or array.dtype.kind not in "iub"):
         raise SettingError(
@@ -133,12 +133,12 @@ def _rows(thing: Thing, array: np.ndarray, place: str) -> list[str]:
     marks = _marks_of(thing, array) if coloured else array.astype(np.int64)
     low, high = marks.min(), marks.max()
     if low < 0 or high >= len(MARKS):
-        raise SettingError(f"{place} must hold 0, 1 and 2 alone, not {low} to {high}")
+        raise SettingError(f"{place} must hold only 0, 1 and 2, not {low} to {high}")
     return ["".join(MARKS[mark] for mark in row) for row in marks]
 
 
 def _marks_of(thing: Thing, image: np.ndarray) -> np.ndarray:
-    """int[32, 32]: 0 where an image is empty, 1 in the first colour and 2 in the second."""
+    """int[32, 32]: 0 where an image is empty, 1 for the first colour and 2 for the second."""
     paints = (_LIGHT, _DARK) if thing.coloured else thing.paints(thing.label)
     offset = image[:, :, None, :3] - np.array(paints, float)
     marks = 1 + np.argmin((offset**2).sum(axis=-1), axis=-1)

@@ -92,7 +92,7 @@ LABEL_NAMES: tuple[str, ...] = (
     *(f"locked {name} door" for name in COLOUR_NAMES),
     *(name for thing in THINGS for name in thing.names),
 )
-"""Name of each label id that this package gives; `label_name` knows those of one's own things."""
+"""Names of the label ids of this package; `label_name` also knows registered things."""
 
 
 def _label_colours() -> np.ndarray:
@@ -110,7 +110,7 @@ LABEL_COLOURS: np.ndarray = _label_colours()
 
 
 def label_name(label: int) -> str:
-    """The name of a label id, of one's own things too.
+    """The name of a label id, also of a registered thing.
 
     Raises:
         SettingError: there is no such label.
@@ -118,13 +118,16 @@ def label_name(label: int) -> str:
     if 0 <= label < len(LABEL_NAMES):
         return LABEL_NAMES[label]
     if label not in THING_OF:
-        raise SettingError(f"label {label} is none of those that there are")
+        raise SettingError(
+            f"there is no label {label}: labels are 0 to {len(LABEL_NAMES) - 1}, and those of "
+            "jaxenstein.maps.register_thing"
+        )
     thing = THING_OF[label]
     return thing.names[label - thing.label]
 
 
 def label_colours() -> np.ndarray:
-    """uint8[256, 3]: RGB of each label id in full light, of one's own things too; else 0."""
+    """uint8[256, 3]: RGB of each label id in full light, also of registered things; else 0."""
     colours = np.zeros((256, 3), np.uint8)
     colours[: len(LABEL_COLOURS)] = LABEL_COLOURS
     for label, thing in THING_OF.items():

@@ -1,7 +1,7 @@
 """What can stand on a map: one row for each thing, with all that anyone has to know of it.
 
 A new thing of this package is a row of `THINGS` with the next free labels, and a picture in
-`engine/art`. `own_things.register_thing` adds a row from outside.
+`engine/art`. Users add a row with `own_things.register_thing`.
 """
 
 from __future__ import annotations
@@ -183,21 +183,21 @@ THINGS: tuple[Thing, ...] = (
 """All of them, in the order of their labels."""
 
 THING_OF: dict[int, Thing] = {}
-"""The thing of each label id that is one's, those of one's own (`own_things`) included."""
+"""The thing of each label id, also of registered things; walls and doors have none."""
 
 
 def enter(thing: Thing) -> Thing:
-    """Make a thing known by its labels, in the place of one with the same name and label.
+    """Add a thing to `THING_OF`; it replaces the thing with the same name and label.
 
     Raises:
-        SettingError: one of its labels, or its name, is another thing's.
+        SettingError: another thing has its name or one of its labels.
     """
     for other in THING_OF.values():
         same = (other.name == thing.name) + (other.label == thing.label)
         if same == 1 or (same == 0 and set(other.labels) & set(thing.labels)):
             raise SettingError(
-                f"{thing.name!r} with the labels {list(thing.labels)}: "
-                f"{other.name!r} has the labels {list(other.labels)} already"
+                f"{thing.name!r} cannot have the labels {list(thing.labels)}: {other.name!r} has "
+                f"the labels {list(other.labels)}; each name and each label is of one thing"
             )
     for label in [label for label, other in THING_OF.items() if other.name == thing.name]:
         del THING_OF[label]

@@ -28,14 +28,14 @@ def build_theme(
     """The look of a map.
 
     Args:
-        sprites: labels of the sprite pictures, in the order of `Sprites.picture`: those of
-            `maps.things`, and of things of one's own.
+        sprites: labels of the sprite pictures, in the order of `Sprites.picture`: of things of
+            `maps.things` or registered ones.
         doors: whether there are doors; without, nothing is spent on drawing panels.
         floor: the checker's colours, RGB.
         ceiling: its colour, RGB.
 
     Raises:
-        SettingError: a label is that of no thing.
+        SettingError: no thing has one of the labels.
     """
     colours = np.array(LABEL_COLOURS, np.float32)
     panels = np.zeros(len(colours), np.int32)
@@ -65,7 +65,7 @@ def build_theme(
 def _thing_of(label: int) -> Thing:
     if label not in THING_OF:
         raise SettingError(
-            f"label {label} is that of no thing: jaxenstein.maps.register_thing makes one known"
+            f"no thing has the label {label}: register one with jaxenstein.maps.register_thing"
         )
     return THING_OF[label]
 

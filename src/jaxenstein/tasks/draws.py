@@ -46,7 +46,7 @@ def sample_seed(key: jax.Array, seeds: tuple[int, int] | None) -> jax.Array:
 
 
 def mixed(word: Words) -> Words:
-    """uint32: the bits of words mixed by a bijection, Chris Wellons' lowbias32."""
+    """uint32: the words under a bijection that mixes their bits, Chris Wellons' lowbias32."""
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
         word = (word ^ (word >> np.uint32(shift))) * np.uint32(factor)
     return word ^ (word >> np.uint32(16))

@@ -198,7 +198,8 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
     def level_parts(self, state: ExploreState) -> tuple[jax.Array, ...]:
         """The walls with the doors, and the tiles of the goal or of the apples.
 
-        Objects lie elsewhere in each round: of them all tiles that they may lie on, and which pay.
+        Objects lie on other tiles in each round: all tiles that they may lie on count, and which
+        objects pay.
         """
         walls = jnp.asarray(state.level.walls)[0]
         objects = self.kind == "objects"

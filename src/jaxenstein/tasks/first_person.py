@@ -74,7 +74,7 @@ class FirstPerson(Environment[S, P]):
             given = getattr(self, name)
             if self.look != "random" and given != getattr(FirstPerson, name):
                 raise SettingError(
-                    f"{name} is of look='random' alone: give that too, not {name}={given!r} with "
+                    f"{name} needs look='random': give that too, not {name}={given!r} with "
                     f"look={self.look!r}"
                 )
 
@@ -196,12 +196,12 @@ class GeneratedTask(FirstPerson[S, P]):
         level = ...  # drawn from self.level_key(level_key) and nothing else
 
     Attributes:
-        levels: None for levels without end, or seeds of levels: `range(first, stop)` or (first,
-            stop). Every episode has one of these levels, each equally likely. A seed is the same
-            level on every machine.
-        split: None for all levels, or those of one side: `"train"`, or `"test"`. What a level
-            holds decides on which side it is, so that none is on both, whatever its seed.
-        test_fraction: of a split, the share of all levels that is for the test.
+        levels: None for levels without end, or the seeds of the levels: `range(first, stop)` or
+            (first, stop). Every episode draws one of them with equal probability. A seed gives the
+            same level on every machine.
+        split: None for all levels, or one side: `"train"` or `"test"`. The content of a level
+            decides its side, not its seed, so no level is on both.
+        test_fraction: the share of all levels on the test side of a split.
     """
 
     levels: tuple[int, int] | range | None = of_form(None, "seeds")
@@ -213,7 +213,7 @@ class GeneratedTask(FirstPerson[S, P]):
         super().__post_init__()
         if self.split is None and self.test_fraction != GeneratedTask.test_fraction:
             raise SettingError(
-                "test_fraction is of a split alone: give split='train' or split='test' too, not "
+                "test_fraction needs a split: give split='train' or split='test' too, not "
                 f"test_fraction={self.test_fraction!r} with split=None"
             )
 
@@ -231,19 +231,18 @@ class GeneratedTask(FirstPerson[S, P]):
         if self.level_range is None:
             return key
         seed = sample_seed(key, self.level_range)
-        # The kind of generator that users may change is not to change the levels.
+        # Levels must not depend on the default generator, which users may change.
         return jax.random.key(seed, impl="threefry2x32")
 
     def level_parts(self, state: S) -> tuple[jax.Array, ...]:
-        """What tells the level of a first state from others: whole numbers and truth values.
+        """The content of the level of a first state, as arrays of whole numbers or truth values.
 
-        They must be equal where an agent could not tell two levels apart, so things that are
-        alike belong on a map of tiles rather than into a list, which has them in some order.
-        What an episode adds to the level, such as its start, is no part of it.
+        It must be equal for levels that an agent cannot tell apart. So put equal things on a map of
+        tiles, not into a list, whose order would matter. Leave out what an episode adds to the
+        level, such as its start.
         """
         raise SettingError(
-            f"{type(self).__name__} has no split, as it does not say what a level is: "
-            "it needs level_parts"
+            f"{type(self).__name__} has no split: define level_parts, the content of its levels"
         )
 
     def first_state(self, key: jax.Array, params: P) -> S:
@@ -251,7 +250,7 @@ class GeneratedTask(FirstPerson[S, P]):
         return self._first_where(jnp.bool_(True), key, params)
 
     def _first_where(self, needed: jax.Array, key: jax.Array, params: P) -> S:
-        """A first state where bool[] `needed`, else anything."""
+        """A first state if bool[] `needed`, else anything."""
         draw = super().first_state
         if self.split is None:
             return draw(key, params)
@@ -260,16 +259,16 @@ class GeneratedTask(FirstPerson[S, P]):
             level = fingerprint(self.level_parts(state))
             return is_of(str(self.split), float(self.test_fraction), level)
 
-        # A loop without a known end has no derivatives from behind.
+        # A `while_loop` has no reverse-mode derivative.
         return first_right(draw, right, needed, key, jax.lax.stop_gradient(params))
 
     def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
-        """As `Environment.reset_where`; levels are expensive: only those needed are sampled."""
+        """As `Environment.reset_where`, but samples only the levels needed: they are expensive."""
         params = jax.lax.stop_gradient(params)
         if self.split is None:
             fresh = where_few(self.first_state)(over, key, params)
         else:
-            # Where it runs for all of a batch, those that need no level are not to wait for one.
+            # In a batch, environments that need no level must not wait for one.
             fresh = where_few(self._first_where)(over, over, key, params)
         return select(over, fresh, state)
 

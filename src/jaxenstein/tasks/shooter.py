@@ -1,4 +1,4 @@
-"""Shooters of one's own: a map in characters with monsters on it, a weapon, a goal.
+"""Your own shooters: a map in characters with monsters on it, a weapon, a goal.
 
 The rules are those of the `doom-*` environments: Doom's motion, and its monsters, shots and
 fireballs, on a map whose tiles are 64 of Doom's map units wide. A step is a tic, of which a second

@@ -1,7 +1,7 @@
-"""Levels held out by what they are: a hash of the level decides on which side of a split it is.
+"""Held-out levels: a hash of its content decides the side of a level.
 
-The hash takes whole numbers alone, in the order in which they stand in their arrays: equal levels
-have equal hashes on every device and with every version of JAX.
+The hash takes only whole numbers, in the order of their arrays, so equal levels have equal hashes
+on every device and with every version of JAX.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from .draws import mixed
 
 Split = Literal["train", "test"]
 MOST_TRIES = 2**16
-"""The most levels that a reset draws to find one of its side."""
-# What a key is folded with for the next try. Other numbers would make other episodes.
+"""The most levels that a reset draws to find one on its side."""
+# Folded into the key for the next try. Another number would change the episodes.
 _AGAIN = 0x5917
 _GOLDEN = np.uint32(0x9E3779B9)
 
@@ -31,12 +31,12 @@ T = TypeVar("T")
 def fingerprint(parts: Sequence[jax.Array]) -> jax.Array:
     """uint32[2]: a hash of 64 bits of arrays of whole numbers or truth values.
 
-    Word i of all arrays in a row, w[i], gets for either half of the hash, h, the key
-    k[h, i] = mixed(j * 0x9E3779B9) with j = h * n + i + 1 and n words in all. The half is
-    mixed(sum over i of mixed(w[i] ^ k[h, i])), where `mixed` is lowbias32 and all is modulo 2**32.
+    The arrays are concatenated to words w[i], i from 0 to n - 1. Half h of the hash, 0 or 1, is
+    mixed(sum over i of mixed(w[i] ^ k[h, i])), where k[h, i] = mixed((h * n + i + 1) * 0x9E3779B9),
+    `mixed` is lowbias32, and all arithmetic is modulo 2**32.
 
     Args:
-        parts: at most 32 bits a number; their shapes are no part of the hash.
+        parts: numbers of at most 32 bits; the hash ignores their shapes.
     """
     for part in parts:
         assert not jnp.issubdtype(part.dtype, jnp.floating), "a level is whole numbers alone"
@@ -49,12 +49,12 @@ def fingerprint(parts: Sequence[jax.Array]) -> jax.Array:
 def is_of(split: str, fraction: float, level: Any) -> Any:
     """bool[]: whether a level is on a side, `"train"` or `"test"`.
 
-    The levels of the test are those with the smallest hashes, so those of a smaller fraction are
-    among those of a larger one.
+    The test levels are those with the smallest hashes, so a larger fraction includes the test
+    levels of a smaller one.
 
     Args:
         split: the side.
-        fraction: the share of all levels that is for the test.
+        fraction: the share of all levels on the test side.
         level: uint32[2], as `fingerprint` returns it, of JAX or NumPy.
     """
     bound = min(max(round(fraction * 2**32), 1), 2**32 - 1)
@@ -69,16 +69,16 @@ def first_right(
     key: jax.Array,
     given: Any,
 ) -> T:
-    """What is drawn until it is right, from the key itself and then from others that follow.
+    """Draw until a draw is right, first from `key` and then from keys derived from it.
 
-    The last draw if none of `MOST_TRIES` is right; zeros where nothing is needed.
+    Returns the last draw if none of `MOST_TRIES` is right, and zeros if none is needed.
 
     Args:
-        draw: of a key and `given`.
-        right: bool[] of what was drawn.
-        needed: bool[], whether it is needed at all.
-        key: for nothing else.
-        given: passed on.
+        draw: takes a key and `given`.
+        right: bool[], takes a draw.
+        needed: bool[], whether a draw is needed at all.
+        key: not to be used elsewhere.
+        given: passed to `draw`.
     """
 
     def going(carry: tuple[jax.Array, jax.Array, jax.Array, T]) -> jax.Array:
@@ -99,11 +99,11 @@ def first_right(
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
 def sample_levels(env: Any, count: int, seed: int | jax.Array) -> jax.Array:
-    """uint32[count, 2]: the hashes of the levels of so many first states.
+    """uint32[count, 2]: the hashes of the levels of `count` first states.
 
     Args:
-        env: a `GeneratedTask`; its split is left aside.
-        count: how many.
+        env: a `GeneratedTask`; its split is ignored.
+        count: the number of draws.
         seed: of the draws.
     """
     params = env.check_params()
@@ -111,6 +111,6 @@ def sample_levels(env: Any, count: int, seed: int | jax.Array) -> jax.Array:
     def one(key: jax.Array) -> jax.Array:
         return fingerprint(env.level_parts(env.init_state(key, params)))
 
-    # Part by part, so that many large worlds take no more memory than some.
+    # In batches, to bound the memory that large worlds take.
     keys = jax.random.split(jax.random.key(seed, impl="threefry2x32"), count)
     return lax.map(one, keys, batch_size=256)

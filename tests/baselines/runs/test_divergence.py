@@ -163,7 +163,7 @@ def test_a_run_from_before_there_was_a_choice_goes_on_as_it_began(tmp_path: Path
         load_policy(folder.path, run=0)
     with (
         pytest.warns(DivergenceWarning),
-        pytest.raises(SettingError, match=r"the parameters of .* are not finite as float16"),
+        pytest.raises(SettingError, match=r"the parameters of .* are not finite in float16"),
     ):
         export_policy(folder.path, tmp_path / "agent.npz", 0, episodes=1)
     assert not (tmp_path / "agent.npz").exists()

@@ -138,8 +138,8 @@ def test_command_tells_the_split_and_plays_the_other(
     folder = hardly_trained(tmp_path / "tiny", resolve(given))
     arguments = ["evaluate", str(folder.path), "--episodes", "2"]
     for more, line in (
-        ([], "levels of the train split (0.5 of all levels are for the test); --set split=test "),
-        (["--set", "split=test"], "levels of the test split (0.5 of all "),
+        ([], "levels of the train split (test_fraction 0.5); --set split=test "),
+        (["--set", "split=test"], "levels of the test split (test_fraction 0.5); "),
     ):
         assert main([*arguments, *more]) == 0
         assert line in capsys.readouterr().out

@@ -237,7 +237,7 @@ def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
         ("hparams", "entropy", "0.1", "entropy must be a number or an array of them, not '0.1'"),
         ("config", "contrast", 1e308, "contrast must be .*, not 1e+308, which is inf in float32"),
         ("config", "contrast", True, "contrast must be a finite number from 0 on, not True"),
-        ("config", "epochs", 2**31, "epochs must be .*, not 2147483648, which int32 does not hold"),
+        ("config", "epochs", 2**31, "epochs must be .*2147483648, which does not fit into int32"),
         ("config", "num_envs", [4], "num_envs must be a whole number from 1 on, not (4,)"),
         ("config", "anneal", 1, "anneal must be True or False, not 1"),
         ("config", "on_divergence", "stp", "on_divergence must be one of 'stop', 'continue'"),

@@ -164,7 +164,7 @@ def export_policy(
 
     Raises:
         SettingError: as in `load_policy`, or the file has another suffix, or a parameter is not
-            finite in the precision of the file.
+            finite in `weights`.
         OutputError: it cannot be written.
 
     Warns:
@@ -182,8 +182,8 @@ def export_policy(
     agent = dataclasses.replace(agent, params=jax.tree.map(rounded, agent.params))
     if not agent.finite(0):
         name = run_names(agent.experiment)[0]
-        hint = "; those of float32 are" if trained.finite(chosen) else ""
-        raise SettingError(f"{path}: the parameters of {name} are not finite as {weights}{hint}")
+        hint = ": weights='float32' holds them" if trained.finite(chosen) else ""
+        raise SettingError(f"{path}: the parameters of {name} are not finite in {weights}{hint}")
     results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)
     names = run_names(agent.experiment)
     score = {name: result.to_json(names) for name, result in results.items()}
@@ -204,8 +204,8 @@ def chosen_run(trained: Trained, run: int | None) -> int:
 def best_run(folder: RunFolder) -> int:
     """The run with the highest mean return over the last tenth of its updates so far.
 
-    Among equal runs it is one that has not diverged, then the one with the shortest episodes;
-    without metrics the first one. Of a run that diverged only the updates before count.
+    Ties go to a run that has not diverged, then to the run with the shortest episodes. Only updates
+    before a divergence count. Without metrics it is the first run.
     """
     if not (folder.path / METRICS).exists():
         return 0

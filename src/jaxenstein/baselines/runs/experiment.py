@@ -119,7 +119,7 @@ class Experiment:
             environment = Spec(
                 place["id"], place["version"], _tuples(place["settings"]), place["params"]
             )
-            # Runs from before there was a choice went on.
+            # Runs without this option continue after a divergence.
             config = Config.of({"on_divergence": "continue", **_tuples(plain["config"])})
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
             hparams = HParams.of(config.algo, plain["hparams"]).flat()

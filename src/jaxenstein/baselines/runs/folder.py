@@ -192,7 +192,7 @@ class RunFolder:
         """The networks of the newest checkpoint.
 
         Returns:
-            Its updates, the parameters, [runs, ...], and the runs that diverged, by number.
+            Its update, the parameters, [runs, ...], and the diverged runs by number.
 
         Raises:
             SettingError: there is no checkpoint, or none can be read.

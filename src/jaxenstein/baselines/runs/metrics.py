@@ -140,7 +140,7 @@ def rows_by_run(rows: Sequence[Row], runs: int) -> list[list[Row]]:
 
 
 def diverged_runs(rows: Sequence[Row], runs: int) -> dict[int, Divergence]:
-    """The runs that diverged, by number, of the rows of whole updates."""
+    """The diverged runs by number, from the rows of whole updates."""
     found: dict[int, Divergence] = {}
     for number, row in enumerate(rows):
         if code := row.get(METRIC):
@@ -261,7 +261,7 @@ class WeightsAndBiases:
     def write(self, rows: Sequence[Row]) -> None:
         """Send the rows of each update together, at its environment step.
 
-        Runs that have diverged have no part in the means.
+        The means leave out diverged runs.
         """
         many = len(self._names)
         for start in range(0, len(rows), many):

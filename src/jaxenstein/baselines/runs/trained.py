@@ -45,7 +45,7 @@ class Trained:
         params: of the networks; leaves [runs, ...].
         update: number of updates.
         folder: the run directory; None for a file.
-        diverged: the runs that diverged, by number.
+        diverged: the diverged runs by number.
     """
 
     name: str
@@ -56,12 +56,12 @@ class Trained:
     diverged: Mapping[int, Divergence] = dataclasses.field(default_factory=dict)
 
     def warn(self, run: int) -> None:
-        """Give a `DivergenceWarning` if a run diverged or has parameters that are not finite."""
+        """Issue a `DivergenceWarning` if a run diverged or its parameters are not finite."""
         name = run_names(self.experiment)[run]
         if run in self.diverged:
             told = self.diverged[run].told(name)
         elif not self.finite(run):
-            told = f"the parameters of {name} are not finite, so that its actions mean nothing"
+            told = f"the parameters of {name} are not finite, so its actions are meaningless"
         else:
             return
         warnings.warn(f"{self.name}: {told}", DivergenceWarning, stacklevel=3)

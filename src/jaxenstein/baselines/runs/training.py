@@ -40,8 +40,8 @@ def train(
     """Train from the newest checkpoint until the experiment is done; return the updates done.
 
     However often it is interrupted, and whatever `chunk` and `save_every` are, the metrics and
-    the final state are the same, bit for bit on a CPU. It is done as well once all runs have
-    diverged; `metrics.diverged_runs` tells which, and where.
+    the final state are the same, bit for bit on a CPU. Training also ends once all runs have
+    diverged; `metrics.diverged_runs` returns the runs and the updates.
 
     Args:
         folder: the run directory.

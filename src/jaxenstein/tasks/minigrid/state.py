@@ -156,10 +156,10 @@ def mask_of(tiles: jax.Array, which: jax.Array, shape: tuple[int, ...]) -> jax.A
 
 
 def things_map(things: Things, shape: tuple[int, ...]) -> jax.Array:
-    """int32[rows, columns] of `shape`: kind and colour of what lies on each tile, and in its box.
+    """int32[rows, columns] of `shape`: kind and colour of the thing on each tile and in its box.
 
-    The low 8 bits tell of what lies there, those above of what is in it; 0 is for nothing. It does
-    not depend on the order of the things.
+    The low 8 bits encode the thing on the tile, the higher bits the thing in its box; 0 is nothing.
+    The order of the things does not matter.
     """
     code = 1 + things.kind * len(COLOUR_NAMES) + things.colour
     code = jnp.where(things.place == BOXED, code << 8, code)

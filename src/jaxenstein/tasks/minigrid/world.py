@@ -98,7 +98,7 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
     hands: ClassVar[bool] = True
     """Whether things can be picked up."""
     starts_on_grid: ClassVar[bool] = True
-    """Whether starts are middles of tiles and quarter turns; else they are no part of a level."""
+    """Whether starts are tile centres and quarter turns; other starts are not part of a level."""
     aim_words: ClassVar[str] = "reached the goal"
     fail_words: ClassVar[str] = "stepped into lava"
 

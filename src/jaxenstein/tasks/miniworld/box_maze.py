@@ -62,7 +62,7 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
         )
 
     def level_parts(self, state: BoxMazeState) -> tuple[jax.Array, ...]:
-        """The walls, and the cell of the box, whose places in it are without number."""
+        """The walls, and the cell of the box; its place within the cell does not count."""
         cell = jnp.floor((state.goal - 1) / _PITCH).astype(jnp.int32)
         return jnp.asarray(state.level.walls), cell
 
