@@ -122,6 +122,35 @@ def test_again_with_another_picture() -> None:
     np.testing.assert_array_equal(load_art("apple"), load_art(as_text(decoded("apple"))))
 
 
+def test_again_is_seen_in_programs_that_were_compiled_before() -> None:
+    hall = parse_ascii("#####\n#S.G#\n#####")
+    shares = []
+    for rows in (32, 16):
+        picture = np.where(np.arange(32)[:, None] < rows, 1, 0).repeat(32, axis=1)
+        register_thing("slab", 200, picture, colour=RED, radius=0.5)
+        env = Hunt(tilemap=hall, heading=0.0, height=8, width=8, observation="labels")
+        labels = np.asarray(env.reset(jax.random.key(0))[0])
+        shares.append((int((labels[:4] == 200).sum()), int((labels[4:] == 200).sum())))
+    (upper, lower), (upper_of_half, lower_of_half) = shares
+    assert upper == upper_of_half == lower > 0
+    assert lower_of_half == 0
+
+
+@pytest.mark.parametrize("names", [("red gem", "gem"), ("gem", "red gem")])
+def test_names_of_labels_differ(names: tuple[str, str]) -> None:
+    colour_of = {"red gem": RED, "gem": None}
+    first, second = names
+    register_thing(first, 200, marks(), colour=colour_of[first])
+    with pytest.raises(SettingError, match="'red gem' is already the name of a label"):
+        register_thing(second, 220, marks(), colour=colour_of[second])
+    register_thing(first, 200, marks().T, colour=colour_of[first])
+
+
+def test_sizes_may_be_numbers_of_numpy() -> None:
+    thing = register_thing("banana", 200, TEXT, colour=RED, radius=np.float32(0.25))
+    assert (thing.radius, thing.drop) == (0.25, 0.25)
+
+
 def decoded(name: str) -> np.ndarray:
     drawn, second = (load_art(name)[:, None, :] >> np.arange(32, dtype=np.uint32)[::-1, None]) & 1
     return (drawn + second).astype(int)
@@ -139,6 +168,8 @@ TEXT = as_text(np.ones((32, 32), int))
         ({"picture": TEXT.replace("#", ".")}, "is empty"),
         ({"picture": np.ones((32, 31), int)}, "32 rows and 32 columns, not 32 and 31"),
         ({"picture": np.full((32, 32), 3)}, "must hold only 0, 1 and 2, not 3 to 3"),
+        ({"picture": ""}, "must have 32 rows, not 1"),
+        ({"picture": [[1] * 32, [1]]}, "the picture of 'banana' is no array"),
         ({"picture": np.ones((32, 32))}, r"not float64\[32, 32\]"),
         ({"picture": np.ones((16, 16, 4), np.uint8)}, "32 columns, not 16 and 16"),
         ({"picture": np.ones((2, 32), np.uint32)}, "32 columns, not 2 and 32"),
@@ -155,6 +186,9 @@ TEXT = as_text(np.ones((32, 32), int))
         ({"colour": (1, 2)}, "the colour of 'banana' must be"),
         ({"detail": (0, 0, 256)}, "the detail of 'banana' must be"),
         ({"radius": 0.6}, "the radius of 'banana' must be above 0 to 0.5 tiles, not 0.6"),
+        ({"radius": np.nan}, "the radius of 'banana' must be above 0 to 0.5 tiles, not nan"),
+        ({"drop": np.nan}, "the drop of 'banana' must be from -0.25 to 0.25 .* not nan"),
+        ({"drop": 10**400}, "the drop of 'banana' must be from -0.25 to 0.25"),
         ({"radius": 0.3, "drop": 0.4}, "must be from -0.2 to 0.2 with a radius of 0.3"),
     ],
 )

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import math
+import numbers
 import textwrap
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
 from ..engine.art import MARKS, SIZE
 from ..errors import SettingError
 from .symbols import LABEL_NAMES
-from .things import COLOURS, RGB, Thing, enter
+from .things import COLOURS, RGB, THING_OF, Thing, enter
 
 OWN_LABELS = range(192, 256)
 """Labels that this package does not use."""
@@ -33,7 +34,9 @@ def register_thing(
 ) -> Thing:
     """Register a new kind of thing, which `build_theme` and maps from above draw by its label.
 
-    A second call with the same name and label replaces the picture in everything built later.
+    A second call with the same name and label replaces the picture in everything built later. JAX
+    then compiles its programs anew. Equal environments share programs, so stop using those that were
+    built before.
 
     Args:
         name: its name.
@@ -60,7 +63,7 @@ def register_thing(
         raise SettingError(f"the name of a thing must be a text of one line, not {name!r}")
     _check_rgb(name, "colour", colour)
     _check_rgb(name, "detail", detail)
-    _check_size(name, radius, drop)
+    radius, drop = _checked_size(name, radius, drop)
     whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
     last = OWN_LABELS[-len(COLOURS) if colour is None else -1]
     if not whole or not OWN_LABELS[0] <= label <= last:
@@ -68,25 +71,30 @@ def register_thing(
             f"the label of {name!r} must be a whole number from {OWN_LABELS[0]} to {last}, "
             f"not {label!r}"
         )
-    drop = 0.5 - radius if drop is None else drop
     thing = Thing(name, int(label), colour, "", radius, drop, detail)
-    if taken := set(thing.names) & set(LABEL_NAMES):
+    others = {one for other in THING_OF.values() if other.name != name for one in other.names}
+    if taken := set(thing.names) & ({*LABEL_NAMES} | others):
         raise SettingError(
             f"{min(taken)!r} is already the name of a label: choose another name than {name!r}"
         )
-    return enter(dataclasses.replace(thing, art=_art(thing, picture)))
+    before = THING_OF.get(thing.label)
+    thing = enter(dataclasses.replace(thing, art=_art(thing, picture)))
+    if before not in (None, thing):
+        # Programs of equal environments hold the picture that there was.
+        jax.clear_caches()
+    return thing
 
 
 def _art(thing: Thing, picture: Any) -> str:
     """A picture as text, in the form of the files of `engine/art`."""
     place = f"the picture of {thing.name!r}"
-    if isinstance(picture, str) and "\n" in picture:
+    if isinstance(picture, str) and ("\n" in picture or not picture):
         text = textwrap.dedent(picture).strip("\n")
         rows = [line.rstrip() for line in text.split("\n")]
     elif isinstance(picture, str | Path):
         rows = _rows(thing, _read(place, Path(picture)), place)
     else:
-        rows = _rows(thing, np.asarray(picture), place)
+        rows = _rows(thing, _array(place, picture), place)
     _check_rows(place, rows)
     return "\n".join(rows)
 
@@ -115,6 +123,13 @@ def _read(place: str, path: Path) -> np.ndarray:
             return np.asarray(image.convert("RGBA"))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise SettingError(f"{place}: {str(path)!r} cannot be read as an image ({error})") from None
+
+
+def _array(place: str, picture: Any) -> np.ndarray:
+    try:
+        return np.asarray(picture)
+    except (TypeError, ValueError) as error:
+        raise SettingError(f"{place} is no array ({error})") from None
 
 
 def _rows(thing: Thing, array: np.ndarray, place: str) -> list[str]:
@@ -156,13 +171,20 @@ def _check_rgb(name: str, what: str, value: Any) -> None:
     )
 
 
-def _check_size(name: str, radius: Any, drop: Any) -> None:
-    numbers = [radius] if drop is None else [radius, drop]
-    real = all(isinstance(n, int | float) and math.isfinite(n) for n in numbers)
-    if not real or not 0 < radius <= 0.5:
+def _checked_size(name: str, radius: Any, drop: Any) -> tuple[float, float]:
+    """Radius and drop as numbers of Python; the drop of what stands on the floor for None."""
+    if not _is_number(radius) or not 0 < radius <= 0.5:
         raise SettingError(f"the radius of {name!r} must be above 0 to 0.5 tiles, not {radius!r}")
-    if drop is not None and abs(drop) + radius > 0.5 + 1e-9:
+    radius = float(radius)
+    if drop is None:
+        return radius, 0.5 - radius
+    if not _is_number(drop) or not abs(drop) <= 0.5 - radius + 1e-9:
         raise SettingError(
             f"the drop of {name!r} must be from {radius - 0.5:g} to {0.5 - radius:g} with a radius "
             f"of {radius:g}, between floor and ceiling, not {drop!r}"
         )
+    return radius, float(drop)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
