@@ -147,7 +147,8 @@ def test_names_of_labels_differ(names: tuple[str, str]) -> None:
 
 
 def test_sizes_may_be_numbers_of_numpy() -> None:
-    thing = register_thing("banana", 200, TEXT, colour=RED, radius=np.float32(0.25))
+    quarter: Any = np.float32(0.25)
+    thing = register_thing("banana", 200, TEXT, colour=RED, radius=quarter)
     assert (thing.radius, thing.drop) == (0.25, 0.25)
 
 
