@@ -129,6 +129,23 @@ def test_a_file_that_promises_too_much_costs_nothing(store: Checkpoints) -> None
     tracemalloc.stop()
 
 
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_compressions_that_python_unpacks_at_once_are_refused(
+    store: Checkpoints, method: int
+) -> None:
+    """Four hundred bytes of bzip2 are four megabytes, whatever is read of them."""
+    store.folder.mkdir()
+    swollen = io.BytesIO()
+    np.save(swollen, np.zeros(5, np.int32))
+    with zipfile.ZipFile(store.folder / "1.npz", "w", method) as archive:
+        archive.writestr("['a'].npy", swollen.getvalue() + b"\0" * 2**22)
+    tracemalloc.start()
+    with pytest.raises(CheckpointError, match="must be stored or deflated"):
+        store.restore({"a": np.zeros(5, np.int32)})
+    assert tracemalloc.get_traced_memory()[1] < 2**20
+    tracemalloc.stop()
+
+
 def test_another_state_is_refused_with_the_leaf_that_differs(store: Checkpoints) -> None:
     store.save(1, state_of(1))
     other = state_of(1) | {"flags": jnp.zeros(3, bool)}

@@ -12,7 +12,7 @@ import shutil
 import zipfile
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import jax
 import numpy as np
@@ -177,10 +177,22 @@ def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()
     return jax.tree.unflatten(structure, filled)
 
 
+def open_entry(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
+    """An entry of an archive, of which no more is unpacked than is read.
+
+    Raises:
+        ValueError: it is compressed so that Python would unpack all of it at once.
+        KeyError: there is no such entry.
+    """
+    if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"{name} must be stored or deflated, and is compressed in another way")
+    return archive.open(name)
+
+
 def _array(archive: zipfile.ZipFile, name: str, like: Any) -> jax.Array:
     """One array, which takes no more memory than `like`, whatever the file says."""
     like = _data(like)
-    with archive.open(f"{name}.npy") as file:
+    with open_entry(archive, f"{name}.npy") as file:
         version = np.lib.format.read_magic(file)
         if version != (1, 0):
             raise ValueError(f"{name} has the version {version} of its format")
