@@ -67,7 +67,7 @@ def test_state_comes_back_bit_for_bit(store: Checkpoints) -> None:
 
 
 def test_the_newest_two_are_kept(store: Checkpoints) -> None:
-    for update in (2, 10, 9, 11):
+    for update in (2, 9, 10, 11):
         store.save(update, state_of(update))
     assert store.updates() == [10, 11]
     store.save(11, state_of(5))
@@ -106,6 +106,35 @@ def test_every_single_damaged_byte_is_noticed_or_harmless(store: Checkpoints) ->
             assert restored is not None
             assert restored.state["a"].tolist() == [0, 1, 2, 3, 4]
     assert told > len(whole) / 2
+
+
+def test_a_name_that_is_damaged_is_not_taken_for_another_state(store: Checkpoints) -> None:
+    """The directory at the end of the file has every name a second time."""
+    like = {"kernel": np.zeros(5, np.int32)}
+    for update in (1, 2):
+        store.save(update, like)
+    path = store.folder / "2.npz"
+    whole = path.read_bytes()
+    place = whole.rindex(b"kernel")
+    path.write_bytes(whole[:place] + b"l" + whole[place + 1 :])
+    restored = store.restore(like)
+    assert restored is not None
+    assert restored.update == 1
+    assert "2.npz" in restored.damaged[0]
+
+
+def test_damaged_checkpoints_of_later_updates_are_removed(store: Checkpoints) -> None:
+    """They would take the places of whole ones."""
+    like = {"a": np.arange(5)}
+    for update in (1, 2):
+        store.save(update, like)
+    for update in (97, 98, 99):
+        (store.folder / f"{update}.npz").write_bytes(b"")
+    store.save(3, like)
+    assert store.updates() == [2, 3]
+    restored = store.restore(like)
+    assert restored is not None
+    assert (restored.update, restored.damaged) == (3, ())
 
 
 def test_a_file_that_promises_too_much_costs_nothing(store: Checkpoints) -> None:

@@ -57,7 +57,7 @@ class Checkpoints:
         return sorted(int(name) for name in names if name.isdecimal())
 
     def save(self, update: int, state: Any) -> None:
-        """Write a checkpoint, then remove the oldest ones and leftovers of interrupted writers.
+        """Write a checkpoint, then remove old ones, damaged ones and what stopped writers left.
 
         Args:
             update: updates so far; a checkpoint of that update is replaced.
@@ -75,7 +75,10 @@ class Checkpoints:
         }
         with atomic(self._path(update)) as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)
-        for old in self.updates()[: -self._keep]:
+        # Those of later updates could not be read, or the run had gone on from there.
+        there = self.updates()
+        kept = [one for one in there if one <= update][-self._keep :]
+        for old in set(there) - set(kept):
             with contextlib.suppress(OSError):
                 self._path(old).unlink()
 
@@ -171,6 +174,7 @@ def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()
     found = {name.removesuffix(".npy") for name in archive.namelist()}
     passed_over = {name.removesuffix(".npy") for name in besides} - set(wanted)
     for name in sorted(found - passed_over ^ set(wanted)):
+        _read_through(archive)
         what = "is not in it" if name in wanted else "is too much"
         raise CheckpointError(f"{archive.filename} is of another state: {name} {what}")
     filled = [_typed(_array(archive, name, leaf), leaf) for name, leaf in wanted.items()]
@@ -189,6 +193,14 @@ def open_entry(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
     return archive.open(name)
 
 
+def _read_through(archive: zipfile.ZipFile) -> None:
+    """Read all entries, so that names and checksums reveal a damaged file: an error of any kind."""
+    for name in archive.namelist():
+        with open_entry(archive, name) as file:
+            while file.read(2**20):
+                pass
+
+
 def _array(archive: zipfile.ZipFile, name: str, like: Any) -> jax.Array:
     """One array, which takes no more memory than `like`, whatever the file says."""
     like = _data(like)
@@ -199,9 +211,7 @@ def _array(archive: zipfile.ZipFile, name: str, like: Any) -> jax.Array:
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
         # Dtypes that numpy lacks, such as bfloat16, are stored as bytes.
         if shape != like.shape or fortran or dtype != np.dtype(like.dtype.str):
-            # Read to the end first, so that the checksum reveals a damaged file.
-            while file.read(2**20):
-                pass
+            _read_through(archive)
             raise CheckpointError(
                 f"{archive.filename} is of another state: {name} is {dtype}{list(shape)}, not "
                 f"{like.dtype}{list(like.shape)}"
