@@ -32,6 +32,19 @@ def test_content_arrives_with_ordinary_permissions(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == [target, plain]
 
 
+@pytest.mark.parametrize("name", ["x" * 255, "\N{MAN}" * 63, "a\nb 'c\" \udcff"])
+def test_every_name_that_the_system_allows_can_be_written(tmp_path: Path, name: str) -> None:
+    target = tmp_path / name
+    try:
+        target.write_text("old")
+    except OSError:
+        pytest.skip("this system does not allow it")
+    with atomic(target) as part:
+        part.write_text("new")
+    assert target.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [target]
+
+
 def test_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "file"
     target.write_text("old")

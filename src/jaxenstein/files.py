@@ -53,7 +53,9 @@ def atomic(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     check_writable(path)
     with writing(path):
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=PART, dir=path.parent)
+        # A name may be as long as the system allows, and the temporary one is longer.
+        prefix = f".{path.name[:40]}."
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=PART, dir=path.parent)
         os.close(handle)
         temporary = Path(name)
         try:

@@ -119,6 +119,7 @@ def test_a_grid_that_diverges_does_not_end_the_sweep(
     for part, updates in zip(parts, (1, 6), strict=True):
         assert f"{tmp_path / 's' / part}: {updates} of 6 updates" in captured.out
         assert f"\n{part} " in captured.out
+    assert captured.out.count("2, 2 diverged") == 1
     assert main(["sweep", *flags[:-2], "learning_rate=1e38", "--resume", "--at-once=1"]) == 3
 
 

@@ -100,7 +100,7 @@ def table(points: list[Point]) -> str:
         rows.append(
             (
                 point.label,
-                str(point.runs),
+                f"{point.runs}, {point.diverged} diverged" if point.diverged else str(point.runs),
                 f"{earned.mean:.3g}",
                 f"{earned.low:.3g} - {earned.high:.3g}",
                 f"{success.mean:.1%}",

@@ -34,9 +34,8 @@ def register_thing(
 ) -> Thing:
     """Register a new kind of thing, which `build_theme` and maps from above draw by its label.
 
-    A second call with the same name and label replaces the picture in everything built later. JAX
-    then compiles its programs anew. Equal environments share programs, so stop using those that were
-    built before.
+    A second call with the same name and label replaces the picture in everything built later, and
+    JAX compiles its programs anew. Stop using equal environments that were built before.
 
     Args:
         name: its name.

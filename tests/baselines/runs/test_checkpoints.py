@@ -67,7 +67,7 @@ def test_state_comes_back_bit_for_bit(store: Checkpoints) -> None:
 
 
 def test_the_newest_two_are_kept(store: Checkpoints) -> None:
-    for update in (2, 10, 9, 11):
+    for update in (2, 9, 10, 11):
         store.save(update, state_of(update))
     assert store.updates() == [10, 11]
     store.save(11, state_of(5))
@@ -108,6 +108,35 @@ def test_every_single_damaged_byte_is_noticed_or_harmless(store: Checkpoints) ->
     assert told > len(whole) / 2
 
 
+def test_a_name_that_is_damaged_is_not_taken_for_another_state(store: Checkpoints) -> None:
+    """The directory at the end of the file has every name a second time."""
+    like = {"kernel": np.zeros(5, np.int32)}
+    for update in (1, 2):
+        store.save(update, like)
+    path = store.folder / "2.npz"
+    whole = path.read_bytes()
+    place = whole.rindex(b"kernel")
+    path.write_bytes(whole[:place] + b"l" + whole[place + 1 :])
+    restored = store.restore(like)
+    assert restored is not None
+    assert restored.update == 1
+    assert "2.npz" in restored.damaged[0]
+
+
+def test_damaged_checkpoints_of_later_updates_are_removed(store: Checkpoints) -> None:
+    """They would take the places of whole ones."""
+    like = {"a": np.arange(5)}
+    for update in (1, 2):
+        store.save(update, like)
+    for update in (97, 98, 99):
+        (store.folder / f"{update}.npz").write_bytes(b"")
+    store.save(3, like)
+    assert store.updates() == [2, 3]
+    restored = store.restore(like)
+    assert restored is not None
+    assert (restored.update, restored.damaged) == (3, ())
+
+
 def test_a_file_that_promises_too_much_costs_nothing(store: Checkpoints) -> None:
     """A header of a petabyte, and a zip that swells."""
     store.folder.mkdir()
@@ -126,6 +155,23 @@ def test_a_file_that_promises_too_much_costs_nothing(store: Checkpoints) -> None
     with pytest.raises(CheckpointError, match="21 bytes, not 20"):
         store.restore({"a": np.zeros(5, np.int32)})
     assert tracemalloc.get_traced_memory()[1] < 10**6
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_compressions_that_python_unpacks_at_once_are_refused(
+    store: Checkpoints, method: int
+) -> None:
+    """Four hundred bytes of bzip2 are four megabytes, whatever is read of them."""
+    store.folder.mkdir()
+    swollen = io.BytesIO()
+    np.save(swollen, np.zeros(5, np.int32))
+    with zipfile.ZipFile(store.folder / "1.npz", "w", method) as archive:
+        archive.writestr("['a'].npy", swollen.getvalue() + b"\0" * 2**22)
+    tracemalloc.start()
+    with pytest.raises(CheckpointError, match="must be stored or deflated"):
+        store.restore({"a": np.zeros(5, np.int32)})
+    assert tracemalloc.get_traced_memory()[1] < 2**20
     tracemalloc.stop()
 
 

@@ -129,7 +129,9 @@ def test_the_best_run_is_chosen_by_its_updates_before(mixed: RunFolder, tmp_path
     for update in range(20):
         stopped = {"return_sum": 6.0, "diverged": 0} if update < 5 else {"diverged": 4}
         rows += [{**(sums if update < 5 else {}), **stopped}, {**sums, "return_sum": 4.0}]
-    (folder.path / METRICS).write_text("".join(json.dumps(row) + "\n" for row in rows))
+    counts = {"update": 1, "steps": 8, "episodes": 0}
+    text = "".join(json.dumps(counts | row) + "\n" for row in rows)
+    (folder.path / METRICS).write_text(text)
     assert best_run(folder) == 0
 
 
@@ -144,6 +146,34 @@ def test_curves_are_those_of_the_runs_that_go_on(mixed: RunFolder) -> None:
 
     axes = plot(curves_of(mixed.path, "entropy"), "entropy").axes[0]
     assert [len(np.atleast_1d(line.get_xdata())) for line in axes.lines] == [0, UPDATES]
+    legend = axes.get_legend()
+    assert legend is not None
+    shown = [text.get_text() for text in legend.get_texts()]
+    assert shown == ["run, learning_rate 1e+38 (diverged)", "run, learning_rate 0.001"]
+
+
+def test_how_many_seeds_of_a_curve_diverged_is_told(tmp_path: Path) -> None:
+    """Of three seeds the last one diverges at the fourth update."""
+    pytest.importorskip("matplotlib")
+    from jaxenstein.baselines.runs.curves import plot
+
+    folder = RunFolder.create(tmp_path / "run", tiny(seeds=3))
+    rows = [
+        {
+            "update": update,
+            "steps": 32 * update,
+            "episodes": 0,
+            "diverged": (run == 2) * (update > 3),
+        }
+        for update in range(1, UPDATES + 1)
+        for run in range(3)
+    ]
+    (folder.path / METRICS).write_text("".join(json.dumps(row) + "\n" for row in rows))
+    (curve,) = curves_of(folder.path, "steps")
+    assert curve.diverged == 1
+    legend = plot([curve], "steps").axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["run (3 runs, 1 diverged)"]
 
 
 def test_a_run_from_before_there_was_a_choice_goes_on_as_it_began(tmp_path: Path) -> None:
@@ -163,7 +193,10 @@ def test_a_run_from_before_there_was_a_choice_goes_on_as_it_began(tmp_path: Path
         load_policy(folder.path, run=0)
     with (
         pytest.warns(DivergenceWarning),
-        pytest.raises(SettingError, match=r"the parameters of .* are not finite in float16"),
+        pytest.raises(
+            SettingError,
+            match=r"parameters of learning_rate-1e\+38-seed-0 are not finite in float16",
+        ),
     ):
         export_policy(folder.path, tmp_path / "agent.npz", 0, episodes=1)
     assert not (tmp_path / "agent.npz").exists()

@@ -175,7 +175,9 @@ def test_the_best_run_acts(folder: RunFolder, tmp_path: Path) -> None:
         names = ("episodes", "return_sum", "length_sum")
         early: list[Any] = [{"episodes": 9, "return_sum": 9.0 * (1 - r)} for r in (0, 1)] * 10
         late: list[Any] = [dict(zip(names, row, strict=True)) for row in sums]
-        text = "".join(json.dumps(row) + "\n" for row in (*early, *late))
+        text = "".join(
+            json.dumps({"update": 1, "steps": 8} | row) + "\n" for row in (*early, *late)
+        )
         (copied.path / "metrics.jsonl").write_text(text)
 
     write([(4, 1.0, 30), (2, 1.0, 20)])

@@ -138,6 +138,8 @@ def test_a_damaged_checkpoint_costs_time_and_nothing_else(whole: RunFolder, tmp_
     shutil.copytree(whole.path, tmp_path / "run")
     folder = RunFolder.open(tmp_path / "run")
     (folder.path / CHECKPOINTS / f"{UPDATES}.npz").write_text("{")
+    with pytest.warns(UserWarning, match="skipped a damaged checkpoint: .*npz"):
+        assert folder.networks()[0] < UPDATES
     with pytest.warns(UserWarning, match="skipped a damaged checkpoint"):
         assert train(folder) == UPDATES
     assert_same_result(folder, whole)

@@ -23,7 +23,7 @@ from jaxenstein.baselines.runs.curves import (
     save_plot,
 )
 from jaxenstein.baselines.runs.folder import RunFolder
-from jaxenstein.baselines.runs.metrics import means, read_seconds
+from jaxenstein.baselines.runs.metrics import Timing, means, read_seconds
 from jaxenstein.files import OutputError
 from tests.baselines.tiny import UPDATES, tiny
 
@@ -88,6 +88,7 @@ def test_a_run_that_was_killed_is_drawn_as_far_as_it_is_whole(folder: Path) -> N
     ("name", "value"),
     [
         *(("steps", value) for value in (None, "2", 2.5, 2**63, float("inf"))),
+        *((name, None) for name in ("update", "episodes")),
         *(("return_sum", value) for value in (10**400, float("nan"), [1.0])),
     ],
 )
@@ -97,6 +98,28 @@ def test_rows_that_no_run_writes_are_told(folder: Path, name: str, value: object
     file.write_text(json.dumps(json.loads(first) | {name: value}) + "\n" + rest)
     with pytest.raises(SettingError, match=r"metrics\.jsonl is damaged: "):
         curves_of(folder)
+
+
+@pytest.mark.parametrize("name", ["update", "steps", "episodes"])
+def test_rows_without_a_count_are_told(folder: Path, name: str) -> None:
+    file = folder / "metrics.jsonl"
+    *rest, last = map(json.loads, file.read_text().splitlines())
+    del last[name]
+    file.write_text("".join(json.dumps(row) + "\n" for row in [*rest, last]))
+    with pytest.raises(SettingError, match=f"is damaged: the '{name}' of a row is no whole number"):
+        curves_of(folder)
+
+
+def test_a_column_that_later_rows_lack_is_missing_there(folder: Path) -> None:
+    file = folder / "metrics.jsonl"
+    rows = [json.loads(line) for line in file.read_text().splitlines()]
+    for row in rows[8:]:
+        del row["loss"], row["return_sum"]
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    (curve,) = curves_of(folder, "loss")
+    np.testing.assert_array_equal(np.isnan(curve.values[0]), [False] * 4 + [True] * 2)
+    (curve,) = curves_of(folder, "return")
+    np.testing.assert_array_equal(np.isnan(curve.values[1]), [False] * 4 + [True] * 2)
 
 
 def test_band_is_that_of_all_resamples() -> None:
@@ -161,10 +184,30 @@ def test_minutes_go_on_over_sessions(folder: Path) -> None:
 def test_times_that_cannot_be_read_are_told(folder: Path) -> None:
     with pytest.raises(SettingError, match=r"cannot read .*timing.jsonl: no such file"):
         curves_of(folder, over="minutes")
-    for text, problem in (("", "has no rows"), ("{}\n", "is damaged"), ("[\n", "is damaged")):
+    for text, problem in (
+        ("", "has no rows"),
+        ("{}\n", "is damaged"),
+        ("[\n", "is damaged"),
+        ("[" * 10**5 + "\n", "is damaged"),
+        ('{"update": Infinity, "seconds": 1}\n', "is damaged"),
+        ('{"update": 1, "seconds": NaN}\n', "is damaged: .*nan seconds"),
+        ('{"update": 1, "seconds": 1e999}\n', "is damaged: .*inf seconds"),
+        (f'{{"update": 1, "seconds": {10**400}}}\n', "is damaged"),
+    ):
         (folder / "timing.jsonl").write_text(text)
         with pytest.raises(SettingError, match=f"timing.jsonl {problem}"):
             curves_of(folder, over="minutes")
+
+
+def test_a_part_of_a_row_of_times_is_cut_off(folder: Path) -> None:
+    """Otherwise the first row of the next session would be written into the same line."""
+    row = '{"update": 1, "seconds": 30}\n'
+    for whole, part in ((row, '{"upda'), (row, ""), ("", '{"upda')):
+        (folder / "timing.jsonl").write_text(whole + part)
+        Timing(folder, 32, 1).write(2)
+        text = (folder / "timing.jsonl").read_text()
+        assert text.startswith(whole)
+        assert [json.loads(row)["update"] for row in text[len(whole) :].splitlines()] == [2]
 
 
 def test_the_figure_shows_what_was_measured(folder: Path) -> None:

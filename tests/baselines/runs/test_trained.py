@@ -167,6 +167,18 @@ def test_what_is_no_agent_is_told(file: Path, change: Any, message: str) -> None
     assert str(path) in str(told.value)
 
 
+@pytest.mark.parametrize("spoilt", ["config.json", "bias'].npy"])
+def test_a_file_that_swells_is_refused(file: Path, tmp_path: Path, spoilt: str) -> None:
+    """An entry that Python would unpack at once, however little of it is asked for."""
+    path = tmp_path / "swollen.npz"
+    with zipfile.ZipFile(file) as archive, zipfile.ZipFile(path, "w") as other:
+        for name in archive.namelist():
+            method = zipfile.ZIP_BZIP2 if name.endswith(spoilt) else zipfile.ZIP_DEFLATED
+            other.writestr(name, archive.read(name), method)
+    with pytest.raises(SettingError, match=f"{spoilt[-9:-1]}.*must be stored or deflated"):
+        load_policy(path)
+
+
 def test_damaged_and_missing_files_are_told(folder: RunFolder, file: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.npz"
     cut.write_bytes(file.read_bytes()[:-200])

@@ -181,7 +181,7 @@ def export_policy(
     rounded = lambda leaf: leaf.astype(weights).astype(np.float32)  # noqa: E731
     agent = dataclasses.replace(agent, params=jax.tree.map(rounded, agent.params))
     if not agent.finite(0):
-        name = run_names(agent.experiment)[0]
+        name = run_names(trained.experiment)[chosen]
         hint = ": weights='float32' holds them" if trained.finite(chosen) else ""
         raise SettingError(f"{path}: the parameters of {name} are not finite in {weights}{hint}")
     results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)

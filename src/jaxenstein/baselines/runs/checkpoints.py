@@ -12,7 +12,7 @@ import shutil
 import zipfile
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import jax
 import numpy as np
@@ -57,7 +57,7 @@ class Checkpoints:
         return sorted(int(name) for name in names if name.isdecimal())
 
     def save(self, update: int, state: Any) -> None:
-        """Write a checkpoint, then remove the oldest ones and leftovers of interrupted writers.
+        """Write a checkpoint, then remove old ones, damaged ones and what stopped writers left.
 
         Args:
             update: updates so far; a checkpoint of that update is replaced.
@@ -75,7 +75,10 @@ class Checkpoints:
         }
         with atomic(self._path(update)) as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)
-        for old in self.updates()[: -self._keep]:
+        # Those of later updates could not be read, or the run had gone on from there.
+        there = self.updates()
+        kept = [one for one in there if one <= update][-self._keep :]
+        for old in set(there) - set(kept):
             with contextlib.suppress(OSError):
                 self._path(old).unlink()
 
@@ -171,25 +174,44 @@ def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()
     found = {name.removesuffix(".npy") for name in archive.namelist()}
     passed_over = {name.removesuffix(".npy") for name in besides} - set(wanted)
     for name in sorted(found - passed_over ^ set(wanted)):
+        _read_through(archive)
         what = "is not in it" if name in wanted else "is too much"
         raise CheckpointError(f"{archive.filename} is of another state: {name} {what}")
     filled = [_typed(_array(archive, name, leaf), leaf) for name, leaf in wanted.items()]
     return jax.tree.unflatten(structure, filled)
 
 
+def open_entry(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
+    """An entry of an archive, of which no more is unpacked than is read.
+
+    Raises:
+        ValueError: it is compressed so that Python would unpack all of it at once.
+        KeyError: there is no such entry.
+    """
+    if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"{name} must be stored or deflated, and is compressed in another way")
+    return archive.open(name)
+
+
+def _read_through(archive: zipfile.ZipFile) -> None:
+    """Read all entries, so that names and checksums reveal a damaged file: an error of any kind."""
+    for name in archive.namelist():
+        with open_entry(archive, name) as file:
+            while file.read(2**20):
+                pass
+
+
 def _array(archive: zipfile.ZipFile, name: str, like: Any) -> jax.Array:
     """One array, which takes no more memory than `like`, whatever the file says."""
     like = _data(like)
-    with archive.open(f"{name}.npy") as file:
+    with open_entry(archive, f"{name}.npy") as file:
         version = np.lib.format.read_magic(file)
         if version != (1, 0):
             raise ValueError(f"{name} has the version {version} of its format")
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
         # Dtypes that numpy lacks, such as bfloat16, are stored as bytes.
         if shape != like.shape or fortran or dtype != np.dtype(like.dtype.str):
-            # Read to the end first, so that the checksum reveals a damaged file.
-            while file.read(2**20):
-                pass
+            _read_through(archive)
             raise CheckpointError(
                 f"{archive.filename} is of another state: {name} is {dtype}{list(shape)}, not "
                 f"{like.dtype}{list(like.shape)}"

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import SettingError, nearest
 from ...files import atomic, check_writable
+from ..divergence import METRIC
 from .experiment import exact
 from .folder import RunFolder
 from .metrics import EPISODE_MEANS, Row, read_metrics, read_seconds, rows_by_run
@@ -93,12 +94,14 @@ class Curve:
         at: float64[points], on the horizontal axis: decisions of each run, or minutes of all runs.
         values: float64[runs, points]; NaN where no episode ended.
         over: the horizontal axis.
+        diverged: how many of the runs did; from there on they have no values.
     """
 
     label: str
     at: np.ndarray
     values: np.ndarray
     over: Over = "decisions"
+    diverged: int = 0
 
 
 def curves_of(
@@ -134,7 +137,7 @@ def curves_of(
     if over == "minutes":
         at = read_seconds(folder.path, len(at)) / 60
     return [
-        Curve(label, *_pooled_runs(runs, metric, points, at), over)
+        Curve(label, *_pooled_runs(runs, metric, points, at), over, _diverged(runs))
         for label, runs in by_run.items()
     ]
 
@@ -142,6 +145,10 @@ def curves_of(
 def _label(path: Path, grid: Sequence[str], run: Mapping[str, float | int]) -> str:
     name = path.name or path.absolute().name
     return ", ".join([name, *(f"{number} {exact(run[number])}" for number in grid)])
+
+
+def _diverged(runs: Sequence[Sequence[Row]]) -> int:
+    return sum(any(row.get(METRIC) for row in rows) for rows in runs)
 
 
 def _pooled_runs(
@@ -155,10 +162,11 @@ def _pooled_runs(
 
 def _pooled(rows: Sequence[Row], metric: str) -> float:
     if metric in EPISODE_MEANS:
-        episodes = sum(row["episodes"] or 0 for row in rows)
-        total = sum(row[EPISODE_MEANS[metric]] or 0 for row in rows)
+        ended = [row for row in rows if row.get(EPISODE_MEANS[metric]) is not None]
+        episodes = sum(row["episodes"] or 0 for row in ended)
+        total = sum(row[EPISODE_MEANS[metric]] or 0 for row in ended)
         return total / episodes if episodes else np.nan
-    there = [value for row in rows if (value := row[metric]) is not None]
+    there = [value for row in rows if (value := row.get(metric)) is not None]
     return float(np.mean(there)) if there else np.nan
 
 
@@ -212,7 +220,9 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
         runs = len(curve.values)
         mean, low, high = band(curve.values)
         there = ~np.isnan(mean)
-        count = f" ({runs} runs)" if runs > 1 else ""
+        many = [f"{runs} runs"] * (runs > 1)
+        many += [f"{curve.diverged} diverged" if runs > 1 else "diverged"] * bool(curve.diverged)
+        count = f" ({', '.join(many)})" if many else ""
         # A lone point would not be seen as a line.
         marker = "o" if np.sum(there) == 1 else ""
         at = curve.at[there]

@@ -196,6 +196,9 @@ class RunFolder:
 
         Raises:
             SettingError: there is no checkpoint, or none can be read.
+
+        Warns:
+            UserWarning: newer checkpoints are damaged.
         """
         runs, config = len(self.experiment.runs), self.experiment.config
         one = jax.eval_shape(self.experiment.learner.network.init, jax.random.key(0))
@@ -207,6 +210,8 @@ class RunFolder:
         restored = self.checkpoints.restore(like, whole=False)
         if restored is None:
             raise SettingError(f"the run in {self.path} has no checkpoint yet")
+        for reason in restored.damaged:
+            warnings.warn(f"skipped a damaged checkpoint: {reason}", stacklevel=2)
         state = restored.state
         return restored.update, state.params, of_state(state.update, state.diverged)
 

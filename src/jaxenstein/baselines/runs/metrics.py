@@ -20,6 +20,8 @@ from ..divergence import METRIC, Divergence
 METRICS, TIMING, WANDB_ID = "metrics.jsonl", "timing.jsonl", "wandb-id.txt"
 # The largest whole number in a row: a count or a seed.
 LARGEST = 2**63 - 1
+# Whole numbers that every row has.
+COUNTS = ("update", "steps", "episodes")
 # Means over episodes, and the sums from which they are computed.
 EPISODE_MEANS = {"return": "return_sum", "length": "length_sum", "success": "successes"}
 Number = int | float | None
@@ -55,10 +57,10 @@ def rows_of(
 
 
 def means(sums: Mapping[str, Number]) -> Row:
-    """Mean return, length and success rate of the episodes whose sums are given."""
+    """Mean return, length and success rate of the episodes whose sums are given, None of no sum."""
     episodes = sums.get("episodes") or 0
     return {
-        name: (sums[key] or 0) / episodes if episodes else None
+        name: total / episodes if episodes and (total := sums[key]) is not None else None
         for name, key in EPISODE_MEANS.items()
     }
 
@@ -121,8 +123,9 @@ def read_metrics(folder: Path) -> list[Row]:
         rows = [json.loads(line) for line in lines]
         if not all(isinstance(row, dict) and all(map(_is_number, row.values())) for row in rows):
             raise ValueError("a row is no table of numbers")
-        if not all(isinstance(row.get("steps", 0), int) for row in rows):
-            raise ValueError("the steps of a row are no whole number")
+        for name in COUNTS:
+            if not all(isinstance(row.get(name), int) for row in rows):
+                raise ValueError(f"the {name!r} of a row is no whole number")
         return rows
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
@@ -158,10 +161,18 @@ class Timing:
     """`timing.jsonl` of a run directory: a file of its own, so that metrics repeat bit for bit."""
 
     def __init__(self, folder: Path, steps: int, update: int) -> None:
-        """Start the clock at an update; `steps` are those of each update, over all runs."""
+        """Start the clock at an update; `steps` are those of each update, over all runs.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
         self._path, self._steps = folder / TIMING, steps
         self._update, self._start = update, time.monotonic()
         self._before = self._start
+        if self._path.exists():
+            # A writer that was stopped may have left a part of a row.
+            with writing(self._path), self._path.open("r+b") as file:
+                file.truncate(file.read().rfind(b"\n") + 1)
 
     def write(self, update: int) -> None:
         """Append the seconds since this process began, and the rate since the last row."""
@@ -187,11 +198,13 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
         before = total = 0.0
         for row in rows:
             now = float(row["seconds"])
+            if not math.isfinite(now):
+                raise ValueError(f"{now} seconds")
             total += now - before if now >= before else now
             done[int(row["update"])], before = total, now
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
-    except (ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
         raise SettingError(f"{path} is damaged: {error!r}") from error
     if not done:
         raise SettingError(f"{path} has no rows yet")

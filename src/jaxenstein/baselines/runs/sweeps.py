@@ -76,12 +76,14 @@ class Point:
     Attributes:
         label: its folder and numbers.
         runs: the number of seeds.
+        diverged: how many of them did, and have no part in what follows.
         earned: mean return of the last tenth of the updates, with an interval over seeds.
         success: the same of the success rate.
     """
 
     label: str
     runs: int
+    diverged: int
     earned: Interval
     success: Interval
 
@@ -98,7 +100,13 @@ def summary(folders: Sequence[Path]) -> list[Point]:
     for folder in folders:
         curves = (curves_of(folder, metric, PARTS) for metric in ("return", "success"))
         points += [
-            Point(earned.label, len(earned.values), _last(earned.values), _last(success.values))
+            Point(
+                earned.label,
+                len(earned.values),
+                earned.diverged,
+                _last(earned.values),
+                _last(success.values),
+            )
             for earned, success in zip(*curves, strict=True)
         ]
     return sorted(points, key=lambda point: -np.nan_to_num(point.earned.mean, nan=-np.inf))

@@ -22,7 +22,7 @@ from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest,
 from ...fields import check_whole
 from ...files import atomic
 from ..divergence import Divergence
-from .checkpoints import read_tree
+from .checkpoints import open_entry, read_tree
 from .curves import Interval, mean_interval
 from .experiment import Experiment
 from .folder import CONFIG, RunFolder, checked, run_names, versions
@@ -227,7 +227,7 @@ def read_config(file: Path) -> dict[str, Any]:
         SettingError: as in `read_trained`.
     """
     try:
-        with zipfile.ZipFile(file) as archive, archive.open(CONFIG) as entry:
+        with zipfile.ZipFile(file) as archive, open_entry(archive, CONFIG) as entry:
             plain = json.loads(entry.read(LONGEST))
         if not isinstance(plain, dict) or not isinstance(plain.get("agent"), dict):
             raise ValueError(f"its {CONFIG} is not that of an agent")
