@@ -16,7 +16,14 @@ from ..view.episode import Pictures
 from ..view.recording import check_animation, save_animation
 from .arguments import OWN, Parser, UsageError, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
-from .opening import baselines, given_options, open_environment, telling_warnings, with_map
+from .opening import (
+    baselines,
+    given_options,
+    named,
+    open_environment,
+    telling_warnings,
+    with_map,
+)
 from .own_policy import CONVENTION, is_own, load_own
 from .record import play_shown
 
@@ -128,7 +135,7 @@ def _own(options: argparse.Namespace) -> Evaluated:
             f"jaxenstein evaluate: --policy must be {OWN}, not {options.policy!r}; a run "
             "directory is given without --policy"
         )
-    env, params, where = open_environment(given_options(options))
+    env, params, where = open_environment(named(given_options(options), "evaluate"))
     own = load_own(options.policy, env, params)
     with Progress(options.episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate(

@@ -44,7 +44,7 @@ def load_own(text: str, env: AnyEnvironment, params: Any) -> Own:
         raise UsageError(f"jaxenstein: --policy: {module} has no function {name!r}{close}")
     made = function(env, params)
     if not isinstance(made, tuple) or len(made) != 2 or not callable(made[0]):
-        shown = f"a {type(made).__name__}" if made is not None else "None"
+        shown = repr(made)[:60]
         raise UsageError(
             f"jaxenstein: --policy: {text} must take (env, params) and return (policy, carry), "
             f"where carry is None for a policy without a memory; it returned {shown}"
