@@ -70,7 +70,7 @@ def test_evaluate_plays_it(module: str, capsys: pytest.CaptureFixture[str]) -> N
         "1",
         "-",
         "1",
-        *"100.0% 100.0% - 100.0% 25".split(),
+        *("100.0%", "100.0%", "-", "100.0%", "25"),
     ]
     (results,) = read_results("r.json")
     assert (results.policy, results.actions) == (f"{module}:forward", None)
