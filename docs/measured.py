@@ -28,6 +28,7 @@ from jaxenstein.baselines.runs.metrics import read_seconds
 from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from jaxenstein.files import atomic, check_writable
+from jaxenstein.intervals import mean_interval
 from jaxenstein.progress import Progress
 
 PLAYED, TRIED = 256, 100
@@ -56,7 +57,9 @@ def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
     with Progress(2 * seeds * episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate_both(trained, episodes=episodes, seed=0, notify=progress.update)
     means = {
-        what: {name: dataclasses.asdict(r.interval(getattr(r, of))) for name, r in results.items()}
+        what: {
+            name: dataclasses.asdict(mean_interval(getattr(r, of))) for name, r in results.items()
+        }
         for what, of in (("success", "successes"), ("return", "returns"))
     }
     return {

@@ -22,6 +22,7 @@ from jaxenstein.maps.importers.dmlab import build_tilemap, read_maze
 from jaxenstein.maps.map_files import read_map, read_text
 from jaxenstein.maps.reach import problems
 from jaxenstein.maps.symbols import SYMBOLS
+from jaxenstein.spec import spec_of
 from tests.reference.labmaps import write_map
 
 from .spoil import LINES, SIGNS, TOKENS, Case, Target, text_spoiler, tree_spoiler
@@ -109,6 +110,31 @@ def trajectories() -> Target:
         {".json": (tree_spoiler(known),) * 9},
         named=True,
     )
+
+
+def results() -> Target:
+    """Files of results, of an id and of a map."""
+    worlds = (
+        jaxenstein.make("simple", height=12, width=16),
+        jaxenstein.from_ascii("#####\n#S.G#\n#####", height=12, width=16, heading=0),
+    )
+    module = importlib.import_module("jaxenstein.results")
+    arrays = {"returns": [[0.5, 1]], "lengths": [[3, 4]], "successes": [[True, False]]}
+    made = [
+        module.Results(environment=spec_of(*world), policy="mine", names=("mine",), **arrays)
+        for world in worlds
+    ]
+    plain = {"format": module.FORMAT, "version": module.VERSION}
+    files = [case(r__json=json.dumps(plain | {"results": [one.to_json()]})) for one in made]
+    known = ("greedy", None, [1.0, 2], [True, False], 2**40, "simple")
+
+    def read(_: Case) -> None:
+        for one in jaxenstein.read_results("r.json"):
+            jaxenstein.write_results("again.json", [one])
+            (again,) = jaxenstein.read_results("again.json")
+            assert again.to_json() == one.to_json()
+
+    return Target(files, read, {".json": (tree_spoiler(known),) * 9}, named=True)
 
 
 def settings() -> Target:
@@ -260,6 +286,7 @@ TARGETS: dict[str, Callable[[], Target]] = {
     "ascii": maps,
     "dmlab": lab,
     "trajectory": trajectories,
+    "results": results,
     "settings": settings,
     "config": configurations,
     "run": runs,

@@ -23,27 +23,33 @@ if TYPE_CHECKING:
     from .episodes.recorder import Replay, record, replay
     from .episodes.session import Session
     from .episodes.trajectory_file import load_trajectory
+    from .evaluation import evaluate
     from .machine import use_cores
     from .maps.map_files import sample_map
+    from .results import Results, read_results, write_results
     from .trajectory import Trajectory
     from .view.episode import Episode
     from .view.frames import Frame, show
 
 register_once_imported()
 
-# What people look at is loaded when it is first asked for: training needs none of it.
+# What training does not need is loaded when it is first asked for.
 _LAZY = {
     "Episode": ".view.episode",
     "Frame": ".view.frames",
     "Replay": ".episodes.recorder",
+    "Results": ".results",
     "Session": ".episodes.session",
     "Trajectory": ".trajectory",
+    "evaluate": ".evaluation",
     "load_trajectory": ".episodes.trajectory_file",
+    "read_results": ".results",
     "record": ".episodes.recorder",
     "replay": ".episodes.recorder",
     "sample_map": ".maps.map_files",
     "show": ".view.frames",
     "use_cores": ".machine",
+    "write_results": ".results",
 }
 
 __all__ = [
@@ -57,6 +63,7 @@ __all__ = [
     "MapWarning",
     "Params",
     "Replay",
+    "Results",
     "Session",
     "SettingError",
     "State",
@@ -65,16 +72,19 @@ __all__ = [
     "UnknownEnvironmentError",
     "__version__",
     "environment_ids",
+    "evaluate",
     "from_ascii",
     "from_file",
     "load_trajectory",
     "make",
+    "read_results",
     "record",
     "register",
     "replay",
     "sample_map",
     "show",
     "use_cores",
+    "write_results",
 ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import json
 import warnings
 from collections.abc import Mapping
 from typing import Any
@@ -21,6 +22,7 @@ from .errors import (
     UnknownEnvironmentError,
     one_line,
 )
+from .fields import Domain, as_tuples, check_value, names_of
 from .tasks.first_person import RESETTING, SEEN
 from .tasks.navigation import Navigation
 
@@ -43,6 +45,46 @@ class Spec:
     version: int
     settings: Mapping[str, Any]
     params: Mapping[str, bool | int | float]
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values, which `from_json` reads.
+
+        Raises:
+            SettingError: a setting is none.
+        """
+        plain = {
+            "id": self.id,
+            "version": self.version,
+            "settings": dict(self.settings),
+            "params": dict(self.params),
+        }
+        try:
+            return json.loads(json.dumps(plain, allow_nan=False))
+        except (TypeError, ValueError) as error:
+            raise SettingError(
+                f"a setting of {self.id or 'the map'} cannot be written as JSON: {error}"
+            ) from error
+
+    @classmethod
+    def from_json(cls, plain: Any) -> Spec:
+        """What `to_json` returned, from a file that anybody may have edited; nothing is built.
+
+        Raises:
+            SettingError: it is something else.
+        """
+        if not isinstance(plain, dict) or set(plain) != set(names_of(cls)):
+            raise SettingError(f"'environment' must be an object of {', '.join(names_of(cls))}")
+        id = plain["id"]
+        if id is not None and not (isinstance(id, str) and id.isprintable()):
+            raise SettingError(f"'environment.id' must be a text of one line, not {repr(id)[:60]}")
+        check_value("'environment.version'", Domain("whole", 0), plain["version"])
+        for table in ("settings", "params"):
+            check_value(f"'environment.{table}'", Domain("table"), plain[table])
+        for name, value in plain["params"].items():
+            if not isinstance(value, bool):
+                check_value(f"'environment.params.{name}'", Domain("number"), value)
+        settings = {name: as_tuples(value) for name, value in plain["settings"].items()}
+        return cls(id, plain["version"], settings, dict(plain["params"]))
 
     def build(self, *, warn: bool = False) -> tuple[AnyEnvironment, Any]:
         """The environment, without automatic resets, and its params.
@@ -102,6 +144,26 @@ def spec_of(env: AnyEnvironment, params: Any) -> Spec:
         f"the environment {env.name!r} cannot be kept in a trajectory: neither make nor "
         "from_ascii builds one that is equal to it"
     )
+
+
+def described(env: AnyEnvironment, params: Any) -> Spec:
+    """As `spec_of`; an environment that has no id is told by `module:Class` and its settings.
+
+    Raises:
+        TrajectoryError: the params are not those of one environment.
+    """
+    changes = _changed(env, params)
+    try:
+        return spec_of(env, params)
+    except TrajectoryError:
+        settings = {
+            field.name: _plain(getattr(env, field.name))
+            for field in dataclasses.fields(env)
+            if field.name not in (*RESETTING, "name", "version")
+            and getattr(env, field.name) != field.default
+        }
+        kind = type(env)
+        return Spec(f"{kind.__module__}:{kind.__qualname__}", env.version, settings, changes)
 
 
 def _candidates(env: Any) -> list[tuple[str | None, dict[str, Any]]]:

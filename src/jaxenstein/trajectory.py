@@ -125,12 +125,7 @@ def to_text(trajectory: Trajectory) -> str:
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "made_by": dict(trajectory.made_by),
-        "environment": {
-            "id": spec.id,
-            "version": spec.version,
-            "settings": settings,
-            "params": dict(spec.params),
-        },
+        "environment": {**spec.to_json(), "settings": settings},
         "seed": trajectory.seed,
         "actions": runs(trajectory.actions),
         "checks": {**dataclasses.asdict(checks), "rewards": runs(checks.rewards)},

@@ -17,7 +17,7 @@ from reliability.spoil import Case, Target
 from reliability.targets import TARGETS
 
 # Cases of each target, so that all take seconds; the others take longer.
-CASES = {"ascii": 150, "dmlab": 200, "trajectory": 25, "settings": 25, "config": 25}
+CASES = {"ascii": 150, "dmlab": 200, "trajectory": 25, "results": 100, "settings": 25, "config": 25}
 SLOW = {"run": 15}
 
 

@@ -22,10 +22,10 @@ except ImportError as error:
         f"jaxenstein.baselines needs flax and optax ({error}): pip install 'jaxenstein[baselines]'"
     ) from error
 
+from ..evaluation import Evaluation
 from .bonus import PER_ENVIRONMENT, Bonus, Experience
 from .bonuses import E3B, ICM, RND, NoBonus
 from .config import Config, HParams, register_bonus
-from .evaluation import Evaluation
 from .learner import Learner, ManyRuns, PolicyCarry
 from .runs.agents import export_policy, load_policy
 from .runs.experiment import Experiment

@@ -1,4 +1,4 @@
-"""Playing whole episodes with a fixed policy."""
+"""Playing whole episodes with the networks of some runs."""
 
 from __future__ import annotations
 
@@ -7,58 +7,23 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..pytree import PyTreeNode
+from .. import evaluation
+from ..evaluation import Playing, Taken
 from .networks import ActorCritic
 from .rollout import Actors, start
 from .simulator import Simulator
 
 
-class Evaluation(PyTreeNode):
-    """Episodes, each from its beginning to its end: long ones count as much as short ones.
-
-    Attributes:
-        episode_return: float32[E], undiscounted.
-        episode_length: int32[E], steps.
-        success: bool[E], whether the task's aim was reached.
-        terminated: bool[E], whether the task ended the episode, not the time limit.
-    """
-
-    episode_return: jax.Array
-    episode_length: jax.Array
-    success: jax.Array
-    terminated: jax.Array
-
-
-class Playing(PyTreeNode):
-    """Unfinished episodes, E of each of R runs.
-
-    Attributes:
-        steps: int32[], taken so far.
-        actors: of `R * E` environments, run after run.
-        running: bool[R, E], whether the episode has not ended.
-        result: [R, E], of the episodes so far.
-    """
-
-    steps: jax.Array
-    actors: Actors
-    running: jax.Array
-    result: Evaluation
-
-
 def begin(
     simulator: Simulator, network: ActorCritic, key: jax.Array, runs: int, episodes: int
 ) -> Playing:
-    """Every episode before its first step; those of all runs begin alike."""
+    """Every episode before its first step, [R, E]; those of all runs begin alike.
+
+    The actors are those of `R * E` environments, run after run.
+    """
     actors = start(simulator, network, jax.random.split(key)[0], episodes)
     actors = jax.tree.map(lambda leaf: jnp.concatenate([leaf] * runs), actors)
-    shape = runs, episodes
-    nothing = Evaluation(
-        episode_return=jnp.zeros(shape, jnp.float32),
-        episode_length=jnp.zeros(shape, jnp.int32),
-        success=jnp.zeros(shape, bool),
-        terminated=jnp.zeros(shape, bool),
-    )
-    return Playing(jnp.int32(0), actors, jnp.ones(shape, bool), nothing)
+    return evaluation.unstarted(actors, (runs, episodes))
 
 
 def advance(
@@ -76,41 +41,29 @@ def advance(
     agents take the most likely action instead of sampling one.
     """
     play_key = jax.random.split(key)[1]
+    runs, episodes = playing.running.shape
 
-    def body(before: Playing) -> Playing:
-        running, result = before.running, before.result
-        action_key, step_key = jax.random.split(jax.random.fold_in(play_key, before.steps))
-        runs, episodes = running.shape
-        apart = jax.tree.map(
-            lambda leaf: leaf.reshape(runs, episodes, *leaf.shape[1:]), before.actors
-        )
+    def step(number: jax.Array, before: Actors) -> Taken:
+        action_key, step_key = jax.random.split(jax.random.fold_in(play_key, number))
+        apart = jax.tree.map(lambda leaf: leaf.reshape(runs, episodes, *leaf.shape[1:]), before)
         action, memory = jax.vmap(
             lambda params, actors: _choose(network, params, actors, action_key, greedy)
         )(params, apart)
         action = action.reshape(-1).astype(jnp.int32)
         keys = jnp.concatenate([jax.random.split(step_key, episodes)] * runs)
-        outcome = simulator.step(keys, before.actors.env_state, action)
+        outcome = simulator.step(keys, before.env_state, action)
         over = outcome.terminated | outcome.truncated
-        actors = before.actors.replace(
+        actors = before.replace(
             env_state=outcome.state,
             obs=outcome.obs,
             previous=action,
             first=over,
             memory=memory.reshape(-1, *memory.shape[2:]),
         )
-        reward, reached, terminated, over = (
-            part.reshape(runs, episodes)
-            for part in (outcome.reward, outcome.reached, outcome.terminated, over)
-        )
-        result = Evaluation(
-            episode_return=result.episode_return + jnp.where(running, reward, 0),
-            episode_length=result.episode_length + running.astype(jnp.int32),
-            success=result.success | (running & reached),
-            terminated=result.terminated | (running & terminated),
-        )
-        return Playing(before.steps + 1, actors, running & ~over, result)
+        told = outcome.reward, outcome.reached, outcome.terminated, over
+        return Taken(actors, *(part.reshape(runs, episodes) for part in told))
 
-    return jax.lax.while_loop(lambda p: jnp.any(p.running) & (p.steps < until), body, playing)
+    return evaluation.advance(step, playing, until)
 
 
 def _choose(

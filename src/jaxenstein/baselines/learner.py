@@ -10,18 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import SettingError
+from ..evaluation import Evaluation, Playing, play_out
 from ..pytree import PyTreeNode
 from .bonus import Metrics
 from .config import Config, HParams
-from .evaluation import Evaluation, Playing, advance, begin
+from .evaluation import advance, begin
 from .loop import Loop
 from .networks import ActorCritic, layers_for
 from .observations import observation_spec
 from .simulator import GymnaxSimulator, make_simulator, most_truncations
 from .state import TrainState, key_data, wrap_key
-
-# Steps of an evaluation in one call; progress is reported between calls.
-SLICE = 16
 
 
 class PolicyCarry(PyTreeNode):
@@ -263,15 +261,12 @@ class ManyRuns:
         `notify` is called now and then with the unfinished episodes, bool[R, episodes], and the
         lengths so far, int32[R, episodes].
         """
-        data, until, running = key_data(key), 0, np.True_
-        runs = len(jax.tree.leaves(params)[0])
-        playing = self._begin(data, runs=runs, episodes=episodes)
-        while np.any(running):
-            until += SLICE
-            playing = self._advance(params, data, playing, np.int32(until), np.bool_(greedy))
-            running, length = jax.device_get((playing.running, playing.result.episode_length))
-            notify(running, length)
-        return playing.result
+        data, runs = key_data(key), len(jax.tree.leaves(params)[0])
+        return play_out(
+            lambda playing, until: self._advance(params, data, playing, until, np.bool_(greedy)),
+            self._begin(data, runs=runs, episodes=episodes),
+            notify,
+        )
 
 
 def _spread(hparams: HParams, runs: int) -> HParams:

@@ -196,7 +196,7 @@ def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()
     add_options(parser, environment_options(), (*without, "env"))
 
 
-OF_FILES = "FILE.npz or pretrained/NAME"
+OF_FILES, OWN = "FILE.npz or pretrained/NAME", "MODULE:FUNCTION"
 
 
 def add_agent(parser: argparse._ActionsContainer) -> None:

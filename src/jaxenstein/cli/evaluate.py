@@ -4,24 +4,35 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
+import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import atomic, check_writable
+from ..files import check_writable
+from ..intervals import mean_interval
 from ..progress import Progress
 from ..view.episode import Pictures
 from ..view.recording import check_animation, save_animation
-from .arguments import Parser, add_agent, add_options, add_seed, flag, real, whole
+from .arguments import OWN, Parser, UsageError, add_agent, add_options, add_seed, flag, real, whole
 from .listing import format_table
-from .opening import baselines, given_options, telling_warnings, with_map
+from .opening import (
+    baselines,
+    given_options,
+    named,
+    open_environment,
+    telling_warnings,
+    with_map,
+)
+from .own_policy import CONVENTION, is_own, load_own
 from .record import play_shown
 
 if TYPE_CHECKING:
-    from ..baselines.runs.trained import Result, Trained
+    from ..baselines.runs.trained import Trained
+    from ..results import Results
 
-HELP = "evaluate trained agents, and record one"
-DESCRIPTION = """\
+HELP = "evaluate agents, and record one"
+DESCRIPTION = f"""\
 Play whole episodes with the agents of a run directory, of a file of 'jaxenstein export' or of
 'jaxenstein list --pretrained'. Show the means for the most likely actions ("greedy") and for
 sampled actions ("sampled"), with 95 % bootstrap intervals over runs and episodes. --gif also writes
@@ -33,7 +44,9 @@ finite parameters, and a warning says so.
 --in vizdoom also plays the same number of episodes in ViZDoom itself, without further training.
 --gif then shows one episode from the same start in both. It needs the extra 'vizdoom' and agents of
 a doom- environment that is not a sparse variant.
-"""
+
+--policy MODULE:FUNCTION plays with your own policy, in --env ID or on --map-file FILE.
+{CONVENTION}"""
 EPILOG = """\
 examples:
   jaxenstein evaluate runs/simple-rnd
@@ -44,17 +57,18 @@ examples:
   jaxenstein evaluate runs/held-out --set split=test
   jaxenstein evaluate runs/few-levels --set levels=200,10000
   jaxenstein evaluate runs/dmlab --env dmlab-static-01-respawn
+  jaxenstein evaluate --policy my_module:agent --env t-maze --json mine.json
 """
 
 
 def fill(parser: Parser) -> None:
     """Add the arguments."""
-    parser.add_argument(
-        "folder", metavar="RUN", type=Path, help="a run directory, FILE.npz or pretrained/NAME"
-    )
+    help = "a run directory, FILE.npz or pretrained/NAME"
+    parser.add_argument("folder", metavar="RUN", nargs="?", type=Path, help=help)
+    flag(parser, f"--policy {OWN}", "a policy of your own instead of RUN, in --env ID", str)
     flag(parser, "--episodes N", "episodes of each run", whole(), 100)
     add_seed(parser)
-    flag(parser, "--json FILE", "also write every run's results as JSON", Path)
+    flag(parser, "--json FILE", "also write every episode's results as JSON", Path)
     parser.add_argument(
         "--in", dest="game", choices=["vizdoom"], help="play in the original game as well"
     )
@@ -70,30 +84,96 @@ def fill(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Evaluate, print the table, write the files."""
+    if (options.folder is None) == (options.policy is None):
+        raise UsageError(
+            f"jaxenstein evaluate: give either RUN, or --policy {OWN} for an agent of your own"
+        )
+    if options.json is not None:
+        check_writable(options.json)
+    if options.gif is not None:
+        check_animation(options.gif)
+    evaluated = _own(options) if options.policy is not None else _trained(options)
+    env = evaluated.env
+    print(evaluated.heading)
+    print(end=_split_of(env))
+    print(table(evaluated.results))
+    if options.json is not None:
+        from ..results import write_results
+
+        write_results(options.json, list(evaluated.results.values()))
+        print(f"wrote {options.json}")
+    if options.gif is not None:
+        _film(evaluated.actor(), options)
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluated:
+    """What was played.
+
+    Attributes:
+        heading: a line that tells it.
+        env: where.
+        results: by a word for the way of acting.
+        actor: returns who acts in the episode that is shown.
+    """
+
+    heading: str
+    env: Any
+    results: dict[str, Results]
+    actor: Callable[[], Any]
+
+
+def _own(options: argparse.Namespace) -> Evaluated:
+    """Play with a policy of the user's own."""
+    from ..evaluation import evaluate
+
+    if options.greedy or options.number is not None or options.game is not None:
+        raise UsageError("jaxenstein evaluate: --run, --greedy and --in go with RUN, not --policy")
+    if not is_own(options.policy):
+        raise UsageError(
+            f"jaxenstein evaluate: --policy must be {OWN}, not {options.policy!r}; a run "
+            "directory is given without --policy"
+        )
+    env, params, where = open_environment(named(given_options(options), "evaluate"))
+    own = load_own(options.policy, env, params)
+    with Progress(options.episodes, "evaluating", unit="episodes", compiles=True) as progress:
+        results = evaluate(
+            env,
+            params,
+            own.policy,
+            own.carry,
+            options.episodes,
+            options.seed,
+            own.name,
+            notify=progress.update,
+        )
+    heading = f"{own.name} in {where}: {options.episodes} episodes"
+    return Evaluated(heading, env, {"its own": results}, lambda: own)
+
+
+def _trained(options: argparse.Namespace) -> Evaluated:
+    """Play with the agents of a run directory or a file."""
     agents = baselines("agents")
     if options.game is not None:
         # Before anything is played, lest it be for nothing that the game is missing.
         from ..adapters.vizdoom_buffers import load_vizdoom
 
         load_vizdoom()
-    if options.json is not None:
-        check_writable(options.json)
-    if options.gif is not None:
-        check_animation(options.gif)
     with telling_warnings():
         trained = agents.load_trained(options.folder)
         for run in range(len(trained.experiment.runs)):
             trained.warn(run)
         trained = _changed(trained, with_map(given_options(options)))
+    env = trained.experiment.learner.env
     if options.game is not None:
         from ..adapters.vizdoom import check_scenario
 
-        check_scenario(trained.experiment.learner.env)
+        check_scenario(env)
     if options.number is not None:
         agents.chosen_run(trained, options.number)
-    names = agents.run_names(trained.experiment)
+    many = len(trained.experiment.runs)
     settings = {"episodes": options.episodes, "seed": options.seed}
-    total = len(agents.WAYS) * len(names) * options.episodes
+    total = len(agents.WAYS) * many * options.episodes
     with Progress(total, "evaluating", unit="episodes", compiles=True) as progress:
         results = agents.evaluate_both(trained, notify=progress.update, **settings)
     if options.game is not None:
@@ -107,19 +187,12 @@ def run(options: argparse.Namespace) -> None:
                     **settings,
                 )
     updates = trained.experiment.config.updates
-    many = f"{len(names)} run{'s' * (len(names) > 1)}, {options.episodes} episodes each"
-    print(f"{options.folder}: update {trained.update} of {updates}, {many}")
-    print(end=_split_of(trained.experiment.learner.env))
-    print(table(results))
-    if options.json is not None:
-        report = {name: result.to_json(names) for name, result in results.items()}
-        with atomic(options.json) as temporary:
-            temporary.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-        print(f"wrote {options.json}")
-    if options.gif is not None:
-        best = results["greedy" if options.greedy else "sampled"].best
-        number = best if options.number is None else options.number
-        _film(agents.TrainedPolicy(trained, number, options.greedy), options)
+    runs = f"{many} run{'s' * (many > 1)}, {options.episodes} episodes each"
+    heading = f"{options.folder}: update {trained.update} of {updates}, {runs}"
+    best = results["greedy" if options.greedy else "sampled"].best
+    number = best if options.number is None else options.number
+    actor = functools.partial(agents.TrainedPolicy, trained, number, options.greedy)
+    return Evaluated(heading, env, results, actor)
 
 
 def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
@@ -146,11 +219,11 @@ def _split_of(env: Any) -> str:
     return f"levels of the {env.split} split ({share}); --set split={other} plays the others\n"
 
 
-def table(results: dict[str, Result]) -> str:
+def table(results: dict[str, Results]) -> str:
     """The means with their intervals, as text."""
     rows = [("ACTIONS", "RETURN", "95 %", "SUCCESS", "95 %", "STEPS")]
     for name, result in results.items():
-        earned, reached = result.interval(result.returns), result.interval(result.successes)
+        earned, reached = mean_interval(result.returns), mean_interval(result.successes)
         rows.append(
             (
                 name,

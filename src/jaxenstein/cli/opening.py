@@ -185,12 +185,12 @@ def add_training_options(parser: Parser, without: Sequence[str] = ()) -> None:
 
 
 def named(given: dict[str, Any], command: str) -> dict[str, Any]:
-    """The options of a new training, which must say where.
+    """The options of a command, which must say where.
 
     Raises:
         UsageError: they name neither an environment nor a map.
     """
-    if not {"env", "map"} & set(given):
+    if not {"env", "map", "map_file"} & set(given):
         raise UsageError(
             f"jaxenstein {command}: give an environment, --env ID ('jaxenstein list' shows them), "
             "or a map, --map-file FILE"

@@ -18,6 +18,7 @@ from ..view.episode import Episode, Pictures
 from ..view.recording import check_animation, save_animation, scale_to
 from .arguments import (
     OF_FILES,
+    OWN,
     Parser,
     UsageError,
     add_agent,
@@ -27,6 +28,7 @@ from .arguments import (
     real,
 )
 from .opening import given_options, handling, open_environment
+from .own_policy import is_own, load_own
 from .record import load_agent, open_for
 
 if TYPE_CHECKING:
@@ -48,7 +50,8 @@ in a terminal with 24-bit colour, also over SSH.
   X                 wait                   Q, Esc  quit
 
 Keys that are held act again and again. Time passes only with actions, as it does for an agent.
-With --policy RUN an agent that 'jaxenstein train' made plays, and you watch.
+With --policy RUN an agent that 'jaxenstein train' made plays, and you watch; with --policy
+MODULE:FUNCTION one of your own, as 'jaxenstein evaluate --help' explains.
 """
 EPILOG = """\
 examples:
@@ -58,6 +61,7 @@ examples:
   jaxenstein play --map-file maze.txt --save maze.json
   jaxenstein play --policy runs/simple-rnd
   jaxenstein play --policy simple.npz
+  jaxenstein play t-maze --policy my_module:agent
 """
 # (height, width) of pictures for people, of those that agents get by default, and the largest
 # that a terminal gets, which a slow line has to carry.
@@ -78,7 +82,8 @@ def fill(parser: Parser) -> None:
     flag(how, "--native", "show the 64x64 pixels that agents get by default")
     flag(how, "--fps RATE", "the most steps a second, 1 to 60", real(1, 60), 15.0)
     watched = "watch a trained agent, where it was trained or in ID"
-    flag(how, "--policy RUN", f"{watched}: of a run directory, {OF_FILES}", Path)
+    where = f"of a run directory, {OF_FILES}; or in ID one of your own, {OWN}"
+    flag(how, "--policy RUN", f"{watched}: {where}", _run_or_own)
     add_agent(how)
     add_seed(how)
     out = parser.add_argument_group("what is written at the end")
@@ -93,9 +98,12 @@ def run(options: argparse.Namespace) -> None:
     if options.record is not None:
         check_animation(options.record)
     terminal = _open_terminal() if options.terminal else None
-    agent = load_agent(options.policy, options)
-    if agent is None:
-        given = given_options(options)
+    agent = load_agent(options.policy if isinstance(options.policy, Path) else None, options)
+    given = given_options(options)
+    if isinstance(options.policy, str):
+        env, params, name = open_environment(given)
+        agent = load_own(options.policy, env, params)
+    elif agent is None:
         env, params, name = open_environment(_size(given, options.native, terminal) | given)
     else:
         env, params, name = open_for(agent, options)
@@ -123,6 +131,11 @@ def run(options: argparse.Namespace) -> None:
     finally:
         if game is not None:
             _write(game, options, name)
+
+
+def _run_or_own(text: str) -> str | Path:
+    """An argument type: MODULE:FUNCTION, or the path of a trained agent."""
+    return text if is_own(text) else Path(text)
 
 
 def _open_terminal() -> Terminal:

@@ -15,6 +15,7 @@ from ..view.episode import SHEET_VIEWS, Episode, Pictures, save_sheet
 from ..view.recording import ANIMATIONS, check_animation, save_animation
 from .arguments import (
     OF_FILES,
+    OWN,
     Parser,
     UsageError,
     add_agent,
@@ -25,6 +26,7 @@ from .arguments import (
     whole,
 )
 from .opening import baselines, given_options, open_environment, telling_warnings
+from .own_policy import is_own, load_own
 
 if TYPE_CHECKING:
     from ..baselines.runs.agents import TrainedPolicy
@@ -38,7 +40,8 @@ with the agent, its field of view and its path so far, over a line with step, re
 MP4 needs the extra 'video': pip install 'jaxenstein[video]'.
 The episode stops at the goal, at the horizon, after --steps, or after the last of --actions.
 An agent that 'jaxenstein train' made acts with --policy RUN, its run directory; without ID it
-does so in the environment that it was trained in.
+does so in the environment that it was trained in. One of your own acts with --policy
+MODULE:FUNCTION, as 'jaxenstein evaluate --help' explains.
 """
 EPILOG = """\
 examples:
@@ -49,6 +52,7 @@ examples:
   jaxenstein record simple --actions "forward*20,turn right*6,forward" --out simple.gif
   jaxenstein record --map-file maze.txt --width 160 --height 120 --fov 90 --out maze.gif
   jaxenstein record --policy runs/simple-rnd --out agent.gif
+  jaxenstein record t-maze --policy my_module:agent --out agent.gif
 
 actions are numbers or names (see 'jaxenstein list'), separated by commas; 2*10 is ten times 2.
 policies:
@@ -67,7 +71,7 @@ def fill(parser: Parser) -> None:
     played = parser.add_argument_group("what is played")
     flag(played, "--steps T", "stop after T steps (default: at the horizon)", whole())
     how = played.add_mutually_exclusive_group()
-    policy = f"what acts, see below, or a trained agent: a run directory, {OF_FILES}"
+    policy = f"what acts, see below, or an agent: a run directory, {OF_FILES}, {OWN}"
     flag(how, "--policy NAME", policy, policy_or_run, "forward")
     add_agent(played)
     flag(how, "--actions LIST", 'the actions to take, such as "2,2,0,1"', str)
@@ -137,12 +141,12 @@ def play_shown(
 
 
 def policy_or_run(text: str) -> str | Path:
-    """An argument type: the name of a policy, or the path of a trained agent."""
+    """An argument type: a policy's name or MODULE:FUNCTION, or the path of a trained agent."""
     if text not in GENERAL and (text.endswith(".npz") or "/" in text or os.path.isdir(text)):
         return Path(text)
-    if text.isidentifier():
+    if text.isidentifier() or is_own(text):
         return text
-    kinds = "a policy, a run directory, FILE.npz or pretrained/NAME"
+    kinds = f"a policy, a run directory, FILE.npz, pretrained/NAME or {OWN}"
     raise argparse.ArgumentTypeError(f"must be {kinds}, not {text!r}")
 
 
@@ -217,6 +221,8 @@ def _policy(
     if options.actions is not None:
         script = parse_actions(options.actions, env.action_names)
         return Script(script), min(len(script), steps)
+    if is_own(options.policy):
+        return load_own(options.policy, env, params), steps
     return named_policy(options.policy, env, params, options.seed), steps
 
 

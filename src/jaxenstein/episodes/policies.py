@@ -116,6 +116,43 @@ def _compiled(player: Player, env: AnyEnvironment) -> Callable[..., Any]:
     return jax.jit(lambda params, key, state: player(env, params)(key, state))
 
 
+class Own:
+    """A policy of observations, in JAX, as `jaxenstein.evaluate` takes one.
+
+    Attributes:
+        env: the environment that it plays in.
+        params: its params.
+        name: of the policy, to show.
+        policy: the function.
+        carry: its memory at the start of an episode, as arrays; None without one.
+    """
+
+    def __init__(
+        self, policy: Callable[..., Any], carry: Any, env: AnyEnvironment, params: Any, name: str
+    ) -> None:
+        """Take the policy.
+
+        Raises:
+            SettingError: it takes or returns something else than `jaxenstein.evaluate` says.
+        """
+        import jax
+
+        from ..evaluation import check_policy
+
+        self.carry = check_policy(env, params, policy, carry)
+        self.env, self.params, self.policy, self.name = env, params, policy, name
+        self._compiled = jax.jit(lambda *given: policy(*given))
+
+    def __call__(self, session: Session) -> int:
+        """The next action."""
+        obs, key = session.observation, session.policy_key()
+        if self.carry is None:
+            return int(self._compiled(obs, key))
+        memory = self._memory if session.actions else self.carry
+        self._memory, action = self._compiled(memory, obs, key)
+        return int(action)
+
+
 GENERAL = {
     "random": "draws every action uniformly",
     "forward": "walks on and turns where it is blocked",

@@ -18,14 +18,15 @@ pytest.importorskip("flax")
 
 import jaxenstein
 from jaxenstein import SettingError
-from jaxenstein.baselines.runs.agents import best_run, evaluate, load_policy
+from jaxenstein.baselines.runs.agents import WAYS, best_run, evaluate, load_policy
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.options import resolve
-from jaxenstein.baselines.runs.trained import Result, load_trained
+from jaxenstein.baselines.runs.trained import load_trained, score_of
 from jaxenstein.cli import main
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.game import AgentGame
+from jaxenstein.results import read_results
 from tests.baselines.tiny import OPTIONS, hardly_trained
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
@@ -85,18 +86,12 @@ def test_evaluation_counts_whole_episodes(folder: RunFolder) -> None:
     assert np.all(result.lengths[~result.successes] == 10)
     again = evaluate(trained, episodes=12, seed=1)
     np.testing.assert_array_equal(result.lengths, again.lengths)
-    plain = json.loads(json.dumps(result.to_json(["a", "b"])))
+    assert (result.names, result.seed, result.actions) == (("seed-0", "seed-1"), 1, "sampled")
+    assert result.environment == trained.experiment.environment
+    plain = json.loads(json.dumps(score_of(result)))
     assert plain["episodes"] == 12
-    assert plain["runs"]["b"]["length"] == pytest.approx(result.lengths[1].mean())
+    assert plain["runs"]["seed-1"]["length"] == pytest.approx(result.lengths[1].mean())
     assert plain["length"]["mean"] == pytest.approx(result.lengths.mean())
-
-
-def test_the_best_run_of_a_result_has_the_highest_return_then_the_shortest_episodes() -> None:
-    lengths = np.array([[9, 9], [3, 4], [5, 5]], np.int32)
-    returns = np.ones((3, 2), np.float32)
-    assert Result(True, returns, lengths, lengths > 0).best == 1
-    returns[2] = 2
-    assert Result(True, returns, lengths, lengths > 0).best == 2
 
 
 def test_command_evaluates_and_films(
@@ -108,9 +103,14 @@ def test_command_evaluates_and_films(
     shown = capsys.readouterr().out
     assert f"{folder.path}: update 0 of 6, 2 runs, 12 episodes each" in shown
     assert "tiny seed-1:" in shown
-    plain = json.loads(report.read_text())
-    assert set(plain) == {"greedy", "sampled"}
-    assert set(plain["greedy"]["runs"]) == {"seed-0", "seed-1"}
+    trained = load_trained(folder.path)
+    for read, (name, greedy) in zip(read_results(report), WAYS.items(), strict=True):
+        played = evaluate(trained, episodes=12, greedy=greedy)
+        assert (read.policy, read.actions, read.names) == ("tiny", name, ("seed-0", "seed-1"))
+        np.testing.assert_array_equal(read.returns, played.returns)
+        np.testing.assert_array_equal(read.lengths, played.lengths)
+        np.testing.assert_array_equal(read.successes, played.successes)
+        assert read.environment.build() == trained.experiment.environment.build()
     with Image.open(film) as image:
         assert 2 <= getattr(image, "n_frames", 1) <= 11
 

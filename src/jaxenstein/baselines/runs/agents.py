@@ -14,12 +14,14 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from ...errors import SettingError
+from ...evaluation import episodes_done
 from ...files import check_writable
+from ...results import Results
 from ..divergence import METRIC
 from ..observations import observation_spec
 from .folder import RunFolder, run_names
 from .metrics import METRICS, read_metrics, rows_by_run
-from .trained import SUFFIX, Result, Trained, Weights, load_trained, write_trained
+from .trained import SUFFIX, Trained, Weights, load_trained, score_of, write_trained
 
 if TYPE_CHECKING:
     from ...environment import AnyEnvironment
@@ -147,7 +149,7 @@ def export_policy(
     episodes: int = 100,
     seed: int = 0,
     notify: Notify = lambda done: None,
-) -> dict[str, Result]:
+) -> dict[str, Results]:
     """Write one agent of a run directory into a file of its own, with its score.
 
     Args:
@@ -185,8 +187,7 @@ def export_policy(
         hint = ": weights='float32' holds them" if trained.finite(chosen) else ""
         raise SettingError(f"{path}: the parameters of {name} are not finite in {weights}{hint}")
     results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)
-    names = run_names(agent.experiment)
-    score = {name: result.to_json(names) for name, result in results.items()}
+    score = {name: score_of(result) for name, result in results.items()}
     write_trained(out, agent, weights, score)
     return results
 
@@ -224,7 +225,7 @@ def best_run(folder: RunFolder) -> int:
 
 def evaluate_both(
     trained: Trained, *, episodes: int = 100, seed: int = 0, notify: Notify = lambda done: None
-) -> dict[str, Result]:
+) -> dict[str, Results]:
     """As `evaluate`, `"greedy"` and then `"sampled"`."""
     half = episodes * len(trained.experiment.runs)
     return {
@@ -246,7 +247,7 @@ def evaluate(
     seed: int = 0,
     greedy: bool = False,
     notify: Notify = lambda done: None,
-) -> Result:
+) -> Results:
     """Play whole episodes with all agents, with the same random numbers.
 
     Args:
@@ -264,10 +265,11 @@ def evaluate(
         jax.random.key(seed, impl="threefry2x32"),
         episodes,
         greedy,
-        lambda running, length: notify(float(np.where(running, length / longest, 1).sum())),
+        lambda running, length: notify(episodes_done(running, length, longest)),
     )
     played = jax.device_get(played)
-    return Result(greedy, played.episode_return, played.episode_length, played.success)
+    arrays = played.episode_return, played.episode_length, played.success
+    return _results(trained, trained.name, greedy, seed, *arrays)
 
 
 def evaluate_in_game(
@@ -277,7 +279,7 @@ def evaluate_in_game(
     seed: int = 0,
     greedy: bool = False,
     notify: Callable[[int], object] = lambda done: None,
-) -> Result:
+) -> Results:
     """As `evaluate`, in the running ViZDoom whose scenario the environment is.
 
     Raises:
@@ -297,5 +299,22 @@ def evaluate_in_game(
         )
         for number, policy in enumerate(policies)
     ]
-    names = ("returns", "lengths", "successes")
-    return Result(greedy, *(np.stack([getattr(game, name) for game in games]) for name in names))
+    arrays = (
+        np.stack([getattr(game, name) for game in games])
+        for name in ("returns", "lengths", "successes")
+    )
+    return _results(trained, f"{trained.name} in ViZDoom", greedy, seed, *arrays)
+
+
+def _results(trained: Trained, name: str, greedy: bool, seed: int, *arrays: np.ndarray) -> Results:
+    returns, lengths, successes = arrays
+    return Results(
+        environment=trained.experiment.environment,
+        policy=name,
+        actions="greedy" if greedy else "sampled",
+        seed=seed,
+        names=tuple(run_names(trained.experiment)),
+        returns=returns,
+        lengths=lengths,
+        successes=successes,
+    )

@@ -90,12 +90,7 @@ class Experiment:
         """As plain JSON values, which `from_json` reads."""
         plain = {
             "format": FORMAT,
-            "environment": {
-                "id": self.environment.id,
-                "version": self.environment.version,
-                "settings": dict(self.environment.settings),
-                "params": dict(self.environment.params),
-            },
+            "environment": self.environment.to_json(),
             "presets": {"recipe": self.recipe, "network": self.network},
             "config": self.config.flat(),
             "hparams": dict(self.hparams),

@@ -11,7 +11,7 @@ import dataclasses
 import json
 import warnings
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,15 +21,20 @@ import numpy as np
 from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, one_line
 from ...fields import check_whole
 from ...files import atomic
+from ...intervals import mean_interval
+from ...results import Results
 from ..divergence import Divergence
 from .checkpoints import open_entry, read_tree
-from .curves import Interval, mean_interval
 from .experiment import Experiment
 from .folder import CONFIG, RunFolder, checked, run_names, versions
 
 Weights = Literal["float16", "float32"]
 
 PRETRAINED, SUFFIX = "pretrained", ".npz"
+OWN_POLICY = (
+    "an agent of your own is given as --policy MODULE:FUNCTION (docs/training.md, 'Agents of your "
+    "own')"
+)
 HERE = Path(__file__).parents[2] / PRETRAINED
 # The most bytes of a configuration.
 LONGEST = 2**20
@@ -85,43 +90,6 @@ class Trained:
         return Trained(self.name, experiment, params, update)
 
 
-@dataclasses.dataclass(frozen=True)
-class Result:
-    """The episodes of trained agents, over all runs of a directory.
-
-    Attributes:
-        greedy: whether the agents took the most likely actions.
-        returns: float32[runs, episodes], undiscounted.
-        lengths: int32[runs, episodes], steps.
-        successes: bool[runs, episodes].
-    """
-
-    greedy: bool
-    returns: np.ndarray
-    lengths: np.ndarray
-    successes: np.ndarray
-
-    @property
-    def best(self) -> int:
-        """The run with the highest mean return; among equals that of the shortest episodes."""
-        order = np.lexsort((self.lengths.mean(axis=1), -self.returns.mean(axis=1)))
-        return int(order[0])
-
-    def interval(self, values: np.ndarray) -> Interval:
-        """Mean of values[runs, episodes] with its `mean_interval`."""
-        return mean_interval(np.asarray(values, np.float64))
-
-    def to_json(self, names: Sequence[str]) -> dict[str, Any]:
-        """As plain JSON values, with every run's means by its name."""
-        fields = {"return": self.returns, "length": self.lengths, "success": self.successes}
-        overall = {name: dataclasses.asdict(self.interval(v)) for name, v in fields.items()}
-        runs = {
-            run: {name: float(np.mean(values[number])) for name, values in fields.items()}
-            for number, run in enumerate(names)
-        }
-        return {"episodes": int(self.returns.shape[1]), **overall, "runs": runs}
-
-
 def load_trained(path: str | Path) -> Trained:
     """The networks of a run directory, from its newest checkpoint, or of a file.
 
@@ -148,9 +116,10 @@ def load_trained(path: str | Path) -> Trained:
             f"there is no run in {path}; of the agents that come with this package one is "
             f"{PRETRAINED}/{path.name}"
         )
-    if path.is_file():
+    if path.is_file() or (":" in path.name and not path.exists()):
         raise SettingError(
-            f"{path} is neither a run directory nor a {SUFFIX} file of 'jaxenstein export'"
+            f"{path} is neither a run directory nor a {SUFFIX} file of 'jaxenstein export'; "
+            f"{OWN_POLICY}"
         )
     folder = RunFolder.open(path)
     update, params, diverged = folder.networks()
@@ -186,6 +155,17 @@ def write_trained(file: Path, trained: Trained, weights: Weights, score: Mapping
             with archive.open(f"{jax.tree_util.keystr(path)}.npy", "w") as entry:
                 array = np.asarray(leaf[0], weights, order="C")
                 np.save(entry, array)
+
+
+def score_of(results: Results) -> dict[str, Any]:
+    """As plain JSON values: means with their intervals, and every run's means by its name."""
+    fields = {"return": results.returns, "length": results.lengths, "success": results.successes}
+    overall = {name: dataclasses.asdict(mean_interval(values)) for name, values in fields.items()}
+    runs = {
+        run: {name: float(np.mean(values[number])) for name, values in fields.items()}
+        for number, run in enumerate(results.names)
+    }
+    return {"episodes": results.episodes, **overall, "runs": runs}
 
 
 def read_trained(file: Path) -> Trained:

@@ -1,0 +1,375 @@
+"""Whole episodes with a fixed policy, side by side in one compiled loop."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .environment import AnyEnvironment, Environment
+from .episodes.session import check_seed
+from .errors import SettingError
+from .fields import check_whole
+from .pytree import PyTreeNode
+from .results import Results
+from .spec import described
+
+# What JAX raises where a function asks for the value of an array that is traced.
+_NOT_IN_JAX = (
+    jax.errors.ConcretizationTypeError,
+    jax.errors.TracerArrayConversionError,
+    jax.errors.TracerIntegerConversionError,
+)
+# Steps of an evaluation in one call; progress is reported between calls.
+SLICE = 16
+
+
+class Evaluation(PyTreeNode):
+    """Episodes, each from its beginning to its end: long ones count as much as short ones.
+
+    Attributes:
+        episode_return: float32[E], undiscounted.
+        episode_length: int32[E], steps.
+        success: bool[E], whether the task's aim was reached.
+        terminated: bool[E], whether the task ended the episode, not the time limit.
+    """
+
+    episode_return: jax.Array
+    episode_length: jax.Array
+    success: jax.Array
+    terminated: jax.Array
+
+
+class Playing(PyTreeNode):
+    """Unfinished episodes: of one agent [E], or of R runs [R, E].
+
+    Attributes:
+        steps: int32[], taken so far.
+        actors: what acts, and in what: environments, observations, memories.
+        running: bool[...], whether the episode has not ended.
+        result: [...], of the episodes so far.
+    """
+
+    steps: jax.Array
+    actors: Any
+    running: jax.Array
+    result: Evaluation
+
+
+class Taken(NamedTuple):
+    """One step of all episodes, those that have ended among them.
+
+    Attributes:
+        actors: after it.
+        reward: float32[...].
+        reached: bool[...], whether the step reached the task's aim.
+        terminated: bool[...], the task's own end.
+        over: bool[...], either end.
+    """
+
+    actors: Any
+    reward: jax.Array
+    reached: jax.Array
+    terminated: jax.Array
+    over: jax.Array
+
+
+def unstarted(actors: Any, shape: tuple[int, ...]) -> Playing:
+    """Every episode before its first step; `shape` is that of `Playing.running`."""
+    nothing = Evaluation(
+        episode_return=jnp.zeros(shape, jnp.float32),
+        episode_length=jnp.zeros(shape, jnp.int32),
+        success=jnp.zeros(shape, bool),
+        terminated=jnp.zeros(shape, bool),
+    )
+    return Playing(jnp.int32(0), actors, jnp.ones(shape, bool), nothing)
+
+
+def advance(step: Callable[[jax.Array, Any], Taken], playing: Playing, until: jax.Array) -> Playing:
+    """Play until the last episode ends, or `until` (int32[]) steps have been taken from the start.
+
+    `step` takes the number of the step (int32[]) and the actors.
+    """
+
+    def body(before: Playing) -> Playing:
+        running, result = before.running, before.result
+        taken = step(before.steps, before.actors)
+        result = Evaluation(
+            episode_return=result.episode_return + jnp.where(running, taken.reward, 0),
+            episode_length=result.episode_length + running.astype(jnp.int32),
+            success=result.success | (running & taken.reached),
+            terminated=result.terminated | (running & taken.terminated),
+        )
+        return Playing(before.steps + 1, taken.actors, running & ~taken.over, result)
+
+    return jax.lax.while_loop(lambda p: jnp.any(p.running) & (p.steps < until), body, playing)
+
+
+def play_out(
+    advance: Callable[[Playing, Any], Playing],
+    playing: Playing,
+    notify: Callable[[np.ndarray, np.ndarray], object] = lambda running, length: None,
+) -> Evaluation:
+    """Play all episodes to their ends.
+
+    Args:
+        advance: a compiled function of the episodes and `until`, as `advance` is.
+        playing: the episodes before their first step.
+        notify: called now and then with the unfinished episodes, bool[...], and the lengths so
+            far, int32[...].
+    """
+    until, running = 0, np.True_
+    while np.any(running):
+        until += SLICE
+        playing = advance(playing, np.int32(until))
+        running, length = jax.device_get((playing.running, playing.result.episode_length))
+        notify(running, length)
+    return playing.result
+
+
+def episodes_done(running: np.ndarray, length: np.ndarray, longest: Any) -> float:
+    """How many episodes have been played; an unfinished one counts as its part of the longest."""
+    return float(np.where(running, length / longest, 1).sum())
+
+
+def evaluate(
+    env: AnyEnvironment,
+    params: Any,
+    policy: Callable[..., Any],
+    carry: Any = None,
+    episodes: int = 100,
+    seed: int = 0,
+    name: str | None = None,
+    *,
+    notify: Callable[[float], object] = lambda done: None,
+) -> Results:
+    r"""Play whole episodes with any policy that is written in JAX, side by side on the device.
+
+    Each episode has a random key of its own, so episode n is the same however many are played.
+
+    Args:
+        env: the environment; its `autoreset` and `final_observation` do not matter.
+        params: its params, those of one environment; None for the default ones.
+        policy: acts in one environment; `jax.vmap` maps it over all of them. Without a carry it
+            is called as `policy(obs, key)`, and returns the action: one whole number. With a carry
+            it is called as `policy(carry, obs, key)`, and returns the next carry and the
+            action. `obs` is one observation, `key` a typed random key of this step. Weights that
+            a `jax.tree_util.Partial` holds are arguments of the compiled program; others are
+            constants in it, and new ones compile it anew.
+        carry: the memory at the beginning of every episode, that of one environment: a tree of
+            arrays, whose structure, shapes and data types stay. None: the policy has no memory.
+        episodes: how many, at least 1.
+        seed: of all random choices, 0 to 2**32 - 1.
+        name: of the policy, to show; None for `module:function`.
+        notify: called now and then with the number of episodes played so far; an unfinished one
+            counts as its part of the time limit.
+
+    Returns:
+        Returns, lengths and successes [1, episodes], with all that it takes to name them.
+
+    Raises:
+        SettingError: `env` is no environment, the params are those of a batch, a number is out
+            of range, or the policy takes or returns something else.
+
+    Examples:
+        >>> import jaxenstein
+        >>> env, params = jaxenstein.from_ascii("####\n#SG#\n####", heading=0, height=8, width=8)
+        >>> forward = env.action_names.index("forward")
+        >>> results = jaxenstein.evaluate(env, params, lambda obs, key: forward, episodes=3)
+        >>> results.returns.tolist(), results.successes.tolist()
+        ([[1.0, 1.0, 1.0]], [[True, True, True]])
+    """
+    if not isinstance(env, Environment):
+        shown = f"{type(env).__module__}.{type(env).__qualname__}"
+        pair = "; jaxenstein.make returns (env, params)" if isinstance(env, tuple) else ""
+        raise SettingError(f"env must be an environment of jaxenstein.make, not a {shown}{pair}")
+    env = dataclasses.replace(env, autoreset=None, final_observation=False)
+    params = env.single_params(params)
+    check_whole("episodes", episodes, 1)
+    key = jax.random.key(check_seed(seed), impl="threefry2x32")
+    name = name_of(policy) if name is None else name
+    carry = check_policy(env, params, policy, carry)
+    act, remembers = _partial(policy), carry is not None
+    longest = np.asarray(env.most_steps(params))
+    played = play_out(
+        lambda playing, until: _advance(env, params, act, playing, until, remembers=remembers),
+        _begin(env, params, carry, key, episodes=episodes),
+        lambda running, length: notify(episodes_done(running, length, longest)),
+    )
+    played = jax.device_get(played)
+    return Results(
+        environment=described(env, params),
+        policy=name,
+        actions=None,
+        seed=seed,
+        names=(name,),
+        returns=played.episode_return[None],
+        lengths=played.episode_length[None],
+        successes=played.success[None],
+    )
+
+
+def name_of(policy: Any) -> str:
+    """A name to show for a policy: `module:function`, or that of its class."""
+    while isinstance(policy, functools.partial):
+        policy = policy.func
+    shown = policy if hasattr(policy, "__qualname__") else type(policy)
+    return f"{shown.__module__}:{shown.__qualname__}"
+
+
+class _Actors(PyTreeNode):
+    """Episodes between two steps, with the leading axis [E].
+
+    Attributes:
+        key: of all later steps.
+        state: of the environments.
+        obs: the observations to act on next.
+        carry: the policy's memory; None without one.
+    """
+
+    key: jax.Array
+    state: Any
+    obs: Any
+    carry: Any
+
+
+@functools.partial(jax.jit, static_argnums=0, static_argnames="episodes")
+def _begin(env: AnyEnvironment, params: Any, carry: Any, key: jax.Array, episodes: int) -> Playing:
+    """Every episode before its first step, with the key of its number."""
+
+    def first(number: jax.Array) -> _Actors:
+        reset_key, key_of_steps = jax.random.split(jax.random.fold_in(key, number))
+        obs, state = env.reset(reset_key, params)
+        return _Actors(key_of_steps, state, obs, carry)
+
+    return unstarted(jax.vmap(first)(jnp.arange(episodes)), (episodes,))
+
+
+@functools.partial(jax.jit, static_argnums=0, static_argnames="remembers")
+def _advance(
+    env: AnyEnvironment, params: Any, policy: Any, playing: Playing, until: Any, remembers: bool
+) -> Playing:
+    """As `advance`, with a policy."""
+
+    def step(number: jax.Array, actors: _Actors) -> Taken:
+        policy_key, step_key = jax.random.split(jax.random.fold_in(actors.key, number))
+        carry, action = _acted(policy, actors.carry, actors.obs, policy_key, remembers)
+        obs, state, reward, terminated, truncated, info = env.step(
+            step_key, actors.state, action, params
+        )
+        after = _Actors(actors.key, state, obs, carry)
+        over = terminated | truncated
+        return Taken(after, reward.astype(jnp.float32), info["success"], terminated, over)
+
+    return advance(jax.vmap(step, in_axes=(None, 0)), playing, until)
+
+
+def _acted(policy: Any, carry: Any, obs: Any, key: jax.Array, remembers: bool) -> tuple[Any, Any]:
+    """The next carry and the action, as they are returned."""
+    return policy(carry, obs, key) if remembers else (carry, policy(obs, key))
+
+
+def _partial(policy: Callable[..., Any]) -> jax.tree_util.Partial:
+    """The policy as an argument of a compiled program, which its function is a part of."""
+    if isinstance(policy, jax.tree_util.Partial):
+        return policy
+    try:
+        hash(policy)
+    except TypeError:
+        # Such as a dataclass with arrays: it is compiled anew each time.
+        return jax.tree_util.Partial(lambda *given: policy(*given))
+    return jax.tree_util.Partial(policy)
+
+
+def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], carry: Any) -> Any:
+    """Trace a policy in one environment, and return its carry as arrays; see `evaluate`.
+
+    Raises:
+        SettingError: it is no function, takes other arguments, is not in JAX, or returns
+            something else.
+    """
+    if not callable(policy):
+        raise SettingError(f"policy must be a function, not {policy!r}")
+    key = jax.random.key(0, impl="threefry2x32")
+    obs, _ = jax.eval_shape(env.reset, key, params)
+    remembers = carry is not None
+    if remembers:
+        carry = jax.tree.map(jnp.asarray, carry)
+    call = "policy(carry, obs, key)" if remembers else "policy(obs, key)"
+    given = (carry, obs, key) if remembers else (obs, key)
+    _check_arguments(policy, given, call, remembers)
+    try:
+        returned = jax.eval_shape(policy, *given)
+    except _NOT_IN_JAX as error:
+        raise SettingError(
+            "the policy cannot be compiled: it asks for the values of arrays, as NumPy, PyTorch "
+            "and Python's `if` do; write it in jax.numpy, or play it through an adapter "
+            "(docs/adapters.md)"
+        ) from error
+    hint = ", such as jnp.argmax(logits)"
+    if remembers:
+        if not isinstance(returned, tuple) or len(returned) != 2:
+            raise SettingError(f"{call} must return (carry, action), not {_told(returned)}")
+        after, returned = returned
+        _check_carry(carry, after)
+    elif isinstance(returned, tuple):
+        hint = "; a policy that returns (carry, action) needs carry=, its memory at the start"
+    leaf = returned if isinstance(returned, jax.ShapeDtypeStruct) else None
+    if leaf is None or leaf.shape != () or not jnp.issubdtype(leaf.dtype, jnp.integer):
+        raise SettingError(
+            f"the action of {call} must be one whole number of shape (){hint}, "
+            f"not {_told(returned)}"
+        )
+    return carry
+
+
+def _check_arguments(
+    policy: Callable[..., Any], given: tuple[Any, ...], call: str, remembers: bool
+) -> None:
+    try:
+        signature = inspect.signature(policy)
+    except (TypeError, ValueError):
+        return  # Some callables do not tell.
+    try:
+        signature.bind(*given)
+    except TypeError as error:
+        other = (
+            "without carry= it is called as policy(obs, key)"
+            if remembers
+            else "with carry=, its memory at the start, it is called as policy(carry, obs, key)"
+        )
+        raise SettingError(
+            f"the policy takes {signature}, and it is called as {call}; {other}"
+        ) from error
+
+
+def _check_carry(carry: Any, after: Any) -> None:
+    """Complain of a carry that is of another kind after a step."""
+    before = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), carry)
+    one, other = jax.tree.structure(before), jax.tree.structure(after)
+    if one != other:
+        raise SettingError(
+            f"the carry must keep its structure: it begins as {one}, and the policy returns {other}"
+        )
+    named = jax.tree_util.tree_leaves_with_path(before)
+    for (path, leaf), new in zip(named, jax.tree.leaves(after), strict=True):
+        if (leaf.shape, leaf.dtype) != (new.shape, new.dtype):
+            raise SettingError(
+                f"the carry must keep its shapes and data types: carry{jax.tree_util.keystr(path)} "
+                f"begins as {_told(leaf)}, and the policy returns {_told(new)}"
+            )
+
+
+def _told(tree: Any) -> str:
+    """Shapes and data types of a tree, such as `float32[3]`."""
+    if isinstance(tree, jax.ShapeDtypeStruct):
+        return f"{tree.dtype}{list(tree.shape)}"
+    if isinstance(tree, tuple | list):
+        return f"({', '.join(map(_told, tree))})"
+    return repr(tree) if tree is None else f"a {type(tree).__name__}"

@@ -1,0 +1,281 @@
+"""The episodes of an evaluation, and the file that keeps them.
+
+A file is JSON: `format`, `version`, and `results`, a list with an entry for each evaluation. Each
+has `environment` (as of `Spec.to_json`), `policy`, `actions`, `episodes`, `seed`, `made_with`, and
+`runs`: by the name of a run its `return`, `length` and `success`, lists with a value for each
+episode.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from .errors import JAXensteinError, SettingError
+from .fields import check_whole
+from .files import atomic, reason_of
+from .intervals import mean_interval
+from .machine import made_by
+from .spec import Spec
+
+FORMAT, VERSION = "jaxenstein-results", 1
+ACTIONS = ("greedy", "sampled", None)
+# The most bytes of a file: some millions of episodes.
+LARGEST = 2**26
+# The entries of a run, the attributes of `Results` that have them, and the types of their values.
+PARTS: dict[str, tuple[str, tuple[type, ...], Any]] = {
+    "return": ("returns", (int, float), np.float64),
+    "length": ("lengths", (int,), np.int32),
+    "success": ("successes", (bool,), np.bool_),
+}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Results:
+    """The episodes of one policy in one environment, over one run of its training or several.
+
+    Attributes:
+        environment: what the environment and its params are built from.
+        policy: its name, to show.
+        actions: `"greedy"` for the most likely ones, `"sampled"`, or None where the policy
+            decides by itself.
+        seed: of the evaluation, 0 to 2**32 - 1.
+        names: of the runs, all different.
+        returns: float64[runs, episodes], undiscounted.
+        lengths: int32[runs, episodes], steps, at least 1.
+        successes: bool[runs, episodes], whether the task's aim was reached.
+        made_with: versions of this package, JAX, numpy and Python, and the hardware; by
+            default those of this process.
+
+    Raises:
+        SettingError: an attribute has another kind of value or another shape, or a return is not
+            finite.
+    """
+
+    environment: Spec
+    policy: str
+    actions: str | None = None
+    seed: int = 0
+    names: tuple[str, ...]
+    returns: np.ndarray
+    lengths: np.ndarray
+    successes: np.ndarray
+    made_with: Mapping[str, str] = dataclasses.field(default_factory=made_by)
+
+    def __post_init__(self) -> None:
+        """Check all parts, and give arrays their types."""
+        _check_text("policy", self.policy)
+        if self.actions not in ACTIONS:
+            shown = repr(self.actions)[:60]
+            raise SettingError(f"actions must be 'greedy', 'sampled' or None, not {shown}")
+        check_whole("seed", self.seed, 0, 2**32 - 1)
+        for name in self.names:
+            _check_text("the name of a run", name)
+        if len(set(self.names)) != len(self.names):
+            raise SettingError(f"two runs have one name: {', '.join(self.names)}")
+        shape = np.shape(self.returns)
+        if len(shape) != 2 or 0 in shape or shape[0] != len(self.names):
+            runs = len(self.names)
+            raise SettingError(f"returns must be [runs, episodes] of {runs} runs, not {shape}")
+        for attribute, _, dtype in PARTS.values():
+            array = np.asarray(getattr(self, attribute))
+            if array.shape != shape:
+                raise SettingError(f"{attribute} must have the shape {shape}, not {array.shape}")
+            object.__setattr__(self, attribute, array.astype(dtype))
+        if not np.isfinite(self.returns).all():
+            run, episode = np.argwhere(~np.isfinite(self.returns))[0]
+            raise SettingError(
+                f"the return of episode {episode} (from 0) of {self.names[run]!r} is "
+                f"{self.returns[run, episode]}; it must be finite"
+            )
+        if self.lengths.min() < 1:
+            raise SettingError(f"lengths must be at least 1, not {self.lengths.min()}")
+
+    @property
+    def episodes(self) -> int:
+        """How many there are of each run."""
+        return int(self.returns.shape[1])
+
+    @property
+    def best(self) -> int:
+        """The run with the highest mean return; among equals that of the shortest episodes."""
+        order = np.lexsort((self.lengths.mean(axis=1), -self.returns.mean(axis=1)))
+        return int(order[0])
+
+    def summary(self) -> str:
+        """One line: mean return and success rate with their 95 % bootstrap intervals."""
+        earned = mean_interval(self.returns)
+        reached = mean_interval(self.successes)
+        return (
+            f"{self.policy} in {self.environment.id or 'a map'}: "
+            f"return {earned.mean:.4g} ({earned.low:.4g} to {earned.high:.4g}), "
+            f"success {reached.mean:.1%} ({reached.low:.1%} to {reached.high:.1%}), "
+            f"{self.returns.size} episodes"
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write a file with these alone; see `write_results`."""
+        write_results(path, [self])
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values: an entry of `results` in a file.
+
+        Raises:
+            SettingError: a setting of the environment is no value of JSON.
+        """
+        runs = {
+            run: {part: getattr(self, name)[i].tolist() for part, (name, _, _) in PARTS.items()}
+            for i, run in enumerate(self.names)
+        }
+        return {
+            "environment": self.environment.to_json(),
+            "policy": self.policy,
+            "actions": self.actions,
+            "episodes": self.episodes,
+            "seed": self.seed,
+            "runs": runs,
+            "made_with": dict(self.made_with),
+        }
+
+
+def write_results(path: str | Path, results: Sequence[Results]) -> None:
+    """Write evaluations into one file, whole or not at all.
+
+    Raises:
+        SettingError: a setting of an environment is no value of JSON, or the file would be larger
+            than `read_results` reads.
+        OutputError: it cannot be written.
+    """
+    entries = ",\n".join(json.dumps(one.to_json(), allow_nan=False) for one in results)
+    head = f'"format": "{FORMAT}",\n"version": {VERSION},\n'
+    text = f'{{\n{head}"results": [\n{entries}\n]\n}}\n'
+    if len(text) > LARGEST:
+        raise SettingError(f"{path} would be larger than {LARGEST >> 20} MiB: take fewer episodes")
+    with atomic(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def read_results(path: str | Path) -> tuple[Results, ...]:
+    """Read a file of `write_results`, which anybody may have edited; no environment is built.
+
+    Raises:
+        SettingError: it cannot be read, is too large or no file of results, is of a newer
+            format, or has an entry that is missing, unknown or wrong; the message names file and
+            entry.
+    """
+    try:
+        table = _parsed(Path(path))
+        if not isinstance(table, dict) or table.get("format") != FORMAT:
+            raise SettingError(f"no file of results: 'format' is not {FORMAT!r}")
+        check_whole("version", table.get("version"), 1)
+        if table["version"] > VERSION:
+            raise SettingError(
+                f"its format is version {table['version']}, and this version of jaxenstein reads "
+                f"up to {VERSION}: a newer jaxenstein is needed"
+            )
+        _only(table, ("format", "version", "results"))
+        entries = table["results"]
+        if not isinstance(entries, list) or not entries:
+            raise SettingError("'results' must be a list with an entry for each evaluation")
+    except JAXensteinError as error:
+        raise SettingError(f"{path}: {error}") from error
+    return tuple(_read(path, i, entry) for i, entry in enumerate(entries))
+
+
+def _parsed(path: Path) -> Any:
+    """The JSON of a file."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+        if len(data) > LARGEST:
+            raise SettingError(f"it is larger than {LARGEST >> 20} MiB")
+        return json.loads(data.decode("utf-8"), parse_constant=_refuse)
+    except OSError as error:
+        raise SettingError(f"cannot be read: {reason_of(error)}") from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise SettingError(f"no JSON, or only a part of it: {place}: {error.msg}") from error
+    except JAXensteinError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise SettingError(f"no file of results: {error}") from error
+
+
+def _refuse(word: str) -> NoReturn:
+    raise SettingError(f"it has a number that is {word}; all must be finite")
+
+
+def _read(path: str | Path, index: int, entry: Any) -> Results:
+    """An entry of `results`."""
+    try:
+        names = ("environment", "policy", "actions", "episodes", "seed", "runs", "made_with")
+        _only(_object("the entry", entry), names)
+        check_whole("'episodes'", entry["episodes"], 1)
+        runs = _object("'runs'", entry["runs"])
+        made_with = _object("'made_with'", entry["made_with"])
+        for name, value in made_with.items():
+            _check_text(f"'made_with.{name}'", value)
+        for name, run in runs.items():
+            _only(_object(f"'runs.{name}'", run), tuple(PARTS), f"runs.{name}.")
+        arrays = {
+            attribute: np.array(
+                [
+                    _values(f"'runs.{name}.{part}'", run[part], entry["episodes"], types)
+                    for name, run in runs.items()
+                ],
+                dtype,
+            )
+            for part, (attribute, types, dtype) in PARTS.items()
+        }
+        return Results(
+            environment=Spec.from_json(entry["environment"]),
+            policy=entry["policy"],
+            actions=entry["actions"],
+            seed=entry["seed"],
+            names=tuple(runs),
+            made_with=made_with,
+            **arrays,
+        )
+    except (JAXensteinError, OverflowError, RecursionError) as error:
+        raise SettingError(f"{path}: results[{index}]: {error}") from error
+
+
+def _values(label: str, values: Any, count: int, types: tuple[type, ...]) -> list[Any]:
+    """A list with a value of some type for each episode."""
+    if not isinstance(values, list) or len(values) != count:
+        many = f"one of {len(values)}" if isinstance(values, list) else "another value"
+        raise SettingError(
+            f"{label} must be a list of {count} values, as 'episodes' says, not {many}"
+        )
+    for number, value in enumerate(values):
+        if type(value) not in types:
+            wanted = " or ".join(one.__name__ for one in types)
+            shown = repr(value)[:60]
+            raise SettingError(f"{label}: episode {number} (from 0) must be {wanted}, not {shown}")
+    return values
+
+
+def _only(table: dict[str, Any], names: tuple[str, ...], within: str = "") -> None:
+    """Raise unless a table has all of these entries and no others."""
+    for name in names:
+        if name not in table:
+            raise SettingError(f"the entry '{within}{name}' is missing")
+    for name in table:
+        if name not in names:
+            raise SettingError(f"unknown entry '{within}{name}'")
+
+
+def _object(label: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise SettingError(f"{label} must be an object of named entries, not {repr(value)[:60]}")
+    return value
+
+
+def _check_text(label: str, value: Any) -> None:
+    if not isinstance(value, str) or not value.isprintable():
+        raise SettingError(f"{label} must be a text of one line, not {repr(value)[:60]}")
