@@ -18,13 +18,13 @@ from jaxenstein.baselines.runs.curves import (
     Curve,
     band,
     curves_of,
-    mean_interval,
     plot,
     save_plot,
 )
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import means, read_seconds
 from jaxenstein.files import OutputError
+from jaxenstein.scores import mean_interval
 from tests.baselines.tiny import UPDATES, tiny
 
 

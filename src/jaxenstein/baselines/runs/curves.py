@@ -1,4 +1,4 @@
-"""Bootstrap intervals of means over runs, and plots of the learning curves of run directories."""
+"""Bootstrap bands of means over runs, and plots of the learning curves of run directories."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import SettingError, nearest
 from ...files import atomic, check_writable
+from ...scores import LEVEL, RESAMPLES
 from .experiment import exact
 from .folder import RunFolder
 from .metrics import EPISODE_MEANS, Row, read_metrics, read_seconds, rows_by_run
@@ -23,40 +24,6 @@ AXES = {"success": "success rate", "length": "steps of an episode"}
 SUFFIXES = (".png", ".svg")
 Over = Literal["decisions", "minutes"]
 POINTS = 50
-# Resamples of a bootstrap, and the share of them inside an interval.
-RESAMPLES, LEVEL = 2000, 0.95
-
-
-@dataclasses.dataclass(frozen=True)
-class Interval:
-    """A mean with its bootstrap interval.
-
-    Attributes:
-        mean: of all values.
-        low: lower end of the 95 % interval; the mean itself where there is a single value.
-        high: its upper end.
-    """
-
-    mean: float
-    low: float
-    high: float
-
-
-def mean_interval(values: np.ndarray, *, seed: int = 0) -> Interval:
-    """The mean of values[runs, samples], with the percentile interval of its bootstrap.
-
-    Each resample takes as many runs as there are, with replacement, and as many samples, the same
-    of every run: sample n is of the same episode in all of them. With one run that is the ordinary
-    bootstrap over samples (Efron & Tibshirani 1993).
-    """
-    rng = np.random.default_rng(seed)
-    runs, samples = values.shape
-    means = np.empty(RESAMPLES)
-    for number in range(RESAMPLES):
-        chosen = rng.integers(runs, size=(runs, 1))
-        means[number] = values[chosen, rng.integers(samples, size=(1, samples))].mean()
-    low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return Interval(float(values.mean()), float(low), float(high))
 
 
 def band(curves: np.ndarray, *, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -192,7 +159,15 @@ def save_plot(
     """
     for path in paths:
         check_picture(path)
-    figure = plot(curves, metric, title)
+    save_figure(plot(curves, metric, title), paths)
+
+
+def save_figure(figure: Figure, paths: Sequence[Path]) -> None:
+    """Write a figure into files that `check_picture` has passed.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
     for path in paths:
         suffix = path.suffix.lower()[1:]
         # Without a date and with fixed ids, equal plots are equal files.
@@ -203,10 +178,7 @@ def save_plot(
 
 def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Figure:
     """The plot as a matplotlib figure."""
-    matplotlib = _matplotlib()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        figure = matplotlib.figure.Figure(figsize=(6.4, 4.0), layout="constrained")
+    figure = new_figure(6.4, 4.0)
     axes = figure.subplots()
     for curve in curves:
         runs = len(curve.values)
@@ -229,6 +201,13 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
     if metric == "success":
         axes.set_ylim(-0.03, 1.03)
     return figure
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of so many inches."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return _matplotlib().figure.Figure(figsize=(width, height), layout="constrained")
 
 
 def _matplotlib() -> Any:

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ...scores import Interval, mean_interval
 from ..config import algorithm, algorithms
-from .curves import Interval, curves_of, mean_interval
+from .curves import curves_of
 from .experiment import Experiment, exact
 from .options import resolve
 

@@ -21,9 +21,9 @@ import numpy as np
 from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, one_line
 from ...fields import check_whole
 from ...files import atomic
+from ...scores import Interval, mean_interval
 from ..divergence import Divergence
 from .checkpoints import read_tree
-from .curves import Interval, mean_interval
 from .experiment import Experiment
 from .folder import CONFIG, RunFolder, checked, run_names, versions
 
