@@ -67,7 +67,7 @@ def test_normalised_by_hand() -> None:
             scores.normalised(returns, random, expert)
     with pytest.raises(SettingError, match="must be finite, and one is nan"):
         scores.normalised([1.0, np.nan], 0, 1)
-    with pytest.raises(SettingError, match="a reference must be finite, and one is inf"):
+    with pytest.raises(SettingError, match="the expert's return must be a finite number, not inf"):
         scores.normalised([1.0], 0, np.inf)
 
 

@@ -22,32 +22,16 @@ from typing import Any
 import numpy as np
 
 from .errors import SettingError
-from .fields import check_whole
+from .fields import Domain, check_value, check_whole
+from .intervals import LEVEL
 
-# Resamples of a bootstrap of a mean, and the share of them inside an interval.
-RESAMPLES, LEVEL = 2000, 0.95
+# So many resamples that the ends of an interval move by about a hundredth of it with the seed.
+RESAMPLES = 10_000
 ENDS = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
-# Resamples of an aggregate, whose ends then move by about a fiftieth of the interval with the seed.
-MANY_RESAMPLES = 10_000
 # The most numbers in an array of resamples.
 BLOCK = 2**20
 
 Scores = np.ndarray | Sequence[np.ndarray]
-
-
-@dataclasses.dataclass(frozen=True)
-class Interval:
-    """A mean with its bootstrap interval.
-
-    Attributes:
-        mean: of all values.
-        low: lower end of the 95 % interval; the mean itself where there is a single value.
-        high: its upper end.
-    """
-
-    mean: float
-    low: float
-    high: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,23 +66,6 @@ class Profile:
     high: np.ndarray
 
 
-def mean_interval(values: np.ndarray, *, seed: int = 0) -> Interval:
-    """The mean of values[runs, samples], with the percentile interval of its bootstrap.
-
-    Each resample takes as many runs as there are, with replacement, and as many samples, the same
-    of every run: sample n is of the same episode in all of them. With one run that is the ordinary
-    bootstrap over samples (Efron & Tibshirani 1993).
-    """
-    rng = np.random.default_rng(seed)
-    runs, samples = values.shape
-    means = np.empty(RESAMPLES)
-    for number in range(RESAMPLES):
-        chosen = rng.integers(runs, size=(runs, 1))
-        means[number] = values[chosen, rng.integers(samples, size=(1, samples))].mean()
-    low, high = np.quantile(means, ENDS)
-    return Interval(float(values.mean()), float(low), float(high))
-
-
 def normalised(returns: Any, random: float, expert: float) -> np.ndarray:
     """Returns on a scale where a random player has 0 and an expert 1.
 
@@ -115,7 +82,8 @@ def normalised(returns: Any, random: float, expert: float) -> np.ndarray:
     Raises:
         SettingError: a number is not finite, or the expert's return is not the larger one.
     """
-    random, expert = (float(_finite(value, "a reference")) for value in (random, expert))
+    random = float(check_value("the random player's return", Domain("number"), random))
+    expert = float(check_value("the expert's return", Domain("number"), expert))
     if expert <= random:
         raise SettingError(
             f"the expert's return must be above the random player's, and is {expert:g} beside "
@@ -148,9 +116,7 @@ def optimality_gap(scores: Scores) -> float:
     return _of(scores, _optimality_gap)
 
 
-def aggregates(
-    scores: Scores, *, resamples: int = MANY_RESAMPLES, seed: int = 0
-) -> dict[str, Estimate]:
+def aggregates(scores: Scores, *, resamples: int = RESAMPLES, seed: int = 0) -> dict[str, Estimate]:
     """The four aggregates with their intervals, all from the same resamples.
 
     Args:
@@ -177,9 +143,7 @@ def aggregates(
     }
 
 
-def profile(
-    scores: Scores, taus: Any, *, resamples: int = MANY_RESAMPLES, seed: int = 0
-) -> Profile:
+def profile(scores: Scores, taus: Any, *, resamples: int = RESAMPLES, seed: int = 0) -> Profile:
     """The run-score distribution: the share of runs that score above each threshold.
 
     The mean over tasks and runs of [score > tau]. The band holds at each threshold by itself, not
@@ -205,7 +169,7 @@ def profile(
 
 
 def probability_of_improvement(
-    x: Scores, y: Scores, *, resamples: int = MANY_RESAMPLES, seed: int = 0
+    x: Scores, y: Scores, *, resamples: int = RESAMPLES, seed: int = 0
 ) -> Estimate:
     """The probability that a run of X scores higher than one of Y on a task drawn at random.
 
@@ -342,7 +306,7 @@ def _finite(values: Any, what: str) -> np.ndarray:
 
 def _generator(resamples: int, seed: int) -> np.random.Generator:
     check_whole("resamples", resamples)
-    check_whole("seed", seed, 0)
+    check_whole("seed", seed, 0, 2**32 - 1)
     return np.random.default_rng(seed)
 
 

@@ -1,4 +1,4 @@
-"""Aggregates of scores by their definitions, in plain Python and exact fractions where it can be."""
+"""Aggregates of scores by their definitions, in plain Python with exact fractions."""
 
 from __future__ import annotations
 

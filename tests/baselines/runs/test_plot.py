@@ -24,7 +24,7 @@ from jaxenstein.baselines.runs.curves import (
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import means, read_seconds
 from jaxenstein.files import OutputError
-from jaxenstein.scores import mean_interval
+from jaxenstein.intervals import mean_interval
 from tests.baselines.tiny import UPDATES, tiny
 
 

@@ -1,4 +1,4 @@
-"""Bootstrap bands of means over runs, and plots of the learning curves of run directories."""
+"""Bands of means over runs, and plots of the learning curves of run directories."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import SettingError, nearest
 from ...files import atomic, check_writable
-from ...scores import LEVEL, RESAMPLES
+from ...intervals import LEVEL, RESAMPLES
 from .experiment import exact
 from .folder import RunFolder
 from .metrics import EPISODE_MEANS, Row, read_metrics, read_seconds, rows_by_run

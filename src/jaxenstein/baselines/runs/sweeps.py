@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...scores import Interval, mean_interval
+from ...intervals import Interval, mean_interval
 from ..config import algorithm, algorithms
 from .curves import curves_of
 from .experiment import Experiment, exact

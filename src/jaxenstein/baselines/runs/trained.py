@@ -21,7 +21,7 @@ import numpy as np
 from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, one_line
 from ...fields import check_whole
 from ...files import atomic
-from ...scores import Interval, mean_interval
+from ...intervals import Interval, mean_interval
 from ..divergence import Divergence
 from .checkpoints import read_tree
 from .experiment import Experiment
