@@ -121,11 +121,11 @@ def _difference(one: Spec, other: Spec) -> tuple[str, Any, Any] | None:
     for what in ("settings", "params"):
         mine, its = getattr(one, what), getattr(other, what)
         for name in {**mine, **its}:
-            values = [
+            here, there = (
                 _shown(given[name]) if name in given else "the default" for given in (mine, its)
-            ]
-            if values[0] != values[1]:
-                return f"the {what.removesuffix('s')} {name!r}", *values
+            )
+            if here != there:
+                return f"the {what.removesuffix('s')} {name!r}", here, there
     return "the kind", one.id, other.id
 
 

@@ -176,7 +176,7 @@ def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> st
     from ..intervals import mean_interval
 
     heading = ("TASK", "POLICY", "RUNS", "EPISODES", "RETURN", "95 %", "SUCCESS")
-    rows = [heading if summary is None else (*heading, "SCORE")]
+    rows: list[tuple[str, ...]] = [heading if summary is None else (*heading, "SCORE")]
     for number, task in enumerate(next(iter(compared.values()))):
         for policy, mine in compared.items():
             results = mine[task]
@@ -210,7 +210,8 @@ def _notes(compared: Compared) -> str:
 
 def table_of_aggregates(summary: Summary) -> str:
     """A row for each policy, as text."""
-    rows = [("POLICY", *(word for name in HEADINGS.values() for word in (name, "95 %")))]
+    heading = (word for name in HEADINGS.values() for word in (name, "95 %"))
+    rows: list[tuple[str, ...]] = [("POLICY", *heading)]
     for policy, found in summary.aggregates.items():
         cells = (
             cell

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...scores import Estimate, Profile
 from .curves import new_figure
@@ -30,7 +30,7 @@ def plot_scores(
     """
     figure = new_figure(9.6, 4.2 + 0.25 * len(aggregates))
     heights = [0.6 + 0.25 * len(aggregates), 3]
-    rows = [[*TITLES], ["profile"] * len(TITLES)]
+    rows: list[Any] = [[*TITLES], ["profile"] * len(TITLES)]
     axes = figure.subplot_mosaic(rows, height_ratios=heights)
     colours = [f"C{number}" for number in range(len(aggregates))]
     for name, title in TITLES.items():
