@@ -90,7 +90,9 @@ def test_list_explains_the_symbols(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.strip() == legend().strip()
 
 
-@pytest.mark.parametrize("command", ["", "list", "rollout", "record", "replay", "bench", "convert"])
+@pytest.mark.parametrize(
+    "command", ["", "list", "rollout", "record", "replay", "bench", "convert", "score"]
+)
 def test_help_shows_examples(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main([*command.split(), "--help"])

@@ -23,6 +23,7 @@ from . import (
     record,
     replay,
     rollout,
+    score,
     sweep,
     train,
 )
@@ -45,6 +46,7 @@ COMMANDS = {
     "evaluate": evaluate,
     "export": export,
     "plot": plot,
+    "score": score,
 }
 
 EXAMPLES = """\
@@ -60,6 +62,7 @@ examples:
   jaxenstein train --env simple --algo rnd --seeds 5 --out runs/simple-rnd
   jaxenstein evaluate runs/simple-rnd --gif agent.gif
   jaxenstein plot runs/simple-rnd --out curves.png
+  jaxenstein score simple-rnd.json simple-ppo.json
 
 'jaxenstein COMMAND --help' explains a command and all its options.
 """

@@ -167,7 +167,15 @@ def save_plot(
     """
     for path in paths:
         check_picture(path)
-    figure = plot(curves, metric, title)
+    save_figure(plot(curves, metric, title), paths)
+
+
+def save_figure(figure: Figure, paths: Sequence[Path]) -> None:
+    """Write a figure into files that `check_picture` has passed.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
     for path in paths:
         suffix = path.suffix.lower()[1:]
         # Without a date and with fixed ids, equal plots are equal files.
@@ -178,10 +186,7 @@ def save_plot(
 
 def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Figure:
     """The plot as a matplotlib figure."""
-    matplotlib = _matplotlib()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        figure = matplotlib.figure.Figure(figsize=(6.4, 4.0), layout="constrained")
+    figure = new_figure(6.4, 4.0)
     axes = figure.subplots()
     for curve in curves:
         runs = len(curve.values)
@@ -206,6 +211,13 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
     if metric == "success":
         axes.set_ylim(-0.03, 1.03)
     return figure
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of so many inches."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return _matplotlib().figure.Figure(figsize=(width, height), layout="constrained")
 
 
 def _matplotlib() -> Any:

@@ -1,0 +1,63 @@
+"""A plot of aggregates with their intervals, and of performance profiles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from ...scores import Estimate, Profile
+from .curves import new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TITLES = {
+    "interquartile_mean": "interquartile mean",
+    "mean": "mean",
+    "median": "median",
+    "optimality_gap": "optimality gap (less is better)",
+}
+
+
+def plot_scores(
+    aggregates: Mapping[str, Mapping[str, Estimate]], profiles: Mapping[str, Profile]
+) -> Figure:
+    """The plot as a matplotlib figure.
+
+    Args:
+        aggregates: by policy, as of `jaxenstein.scores.aggregates`.
+        profiles: by policy.
+    """
+    figure = new_figure(9.6, 4.2 + 0.25 * len(aggregates))
+    heights = [0.6 + 0.25 * len(aggregates), 3]
+    rows: list[Any] = [[*TITLES], ["profile"] * len(TITLES)]
+    axes = figure.subplot_mosaic(rows, height_ratios=heights)
+    colours = [f"C{number}" for number in range(len(aggregates))]
+    for name, title in TITLES.items():
+        ends = axes[name]
+        for place, (found, colour) in enumerate(zip(aggregates.values(), colours, strict=True)):
+            one = found[name]
+            ends.barh(place, one.high - one.low, 0.6, one.low, color=colour, alpha=0.4, lw=0)
+            ends.vlines(one.value, place - 0.3, place + 0.3, color=colour, lw=2)
+        # Bars would stick to the edge.
+        ends.use_sticky_edges = False
+        ends.margins(x=0.08)
+        ends.locator_params(axis="x", nbins=4)
+        ends.set_title(title, fontsize="medium")
+        ends.set_yticks(range(len(aggregates)), aggregates if name == "interquartile_mean" else [])
+        ends.set_ylim(len(aggregates) - 0.4, -0.6)
+        ends.grid(axis="x", alpha=0.3)
+        ends.spines[["top", "right", "left"]].set_visible(False)
+        ends.tick_params(left=False)
+    below = axes["profile"]
+    for (policy, found), colour in zip(profiles.items(), colours, strict=True):
+        below.step(found.taus, found.fractions, where="post", color=colour, label=policy)
+        band = {"step": "post", "color": colour, "alpha": 0.2, "lw": 0}
+        below.fill_between(found.taus, found.low, found.high, **band)
+    below.set_xlabel("normalised score τ")
+    below.set_ylabel("share of runs with a score above τ")
+    below.set_ylim(-0.03, 1.03)
+    below.grid(alpha=0.3)
+    below.spines[["top", "right"]].set_visible(False)
+    below.legend(frameon=False)
+    return figure

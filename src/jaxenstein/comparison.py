@@ -1,0 +1,242 @@
+"""Results of several policies on the same tasks, read from files and checked to be comparable."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .environment import AnyEnvironment
+from .errors import SettingError, nearest, one_line
+from .files import reason_of
+from .results import Results, read_results
+from .scores import normalised
+from .spec import Spec
+
+Compared = dict[str, dict[str, Results]]
+"""The results by policy, then by task; all policies have the same tasks in the same order."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """The returns between which a task's scores are normalised.
+
+    Attributes:
+        random: of a player that samples every action uniformly.
+        expert: of a good player.
+    """
+
+    random: float
+    expert: float
+
+
+@dataclasses.dataclass(frozen=True)
+class _Entry:
+    """Results of a file.
+
+    Attributes:
+        path: the file.
+        label: the name of the policy, to show.
+        results: what it says.
+    """
+
+    path: Path
+    label: str
+    results: Results
+
+    @property
+    def task(self) -> str:
+        spec = self.results.environment
+        return spec.id or one_line(str(spec.settings.get("name", "map")))
+
+
+def gather(files: Iterable[tuple[str | None, Path]], actions: str | None = None) -> Compared:
+    """Read files of results, and put together what belongs to one policy.
+
+    Results of the same label and the same way of acting belong to one policy; those of one task
+    are put together as runs of it.
+
+    Args:
+        files: each with a label, or None for the names of policies in the file.
+        actions: "greedy" or "sampled" leaves out the results of the other way; None takes all.
+
+    Raises:
+        SettingError: a file cannot be read; a task has other versions, settings or params in
+            another file; a policy has a run twice, or runs of different episodes; a policy lacks
+            a task; nothing is left.
+    """
+    entries = [
+        _Entry(path, label or results.policy, results)
+        for label, path in files
+        for results in read_results(path)
+        if actions is None or results.actions in (actions, None)
+    ]
+    if not entries:
+        raise SettingError(f"the files have no results of {actions or 'any'} actions")
+    _check_environments(entries)
+    groups: dict[str, dict[str, list[_Entry]]] = {}
+    for policy, entry in zip(_policies(entries), entries, strict=True):
+        groups.setdefault(policy, {}).setdefault(entry.task, []).append(entry)
+    _check_tasks(groups)
+    tasks = sorted({entry.task for entry in entries})
+    return {
+        policy: {task: _together(policy, mine[task]) for task in tasks}
+        for policy, mine in groups.items()
+    }
+
+
+def _policies(entries: Sequence[_Entry]) -> list[str]:
+    """The policy of each entry: its label, with the way of acting if the label has several."""
+    ways: dict[str, set[str | None]] = {}
+    for entry in entries:
+        ways.setdefault(entry.label, set()).add(entry.results.actions)
+    return [
+        entry.label if len(ways[entry.label]) == 1 else f"{entry.label}, {entry.results.actions}"
+        for entry in entries
+    ]
+
+
+def _check_environments(entries: Sequence[_Entry]) -> None:
+    """Every task must be the same environment in all files."""
+    first: dict[str, _Entry] = {}
+    for entry in entries:
+        other = first.setdefault(entry.task, entry)
+        if fault := _difference(other.results.environment, entry.results.environment):
+            raise SettingError(
+                f"{entry.task}: {fault[0]} is {fault[1]} in {other.path} and {fault[2]} in "
+                f"{entry.path}; results of one task need the same environment: score them apart"
+            )
+
+
+def _difference(one: Spec, other: Spec) -> tuple[str, Any, Any] | None:
+    """What differs, with both values; a value that is not given is the default one."""
+    if one.version != other.version:
+        return "the version", one.version, other.version
+    if one == other or _same(one, other):
+        return None
+    for what in ("settings", "params"):
+        mine, its = getattr(one, what), getattr(other, what)
+        for name in {**mine, **its}:
+            here, there = (
+                _shown(given[name]) if name in given else "the default" for given in (mine, its)
+            )
+            if here != there:
+                return f"the {what.removesuffix('s')} {name!r}", here, there
+    return "the kind", one.id, other.id
+
+
+def _same(one: Spec, other: Spec) -> bool:
+    """Whether both build the same, where one of them names defaults."""
+    try:
+        built = [_with_numbers(*spec.build()) for spec in (one, other)]
+    # What a file that anybody may have edited can lead to; a JAXensteinError is a ValueError.
+    except (TypeError, ValueError, IndexError, OverflowError, AttributeError):
+        return False
+    return built[0] == built[1]
+
+
+def _with_numbers(env: AnyEnvironment, params: Any) -> tuple[AnyEnvironment, dict[str, Any]]:
+    numbers = {
+        field.name: np.asarray(getattr(params, field.name)).tolist()
+        for field in dataclasses.fields(params)
+    }
+    return env, numbers
+
+
+def _shown(value: Any) -> str:
+    shown = repr(value)
+    return shown if len(shown) <= 40 else f"{shown[:37]}..."
+
+
+def _check_tasks(groups: Mapping[str, Mapping[str, list[_Entry]]]) -> None:
+    """All policies must have all tasks."""
+    for policy, mine in groups.items():
+        for other, its in groups.items():
+            if missing := sorted({*its} - {*mine}):
+                raise SettingError(
+                    f"{policy} has no results of {', '.join(missing)}, and {other} has: policies "
+                    f"are compared on the same tasks (--label NAME FILES puts files of one "
+                    "policy together)"
+                )
+
+
+def _together(policy: str, entries: Sequence[_Entry]) -> Results:
+    """The runs of one policy on one task from all files."""
+    first, *others = entries
+    for entry in others:
+        for what in ("episodes", "seed"):
+            here, there = (_number(one.results, what) for one in (first, entry))
+            if here != there:
+                raise SettingError(
+                    f"{policy} on {first.task}: {what} {here} in {first.path} and {there} in "
+                    f"{entry.path}; runs of one policy need the same episodes"
+                )
+    seen: dict[str, Path] = {}
+    for entry in entries:
+        for name in entry.results.names:
+            if name in seen:
+                raise SettingError(
+                    f"{policy} on {first.task}: the run {name!r} is in {seen[name]} and again in "
+                    f"{entry.path}; --label NAME FILES tells policies apart"
+                )
+            seen[name] = entry.path
+    arrays = {
+        name: np.concatenate([getattr(entry.results, name) for entry in entries])
+        for name in ("returns", "lengths", "successes")
+    }
+    return dataclasses.replace(first.results, policy=policy, names=tuple(seen), **arrays)
+
+
+def _number(results: Results, what: str) -> int:
+    return results.returns.shape[1] if what == "episodes" else results.seed
+
+
+def read_reference(path: str | Path) -> dict[str, Reference]:
+    """A file of reference returns: {"task id": {"random": x, "expert": y}, ...}.
+
+    Raises:
+        SettingError: it cannot be read, or has something else; the message names the file.
+    """
+    try:
+        plain = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
+    except (ValueError, RecursionError) as error:
+        raise SettingError(f"{path} is no JSON: {error}") from error
+    if not isinstance(plain, dict):
+        raise SettingError(f'{path} must hold {{"task id": {{"random": x, "expert": y}}}}')
+    return {task: _reference(path, task, entry) for task, entry in plain.items()}
+
+
+def _reference(path: str | Path, task: str, entry: Any) -> Reference:
+    if not isinstance(entry, dict) or not {"random", "expert"} <= {*entry}:
+        raise SettingError(f"{path}: {task!r} must be an object with 'random' and 'expert'")
+    try:
+        normalised(0.0, entry["random"], entry["expert"])
+    except SettingError as error:
+        raise SettingError(f"{path}: {task!r}: {error}") from error
+    return Reference(float(entry["random"]), float(entry["expert"]))
+
+
+def run_returns(mine: Mapping[str, Results]) -> list[np.ndarray]:
+    """The mean returns of a policy's runs over their episodes: float64[runs] of each task."""
+    return [results.returns.mean(axis=1, dtype=np.float64) for results in mine.values()]
+
+
+def run_scores(mine: Mapping[str, Results], reference: Mapping[str, Reference]) -> list[np.ndarray]:
+    """The normalised `run_returns`.
+
+    Raises:
+        SettingError: a task has no reference.
+    """
+    for task in mine:
+        if task not in reference:
+            raise SettingError(f"there is no reference for {task!r}{nearest(task, reference)}")
+    return [
+        normalised(returns, reference[task].random, reference[task].expert)
+        for task, returns in zip(mine, run_returns(mine), strict=True)
+    ]

@@ -1,0 +1,141 @@
+"""`jaxenstein score`: tables, files, plots, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from jaxenstein.cli import main
+from tests.reference import statistics
+from tests.results_of import results_of, write_all
+
+REFERENCE = {"simple": {"random": 0.0, "expert": 1.0}, "t-maze": {"random": -1.0, "expert": 1.0}}
+RND = {"simple": [[1.0, 0.5], [1.0, 1.0], [0.0, 0.5]], "t-maze": [[1.0, 0.0], [0.0, -1.0]]}
+PPO = {"simple": [[0.5, 0.5], [0.0, 0.0], [0.0, 0.5]], "t-maze": [[1.0, 1.0], [1.0, 0.0]]}
+
+
+@pytest.fixture
+def words(tmp_path: Path) -> list[str]:
+    """The arguments for two policies with two tasks each."""
+    given = ["score"]
+    for policy, tasks in ("rnd", RND), ("ppo", PPO):
+        files = {
+            f"{task}-{policy}.json": [
+                results_of(task, returns, f"{task}-{policy}", "sampled"),
+                results_of(task, np.zeros_like(returns).tolist(), f"{task}-{policy}", "greedy"),
+            ]
+            for task, returns in tasks.items()
+        }
+        given += ["--label", policy, *map(str, write_all(tmp_path, files))]
+    (tmp_path / "reference.json").write_text(json.dumps(REFERENCE))
+    return [*given, "--actions", "sampled"]
+
+
+def scores_of(tasks: dict[str, list[list[float]]]) -> list[list[float]]:
+    scores = []
+    for task, runs in tasks.items():
+        random, expert = REFERENCE[task]["random"], REFERENCE[task]["expert"]
+        scores.append([(sum(run) / len(run) - random) / (expert - random) for run in runs])
+    return scores
+
+
+def test_returns_alone(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 0
+    table, chance = capsys.readouterr().out.split("\n\n")
+    heading, *rows = (re.split(r" {2,}", line) for line in table.splitlines())
+    assert heading == ["TASK", "POLICY", "RUNS", "EPISODES", "RETURN", "95 %", "SUCCESS"]
+    assert [row[:5] + row[6:] for row in rows] == [
+        ["simple", "rnd", "3", "2", "0.6667", "50.0%"],
+        ["", "ppo", "3", "2", "0.25", "0.0%"],
+        ["t-maze", "rnd", "2", "2", "0", "25.0%"],
+        ["", "ppo", "2", "2", "0.75", "75.0%"],
+    ]
+    right = statistics.probability_of_improvement(scores_of(RND), scores_of(PPO))
+    assert f"probability that rnd scores higher than ppo: {right:.3f}, 95 % " in chance
+
+
+def test_aggregates_and_files(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "scores.json"
+    words += ["--reference", str(tmp_path / "reference.json"), "--json", str(out)]
+    assert main(words) == 0
+    shown = capsys.readouterr().out
+    assert shown.endswith(f"wrote {out}\n")
+    report = json.loads(out.read_text())
+    table = shown.split("\n\n")[1].splitlines()
+    names = [name for name in re.split(r" {2,}", table[0]) if name != "95 %"]
+    assert names == ["POLICY", "IQM", "MEAN", "MEDIAN", "GAP"]
+    for line, policy, tasks in zip(table[1:], ("rnd", "ppo"), (RND, PPO), strict=True):
+        told = report["policies"][policy]
+        scores = scores_of(tasks)
+        assert [told["tasks"][task]["scores"] for task in tasks] == scores
+        assert told["tasks"]["simple"]["return"]["mean"] == pytest.approx(np.mean(tasks["simple"]))
+        for name in ("interquartile_mean", "mean", "median", "optimality_gap"):
+            found = told["aggregates"][name]
+            assert found["value"] == pytest.approx(getattr(statistics, name)(scores), abs=1e-12)
+            assert found["low"] <= found["value"] <= found["high"]
+            interval = f"{found['low']:.3f} - {found['high']:.3f}"
+            assert f"{found['value']:.3f}  {interval}" in re.sub(" {2,}", "  ", line)
+        profile = told["profile"]
+        right = [statistics.fraction_above(scores, tau) for tau in profile["taus"]]
+        assert profile["fractions"] == pytest.approx(right, abs=1e-12)
+    right = statistics.probability_of_improvement(scores_of(RND), scores_of(PPO))
+    assert report["probability_of_improvement"]["value"] == pytest.approx(right)
+
+
+def test_a_single_run_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (path,) = write_all(tmp_path, {"a.json": results_of("simple", [[0.0, 1.0, 1.0]])})
+    assert main(["score", str(path)]) == 0
+    table, note = capsys.readouterr().out.splitlines()[1:]
+    assert " mine " in table
+    assert note.startswith("mine has a single run of simple: its intervals do not tell")
+
+
+def test_plot(words: list[str], tmp_path: Path) -> None:
+    for name in ("flax", "matplotlib"):
+        pytest.importorskip(name)
+    out = tmp_path / "scores.png"
+    words += ["--reference", str(tmp_path / "reference.json"), "--plot", str(out)]
+    assert main(words) == 0
+    with Image.open(out) as picture:
+        assert picture.width > 1000
+        colours = np.asarray(picture.convert("RGB")).reshape(-1, 3)
+    # Both policies have a colour of their own, in bars and lines.
+    for colour in ((31, 119, 180), (255, 127, 14)):
+        assert (colours == colour).all(axis=1).sum() > 100
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ([], "jaxenstein score: give files of 'jaxenstein evaluate --json'"),
+        (["--label", "rnd"], "jaxenstein score: --label rnd needs files after the name"),
+        (["none.json"], "cannot"),
+        (["reference.json"], "reference.json"),
+        (["a.json", "--plot", "a.png"], "--plot draws normalised scores: give --reference"),
+        (["a.json", "--reference", "none.json"], "cannot read none.json: no such file"),
+        (["a.json", "--reference", "reference.json"], "there is no reference for 'key-door'"),
+        (["a.json", "--seed", "-1"], "argument --seed: must be a whole number from 0"),
+    ],
+)
+def test_wrong_arguments_get_one_line_and_code_2(
+    more: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_all(tmp_path, {"a.json": results_of("key-door", [[0.0], [1.0]])})
+    (tmp_path / "reference.json").write_text(json.dumps(REFERENCE))
+    assert main(["score", *more]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert message in err

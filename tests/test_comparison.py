@@ -1,0 +1,150 @@
+"""Results of files put together by policy and task, and refused where they cannot be compared."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from jaxenstein import SettingError
+from jaxenstein.comparison import Reference, gather, read_reference, run_returns, run_scores
+from jaxenstein.results import Results
+from tests.results_of import results_of, write_all
+
+ONE, TWO = [[0.0, 1.0], [1.0, 1.0]], [[0.5, 0.0], [0.0, 0.0]]
+
+
+def gathered(folder: Path, *results: Results, actions: str | None = None) -> dict[str, Any]:
+    paths = write_all(folder, {f"{n}.json": one for n, one in enumerate(results)})
+    return gather([(None, path) for path in paths], actions)
+
+
+def test_policies_are_told_by_name_and_actions(tmp_path: Path) -> None:
+    found = gathered(
+        tmp_path,
+        results_of("simple", ONE, "a", "greedy"),
+        results_of("simple", TWO, "a", "sampled"),
+        results_of("simple", TWO, "b", None),
+    )
+    assert list(found) == ["a, greedy", "a, sampled", "b"]
+    np.testing.assert_array_equal(found["a, greedy"]["simple"].returns, ONE)
+    paths = sorted(tmp_path.glob("*.json"))
+    sampled = gather([(None, path) for path in paths], "sampled")
+    assert list(sampled) == ["a", "b"]
+    np.testing.assert_array_equal(sampled["a"]["simple"].returns, TWO)
+    with pytest.raises(SettingError, match="no results of greedy actions"):
+        gather([(None, paths[1])], "greedy")
+
+
+def test_labels_put_files_together(tmp_path: Path) -> None:
+    paths = write_all(
+        tmp_path,
+        {
+            "a.json": results_of("simple", ONE, "simple-rnd"),
+            "b.json": results_of("t-maze", TWO, "t-maze-rnd"),
+            "c.json": results_of("simple", TWO, "simple-rnd", first=2),
+        },
+    )
+    found = gather([("rnd", path) for path in paths])
+    assert list(found) == ["rnd"]
+    assert list(found["rnd"]) == ["simple", "t-maze"]
+    together = found["rnd"]["simple"]
+    assert together.names == ("seed-0", "seed-1", "seed-2", "seed-3")
+    np.testing.assert_array_equal(together.returns, [*ONE, *TWO])
+    np.testing.assert_array_equal(together.successes, np.array([*ONE, *TWO]) > 0.5)
+    assert [runs.tolist() for runs in run_returns(found["rnd"])] == [
+        [0.5, 1.0, 0.25, 0.0],
+        [0.25, 0.0],
+    ]
+
+
+def test_defaults_that_are_named_are_no_difference(tmp_path: Path) -> None:
+    plain = results_of("simple", ONE, "a")
+    named = results_of("simple", TWO, "b", settings={"frame_skip": 1, "observation": "rgb"})
+    named_too = results_of("simple", TWO, "c", params={"goal_reward": 1.0})
+    assert list(gathered(tmp_path, plain, named, named_too)) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize(
+    ("others", "words"),
+    [
+        ({"version": 1}, "simple: the version is 0 in .*0.json and 1 in .*1.json; results of one"),
+        (
+            {"settings": {"frame_skip": 3}},
+            "simple: the setting 'frame_skip' is the default in .*0.json and 3 in",
+        ),
+        ({"params": {"goal_reward": 2.0}}, "the param 'goal_reward' is the default in .* and 2.0"),
+        # Neither can be built: they are compared as they are written.
+        ({"settings": {"frame_skip": "many"}}, "'frame_skip' is the default in .* and 'many' in"),
+        ({"settings": {"no_such": 1}}, "'no_such' is the default in"),
+        ({"policy": "a"}, "a on simple: the run 'seed-0' is in .*0.json and again in .*1.json"),
+        ({"policy": "a", "first": 2, "seed": 5}, "a on simple: seed 0 in .* and 5 in .*1.json"),
+        ({"task": "t-maze"}, "a has no results of t-maze, and b has: .* the same tasks"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(
+    others: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    two = results_of(**{"task": "simple", "returns": TWO, "policy": "b", **others})
+    with pytest.raises(SettingError, match=words):
+        gathered(tmp_path, results_of("simple", ONE, "a"), two)
+
+
+def test_runs_need_the_same_episodes(tmp_path: Path) -> None:
+    longer = results_of("simple", [[0.0, 1.0, 1.0]], "a", first=5)
+    with pytest.raises(SettingError, match=r"a on simple: episodes 2 in .*0\.json and 3 in"):
+        gathered(tmp_path, results_of("simple", ONE, "a"), longer)
+
+
+def test_maps_of_ones_own_go_by_their_name(tmp_path: Path) -> None:
+    settings = {"text": "#####\n#S.G#\n#####\n", "name": "hall"}
+    mine = results_of("", ONE, settings=settings)
+    mine = Results(**{**vars(mine), "environment": type(mine.environment)(None, 0, settings, {})})
+    assert list(gathered(tmp_path, mine)["mine"]) == ["hall"]
+
+
+def test_scores_lie_between_the_references(tmp_path: Path) -> None:
+    found = gathered(tmp_path, results_of("simple", ONE), results_of("t-maze", TWO))
+    reference = {"simple": Reference(0.5, 1.0), "t-maze": Reference(-0.75, 0.25)}
+    scores = run_scores(found["mine"], reference)
+    assert [runs.tolist() for runs in scores] == [[0.0, 1.0], [1.0, 0.75]]
+    with pytest.raises(SettingError, match="no reference for 't-maze', did you mean 't-mase'"):
+        run_scores(found["mine"], {"simple": Reference(0, 1), "t-mase": Reference(0, 1)})
+
+
+def test_reference_files(tmp_path: Path) -> None:
+    path = tmp_path / "reference.json"
+    path.write_text('{"simple": {"random": 0, "expert": 1.5, "episodes": 100}}')
+    assert read_reference(path) == {"simple": Reference(0.0, 1.5)}
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "cannot read .*reference.json: no such file"),
+        ("{", "reference.json is no JSON: "),
+        ("[" * 100_000, "reference.json is no JSON: "),
+        ("[]", "reference.json must hold "),
+        ('{"simple": 1}', "'simple' must be an object with 'random' and 'expert'"),
+        ('{"simple": {"random": 0}}', "'simple' must be an object with 'random' and 'expert'"),
+        *(
+            (json.dumps({"simple": {"random": 0, "expert": wrong}}), f"'simple': {words}")
+            for wrong, words in (
+                (0, "the expert's return must be above the random player's, and is 0 beside 0"),
+                *(
+                    (wrong, "the expert's return must be a finite number, not ")
+                    for wrong in (float("nan"), 10**400, "1", None, True, [1, 2])
+                ),
+            )
+        ),
+    ],
+)
+def test_wrong_reference_files_are_told(content: str | None, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "reference.json"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(SettingError, match=words):
+        read_reference(path)
