@@ -132,6 +132,7 @@ def results() -> Target:
         for one in jaxenstein.read_results("r.json"):
             jaxenstein.write_results("again.json", [one])
             (again,) = jaxenstein.read_results("again.json")
+            Path("again.json").unlink()
             assert again.to_json() == one.to_json()
 
     return Target(files, read, {".json": (tree_spoiler(known),) * 9}, named=True)
