@@ -100,8 +100,8 @@ def play(env: Env, params: Any, seed: int) -> tuple[Any, np.ndarray]:
 
 
 def interest() -> np.ndarray:
-    """float64[labels]: how much a view gains by showing a thing for the first time."""
-    worth = np.zeros(len(LABEL_NAMES))
+    """float64[256], by label: how much a view gains by showing a thing for the first time."""
+    worth = np.zeros(256)
     worth[list(WALL_LABELS)] = 0.6
     worth[list(DECAL_LABELS)] = 1.2
     worth[list(DOOR_LABELS)] = 2.0

@@ -13,7 +13,8 @@ import pytest
 
 import jaxenstein
 from examples.custom_task import Fruit
-from jaxenstein import SettingError, evaluate
+from jaxenstein import SettingError
+from jaxenstein.evaluation import evaluate
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
@@ -22,7 +23,7 @@ SEED = 7
 
 
 @pytest.fixture(scope="module")
-def world() -> Any:
+def world() -> tuple[Any, Any]:
     look = {"height": 8, "width": 12, "frame_skip": 3}
     env, params = jaxenstein.from_ascii(MAP, heading=(-3, 3), **look)
     return env, params.replace(max_steps_in_episode=40, living_reward=-0.01, move_distance=0.3)
@@ -71,7 +72,7 @@ def played(
 
 @pytest.mark.parametrize(("policy", "carry"), [(plain, None), (recurrent, MEMORY)])
 def test_episodes_are_those_of_a_loop_over_single_environments(
-    world: Any, policy: Any, carry: Any
+    world: tuple[Any, Any], policy: Any, carry: Any
 ) -> None:
     results = evaluate(*world, policy, carry, episodes=12, seed=SEED)
     act = jax.jit(policy)
@@ -91,7 +92,7 @@ def test_episodes_are_those_of_a_loop_over_single_environments(
     assert other.lengths.tolist() != results.lengths.tolist()
 
 
-def test_results_say_what_was_played(world: Any) -> None:
+def test_results_say_what_was_played(world: tuple[Any, Any]) -> None:
     done: list[float] = []
     env, params = world
     results = evaluate(env, params, plain, episodes=3, seed=SEED, notify=done.append)
@@ -118,7 +119,7 @@ def test_a_task_without_an_id_is_told_by_its_class() -> None:
     assert (built.height, built.width, int(numbers.max_steps_in_episode)) == (8, 12, 3)
 
 
-def test_weights_of_a_partial_are_no_part_of_the_program(world: Any) -> None:
+def test_weights_of_a_partial_are_no_part_of_the_program(world: tuple[Any, Any]) -> None:
     traced: list[int] = []
 
     def act(weights: jax.Array, obs: jax.Array, key: jax.Array) -> jax.Array:
@@ -136,7 +137,7 @@ def test_weights_of_a_partial_are_no_part_of_the_program(world: Any) -> None:
     assert len(traced) == before + 1
 
 
-def test_callables_that_cannot_be_hashed_are_policies(world: Any) -> None:
+def test_callables_that_cannot_be_hashed_are_policies(world: tuple[Any, Any]) -> None:
     @dataclasses.dataclass
     class Constant:
         action: Any
@@ -171,13 +172,13 @@ WRONG: dict[str, tuple[Any, Any, str]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_policies_are_told(world: Any, name: str) -> None:
+def test_wrong_policies_are_told(world: tuple[Any, Any], name: str) -> None:
     policy, carry, message = WRONG[name]
     with jax.numpy_dtype_promotion("standard"), pytest.raises(SettingError, match=message):
         evaluate(*world, policy, carry)
 
 
-def test_wrong_worlds_and_numbers_are_told(world: Any) -> None:
+def test_wrong_worlds_and_numbers_are_told(world: tuple[Any, Any]) -> None:
     env, params = world
     several = params.replace(living_reward=jnp.zeros(3))
     for given, settings, message in (
