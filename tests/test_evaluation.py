@@ -181,14 +181,14 @@ def test_wrong_policies_are_told(world: tuple[Any, Any], name: str) -> None:
 def test_wrong_worlds_and_numbers_are_told(world: tuple[Any, Any]) -> None:
     env, params = world
     several = params.replace(living_reward=jnp.zeros(3))
-    cases: tuple[tuple[Any, Any, str], ...] = (
+    cases: list[tuple[Any, Any, str]] = [
         ((world, params), {}, r"not a builtins.tuple; jaxenstein.make returns \(env, params\)"),
         (("simple", params), {}, "env must be an environment of jaxenstein.make, not a builtins"),
         ((env, several), {}, r"living_reward must have the shape \(\), not \(3,\)"),
         (world, {"episodes": 0}, "episodes must be a whole number from 1 on, not 0"),
         (world, {"episodes": 2.5}, "episodes must be a whole number"),
         (world, {"seed": -1}, "a seed must be a whole number from 0"),
-    )
+    ]
     for (env, params), settings, message in cases:
         with pytest.raises(SettingError, match=message):
             evaluate(env, params, plain, **settings)
