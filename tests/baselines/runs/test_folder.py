@@ -360,17 +360,18 @@ def test_a_training_that_never_began_leaves_what_was_there(
 
 
 def test_metrics_of_another_run_are_refused(experiment: Experiment, tmp_path: Path) -> None:
+    rows = [{"update": n, "steps": 8 * n, "episodes": 0, "a": None} for n in (1, 2, 5)]
+    lines = [json.dumps(row) + "\n" for row in rows]
     file = MetricsFile(tmp_path)
-    file.write([{"update": 1, "a": 2}, {"update": 2, "a": None}])
-    assert (tmp_path / METRICS).read_text() == '{"update": 1, "a": 2}\n{"update": 2, "a": null}\n'
+    file.write(rows[:2])
+    assert (tmp_path / METRICS).read_text() == "".join(lines[:2])
     with pytest.raises(SettingError, match=r"metrics.jsonl has 2 whole rows where .* needs 3"):
         MetricsFile(tmp_path, rows=3)
-    MetricsFile(tmp_path, rows=1).write([{"update": 5, "a": 0.5}])
-    kept = (tmp_path / METRICS).read_text()
-    assert kept == '{"update": 1, "a": 2}\n{"update": 5, "a": 0.5}\n'
+    MetricsFile(tmp_path, rows=1).write(rows[2:])
+    assert read_metrics(tmp_path) == [rows[0], rows[2]]
     with pytest.raises(SettingError, match="has metrics, but no checkpoint"):
         train(RunFolder.create(tmp_path, experiment))
-    assert (tmp_path / METRICS).read_text() == kept
+    assert len(read_metrics(tmp_path)) == 2
 
 
 RACE = """
