@@ -100,12 +100,12 @@ def play(env: Env, params: Any, seed: int) -> tuple[Any, np.ndarray]:
 
 
 def interest() -> np.ndarray:
-    """float64[256], by label: how much a view gains by showing a thing for the first time."""
-    worth = np.zeros(256)
+    """float64[labels]: how much a view gains by showing a thing for the first time."""
+    worth = np.zeros(len(LABEL_NAMES))
     worth[list(WALL_LABELS)] = 0.6
     worth[list(DECAL_LABELS)] = 1.2
     worth[list(DOOR_LABELS)] = 2.0
-    worth[list(THING_OF)] = 3.0
+    worth[[label for label in THING_OF if label < len(worth)]] = 3.0
     return worth
 
 

@@ -8,7 +8,6 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 
 from ..engine.art import MARKS, SIZE
@@ -80,6 +79,8 @@ def register_thing(
     thing = enter(dataclasses.replace(thing, art=_art(thing, picture)))
     if before not in (None, thing):
         # Programs of equal environments hold the picture that there was.
+        import jax  # Maps alone do not need it.
+
         jax.clear_caches()
     return thing
 
