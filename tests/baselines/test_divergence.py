@@ -14,18 +14,9 @@ pytest.importorskip("flax")
 from jaxenstein.baselines import Config, HParams, Learner
 from jaxenstein.baselines.divergence import Divergence, guard, of_state, updates_that_count
 from jaxenstein.baselines.state import TrainState
-from tests.baselines.worlds import Countdown
+from tests.baselines.worlds import OWN, SMALL, Countdown
 
-SMALL: dict[str, Any] = {
-    "num_envs": 4, "rollout": 6, "minibatches": 2, "epochs": 2, "features": 8, "hidden": 8,
-    "head": 8, "total_steps": 24 * 10, "anneal": False,
-}  # fmt: skip
-OWN: dict[str, Any] = {
-    "ppo": {},
-    "rnd": {"rnd_hidden": 8, "rnd_output": 8},
-    "icm": {"icm_latent": 8, "icm_hidden": 8},
-    "e3b": {"e3b_latent": 8, "e3b_hidden": 8},
-}
+STEADY = SMALL | {"anneal": False}
 SLOW = [pytest.param(algo, marks=pytest.mark.slow) for algo in ("rnd", "icm")]
 HUGE = 1e38
 
@@ -40,7 +31,7 @@ def one_of(tree: Any, run: int) -> Any:
 
 def learner_of(algo: str, **settings: Any) -> Learner:
     env = Countdown()
-    config = Config(**SMALL, algo=algo, bonus=OWN[algo], **settings)
+    config = Config(**STEADY, algo=algo, bonus=OWN[algo], **settings)
     return Learner(env, env.default_params, config)
 
 

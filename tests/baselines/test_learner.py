@@ -16,18 +16,8 @@ from jaxenstein.baselines import Config, HParams, Learner
 from jaxenstein.baselines.rollout import rollout
 from jaxenstein.baselines.simulator import GymnaxSimulator
 from jaxenstein.errors import SettingError
-from tests.baselines.worlds import Countdown, Memory
+from tests.baselines.worlds import OWN, SMALL, Countdown, Memory
 
-SMALL: dict[str, Any] = {
-    "num_envs": 4, "rollout": 6, "minibatches": 2, "epochs": 2, "features": 8, "hidden": 8,
-    "head": 8, "total_steps": 24 * 10,
-}  # fmt: skip
-OWN: dict[str, Any] = {
-    "ppo": {},
-    "rnd": {"rnd_hidden": 8, "rnd_output": 8},
-    "icm": {"icm_latent": 8, "icm_hidden": 8},
-    "e3b": {"e3b_latent": 8, "e3b_hidden": 8},
-}
 KEY = jax.random.key(0)
 # Numbers of two runs.
 MANY = HParams(learning_rate=np.array([1e-3, 0.0]), gamma=np.array([0.9, 0.5]))

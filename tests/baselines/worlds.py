@@ -14,6 +14,18 @@ from jaxenstein.environment import Environment, Info, Params, State
 from jaxenstein.spaces import Box
 from jaxenstein.tasks.navigation import Navigation, NavigationState
 
+# Settings of small trainings, and those of each algorithm.
+SMALL: dict[str, Any] = {
+    "num_envs": 4, "rollout": 6, "minibatches": 2, "epochs": 2, "features": 8, "hidden": 8,
+    "head": 8, "total_steps": 24 * 10,
+}  # fmt: skip
+OWN: dict[str, Any] = {
+    "ppo": {},
+    "rnd": {"rnd_hidden": 8, "rnd_output": 8},
+    "icm": {"icm_latent": 8, "icm_hidden": 8},
+    "e3b": {"e3b_latent": 8, "e3b_hidden": 8},
+}
+
 
 class CueState(State):
     """A state with a number that the agent is to know."""
