@@ -1,12 +1,14 @@
-"""The figures of the site's pages of environments and of its scoreboard.
+"""The figures of the site's pages of environments, of its scoreboard, and of the benchmark.
 
     python -m docs.measured returns [--episodes N] [ID ...]
     python -m docs.measured agent CONFIG RUN [--episodes N]
+    python -m docs.measured suite [--episodes N]
 
 The first writes docs/returns.json: returns of the scripted players, and the versions of
 environments and JAX; with ids, only their rows are measured anew. The second plays whole episodes
 with the agents of RUN, which `jaxenstein train --config CONFIG --out RUN` made, and puts their
-means into docs/agents.json. A configuration has one row.
+means into docs/agents.json. A configuration has one row. The third writes the reference returns of
+the benchmark, which come with the package, and the table of docs/suite.md.
 """
 
 from __future__ import annotations
@@ -21,22 +23,26 @@ from typing import Any
 import jax
 
 import jaxenstein
-from docs.page_parts import AGENTS, RETURNS, each
-from fidelity.players import measure
+from docs.other_pages import with_suite_tasks
+from docs.page_parts import AGENTS, HERE, RETURNS, each
+from fidelity.players import mean_and_error, measure
+from jaxenstein import suite
 from jaxenstein.baselines.runs.agents import evaluate_both, load_trained
 from jaxenstein.baselines.runs.metrics import read_seconds
 from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from jaxenstein.evaluation import evaluate_player
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.intervals import mean_interval
 from jaxenstein.progress import Progress
 
-PLAYED, TRIED = 256, 100
+SUITE = HERE / "suite.md"
+PLAYED, TRIED, REFERRED = 256, 100, 1000
 
 
 def players_of(name: str) -> tuple[str, ...]:
     """The players that play an environment: chance, and the one that knows the way."""
-    return "uniform", jaxenstein.make(name)[0].about().expert
+    return "random", jaxenstein.make(name)[0].about().expert
 
 
 def rows_of(name: str, episodes: int) -> list[dict[str, Any]]:
@@ -96,6 +102,21 @@ def measure_agent(options: argparse.Namespace) -> None:
     write(AGENTS, sorted([*kept, new], key=lambda row: row["config"]))
 
 
+def measure_suite(options: argparse.Namespace) -> None:
+    """Measure the random player and the expert of every task of the benchmark."""
+    check_writable(suite.REFERENCES)
+    rows = {}
+    for task in each([task.id for task in suite.TASKS], "playing"):
+        env, params = suite.make(task, test=True)
+        row: dict[str, Any] = {"version": env.version, "episodes": options.episodes}
+        for name in ("random", "expert"):
+            returns = evaluate_player(env, params, name, options.episodes).returns[0]
+            row[name], row[f"{name}_error"] = mean_and_error(returns)
+        rows[task] = row
+    write(suite.REFERENCES, rows)
+    SUITE.write_text(with_suite_tasks(SUITE.read_text("utf-8")), "utf-8")
+
+
 def write(file: Path, content: Any) -> None:
     """Write a file of figures."""
     with atomic(file) as temporary:
@@ -109,12 +130,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     what = parser.add_subparsers(required=True, metavar="WHAT")
     returns, agent = what.add_parser("returns"), what.add_parser("agent")
+    benchmark = what.add_parser("suite")
+    benchmark.set_defaults(run_it=measure_suite)
     returns.add_argument("ids", nargs="*", metavar="ID", help="(default: all but variants)")
     returns.set_defaults(run_it=measure_returns)
     agent.add_argument("config", metavar="CONFIG", help="such as experiments/simple-skip6.toml")
     agent.add_argument("run", type=Path, metavar="RUN")
     agent.set_defaults(run_it=measure_agent)
-    for each_parser, episodes in ((returns, PLAYED), (agent, TRIED)):
+    for each_parser, episodes in ((returns, PLAYED), (agent, TRIED), (benchmark, REFERRED)):
         each_parser.add_argument("--episodes", type=int, default=episodes, metavar="N")
     options = parser.parse_args(argv)
     options.run_it(options)

@@ -1,4 +1,4 @@
-"""The generated pages that are not of one environment: the scoreboard and the command line."""
+"""Generated pages and tables of no single environment: scoreboard, benchmark, command line."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from unittest import mock
 
 from docs.page_parts import stored_agents, stored_rows, table
+from jaxenstein import suite
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from jaxenstein.cli import build_parser
 
@@ -108,6 +109,25 @@ def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
         _reached(row, "greedy"),
         f"`{row['config']}`",
     )
+
+
+def suite_tasks() -> str:
+    """The tasks of the benchmark, for docs/suite.md."""
+    head = ("task", "tests", "why", "frame skip", "split", "random", "expert")
+    rows = []
+    for task in suite.TASKS:
+        ends = suite.references()[task.id]
+        split = "yes" if task.split else ""
+        returns = (f"{value:.4g}" for value in (ends.random, ends.expert))
+        name = f"`{task.id}`"
+        rows.append((name, task.ability, task.reason, str(task.frame_skip), split, *returns))
+    return table(head, rows, right=(3, 5, 6))
+
+
+def with_suite_tasks(page: str) -> str:
+    """The text of docs/suite.md with `suite_tasks` between its marks."""
+    block = re.compile(r"(<!-- suite tasks -->\n).*?(<!-- end -->)", re.DOTALL)
+    return block.sub(lambda found: f"{found[1]}{suite_tasks()}\n{found[2]}", page)
 
 
 def commands_page() -> str:

@@ -37,7 +37,7 @@ IDS = (
     "doom-take-cover",
 )
 # Players of any scenario, and the tics for which they keep an action; its own keep theirs for one.
-PLAYERS = (("idle", 1), ("uniform", 1), ("uniform", 4))
+PLAYERS = (("idle", 1), ("random", 1), ("random", 4))
 # Nobody looks: the smallest image that there is.
 UNSEEN = {"height": 1, "width": 1, "observation": "depth"}
 GAMES = 16

@@ -25,9 +25,9 @@ from jaxenstein.tasks.steering import centres, sample_heading
 # Measured with ViZDoom 1.3.2; skip 4 repeats each action four times, which players here do not.
 ORIGINALS = {
     ("health-gathering", "idle"): "284 exactly, dead after 384 steps",
-    ("health-gathering", "uniform"): "351.2 +- 4.3 (284 to 572); skip 4: 393.8 +- 7.3",
+    ("health-gathering", "random"): "351.2 +- 4.3 (284 to 572); skip 4: 393.8 +- 7.3",
     ("health-gathering", "greedy_medkits"): "2100 in 20 of 20",
-    ("my-way-home", "uniform_walk"): "success 7.0 +- 1.5 %; skip 4: 14 +- 2 %",
+    ("my-way-home", "random_walk"): "success 7.0 +- 1.5 %; skip 4: 14 +- 2 %",
 }
 _HEADINGS = 4
 
@@ -39,7 +39,7 @@ def mean_and_error(values: Any) -> tuple[float, float]:
     return float(values.mean()), float(error)
 
 
-def uniform_walk(env: Environment[Any, Any], params: Any) -> Choose:
+def random_walk(env: Environment[Any, Any], params: Any) -> Choose:
     """Draw turn left, turn right or forward: the buttons of the originals, without backward."""
     del env, params
 
@@ -50,7 +50,7 @@ def uniform_walk(env: Environment[Any, Any], params: Any) -> Choose:
     return choose
 
 
-UNIFORM_WALK = Player("draws turn left, turn right or forward", uniform_walk)
+RANDOM_WALK = Player("draws turn left, turn right or forward", random_walk)
 
 
 def first_states(env: Any, params: Any, count: int, seed: int) -> Any:
@@ -88,7 +88,7 @@ def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[s
     if turn is not None:
         params = params.replace(turn_angle=np.float32(math.radians(turn)))
     states = first_states(env, params, episodes, seed=0)
-    chosen = UNIFORM_WALK if player == "uniform_walk" else player_of(env, player)
+    chosen = RANDOM_WALK if player == "random_walk" else player_of(env, player)
     result = play(env, chosen, params, jax.random.key(1), states)
     returned = np.asarray(result.returned).tolist()
     mean, error = mean_and_error(returned)
@@ -134,8 +134,8 @@ def _ends_at_a_goal(name: str) -> bool:
 
 def _players_of(name: str) -> list[str]:
     env = make(name)[0]
-    walk = ["uniform_walk"] if env.num_actions > 3 else []
-    return ["idle", "uniform", *walk, env.about().expert]
+    walk = ["random_walk"] if env.num_actions > 3 else []
+    return ["idle", "random", *walk, env.about().expert]
 
 
 def main() -> None:

@@ -105,14 +105,14 @@ def _check_environments(entries: Sequence[_Entry]) -> None:
     first: dict[str, _Entry] = {}
     for entry in entries:
         other = first.setdefault(entry.task, entry)
-        if fault := _difference(other.results.environment, entry.results.environment):
+        if fault := difference(other.results.environment, entry.results.environment):
             raise SettingError(
                 f"{entry.task}: {fault[0]} is {fault[1]} in {other.path} and {fault[2]} in "
                 f"{entry.path}; results of one task need the same environment: score them apart"
             )
 
 
-def _difference(one: Spec, other: Spec) -> tuple[str, Any, Any] | None:
+def difference(one: Spec, other: Spec) -> tuple[str, Any, Any] | None:
     """What differs, with both values; a value that is not given is the default one."""
     if one.version != other.version:
         return "the version", one.version, other.version

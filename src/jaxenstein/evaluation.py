@@ -16,6 +16,7 @@ from .environment import AnyEnvironment, Environment
 from .episodes.session import check_seed
 from .errors import SettingError
 from .fields import check_whole
+from .players import play, player_of
 from .pytree import PyTreeNode
 from .results import Results
 from .spec import described
@@ -213,6 +214,50 @@ def evaluate(
         lengths=played.episode_length[None],
         successes=played.success[None],
     )
+
+
+def evaluate_player(
+    env: AnyEnvironment, params: Any, name: str = "expert", episodes: int = 100, seed: int = 0
+) -> Results:
+    """Play whole episodes with a scripted player, which sees the whole state.
+
+    Args:
+        env: as in `evaluate`.
+        params: as in `evaluate`.
+        name: "random", "idle", "expert", or a player of the task's own.
+        episodes: how many, at least 1.
+        seed: of all random choices, 0 to 2**32 - 1.
+
+    Returns:
+        As `evaluate`.
+
+    Raises:
+        SettingError: the task has no such player, or a number is out of range.
+    """
+    env = dataclasses.replace(env, autoreset=None, final_observation=False)
+    params = env.single_params(params)
+    check_whole("episodes", episodes, 1)
+    player = player_of(env, name)
+    reset_key, key = jax.random.split(jax.random.key(check_seed(seed), impl="threefry2x32"))
+    played = jax.device_get(
+        play(env, player, params, key, _first(env, params, reset_key, episodes))
+    )
+    return Results(
+        environment=described(env, params),
+        policy=name,
+        actions=None,
+        seed=seed,
+        names=(name,),
+        returns=played.returned[None],
+        lengths=played.length[None],
+        successes=played.successes[None] > 0,
+    )
+
+
+@functools.partial(jax.jit, static_argnums=(0, 3))
+def _first(env: AnyEnvironment, params: Any, key: jax.Array, episodes: int) -> Any:
+    """The first states of episodes."""
+    return jax.vmap(env.init_state, (0, None))(jax.random.split(key, episodes), params)
 
 
 def name_of(policy: Any) -> str:

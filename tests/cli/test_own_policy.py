@@ -116,7 +116,7 @@ def test_record_and_play_take_it(module: str, capsys: pytest.CaptureFixture[str]
         (["--policy", "{}:alone"], "must take (env, params) and return (policy, carry)"),
         (["--policy", "{}:logits"], "must be one whole number of shape ()"),
         (["--policy", "{}_not:forward"], "there is no module"),
-        (["--policy", "{}"], "--policy must be MODULE:FUNCTION, not"),
+        (["--policy", "{}"], "has no player 'agents_of"),
         (["--policy", "{}:forward", "--greedy"], "--run, --greedy and --in go with RUN"),
         (["--policy", "{}:forward", "runs/x"], "give either RUN, or --policy MODULE:FUNCTION"),
         ([], "give either RUN, or --policy MODULE:FUNCTION"),

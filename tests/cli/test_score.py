@@ -118,7 +118,10 @@ def test_plot(words: list[str], tmp_path: Path) -> None:
         (["--label", "rnd"], "jaxenstein score: --label rnd needs files after the name"),
         (["none.json"], "cannot"),
         (["reference.json"], "reference.json"),
-        (["a.json", "--plot", "a.png"], "--plot draws normalised scores: give --reference"),
+        (
+            ["a.json", "--plot", "a.png"],
+            "normalised scores: give --suite or --reference",
+        ),
         (["a.json", "--reference", "none.json"], "cannot read none.json: no such file"),
         (["a.json", "--reference", "reference.json"], "there is no reference for 'key-door'"),
         (["a.json", "--seed", "-1"], "argument --seed: must be a whole number from 0"),

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import jaxenstein
-from jaxenstein import registry
+from docs.other_pages import with_suite_tasks
+from jaxenstein import registry, suite
 from jaxenstein.cli import build_parser
 from tests.docs.samples import PAGES, ROOT, Sample, anchors, commands, links, prose, samples
 
@@ -137,3 +138,9 @@ def test_the_own_address_is_told_once() -> None:
     assert pyproject.count(address) == 1
     assert not [page for page, text in texts.items() if address in text]
     assert any("](repository:)" in text for text in texts.values())
+
+
+def test_the_benchmark_page_lists_the_tasks():
+    page = (ROOT / "docs/suite.md").read_text("utf-8")
+    assert with_suite_tasks(page) == page
+    assert f"which is {suite.VERSION}." in page

@@ -21,8 +21,8 @@ from tests.episodes.world import World
 def test_wrong_arguments_of_record(world: World) -> None:
     arguments: dict[str, Any]
     for arguments, words in (
-        ({"policy": "exprt"}, "has no policy 'exprt', did you mean 'expert'"),
-        ({"policy": "greedy_medkits"}, "has no policy 'greedy_medkits'"),
+        ({"policy": "exprt"}, "has no player 'exprt', did you mean 'expert'"),
+        ({"policy": "greedy_medkits"}, "has no player 'greedy_medkits'"),
         ({"policy": [2, 5]}, r"action 1 \(from 0\) is 5"),
         ({"policy": [2, 0.5]}, "one whole number"),
         ({"policy": lambda session: 0.5}, "one whole number"),

@@ -19,7 +19,7 @@ def test_every_task_names_its_expert_among_its_players(name):
     about = env.about()
     assert about.expert in about.players
     assert player_of(env) is about.players[about.expert]
-    assert list(players_of(env)) == ["idle", "uniform", *about.players]
+    assert list(players_of(env)) == ["idle", "random", *about.players]
     assert all(player.summary for player in players_of(env).values())
 
 
@@ -45,7 +45,7 @@ def test_what_a_task_says_of_itself_is_there(name):
 )
 def test_players_of_other_tasks_are_unknown(player, name):
     env, _ = jaxenstein.make(name, **SIZE)
-    with pytest.raises(SettingError, match=f"{name}' has no player '{player}'.* it has idle, unif"):
+    with pytest.raises(SettingError, match=f"{name}' has no player '{player}'.* it has idle, rand"):
         player_of(env, player)
 
 

@@ -196,6 +196,7 @@ def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()
     add_options(parser, environment_options(), (*without, "env"))
 
 
+SUITES = ("small", "large")
 OF_FILES, OWN = "FILE.npz or pretrained/NAME", "MODULE:FUNCTION"
 
 
@@ -215,3 +216,14 @@ def add_seed(parser: argparse._ActionsContainer) -> None:
     """Add --seed."""
     help = "seed of all random choices; the same seed gives the same result"
     flag(parser, "--seed S", help, whole(0, 2**32 - 1), 0)
+
+
+def add_suite(parser: argparse._ActionsContainer, help: str) -> None:
+    """Add --suite, whose value may be left out."""
+    parser.add_argument(
+        "--suite",
+        nargs="?",
+        const="small",
+        choices=SUITES,
+        help=f"{help}: small (the default), for a processor, or large, for an accelerator",
+    )

@@ -9,12 +9,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..episodes.policies import Scripted
 from ..files import check_writable
 from ..intervals import mean_interval
 from ..progress import Progress
 from ..view.episode import Pictures
 from ..view.recording import check_animation, save_animation
-from .arguments import OWN, Parser, UsageError, add_agent, add_options, add_seed, flag, real, whole
+from . import suite as suite_commands
+from .arguments import (
+    OWN,
+    Parser,
+    UsageError,
+    add_agent,
+    add_options,
+    add_seed,
+    add_suite,
+    flag,
+    real,
+    whole,
+)
 from .listing import format_table
 from .opening import (
     baselines,
@@ -46,7 +59,13 @@ finite parameters, and a warning says so.
 a doom- environment that is not a sparse variant.
 
 --policy MODULE:FUNCTION plays with your own policy, in --env ID or on --map-file FILE.
-{CONVENTION}"""
+{CONVENTION}
+--policy random, idle, expert or another player of the task plays with a scripted player, which sees
+the whole state.
+
+--suite tests an agent on every task of the benchmark, with sampled actions: RUN is a folder of
+'jaxenstein train --suite', or --policy plays. Tasks with a split are played on their test levels.
+'jaxenstein score --suite' takes the file of --json."""
 EPILOG = """\
 examples:
   jaxenstein evaluate runs/simple-rnd
@@ -58,6 +77,9 @@ examples:
   jaxenstein evaluate runs/few-levels --set levels=200,10000
   jaxenstein evaluate runs/dmlab --env dmlab-static-01-respawn
   jaxenstein evaluate --policy my_module:agent --env t-maze --json mine.json
+  jaxenstein evaluate --policy random --env t-maze
+  jaxenstein evaluate runs/rnd --suite --json rnd.json
+  jaxenstein evaluate --policy my_module:agent --suite --json mine.json
 """
 
 
@@ -65,7 +87,9 @@ def fill(parser: Parser) -> None:
     """Add the arguments."""
     help = "a run directory, FILE.npz or pretrained/NAME"
     parser.add_argument("folder", metavar="RUN", nargs="?", type=Path, help=help)
-    flag(parser, f"--policy {OWN}", "a policy of your own instead of RUN, in --env ID", str)
+    what = f"a scripted player, or {OWN} for a policy of your own, instead of RUN"
+    flag(parser, "--policy NAME", what, str)
+    add_suite(parser, "test on every task of the benchmark")
     flag(parser, "--episodes N", "episodes of each run", whole(), 100)
     add_seed(parser)
     flag(parser, "--json FILE", "also write every episode's results as JSON", Path)
@@ -88,10 +112,14 @@ def run(options: argparse.Namespace) -> None:
         raise UsageError(
             f"jaxenstein evaluate: give either RUN, or --policy {OWN} for an agent of your own"
         )
+    _check_policy(options)
     if options.json is not None:
         check_writable(options.json)
     if options.gif is not None:
         check_animation(options.gif)
+    if options.suite is not None:
+        _suite(options)
+        return
     evaluated = _own(options) if options.policy is not None else _trained(options)
     env = evaluated.env
     print(evaluated.heading)
@@ -104,6 +132,38 @@ def run(options: argparse.Namespace) -> None:
         print(f"wrote {options.json}")
     if options.gif is not None:
         _film(evaluated.actor(), options)
+
+
+def _check_policy(options: argparse.Namespace) -> None:
+    """Check that --policy goes with the other flags, and --suite too."""
+    text = options.policy
+    if text is not None:
+        if options.greedy or options.number is not None or options.game is not None:
+            raise UsageError(
+                "jaxenstein evaluate: --run, --greedy and --in go with RUN, not --policy"
+            )
+        if not is_own(text) and not text.isidentifier():
+            raise UsageError(
+                f"jaxenstein evaluate: --policy must be {OWN}, or the name of a player, not "
+                f"{text!r}; a run directory is given without --policy"
+            )
+    if options.suite is not None:
+        given = [f"--{name.replace('_', '-')}" for name in given_options(options)]
+        given += ["--gif"] * (options.gif is not None) + ["--in"] * (options.game is not None)
+        given += ["--greedy"] * options.greedy + ["--run"] * (options.number is not None)
+        if given:
+            raise UsageError(f"jaxenstein evaluate: --suite fixes {', '.join(given)}; leave it out")
+
+
+def _suite(options: argparse.Namespace) -> None:
+    """Test on all tasks of the benchmark."""
+    played = list(suite_commands.evaluated(options))
+    print(suite_commands.table(played))
+    if options.json is not None:
+        from ..results import write_results
+
+        write_results(options.json, [results for _, results in played])
+        print(f"wrote {options.json}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,17 +184,16 @@ class Evaluated:
 
 
 def _own(options: argparse.Namespace) -> Evaluated:
-    """Play with a policy of the user's own."""
-    from ..evaluation import evaluate
+    """Play with a policy of the user's own, or with a scripted player."""
+    from ..evaluation import evaluate, evaluate_player
+    from ..players import player_of
 
-    if options.greedy or options.number is not None or options.game is not None:
-        raise UsageError("jaxenstein evaluate: --run, --greedy and --in go with RUN, not --policy")
-    if not is_own(options.policy):
-        raise UsageError(
-            f"jaxenstein evaluate: --policy must be {OWN}, not {options.policy!r}; a run "
-            "directory is given without --policy"
-        )
     env, params, where = open_environment(named(given_options(options), "evaluate"))
+    heading = f"{options.policy} in {where}: {options.episodes} episodes"
+    if not is_own(options.policy):
+        results = evaluate_player(env, params, options.policy, options.episodes, options.seed)
+        scripted = Scripted(player_of(env, options.policy), env, params, options.policy)
+        return Evaluated(heading, env, {"its own": results}, lambda: scripted)
     own = load_own(options.policy, env, params)
     with Progress(options.episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate(
@@ -147,7 +206,6 @@ def _own(options: argparse.Namespace) -> Evaluated:
             own.name,
             notify=progress.update,
         )
-    heading = f"{own.name} in {where}: {options.episodes} episodes"
     return Evaluated(heading, env, {"its own": results}, lambda: own)
 
 

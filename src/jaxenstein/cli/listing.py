@@ -7,14 +7,15 @@ import textwrap
 from collections.abc import Mapping
 from typing import Any
 
-from .arguments import Parser, flag
+from .arguments import Parser, add_suite, flag
 from .opening import import_module_of
 
 HELP = "list the environments"
 DESCRIPTION = """\
 List the environments, with --all further sizes and variants in rows of their own, with
 --symbols the characters of text maps, with --samples small maps to play with, with
---pretrained the trained agents that come with this package.
+--pretrained the trained agents that come with this package, with --suite the tasks of the
+benchmark.
 """
 EPILOG = """\
 examples:
@@ -23,6 +24,7 @@ examples:
   jaxenstein list --symbols
   jaxenstein list --samples
   jaxenstein list --pretrained
+  jaxenstein list --suite
   jaxenstein list my_module:my-task
 """
 
@@ -42,6 +44,7 @@ def fill(parser: Parser) -> None:
     flag(parser, "--symbols", "explain the characters of text maps instead")
     flag(parser, "--samples", "the small maps to play with instead")
     flag(parser, "--pretrained", "the trained agents of this package instead")
+    add_suite(parser, "the tasks of the benchmark instead")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -59,6 +62,9 @@ def run(options: argparse.Namespace) -> None:
         return
     if options.pretrained:
         print(pretrained_agents())
+        return
+    if options.suite is not None:
+        print(tasks_of(options.suite))
         return
     from .. import registry
     from ..level_counts import level_counts
@@ -116,6 +122,37 @@ def pretrained_agents() -> str:
         "'jaxenstein play --policy pretrained/NAME' shows one, and with --greedy as it is then",
     )
     return "\n".join([format_table(table, right=(3, 4, 5, 6)), "", *notes])
+
+
+def tasks_of(name: str) -> str:
+    """The tasks of a suite, as text."""
+    from .. import suite
+
+    chosen, reference = suite.suite_of(name), suite.references()
+    rows = [("TASK", "ABILITY", "SKIP", "IMAGE", "SPLIT", "RANDOM", "EXPERT", "REASON")]
+    for task in suite.TASKS:
+        height, width = chosen.image or task.small
+        ends = reference[task.id]
+        rows.append(
+            (
+                task.id,
+                task.ability,
+                str(task.frame_skip),
+                f"{width}x{height}",
+                "yes" if task.split else "",
+                f"{ends.random:.4g}",
+                f"{ends.expert:.4g}",
+                task.reason,
+            )
+        )
+    notes = (
+        f"{name} suite, version {suite.VERSION}: {chosen.total_steps:,} decisions, {suite.SEEDS} "
+        f"seeds, {suite.EPISODES} test episodes of each agent with sampled actions",
+        "skip: steps of the world in one decision; image: columns x rows",
+        "split: agents train on one part of the levels and are tested on the other",
+        "random, expert: returns of the players that scores are normalised by",
+    )
+    return "\n".join([format_table(rows, right=(2, 3, 5, 6), width=LIST_WIDTH + 20), "", *notes])
 
 
 def extent(env: Any) -> str:

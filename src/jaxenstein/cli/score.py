@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .. import suite
 from ..files import atomic, check_writable
-from .arguments import Parser, UsageError, add_seed, flag
+from .arguments import Parser, UsageError, add_seed, add_suite, flag
 from .listing import format_table
 from .opening import baselines
 
@@ -33,11 +34,15 @@ refused, and so are policies with different tasks.
 With it the command shows the interquartile mean (IQM), mean, median and optimality gap over all
 tasks, as in Agarwal et al. 2021, with 95 % intervals from resampling the runs of every task. With
 two policies it shows the probability that a run of the first scores higher than one of the second.
+
+--suite scores results of 'jaxenstein evaluate --suite'. It needs all tasks of the benchmark, and
+uses the references that come with the package.
 """
 EPILOG = """\
 examples:
   jaxenstein score simple-rnd.json simple-ppo.json
   jaxenstein score --label rnd rnd/*.json --label ppo ppo/*.json --actions sampled
+  jaxenstein score rnd.json mine.json --suite --plot scores.png
   jaxenstein score rnd.json ppo.json --reference reference.json --plot scores.png --json scores.json
 """
 # What the table calls the aggregates.
@@ -79,6 +84,7 @@ def fill(parser: Parser) -> None:
         metavar=("NAME", "FILE"),
         help="files of one policy, and the name that it is shown by; may be given again",
     )
+    add_suite(parser, "the results are of the benchmark, whose references come with the package")
     flag(parser, "--reference FILE", "returns between which scores are normalised", Path)
     parser.add_argument(
         "--actions",
@@ -97,12 +103,20 @@ def run(options: argparse.Namespace) -> None:
     files = _files(options)
     if options.json is not None:
         check_writable(options.json)
+    if options.suite is not None and options.reference is not None:
+        raise UsageError("jaxenstein score: give either --suite or --reference FILE")
     if options.plot is not None:
-        if options.reference is None:
-            raise UsageError("jaxenstein score: --plot draws normalised scores: give --reference")
+        if options.suite is None and options.reference is None:
+            raise UsageError(
+                "jaxenstein score: --plot draws normalised scores: give --suite or --reference"
+            )
         baselines("curves").check_picture(options.plot)
     compared = gather(files, options.actions)
-    reference = None if options.reference is None else read_reference(options.reference)
+    reference = None
+    if options.suite is not None:
+        compared, reference = suite.check_compared(compared, options.suite), suite.references()
+    elif options.reference is not None:
+        reference = read_reference(options.reference)
     summary = None if reference is None else summarised(compared, reference, options.seed)
     chance = _chance(compared, options.seed)
     _print(compared, summary, chance, options.seed)

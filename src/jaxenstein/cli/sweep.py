@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import SettingError
 from ..files import check_links
 from .arguments import Parser, UsageError, flag, reader, whole
 from .listing import format_table
 from .opening import add_training_options, baselines, given_training, named, telling_warnings
-from .train import DIVERGED, add_training, carry_out, spread
+from .train import DIVERGED, add_training, beginning, carry_out, spread
 
 if TYPE_CHECKING:
-    from ..baselines.runs.folder import RunFolder
     from ..baselines.runs.sweeps import Point
 
 HELP = "train the grids of the paper, or others"
@@ -67,7 +64,10 @@ def run(options: argparse.Namespace) -> int:
     with telling_warnings():
         planned = sweeps.plan(given, algos, options.at_once, paper=not options.no_grid)
     check_links(options.out)
-    folders = [_folder(options, name, planned[name]) for name in planned]
+    folders = [
+        beginning(options.out / name, experiment, options.resume)
+        for name, experiment in planned.items()
+    ]
     codes = []
     for folder in folders:
         codes.append(carry_out(folder, options))
@@ -75,21 +75,6 @@ def run(options: argparse.Namespace) -> int:
             return codes[-1]
     print(table(sweeps.summary([folder.path for folder in folders])))
     return min(codes)
-
-
-def _folder(options: argparse.Namespace, name: str, experiment: object) -> RunFolder:
-    runs = baselines("folder")
-    path = options.out / name
-    if not options.resume and os.path.exists(path / runs.CONFIG):
-        raise UsageError(
-            f"jaxenstein sweep: there is a run in {path} already: --resume goes on with it, or "
-            "choose another folder"
-        )
-    try:
-        return runs.RunFolder.open_or_create(path, experiment)
-    except SettingError as error:
-        again = "; a sweep goes on with the options that it was begun with, given again"
-        raise SettingError(f"{error}{again if options.resume else ''}") from error
 
 
 def table(points: list[Point]) -> str:

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingError
+from ..files import check_links
 from ..machine import use_cores
 from ..progress import Progress
-from .arguments import Parser, flag, real, whole
+from .arguments import Parser, UsageError, add_suite, flag, real, whole
 from .opening import (
     IMPORT,
     add_training_options,
@@ -27,9 +28,11 @@ from .opening import (
     named,
     telling_warnings,
 )
+from .suite import planned as planned_suite
 
 if TYPE_CHECKING:
     from ..baselines.divergence import Divergence
+    from ..baselines.runs.experiment import Experiment
     from ..baselines.runs.folder import RunFolder
     from ..baselines.runs.metrics import Row, Sink
 
@@ -47,6 +50,7 @@ examples:
   jaxenstein train --out runs/simple-rnd --resume
   jaxenstein train --env key-door --algo rnd --recipe tuned --frame-skip 6 --out runs/key-door
   jaxenstein train --config maze.toml --learning-rate 1e-4 --out runs/maze
+  jaxenstein train --suite --algo rnd --out runs/rnd
 
 Ctrl-C stops after the current update, with a checkpoint. --resume continues from the newest
 checkpoint, also after a crash, with the same result as without the interruption. It takes every
@@ -85,6 +89,8 @@ def fill(parser: Parser) -> None:
     flag(out, "--out DIR", "the run directory, a new one", Path, required=True)
     flag(out, "--resume", "go on with the run in DIR")
     flag(out, "--config FILE", "options from a file: .toml, .yaml", Path)
+    add_suite(out, "train on every task of the benchmark, in DIR/TASK")
+    flag(out, "--budget X", "with --suite: the part of its decisions", real(0, 1000), 1.0)
     add_training(parser)
     add_training_options(parser)
 
@@ -120,9 +126,54 @@ def _end_after(minutes: str) -> float:
 def run(options: argparse.Namespace) -> int:
     """Train, and say how it went."""
     spread(options)
+    if options.suite is not None:
+        return train_suite(options)
+    if options.budget != 1:
+        raise UsageError("jaxenstein train: --budget goes with --suite; give --total-steps")
     with telling_warnings():
         folder = open_folder(options)
     return carry_out(folder, options)
+
+
+def train_suite(options: argparse.Namespace) -> int:
+    """Train on one task of a suite after the other.
+
+    Returns:
+        As `carry_out`, of the first task that was stopped; else the least of all.
+    """
+    check_links(options.out)
+    with telling_warnings():
+        planned = planned_suite(options.suite, given_training(options), options.budget)
+    folders = [
+        beginning(options.out / task, experiment, options.resume)
+        for task, experiment in planned.items()
+    ]
+    codes = [0]
+    for folder in folders:
+        codes.append(carry_out(folder, options))
+        if codes[-1] not in (0, DIVERGED):
+            return codes[-1]
+    return min(codes[1:])
+
+
+def beginning(path: Path, experiment: Experiment, resume: bool) -> RunFolder:
+    """The run directory of one of several trainings, a new one unless `resume`.
+
+    Raises:
+        UsageError: there is a run already, and `resume` is not set.
+        SettingError: the run there has another configuration.
+    """
+    runs = baselines("folder")
+    if not resume and os.path.exists(path / runs.CONFIG):
+        raise UsageError(
+            f"jaxenstein: there is a run in {path} already: --resume goes on with it, or choose "
+            "another folder"
+        )
+    try:
+        return runs.RunFolder.open_or_create(path, experiment)
+    except SettingError as error:
+        again = "; give the options again that the training was begun with"
+        raise SettingError(f"{error}{again if resume else ''}") from error
 
 
 def spread(options: argparse.Namespace) -> None:

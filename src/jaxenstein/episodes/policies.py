@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ..errors import SettingError, nearest
-
 if TYPE_CHECKING:
     from ..environment import AnyEnvironment
     from ..players import Player
@@ -95,17 +93,23 @@ class Forward:
 
 
 class Scripted:
-    """Plays as a scripted player, which sees the whole state."""
+    """Plays as a scripted player, which sees the whole state.
 
-    def __init__(self, player: Player, env: AnyEnvironment, params: Any) -> None:
+    Attributes:
+        env: the environment that it plays in.
+        params: its params.
+        name: of the player.
+        waits: as `Player.waits`.
+    """
+
+    def __init__(self, player: Player, env: AnyEnvironment, params: Any, name: str = "") -> None:
         """Take the player."""
-        self.waits = player.waits
-        self._params = params
+        self.env, self.params, self.name, self.waits = env, params, name, player.waits
         self._choose = _compiled(player, env)
 
     def __call__(self, session: Session) -> int:
         """What the player does in the state."""
-        return int(self._choose(self._params, session.policy_key(), session.state))
+        return int(self._choose(self.params, session.policy_key(), session.state))
 
 
 @functools.lru_cache(maxsize=32)
@@ -168,16 +172,8 @@ def named_policy(name: str, env: AnyEnvironment, params: Any, seed: int) -> Poli
     Raises:
         SettingError: there is none; the message names those of this environment.
     """
-    from ..players import players_of
+    from ..players import player_of
 
     if name == "forward":
         return Forward(env.action_names, np.random.default_rng(seed))
-    about, players = env.about(), players_of(env)
-    players["random"] = players.pop("uniform")
-    player = players.get(about.expert if name == "expert" else name)
-    if player is None:
-        known = [n for n in GENERAL if n != "expert" or about.expert] + list(about.players)
-        raise SettingError(
-            f"{env.name!r} has no policy {name!r}{nearest(name, known)}; it has {', '.join(known)}"
-        )
-    return Scripted(player, env, params)
+    return Scripted(player_of(env, name), env, params, name)

@@ -27,7 +27,7 @@ EXPERT = "expert"
 
 def players_of(env: AnyEnvironment) -> dict[str, Player]:
     """All players of an environment by name: nobody, chance, and those of its task."""
-    return {"idle": IDLE, "uniform": UNIFORM, **env.about().players}
+    return {"idle": IDLE, "random": UNIFORM, **env.about().players}
 
 
 def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
@@ -36,12 +36,12 @@ def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
     Raises:
         SettingError: the environment has no such player; the message names those it has.
     """
-    players = players_of(env)
-    wanted = env.about().expert if name == EXPERT else name
+    players, expert = players_of(env), env.about().expert
+    wanted = expert if name == EXPERT else name
     if wanted not in players:
-        known = ", ".join(players)
+        known = [*players, *[EXPERT] * bool(expert)]
         raise SettingError(
-            f"{env.name!r} has no player {name!r}{nearest(name, players)}; it has {known}"
+            f"{env.name!r} has no player {name!r}{nearest(name, known)}; it has {', '.join(known)}"
         )
     return players[wanted]
 

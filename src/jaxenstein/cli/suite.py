@@ -1,0 +1,142 @@
+"""What `--suite` does: train, test and list all tasks of the benchmark."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .. import suite
+from ..errors import SettingError
+from ..intervals import mean_interval
+from ..progress import Progress
+from .arguments import UsageError
+from .listing import format_table
+from .opening import baselines, telling_warnings
+from .own_policy import is_own, load_own
+
+if TYPE_CHECKING:
+    from ..baselines.runs.experiment import Experiment
+    from ..results import Results
+
+
+def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experiment]:
+    """The trainings of a suite by task.
+
+    Args:
+        name: of the suite.
+        given: the options of a file and of flags together.
+        budget: the part of the suite's decisions that each agent gets.
+
+    Raises:
+        UsageError: an option is given that the suite fixes.
+        JAXensteinError: an option has a wrong value.
+    """
+    from ..settings import PLACES, environment_options
+
+    chosen = suite.suite_of(name)
+    fixed = {*environment_options(), *PLACES, "total_steps"} & {*given}
+    if fixed:
+        flags = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(fixed))
+        raise UsageError(
+            f"jaxenstein train: --suite fixes {flags}; leave it out"
+            + ("; --budget X trains for a part of the decisions" * ("total_steps" in fixed))
+        )
+    resolve = baselines("options").resolve
+    common = {
+        "recipe": "tuned",
+        "seeds": suite.SEEDS,
+        **given,
+        "total_steps": round(chosen.total_steps * budget),
+    }
+    return {task.id: resolve({**common, **chosen.options(task)}) for task in suite.TASKS}
+
+
+def evaluated(options: argparse.Namespace) -> Iterator[tuple[suite.Task, Results]]:
+    """Test an agent on one task after the other.
+
+    Args:
+        options: of `evaluate`: `suite`, `folder` or `policy`, `episodes` and `seed`.
+
+    Raises:
+        SettingError: a run is missing, was trained in another environment, or is not done; or the
+            policy does not fit a task.
+    """
+    chosen = suite.suite_of(options.suite)
+    play = _policy(options) if options.policy is not None else _runs(options.folder, chosen)
+    for task in suite.TASKS:
+        with Progress(1, task.id, unit="tasks", compiles=True) as progress:
+            yield task, play(task, options.episodes, options.seed, progress.update)
+
+
+Play = Callable[[suite.Task, int, int, Callable[[float], object]], "Results"]
+
+
+def _policy(options: argparse.Namespace) -> Play:
+    """Test a policy that a module or a task names."""
+    from ..evaluation import evaluate, evaluate_player
+
+    def play(task: suite.Task, episodes: int, seed: int, notify: Any) -> Results:
+        env, params = suite.make(task.id, options.suite, test=True)
+
+        def part(done: float) -> None:
+            notify(done / episodes)
+
+        if not is_own(options.policy):
+            return evaluate_player(env, params, options.policy, episodes, seed)
+        own = load_own(options.policy, env, params)
+        return evaluate(env, params, own.policy, own.carry, episodes, seed, own.name, notify=part)
+
+    return play
+
+
+def _runs(folder: Path, chosen: suite.Suite) -> Play:
+    """Test the agents of `jaxenstein train --suite`."""
+    from ..comparison import difference
+
+    agents = baselines("agents")
+    found = {}
+    for task in suite.TASKS:
+        path = folder / task.id
+        with telling_warnings():
+            trained = agents.load_trained(path)
+        about = trained.experiment
+        if fault := difference(chosen.spec(task), about.environment):
+            raise SettingError(
+                f"{path}: {fault[0]} is {fault[2]}, and {fault[1]} in the {chosen.name} suite"
+            )
+        tested = dataclasses.replace(about, environment=chosen.spec(task, test=True))
+        found[task.id] = dataclasses.replace(trained, experiment=tested, name=folder.name)
+
+    def play(task: suite.Task, episodes: int, seed: int, notify: Any) -> Results:
+        trained = found[task.id]
+        total = episodes * len(trained.experiment.runs)
+        return agents.evaluate(
+            trained, episodes=episodes, seed=seed, notify=lambda done: notify(done / total)
+        )
+
+    return play
+
+
+def table(results: list[tuple[suite.Task, Results]]) -> str:
+    """Means of all tasks with their intervals, as text."""
+    reference = suite.references()
+    rows = [("TASK", "RETURN", "95 %", "SUCCESS", "STEPS", "RANDOM", "EXPERT", "SCORE")]
+    for task, result in results:
+        earned, ends = mean_interval(result.returns), reference[task.id]
+        score = (earned.mean - ends.random) / (ends.expert - ends.random)
+        rows.append(
+            (
+                task.id,
+                f"{earned.mean:.4g}",
+                f"{earned.low:.4g} - {earned.high:.4g}",
+                f"{result.successes.mean():.1%}",
+                f"{result.lengths.mean():.4g}",
+                f"{ends.random:.4g}",
+                f"{ends.expert:.4g}",
+                f"{score:.3f}",
+            )
+        )
+    return format_table(rows, right=(1, 2, 3, 4, 5, 6, 7))

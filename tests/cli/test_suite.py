@@ -1,0 +1,118 @@
+"""`--suite` of train, evaluate, score and list."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("flax")
+
+from jaxenstein import suite
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.cli import main
+from jaxenstein.results import read_results
+
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
+# A sixteenth of a thousandth of the budget is 187 decisions.
+LITTLE = ["--budget", "0.0000625", "--num-envs", "4", "--rollout", "32", "--minibatches", "2"]
+TINY = ["--features", "8", "--hidden", "8", "--head", "8", "--epochs", "1", "--seeds", "2"]
+
+
+@pytest.fixture
+def two_tasks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A benchmark of two tasks, and an empty folder to work in."""
+    tasks = tuple(suite.task_of(name) for name in ("t-maze", "simple"))
+    monkeypatch.setattr(suite, "TASKS", tasks)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.usefixtures("two_tasks")
+def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
+    train = ["train", "--suite", "--out", "rnd", "--algo", "rnd", *LITTLE, *TINY]
+    assert main(train) == 0
+    for task in ("t-maze", "simple"):
+        about = RunFolder.open(f"rnd/{task}").experiment
+        assert about.environment == suite.SUITES["small"].spec(suite.task_of(task))
+        assert (about.config.algo, about.recipe, about.config.total_steps) == ("rnd", "tuned", 188)
+    assert main(train) == 2
+    assert "there is a run in rnd/t-maze already: --resume" in capsys.readouterr().err
+    assert main([*train, "--resume"]) == 0
+
+    assert main(["evaluate", "rnd", "--suite", "--episodes", "2", "--json", "rnd.json"]) == 0
+    shown = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert [line[0] for line in shown[-3:-1]] == ["t-maze", "simple"]
+    results = read_results("rnd.json")
+    assert [(one.policy, one.actions, one.returns.shape) for one in results] == [
+        ("rnd", "sampled", (2, 2))
+    ] * 2
+
+    other = [
+        "evaluate",
+        "--policy",
+        "expert",
+        "--suite",
+        "--episodes",
+        "2",
+        "--json",
+        "expert.json",
+    ]
+    assert main(other) == 0
+    assert main(["score", "rnd.json", "expert.json", "--suite", "--json", "scores.json"]) == 0
+    scored = json.loads(Path("scores.json").read_text())
+    assert "expert" in json.dumps(scored)
+    shown = capsys.readouterr().out
+    assert "IQM" in shown
+    # The expert's score of a task is 1 by definition; its IQM over two tasks as well.
+    aggregates = shown[shown.index("IQM") :]
+    (expert,) = [line.split() for line in aggregates.splitlines() if line.startswith("expert ")]
+    assert float(expert[1]) == 1
+
+
+@pytest.mark.usefixtures("two_tasks")
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--frame-skip", "2"], "--suite fixes --frame-skip; leave it out"),
+        (["--env", "simple"], "--suite fixes --env; leave it out"),
+        (["--total-steps", "100"], "--suite fixes --total-steps; leave it out; --budget X trains"),
+        (["--budget", "0.00001"], "rollout = 8192, one update, not 30"),
+        (["--budget", "-1"], "--budget"),
+    ],
+)
+def test_what_the_suite_fixes_is_refused(
+    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["train", "--suite", "--out", "new", *words]) == 2
+    assert told in capsys.readouterr().err
+    assert not Path("new").exists()
+
+
+@pytest.mark.usefixtures("two_tasks")
+def test_evaluate_refuses_what_does_not_belong_together(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for words, told in (
+        (["evaluate", "none", "--suite"], "no run"),
+        (["evaluate", "none", "--suite", "--env", "simple"], "--suite fixes --env"),
+        (["evaluate", "none", "--suite", "--gif", "a.gif"], "--suite fixes --gif"),
+        (["evaluate", "--policy", "exprt", "--suite"], "no player 'exprt', did you mean 'expert'"),
+        (
+            ["evaluate", "--policy", "a/b", "--env", "simple"],
+            "--policy must be MODULE:FUNCTION, or",
+        ),
+        (["train", "--budget", "0.1", "--out", "new"], "--budget goes with --suite"),
+        (["score", "r.json", "--suite", "--reference", "f"], "either --suite or --reference"),
+    ):
+        assert main(words) == 2, words
+        assert told in capsys.readouterr().err, words
+
+
+def test_the_list_shows_every_task(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--suite", "large"]) == 0
+    shown = capsys.readouterr().out
+    assert all(f"\n{task.id} " in f"\n{shown}" for task in suite.TASKS)
+    assert "64x64" in shown
+    assert "30,000,000 decisions" in shown

@@ -1,0 +1,104 @@
+"""The benchmark: its tasks, their environments, and what counts as a result of it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+import jaxenstein
+from jaxenstein import suite
+from jaxenstein.catalogue import ENTRIES
+from jaxenstein.comparison import gather
+from jaxenstein.errors import SettingError
+from jaxenstein.evaluation import evaluate_player
+from tests.results_of import results_of, write_all
+
+WORLD = "######\n#S  G#\n######"
+
+
+def own_results(size: str = "small"):
+    """Results of a policy on every task, as `evaluate` writes them."""
+    found = []
+    for task in suite.TASKS:
+        spec = suite.SUITES[size].spec(task, test=True)
+        one = results_of(task.id, [[1.0, 0.0]])
+        found.append(dataclasses.replace(one, environment=spec))
+    return found
+
+
+def compared(tmp_path, results):
+    return gather([(None, path) for path in write_all(tmp_path, {"mine.json": results})])
+
+
+def test_every_task_exists_in_its_version_and_has_references():
+    rows = suite.reference_rows()
+    assert [*rows] == [task.id for task in suite.TASKS]
+    for task in suite.TASKS:
+        assert ENTRIES[task.id].version == task.version == rows[task.id]["version"], task.id
+        assert rows[task.id]["episodes"] == 1000
+        ends = suite.references()[task.id]
+        # A random player far from the expert, beyond the errors of both.
+        errors = rows[task.id]["random_error"] + rows[task.id]["expert_error"]
+        assert ends.expert - ends.random > 10 * errors
+
+
+def test_both_suites_have_the_same_tasks_in_other_sizes():
+    for task in suite.TASKS:
+        small, large = (suite.SUITES[name].options(task) for name in ("small", "large"))
+        assert (large.pop("height"), large.pop("width")) == (64, 64)
+        assert (small.pop("height"), small.pop("width")) == task.small
+        assert small == large
+    assert suite.SUITES["large"].total_steps == 10 * suite.SUITES["small"].total_steps
+
+
+def test_tasks_of_generalisation_are_tested_on_their_test_levels():
+    task = next(task for task in suite.TASKS if task.split)
+    sides = [getattr(suite.make(task.id, test=test)[0], "split") for test in (False, True)]  # noqa: B009
+    assert sides == ["train", "test"]
+
+
+def test_wrong_names_are_told():
+    with pytest.raises(SettingError, match="no task 't-maz', did you mean 't-maze'.*; it has simp"):
+        suite.make("t-maz")
+    with pytest.raises(SettingError, match="suite must be one of 'small', 'large', not 'medium'"):
+        suite.make("t-maze", "medium")
+
+
+def test_results_are_put_in_the_order_of_the_benchmark(tmp_path):
+    checked = suite.check_compared(compared(tmp_path, own_results()[::-1]), "small")
+    assert [*checked["mine"]] == [task.id for task in suite.TASKS]
+
+
+def test_results_of_other_settings_are_refused(tmp_path):
+    results = own_results()
+    with pytest.raises(SettingError, match="mine has no results of simple: .* needs all tasks"):
+        suite.check_compared(compared(tmp_path, results[1:]), "small")
+    with pytest.raises(SettingError, match="'height' is 16, and 64 in the large suite"):
+        suite.check_compared(compared(tmp_path, results), "large")
+    on_train = [
+        dataclasses.replace(one, environment=suite.SUITES["small"].spec(task))
+        for task, one in zip(suite.TASKS, results, strict=True)
+    ]
+    with pytest.raises(SettingError, match="'split' is 'train', and 'test' in the small suite"):
+        suite.check_compared(compared(tmp_path, on_train), "small")
+    more = [*results, results_of("my-way-home", [[1.0, 0.0]])]
+    with pytest.raises(SettingError, match="the benchmark has no task 'my-way-home'"):
+        suite.check_compared(compared(tmp_path, more), "small")
+
+
+@pytest.mark.parametrize("frame_skip", [1, 2])
+def test_scripted_players_are_evaluated(frame_skip):
+    env, params = jaxenstein.from_ascii(WORLD, heading=0, height=8, width=8, frame_skip=frame_skip)
+    params = params.replace(max_steps_in_episode=40)
+    best = evaluate_player(env, params, "expert", episodes=3)
+    assert best.returns.tolist() == [[1.0] * 3]
+    assert best.successes.all()
+    # Three tiles of 0.15 each, less the reach of the goal.
+    assert (best.lengths < 3 / 0.15 / frame_skip + 1).all()
+    idle = evaluate_player(env, params, "idle", episodes=2)
+    assert idle.lengths.tolist() == [[40 // frame_skip] * 2]
+    assert not idle.returns.any()
+    assert not idle.successes.any()
+    with pytest.raises(SettingError, match="no player 'expart', did you mean 'expert'"):
+        evaluate_player(env, params, "expart")
