@@ -59,7 +59,7 @@ def test_tasks_of_generalisation_are_tested_on_their_test_levels():
 
 
 def test_wrong_names_are_told():
-    with pytest.raises(SettingError, match="no task 't-maz', did you mean 't-maze'.*; it has simp"):
+    with pytest.raises(SettingError, match=r"no task 't-maz', did you mean 't-maze'.*; it has sim"):
         suite.make("t-maz")
     with pytest.raises(SettingError, match="suite must be one of 'small', 'large', not 'medium'"):
         suite.make("t-maze", "medium")
@@ -72,7 +72,7 @@ def test_results_are_put_in_the_order_of_the_benchmark(tmp_path):
 
 def test_results_of_other_settings_are_refused(tmp_path):
     results = own_results()
-    with pytest.raises(SettingError, match="mine has no results of simple: .* needs all tasks"):
+    with pytest.raises(SettingError, match=r"mine has no results of simple: .* needs all tasks"):
         suite.check_compared(compared(tmp_path, results[1:]), "small")
     with pytest.raises(SettingError, match="'height' is 16, and 64 in the large suite"):
         suite.check_compared(compared(tmp_path, results), "large")
