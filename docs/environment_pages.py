@@ -25,6 +25,7 @@ from docs.page_parts import (
     fidelity,
     history,
     info_table,
+    link_to,
     returns,
     table,
 )
@@ -284,9 +285,7 @@ def _card(name: str) -> str:
 def _overview_row(name: str) -> tuple[str, ...]:
     env, params = built(name)
     horizon, discount = int(params.max_steps_in_episode), float(params.discount)
-    place = (ENTRIES[name].variant_of and "variants") or name
-    link = f"[`{name}`]({page_of(name)}.md#{place})"
-    return link, extent(env), rewards(name), str(horizon), f"{discount:g}"
+    return link_to(name), extent(env), rewards(name), str(horizon), f"{discount:g}"
 
 
 @functools.cache

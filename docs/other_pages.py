@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from typing import Any
 from unittest import mock
 
-from docs.page_parts import stored_agents, stored_rows, table
-from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from docs.page_parts import link_to, stored_agents, stored_rows, table
+from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli import build_parser
 
 INTRODUCTION = """\
@@ -65,17 +65,13 @@ def scoreboard() -> str:
         stored = stored_rows(name)
         told = [f"{row['mean']:.4g} ({100 * row['success']:.0f} %)" for row in stored]
         best = max((_best(row) for row in agents if row["id"] == name), default=(0.0, ""))
-        beside.append((_link(name), *(told or ["not measured yet", ""]), best[1]))
+        beside.append((link_to(name), *(told or ["not measured yet", ""]), best[1]))
     return SCOREBOARD.format(
         played=stored_rows("simple")[0]["episodes"],
         episodes=agents[0]["episodes"],
         beside=table(BESIDE, beside, right=(1, 2, 3)),
         trained=table(TRAINED, [_row(row) for row in agents], right=(1, 4, 5, 6, 7, 8)),
     )
-
-
-def _link(name: str) -> str:
-    return f"[`{name}`]({ENTRIES[name].family}.md#{name})"
 
 
 def _best(row: Mapping[str, Any]) -> tuple[float, str]:
@@ -97,7 +93,7 @@ def _reached(row: Mapping[str, Any], way: str) -> str:
 
 def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
     return (
-        _link(row["id"]),
+        link_to(row["id"]),
         str(row["frame_skip"]),
         row["sees"],
         row["algo"].upper(),

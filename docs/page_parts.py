@@ -94,6 +94,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[in
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
+def link_to(name: str) -> str:
+    """A link to the section of an environment, or to the table that lists it as a variant."""
+    entry = ENTRIES[name]
+    return f"[`{name}`]({entry.family}.md#{'variants' if entry.variant_of else name})"
+
+
 def turned(text: str) -> str:
     """A page whose links to Markdown outside of docs lead to the page that shows it, or nowhere."""
 

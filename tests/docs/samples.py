@@ -69,9 +69,9 @@ def prose(page: Path) -> str:
     return re.sub(r"^```python\n.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
 
 
-def anchors(page: Path) -> set[str]:
-    """The anchors of a page's headings, as the site and GitHub make them."""
-    headings = re.findall(r"^#+ (.+)$", prose(page), re.MULTILINE)
+def anchors(text: str) -> set[str]:
+    """The anchors of the headings of a page without Python, as the site and GitHub make them."""
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
     plain = [re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower() for heading in headings]
     return {re.sub(r"[^\w -]", "", heading).strip().replace(" ", "-") for heading in plain}
 

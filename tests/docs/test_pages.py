@@ -67,7 +67,7 @@ def test_linked_headings_exist(page: Path) -> None:
     assert [
         f"{place.name}#{anchor}"
         for place, anchor in places
-        if place.exists() and anchor not in anchors(place)
+        if place.exists() and anchor not in anchors(prose(place))
     ] == []
 
 
