@@ -2,7 +2,7 @@
 
     python -m docs.environment_pages     # writes docs/environments/*.md
 
-Numbers come from the environments themselves, differences to the originals from docs/fidelity.md,
+Numbers come from the environments themselves, differences to the originals from docs/originals,
 changes from CHANGELOG.md, returns and trained agents from docs/returns.json and docs/agents.json
 (`python -m docs.measured`), pictures and animations from `python -m docs.pictures`.
 """

@@ -13,7 +13,8 @@ import jax
 ROOT = Path(__file__).parents[2]
 GENERATED = ROOT / "docs" / "commands.md"
 PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").glob("*.md")} - {GENERATED})]
-PAGES += sorted((ROOT / "docs" / "benchmarks").glob("*.md"))
+for folder in ("benchmarks", "originals"):
+    PAGES += sorted((ROOT / "docs" / folder).glob("*.md"))
 # What every sample may import: all else is a partner that may not be installed.
 AT_HAND = {*sys.stdlib_module_names, "PIL", "custom_task", "custom_thing", "custom_world"}
 AT_HAND |= {"examples", "jax", "jaxenstein", "numpy"}
