@@ -129,6 +129,15 @@ def test_commands_are_understood(page: Path) -> None:
             assert set(extras.split(",")) <= set(project["optional-dependencies"])
 
 
+def test_the_classes_of_the_architecture_are_where_the_page_says() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| `([\w/.]+)` \|", text, re.MULTILINE)
+    assert len(rows) == 10
+    for name, file in rows:
+        source = place(f"src/jaxenstein/{file}").read_text("utf-8")
+        assert re.search(rf"^class {name}\b", source, re.MULTILINE), name
+
+
 def test_the_own_address_is_told_once() -> None:
     """It is a placeholder until the project is published."""
     pyproject = (ROOT / "pyproject.toml").read_text("utf-8")
