@@ -33,7 +33,6 @@ OF_ALL = {
 SHOWN = {
     "../CHANGELOG.md": "changelog.md",
     "../CONTRIBUTING.md": "contributing.md",
-    "../benchmarks/README.md": "measuring.md",
 }
 """Files outside of docs that pages of it show."""
 

@@ -87,8 +87,8 @@ def test_stored_returns_are_of_these_versions() -> None:
 
 
 def test_links_to_pages_outside_of_the_site_lead_to_those_that_show_them() -> None:
-    text = "[how](../benchmarks/README.md#x), [programs](../examples/README.md), [me](concepts.md)"
-    assert page_parts.turned(text) == "[how](measuring.md#x), programs, [me](concepts.md)"
+    text = "[how](../CONTRIBUTING.md#x), [programs](../examples/README.md), [me](concepts.md)"
+    assert page_parts.turned(text) == "[how](contributing.md#x), programs, [me](concepts.md)"
     for target, page in page_parts.SHOWN.items():
         assert f"{{include}} {target}" in (DOCS / page).read_text("utf-8")
 
