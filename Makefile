@@ -109,7 +109,7 @@ $(VENV)/.dev: $(VENV)/.core
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core
-	@echo "Installing Sphinx, furo and MyST for the documentation ..."
+	@echo "Installing Sphinx, furo, MyST, flax and optax for the documentation ..."
 	@$(PIP) --editable '.[docs]'
 	@touch $@
 

@@ -27,7 +27,8 @@ project = "JAXenstein"
 author = "The JAXenstein developers"
 version = release = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
-exclude_patterns = ["_build"]
+# The pages of the environments include the files of `originals`.
+exclude_patterns = ["_build", "originals"]
 source_suffix = {".md": "markdown"}
 default_role = "code"
 # Blocks without a language are commands.

@@ -1,4 +1,4 @@
-"""The pictures of docs/engine.md, drawn from what the engine really computes.
+"""The pictures of docs/architecture.md, drawn from what the engine really computes.
 
     python -m docs.pictures engine     # writes docs/images/engine/*.png
 

@@ -2,7 +2,7 @@
 
     python -m docs.environment_pages     # writes docs/environments/*.md
 
-Numbers come from the environments themselves, differences to the originals from docs/fidelity.md,
+Numbers come from the environments themselves, differences to the originals from docs/originals,
 changes from CHANGELOG.md, returns and trained agents from docs/returns.json and docs/agents.json
 (`python -m docs.measured`), pictures and animations from `python -m docs.pictures`.
 """
@@ -25,6 +25,7 @@ from docs.page_parts import (
     fidelity,
     history,
     info_table,
+    link_to,
     returns,
     table,
 )
@@ -63,8 +64,8 @@ def overview() -> str:
     pages = "\n".join(family.name for family in FAMILIES)
     return f"""# Environments
 
-Each card leads to the rules. The episodes, or the beginnings of long ones, are those of the
-scripted player that knows the way; an agent sees the picture on the left only.
+Each card leads to the rules and shows an episode, or the beginning of a long one. It is played by
+the scripted player that knows the way. An agent sees only the picture on the left.
 
 <div class="gallery">
 {cards}
@@ -97,7 +98,7 @@ def page(family: Family) -> str:
 
 {family.text.strip()}
 
-Actions: {named}. Any other number does nothing and takes its time.
+Actions: {named}. Any other number does nothing, and the step takes its time.
 
 {sections}
 {variants(family)}{looks(family)}## What a step tells
@@ -106,7 +107,7 @@ Actions: {named}. Any other number does nothing and takes its time.
 
 ## Params
 
-`params.replace(...)` changes these numbers, and `jax.vmap` takes arrays of them.
+`params.replace(...)` changes these numbers. `jax.vmap` takes arrays of them.
 
 {params_table(family)}
 
@@ -163,7 +164,7 @@ def section(name: str) -> str:
 
 {table(("", ""), facts(name))}
 
-Six views with the map at the time of the first, and the map at the start of an episode:
+Six views beside the map at the time of the first view, and the map at the start of an episode:
 
 ```{{image}} {picture}.png
 :alt: The map of {name} and six views of it
@@ -188,11 +189,11 @@ def agent(name: str) -> str:
     decisions = plain["agent"]["update"] * plain["config"]["num_envs"] * plain["config"]["rollout"]
     sees = f"{settings['width']}x{settings['height']} {settings.get('observation', 'rgb')}"
     return f"""
-A trained agent, and what it sees: {plain["config"]["algo"].upper()} on {sees} with frame skip
-{settings.get("frame_skip", 1)}, {decisions:,} decisions; success in
+A trained agent and its view: {plain["config"]["algo"].upper()} on {sees} with frame skip
+{settings.get("frame_skip", 1)}, {decisions:,} decisions, success in
 {score["success"]["mean"]:.0%} of {score["episodes"]} episodes.
-`jaxenstein play --policy pretrained/{name}` shows it, and the [scoreboard](scoreboard.md) those
-that were trained with it.
+`jaxenstein play --policy pretrained/{name}` shows it. The [scoreboard](scoreboard.md) has the
+agents that were trained with it.
 
 {moving(f"{name}-agent")}
 """
@@ -284,9 +285,7 @@ def _card(name: str) -> str:
 def _overview_row(name: str) -> tuple[str, ...]:
     env, params = built(name)
     horizon, discount = int(params.max_steps_in_episode), float(params.discount)
-    place = (ENTRIES[name].variant_of and "variants") or name
-    link = f"[`{name}`]({page_of(name)}.md#{place})"
-    return link, extent(env), rewards(name), str(horizon), f"{discount:g}"
+    return link_to(name), extent(env), rewards(name), str(horizon), f"{discount:g}"
 
 
 @functools.cache

@@ -9,41 +9,40 @@ from collections.abc import Mapping
 from typing import Any
 from unittest import mock
 
-from docs.page_parts import stored_agents, stored_rows, table
+from docs.page_parts import link_to, stored_agents, stored_rows, table
 from jaxenstein import suite
-from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli import build_parser
 
 INTRODUCTION = """\
 # Command line
 
 `jaxenstein COMMAND --help` prints the text of this page. The exit status is 2 for wrong arguments,
-with a message that says what would be right; 1 if something could not be written or run, or if a
-replay differs; 3 if all runs of a training diverged.
+and the message says what would be right. It is 1 if something cannot be written or run, or if a
+replay differs, and 3 if all runs of a training diverge.
 
 Commands keep the programs that JAX compiles in `~/.cache/jaxenstein` (or below `XDG_CACHE_HOME`),
-at most about 1 GiB, so that a second call begins at once. `--no-cache` leaves the folder alone, and
-`JAX_COMPILATION_CACHE_DIR` names another one."""
+at most about 1 GiB, so a second call begins at once. `--no-cache` leaves the folder alone.
+`JAX_COMPILATION_CACHE_DIR` names another folder."""
 
 BESIDE = ("id", "random player", "player that knows the way", "best agents")
 TRAINED = ("id", "frame skip", "sees", "algorithm", "seeds", "decisions a seed", "minutes of all",
            "sampled", "greedy", "configuration")  # fmt: skip
 SCOREBOARD = """# Scoreboard
 
-Mean return and, in brackets, the share of episodes with success, of a player that samples every
-action uniformly and of one that knows the way and sees the whole state, over {played} episodes
-each; the pages of the environments have the standard errors. Beside them the success of the agents
-below, of several the best, or their return where a task has no success; empty where none were
-trained.
+This table compares trained agents with a random player and with a player that knows the way and
+sees the whole state. Players: mean return, and in brackets success, over {played} episodes each;
+the pages of the environments have the standard errors. Agents: success of the best ones below, or
+their return where a task has no success.
 
 {beside}
 
 ## Agents
 
 Success, or return where a task has no success, over all seeds and {episodes} episodes of each, with
-95 % bootstrap intervals; greedy takes the most likely actions, sampled samples them. The players
-above act at frame skip 1 and agents as the table says, which changes what a random player gets too.
-Minutes are of one core for all seeds side by side, compiling included.
+95 % bootstrap intervals. "Greedy" takes the most likely action, "sampled" samples one. Minutes are
+for all seeds side by side on one core, with compiling. The players above act at frame skip 1; a
+frame skip changes what a random player gets, too.
 
 {trained}
 
@@ -53,8 +52,8 @@ jaxenstein evaluate RUN
 python -m docs.measured agent CONFIGURATION RUN
 ```
 
-train the agents of a row, show how they do, and write the row. [Results](../results.md) has the
-curves, what failed, and the machines.
+These commands train the agents of a row, evaluate them, and write the row.
+[Results](../results.md) has the curves, the failures and the machines.
 """
 
 
@@ -66,17 +65,13 @@ def scoreboard() -> str:
         stored = stored_rows(name)
         told = [f"{row['mean']:.4g} ({100 * row['success']:.0f} %)" for row in stored]
         best = max((_best(row) for row in agents if row["id"] == name), default=(0.0, ""))
-        beside.append((_link(name), *(told or ["not measured yet", ""]), best[1]))
+        beside.append((link_to(name), *(told or ["not measured yet", ""]), best[1]))
     return SCOREBOARD.format(
         played=stored_rows("simple")[0]["episodes"],
         episodes=agents[0]["episodes"],
         beside=table(BESIDE, beside, right=(1, 2, 3)),
         trained=table(TRAINED, [_row(row) for row in agents], right=(1, 4, 5, 6, 7, 8)),
     )
-
-
-def _link(name: str) -> str:
-    return f"[`{name}`]({ENTRIES[name].family}.md#{name})"
 
 
 def _best(row: Mapping[str, Any]) -> tuple[float, str]:
@@ -98,7 +93,7 @@ def _reached(row: Mapping[str, Any], way: str) -> str:
 
 def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
     return (
-        _link(row["id"]),
+        link_to(row["id"]),
         str(row["frame_skip"]),
         row["sees"],
         row["algo"].upper(),

@@ -33,7 +33,6 @@ OF_ALL = {
 SHOWN = {
     "../CHANGELOG.md": "changelog.md",
     "../CONTRIBUTING.md": "contributing.md",
-    "../benchmarks/README.md": "measuring.md",
 }
 """Files outside of docs that pages of it show."""
 
@@ -44,7 +43,7 @@ class Family(NamedTuple):
     Attributes:
         name: of the page.
         title: its heading.
-        original: the word by which a heading of docs/fidelity.md names the task.
+        original: the stem of the file in docs/originals that compares the task with its original.
         text: what they are, in Markdown.
     """
 
@@ -92,6 +91,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[in
     rule = ["---:" if i in right else "---" for i in range(len(head))]
     lines = [head, rule, *([cell.replace("|", r"\|") for cell in row] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def link_to(name: str) -> str:
+    """A link to the section of an environment, or to the table that lists it as a variant."""
+    entry = ENTRIES[name]
+    return f"[`{name}`]({entry.family}.md#{'variants' if entry.variant_of else name})"
 
 
 def turned(text: str) -> str:
@@ -170,15 +175,9 @@ def returns(name: str) -> str:
 
 
 def fidelity(family: Family) -> str:
-    """The family's part of docs/fidelity.md; nothing if that has none."""
-    file = HERE / "fidelity.md"
-    text = file.read_text("utf-8") if file.exists() else ""
-    found = [body for title, body in _parts(text) if family.original in re.split(r"[\s,`]+", title)]
-    if not found:
-        return ""
-    # The links of that file are relative to its own folder.
-    body = re.sub(r"\]\((?![a-z]+:|#)", "](../", "\n\n".join(found))
-    return f"## How it differs from its original\n\n{body}\n\nFrom [Fidelity](../fidelity.md).\n"
+    """The family's file in docs/originals, whose links are as far from docs as the page's own."""
+    text = (HERE / "originals" / f"{family.original}.md").read_text("utf-8")
+    return f"{text}\n[Fidelity](../fidelity.md) compares all environments.\n"
 
 
 def history(family: Family) -> str:

@@ -197,7 +197,7 @@ def draw_film(ids: Sequence[str]) -> None:
 
 
 def draw_engine(ids: Sequence[str]) -> None:
-    """The pictures of docs/engine.md."""
+    """The pictures of the engine in docs/architecture.md."""
     from docs.engine_pictures import draw_all
 
     del ids

@@ -13,7 +13,8 @@ import jax
 ROOT = Path(__file__).parents[2]
 GENERATED = ROOT / "docs" / "commands.md"
 PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").glob("*.md")} - {GENERATED})]
-PAGES += sorted((ROOT / "docs" / "benchmarks").glob("*.md"))
+for folder in ("benchmarks", "originals"):
+    PAGES += sorted((ROOT / "docs" / folder).glob("*.md"))
 # What every sample may import: all else is a partner that may not be installed.
 AT_HAND = {*sys.stdlib_module_names, "PIL", "custom_task", "custom_thing", "custom_world"}
 AT_HAND |= {"examples", "jax", "jaxenstein", "numpy"}
@@ -69,9 +70,9 @@ def prose(page: Path) -> str:
     return re.sub(r"^```python\n.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
 
 
-def anchors(page: Path) -> set[str]:
-    """The anchors of a page's headings, as the site and GitHub make them."""
-    headings = re.findall(r"^#+ (.+)$", prose(page), re.MULTILINE)
+def anchors(text: str) -> set[str]:
+    """The anchors of the headings of a page without Python, as the site and GitHub make them."""
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
     plain = [re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower() for heading in headings]
     return {re.sub(r"[^\w -]", "", heading).strip().replace(" ", "-") for heading in plain}
 

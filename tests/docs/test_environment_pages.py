@@ -14,6 +14,7 @@ from docs.page_parts import FAMILIES
 from jaxenstein.baselines.runs import options
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from jaxenstein.fields import attributes
+from tests.docs.samples import anchors
 
 DOCS = Path(__file__).parents[2] / "docs"
 IDS = MAIN_IDS
@@ -86,10 +87,20 @@ def test_stored_returns_are_of_these_versions() -> None:
 
 
 def test_links_to_pages_outside_of_the_site_lead_to_those_that_show_them() -> None:
-    text = "[how](../benchmarks/README.md#x), [programs](../examples/README.md), [me](concepts.md)"
-    assert page_parts.turned(text) == "[how](measuring.md#x), programs, [me](concepts.md)"
+    text = "[how](../CONTRIBUTING.md#x), [programs](../examples/README.md), [me](concepts.md)"
+    assert page_parts.turned(text) == "[how](contributing.md#x), programs, [me](concepts.md)"
     for target, page in page_parts.SHOWN.items():
         assert f"{{include}} {target}" in (DOCS / page).read_text("utf-8")
+
+
+def test_links_between_the_pages_lead_to_headings(pages) -> None:
+    found = {
+        (name, anchor)
+        for text in pages.values()
+        for name, anchor in re.findall(r"\]\(([\w-]+)\.md#([^)]+)\)", text)
+    }
+    assert ("doom-defend-the-center", "variants") in found
+    assert {(name, anchor) for name, anchor in found if anchor not in anchors(pages[name])} == set()
 
 
 def test_the_scoreboard_names_what_trained_its_agents(pages) -> None:

@@ -68,7 +68,7 @@ def test_linked_headings_exist(page: Path) -> None:
     assert [
         f"{place.name}#{anchor}"
         for place, anchor in places
-        if place.exists() and anchor not in anchors(place)
+        if place.exists() and anchor not in anchors(prose(place))
     ] == []
 
 
@@ -128,6 +128,15 @@ def test_commands_are_understood(page: Path) -> None:
             assert (ROOT / arguments[0]).is_file()
         for extras in re.findall(r"^\.\[(.+)\]$", " ".join(arguments[1:])) if name == "pip" else ():
             assert set(extras.split(",")) <= set(project["optional-dependencies"])
+
+
+def test_the_classes_of_the_architecture_are_where_the_page_says() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| `([\w/.]+)` \|", text, re.MULTILINE)
+    assert len(rows) == 10
+    for name, file in rows:
+        source = place(f"src/jaxenstein/{file}").read_text("utf-8")
+        assert re.search(rf"^class {name}\b", source, re.MULTILINE), name
 
 
 def test_the_own_address_is_told_once() -> None:

@@ -5,11 +5,19 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
+
+
+def test_the_extra_docs_has_what_the_trainer_needs() -> None:
+    """The site shows the trainer's flags and classes, so its scripts import the trainer."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    assert set(extras["baselines"]) <= set(extras["docs"])
 
 
 @pytest.mark.slow

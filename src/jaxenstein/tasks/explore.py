@@ -1,8 +1,8 @@
 """DeepMind Lab's explore levels: a maze that is new in every episode, with things to find again.
 
 Rules are those of the levels explore_goal_locations, explore_obstructed_goals,
-explore_object_locations and explore_object_rewards of google-deepmind/lab; docs/fidelity.md says
-where this port differs.
+explore_object_locations and explore_object_rewards of google-deepmind/lab;
+docs/originals/dmlab-explore.md says where this port differs.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """ViZDoom's Health Gathering: an acid floor, and medkits to stay alive on.
 
 Rules and numbers are those of the scenario `health_gathering` of ViZDoom 1.3 and of Doom's
-engine, measured by running them; docs/fidelity.md has the table.
+engine, measured by running them; docs/originals/health-gathering.md has the table.
 """
 
 from __future__ import annotations

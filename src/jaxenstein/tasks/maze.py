@@ -1,7 +1,7 @@
 """DeepMind Lab's navigation mazes: a goal to find again and again, and apples on the way.
 
 Rules are those of the levels nav_maze_static_0x and nav_maze_random_goal_0x of
-google-deepmind/lab; docs/fidelity.md says where this port differs.
+google-deepmind/lab; docs/originals/dmlab.md says where this port differs.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Memory Maze: fetch what is asked for, again and again, in a maze that is new in every episode.
 
-Rules and numbers are those of jurgisp/memory-maze; docs/fidelity.md says where this port differs.
+Rules and numbers are those of jurgisp/memory-maze; docs/originals/memory-maze.md says where this
+port differs.
 """
 
 from __future__ import annotations
