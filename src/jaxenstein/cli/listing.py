@@ -14,7 +14,8 @@ HELP = "list the environments"
 DESCRIPTION = """\
 List the environments, with --all further sizes and variants in rows of their own, with
 --symbols the characters of text maps, with --samples small maps to play with, with
---pretrained the trained agents that come with this package.
+--pretrained the trained agents that come with this package, with --configs the
+configurations of trainings that come with it.
 """
 EPILOG = """\
 examples:
@@ -23,11 +24,14 @@ examples:
   jaxenstein list --symbols
   jaxenstein list --samples
   jaxenstein list --pretrained
+  jaxenstein list --configs
   jaxenstein list my_module:my-task
 """
 
 
 LIST_WIDTH = 100
+# Of the list of configurations, which has long names.
+WIDER = 140
 # Stands behind the size of a map that is not always the same.
 GENERATED = "*"
 WRAPPING: dict[str, Any] = {"break_on_hyphens": False, "break_long_words": False}
@@ -42,6 +46,7 @@ def fill(parser: Parser) -> None:
     flag(parser, "--symbols", "explain the characters of text maps instead")
     flag(parser, "--samples", "the small maps to play with instead")
     flag(parser, "--pretrained", "the trained agents of this package instead")
+    flag(parser, "--configs", "the configurations of this package instead")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -59,6 +64,9 @@ def run(options: argparse.Namespace) -> None:
         return
     if options.pretrained:
         print(pretrained_agents())
+        return
+    if options.configs:
+        print(configurations())
         return
     from .. import registry
     from ..level_counts import level_counts
@@ -116,6 +124,23 @@ def pretrained_agents() -> str:
         "'jaxenstein play --policy pretrained/NAME' shows one, and with --greedy as it is then",
     )
     return "\n".join([format_table(table, right=(3, 4, 5, 6)), "", *notes])
+
+
+def configurations() -> str:
+    """The configurations of this package, with what they train."""
+    from .opening import baselines
+
+    table: list[tuple[str, ...]] = [
+        ("NAME", "ENVIRONMENT", "ALGO", "SKIP", "DECISIONS", "DESCRIPTION")
+    ]
+    for of in baselines("configs").listed():
+        row = (of.name, of.environment, of.algo, str(of.frame_skip), f"{of.decisions:,}", of.about)
+        table.append(row)
+    notes = (
+        "skip: steps of the world in a decision; decisions: of each seed",
+        "'jaxenstein train --config NAME --out RUN' trains one, and flags change its options",
+    )
+    return "\n".join([format_table(table, right=(3, 4), width=WIDER), "", *notes])
 
 
 def extent(env: Any) -> str:

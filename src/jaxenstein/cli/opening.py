@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import DivergenceWarning, LevelWarning, MapWarning, one_line
-from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, plain_value
+from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, flag, plain_value
 from .compile_cache import forget
 
 IMPORT = "--import"
@@ -179,6 +179,12 @@ def baselines(module: str) -> Any:
         raise UsageError(f"jaxenstein: {text if hint in text else f'{text}: {hint}'}") from error
 
 
+def add_config(parser: argparse._ActionsContainer) -> None:
+    """Add --config."""
+    help = "options from a .toml or .yaml file, or a configuration of 'jaxenstein list --configs'"
+    flag(parser, "--config FILE", help, Path)
+
+
 def add_training_options(parser: Parser, without: Sequence[str] = ()) -> None:
     """Add a flag for every option of a training, but for those named."""
     add_options(parser, baselines("options").all_options(), without)
@@ -205,6 +211,7 @@ def given_training(options: argparse.Namespace) -> dict[str, Any]:
     parsing = baselines("options")
     file: dict[str, Any] = {}
     if options.config is not None:
-        file = with_map(parsing.read_file(options.config), options.config.parent)
+        path = baselines("configs").find_config(options.config)
+        file = with_map(parsing.read_file(path), path.parent)
     flags = checked(given_options(options), parsing.all_options())
     return merge(file, with_map(flags))
