@@ -4,14 +4,14 @@
     python -m experiments.study STUDY --out DIR --only "1 epoch" "4 epochs"
 
 STUDY is a TOML file: `base` is what `jaxenstein train --config` takes, a path relative to the file
-or the name of a configuration of this package; `[shared]` has options in
-which all differ from it, every line of `[variants]` is a name with those in which that one does
-besides, and `reach` is the success rate to be reached. Each is trained into a run directory below
-DIR, all its seeds side by side; the same command goes on with what is not finished. With `--only`
-several cores can share the variants, and the first command then has the table. The table has
-the decisions and the seconds after which the median seed and the last one reached it, over three
-updates, and the success over the last tenth of the training, seed by seed. Seconds are of all seeds
-together and without compiling, which a cache may have done.
+or the name of a configuration of this package; `[shared]` has options in which all differ from it,
+every line of `[variants]` is a name with those in which that one does besides, and `reach` is the
+success rate to be reached. Each is trained into a run directory below DIR, all its seeds side by
+side; the same command goes on with what is not finished. With `--only` several cores can share the
+variants, and the first command then has the table. The table has the decisions and the seconds
+after which the median seed and the last one reached it, over three updates, and the success over
+the last tenth of the training, seed by seed. Seconds are of all seeds together and without
+compiling, which a cache may have done.
 """
 
 from __future__ import annotations
