@@ -18,6 +18,7 @@ from .arguments import OWN, Parser, UsageError, add_agent, add_options, add_seed
 from .listing import format_table
 from .opening import (
     baselines,
+    drawn_by,
     given_options,
     named,
     open_environment,
@@ -95,7 +96,7 @@ def run(options: argparse.Namespace) -> None:
     evaluated = _own(options) if options.policy is not None else _trained(options)
     env = evaluated.env
     print(evaluated.heading)
-    print(end=_split_of(env))
+    print(end=_split_of(env) + _ranges_of(evaluated.results))
     print(table(evaluated.results))
     if options.json is not None:
         from ..results import write_results
@@ -126,6 +127,7 @@ class Evaluated:
 def _own(options: argparse.Namespace) -> Evaluated:
     """Play with a policy of the user's own."""
     from ..evaluation import evaluate
+    from ..params import drawn
 
     if options.greedy or options.number is not None or options.game is not None:
         raise UsageError("jaxenstein evaluate: --run, --greedy and --in go with RUN, not --policy")
@@ -134,8 +136,10 @@ def _own(options: argparse.Namespace) -> Evaluated:
             f"jaxenstein evaluate: --policy must be {OWN}, not {options.policy!r}; a run "
             "directory is given without --policy"
         )
-    env, params, where = open_environment(named(given_options(options), "evaluate"))
-    own = load_own(options.policy, env, params)
+    env, params, where = open_environment(named(given_options(options), "evaluate"), ranges=True)
+    # The evaluation itself draws for each episode.
+    shown = drawn(params, options.seed) if options.gif is None else drawn_by(params, options.seed)
+    own = load_own(options.policy, env, shown)
     with Progress(options.episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate(
             env,
@@ -219,6 +223,14 @@ def _split_of(env: Any) -> str:
     return f"levels of the {env.split} split ({share}); --set split={other} plays the others\n"
 
 
+def _ranges_of(results: dict[str, Results]) -> str:
+    """A line for each param that every episode draws from a range; "" without one."""
+    from ..spec import ranges_of
+
+    ranges = ranges_of(next(iter(results.values())).environment)
+    return "".join(f"{name} {ends}, drawn for each episode\n" for name, ends in ranges.items())
+
+
 def table(results: dict[str, Results]) -> str:
     """The means with their intervals, as text."""
     rows = [("ACTIONS", "RETURN", "95 %", "SUCCESS", "95 %", "STEPS")]
@@ -245,7 +257,7 @@ def _film(policy: Any, options: argparse.Namespace) -> None:
         save_animation(pictures, options.gif, options.fps)
         print(f"{summary}, wrote {options.gif}")
         return
-    env, params = policy.env, policy.params
+    env, params = policy.env, drawn_by(policy.params, options.seed)
     episode = play_shown(env, params, options.seed, policy, int(env.most_steps(params)))
     episode = dataclasses.replace(episode, name=policy.name)
     with Progress(episode.steps + 1, "drawing", unit="frames") as progress:
