@@ -177,9 +177,9 @@ def _checked_range(name: str, domain: Domain, given: tuple[Any, ...]) -> Range:
         raise SettingError(f"{name} must be {kind}, not the range {given!r}")
     if len(given) != 2:
         raise SettingError(f"{name} must be one number, or a range (low, high), not {given!r}")
-    range = Range(*(check_value(f"the end of the range of {name}", domain, end) for end in given))
+    range = Range(*(check_value(name, domain, end) for end in given))
     if range.low >= range.high:
-        raise SettingError(f"the range of {name} must rise from its low to its high, not {range}")
+        raise SettingError(f"{name} must be a range from a lower to a higher number, not {range}")
     return range
 
 
