@@ -28,6 +28,7 @@ from docs.page_parts import AGENTS, HERE, RETURNS, each
 from fidelity.players import mean_and_error, measure
 from jaxenstein import suite
 from jaxenstein.baselines.runs.agents import evaluate_both, load_trained
+from jaxenstein.baselines.runs.configs import find_config
 from jaxenstein.baselines.runs.metrics import read_seconds
 from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
@@ -54,7 +55,7 @@ def rows_of(name: str, episodes: int) -> list[dict[str, Any]]:
 
 def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
     """What was trained, how long, and what its agents get, over seeds and episodes."""
-    trained, told = load_trained(run), resolve(read_file(Path(config)))
+    trained, told = load_trained(run), resolve(read_file(find_config(config)))
     about = trained.experiment
     for part in ("environment", "config", "hparams", "seeds", "grid"):
         if getattr(about, part) != getattr(told, part):
@@ -134,7 +135,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     benchmark.set_defaults(run_it=measure_suite)
     returns.add_argument("ids", nargs="*", metavar="ID", help="(default: all but variants)")
     returns.set_defaults(run_it=measure_returns)
-    agent.add_argument("config", metavar="CONFIG", help="such as experiments/simple-skip6.toml")
+    agent.add_argument("config", metavar="CONFIG", help="such as simple-skip6")
     agent.add_argument("run", type=Path, metavar="RUN")
     agent.set_defaults(run_it=measure_agent)
     for each_parser, episodes in ((returns, PLAYED), (agent, TRIED), (benchmark, REFERRED)):

@@ -2,12 +2,12 @@
 
     python -m experiments.in_vizdoom CONFIG --out FILE [--minutes M] [--seed N] ...
 
-CONFIG is a file of `jaxenstein train --config` about a `doom-` environment. Every decision is asked
-of games that run beside (`jaxenstein.adapters.vizdoom.GameSession`), as many as `num_envs` says;
-all else is what `jaxenstein train` does. FILE gets a row of metrics after each update. The game's
-rewards are its own: where CONFIG trains on a hundredth of them, it takes `--scale 0.01`. On a core
-that other work shares, `--clock cpu` counts what this program and its games have had of it (on
-Linux). Needs the extras `baselines` and `vizdoom`.
+CONFIG is what `jaxenstein train --config` takes, about a `doom-` environment. Every decision is
+asked of games that run beside (`jaxenstein.adapters.vizdoom.GameSession`), as many as `num_envs`
+says; all else is what `jaxenstein train` does. FILE gets a row of metrics after each update. The
+game's rewards are its own: where CONFIG trains on a hundredth of them, it takes `--scale 0.01`. On
+a core that other work shares, `--clock cpu` counts what this program and its games have had of it
+(on Linux). Needs the extras `baselines` and `vizdoom`.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from jax.experimental import io_callback
 from jaxenstein.adapters.vizdoom import GameSession
 from jaxenstein.baselines import resolve
 from jaxenstein.baselines.learner import Learner
+from jaxenstein.baselines.runs.configs import find_config
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.options import read_file
 from jaxenstein.environment import Environment
@@ -127,7 +128,7 @@ def train(
     scale: float = 1.0,
 ) -> Iterator[dict[str, float]]:
     """Train one run in the game, for so many minutes of a clock; a row for each update."""
-    experiment = resolve({**read_file(Path(config)), "seed": seed, "seeds": 1})
+    experiment = resolve({**read_file(find_config(config)), "seed": seed, "seeds": 1})
     env, params = experiment.environment.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
         yield from _train(games, params, experiment, minutes, clock)

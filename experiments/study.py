@@ -3,14 +3,15 @@
     python -m experiments.study STUDY --out DIR
     python -m experiments.study STUDY --out DIR --only "1 epoch" "4 epochs"
 
-STUDY is a TOML file: `base` names a file of `jaxenstein train --config`, `[shared]` has options in
-which all differ from it, every line of `[variants]` is a name with those in which that one does
-besides, and `reach` is the success rate to be reached. Each is trained into a run directory below
-DIR, all its seeds side by side; the same command goes on with what is not finished. With `--only`
-several cores can share the variants, and the first command then has the table. The table has
-the decisions and the seconds after which the median seed and the last one reached it, over three
-updates, and the success over the last tenth of the training, seed by seed. Seconds are of all seeds
-together and without compiling, which a cache may have done.
+STUDY is a TOML file: `base` is what `jaxenstein train --config` takes, a path relative to the file
+or the name of a configuration of this package; `[shared]` has options in which all differ from it,
+every line of `[variants]` is a name with those in which that one does besides, and `reach` is the
+success rate to be reached. Each is trained into a run directory below DIR, all its seeds side by
+side; the same command goes on with what is not finished. With `--only` several cores can share the
+variants, and the first command then has the table. The table has the decisions and the seconds
+after which the median seed and the last one reached it, over three updates, and the success over
+the last tenth of the training, seed by seed. Seconds are of all seeds together and without
+compiling, which a cache may have done.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxenstein.baselines.runs.configs import find_config
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import read_metrics, read_seconds, rows_by_run
 from jaxenstein.baselines.runs.options import read_file, resolve
@@ -52,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if unknown := [name for name in names if name not in study["variants"]]:
         known = ", ".join(map(repr, study["variants"]))
         parser.error(f"--only: {options.study} has no variant {unknown[0]!r}; it has {known}")
-    base = read_file(options.study.parent / study["base"]) | study.get("shared", {})
+    base = read_file(find_config(study["base"], options.study.parent)) | study.get("shared", {})
     lines = [HEAD, "|---|---:|---:|---:|---:|---:|"]
     for name in names:
         given = base | study["variants"][name]

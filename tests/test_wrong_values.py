@@ -45,7 +45,7 @@ def beyond(domain: Domain, *, array: bool) -> list[Any]:
 
 def wrong_values(domain: Domain, *, array: bool) -> list[Any]:
     """Values that are none of a domain's; with `array`, of one whose values become arrays."""
-    of_numbers = [math.nan, math.inf, -math.inf, True, "4", [3.0], (1, 2)]
+    of_numbers = [math.nan, math.inf, -math.inf, True, "4", [3.0], (2, 1)]
     values: dict[str, list[Any]] = {
         "whole": [1.5, *of_numbers],
         "number": of_numbers,

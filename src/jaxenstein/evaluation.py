@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -16,6 +16,7 @@ from .environment import AnyEnvironment, Environment
 from .episodes.session import check_seed
 from .errors import SettingError
 from .fields import check_whole
+from .params import Range, draw_numbers, split_ranges, with_numbers
 from .players import play, player_of
 from .pytree import PyTreeNode
 from .results import Results
@@ -156,7 +157,8 @@ def evaluate(
 
     Args:
         env: the environment; its `autoreset` and `final_observation` do not matter.
-        params: its params, those of one environment; None for the default ones.
+        params: its params, those of one environment; None for the default ones. Each episode
+            draws a number of its own from a range among them.
         policy: acts in one environment; `jax.vmap` maps it over all of them. Without a carry it
             is called as `policy(obs, key)`, and returns the action: one whole number. With a carry
             it is called as `policy(carry, obs, key)`, and returns the next carry and the
@@ -191,16 +193,17 @@ def evaluate(
         pair = "; jaxenstein.make returns (env, params)" if isinstance(env, tuple) else ""
         raise SettingError(f"env must be an environment of jaxenstein.make, not a {shown}{pair}")
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
-    params = env.single_params(params)
+    numbers, ranges = split_ranges(params)
+    numbers = env.single_params(numbers)
     check_whole("episodes", episodes, 1)
     key = jax.random.key(check_seed(seed), impl="threefry2x32")
     name = name_of(policy) if name is None else name
-    carry = check_policy(env, params, policy, carry)
+    carry = check_policy(env, numbers, policy, carry)
     act, remembers = _partial(policy), carry is not None
-    longest = np.asarray(env.most_steps(params))
+    longest = np.asarray(env.most_steps(numbers))
     played = play_out(
-        lambda playing, until: _advance(env, params, act, playing, until, remembers=remembers),
-        _begin(env, params, carry, key, episodes=episodes),
+        lambda playing, until: _advance(env, numbers, act, playing, until, remembers=remembers),
+        _begin(env, numbers, ranges, carry, key, episodes=episodes),
         lambda running, length: notify(episodes_done(running, length, longest)),
     )
     played = jax.device_get(played)
@@ -276,22 +279,32 @@ class _Actors(PyTreeNode):
         state: of the environments.
         obs: the observations to act on next.
         carry: the policy's memory; None without one.
+        numbers: the params that the episode drew, by name.
     """
 
     key: jax.Array
     state: Any
     obs: Any
     carry: Any
+    numbers: dict[str, jax.Array]
 
 
 @functools.partial(jax.jit, static_argnums=0, static_argnames="episodes")
-def _begin(env: AnyEnvironment, params: Any, carry: Any, key: jax.Array, episodes: int) -> Playing:
+def _begin(
+    env: AnyEnvironment,
+    params: Any,
+    ranges: Mapping[str, Range],
+    carry: Any,
+    key: jax.Array,
+    episodes: int,
+) -> Playing:
     """Every episode before its first step, with the key of its number."""
 
     def first(number: jax.Array) -> _Actors:
         reset_key, key_of_steps = jax.random.split(jax.random.fold_in(key, number))
-        obs, state = env.reset(reset_key, params)
-        return _Actors(key_of_steps, state, obs, carry)
+        numbers, reset_key = draw_numbers(ranges, reset_key)
+        obs, state = env.reset(reset_key, with_numbers(params, numbers))
+        return _Actors(key_of_steps, state, obs, carry, numbers)
 
     return unstarted(jax.vmap(first)(jnp.arange(episodes)), (episodes,))
 
@@ -306,9 +319,9 @@ def _advance(
         policy_key, step_key = jax.random.split(jax.random.fold_in(actors.key, number))
         carry, action = _acted(policy, actors.carry, actors.obs, policy_key, remembers)
         obs, state, reward, terminated, truncated, info = env.step(
-            step_key, actors.state, action, params
+            step_key, actors.state, action, with_numbers(params, actors.numbers)
         )
-        after = _Actors(actors.key, state, obs, carry)
+        after = _Actors(actors.key, state, obs, carry, actors.numbers)
         over = terminated | truncated
         return Taken(after, reward.astype(jnp.float32), info["success"], terminated, over)
 

@@ -232,6 +232,11 @@ def _domains(cls: Any) -> dict[str, Domain]:
     return found
 
 
+def domain_of(cls: Any, name: str) -> Domain:
+    """The values of one field of a dataclass."""
+    return _domains(cls)[name]
+
+
 def check(record: Any) -> None:
     """Check the fields of a dataclass of settings: numbers, switches and words of Python.
 

@@ -2,18 +2,48 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Self, TypeVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from .errors import SettingError, nearest
-from .fields import check_numbers, is_array_like, names_of
+from .fields import (
+    Domain,
+    check_numbers,
+    check_value,
+    check_whole,
+    domain_of,
+    is_array_like,
+    is_whole,
+    names_of,
+)
 from .fields import number as number
 from .pytree import PyTreeNode
 
 Scalar = bool | int | float | jax.Array
 """A number that may be traced, and of a batch an array of numbers."""
+# Params that a learner reads once for all episodes.
+_OF_ALL_EPISODES = ("discount",)
+
+
+class Range(NamedTuple):
+    """A range in the place of a param, from which each episode draws a number.
+
+    Attributes:
+        low: the lowest number.
+        high: the highest one.
+    """
+
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        """As in `--param NAME=LOW:HIGH`."""
+        # Ends that are traced have no digits.
+        return ":".join(f"{end:.10g}" if isinstance(end, int | float) else str(end) for end in self)
 
 
 class Params(PyTreeNode):
@@ -34,6 +64,9 @@ class Params(PyTreeNode):
     def replace(self, **changes: Any) -> Self:
         """Return a copy with the named fields changed.
 
+        A tuple of two numbers is a range, from which each episode of a training or an evaluation
+        draws a number; see `drawn` for what else takes params.
+
         Raises:
             SettingError: there is no such field, or a value that it cannot have.
 
@@ -51,10 +84,15 @@ class Params(PyTreeNode):
                     f"{type(self).__name__} has no {name!r}{nearest(name, names)}; "
                     f"it has: {', '.join(names)}"
                 )
-        after = super().replace(**changes)
+        ranges = {
+            name: _checked_range(name, domain_of(type(self), name), value)
+            for name, value in changes.items()
+            if isinstance(value, tuple)
+        }
+        after = super().replace(**{**changes, **ranges})
         # The axes of `jax.vmap` and the like are trees of this class too, but no numbers.
-        if all(is_array_like(getattr(self, name)) for name in names):
-            check_numbers(after, skip=set(names) - set(changes))
+        if all(is_array_like(getattr(self, name)) for name in set(names) - set(ranges_of(self))):
+            check_numbers(after, skip=set(names) - set(changes) | set(ranges))
         return after
 
     def check(self) -> None:
@@ -63,7 +101,86 @@ class Params(PyTreeNode):
         Raises:
             SettingError: one is not a number in its range.
         """
+        for name, range in ranges_of(self).items():
+            raise SettingError(
+                f"{name} must be one number here, not the range {range}: "
+                "jaxenstein.params.drawn(params, seed) draws one"
+            )
         check_numbers(self)
+
+
+T = TypeVar("T")
+
+
+def drawn(params: T, seed: int | jax.Array, count: int | None = None) -> T:
+    """Params with numbers in the place of their ranges, each number in a range as likely as others.
+
+    Trainings and `jaxenstein.evaluate` draw anew for each episode. Whatever else takes params takes
+    what this returns.
+
+    Args:
+        params: params in which `replace` may have put ranges; others are returned as they are.
+        seed: a whole number from 0 to 2**32 - 1, or a random key.
+        count: None for one number in the place of a range, or N for float32[N], as the adapters
+            take them for N environments.
+
+    Examples:
+        >>> params = Params().replace(discount=0.9)
+        >>> drawn(params, 0) is params
+        True
+    """
+    key: Any = seed
+    if is_whole(seed):
+        check_whole("seed", seed, 0, 2**32 - 1)
+        key = jax.random.key(seed, impl="threefry2x32")
+    plain, ranges = split_ranges(params)
+    shape = () if count is None else (count,)
+    return with_numbers(plain, draw_numbers(ranges, key, shape)[0]) if ranges else params
+
+
+def ranges_of(params: Any) -> dict[str, Range]:
+    """The ranges among params of any kind, by name."""
+    if not isinstance(params, Params):
+        return {}
+    values = {name: getattr(params, name) for name in names_of(params)}
+    return {name: value for name, value in values.items() if isinstance(value, Range)}
+
+
+def split_ranges(params: T) -> tuple[T, dict[str, Range]]:
+    """Params with the middles of their ranges, and the ranges."""
+    ranges = ranges_of(params)
+    return with_numbers(params, {name: (r.low + r.high) / 2 for name, r in ranges.items()}), ranges
+
+
+def draw_numbers(
+    ranges: Mapping[str, Range], key: jax.Array, shape: tuple[int, ...] = ()
+) -> tuple[dict[str, jax.Array], jax.Array]:
+    """A float32 for each range, and a key for what comes next: the same one without ranges."""
+    if not ranges:
+        return {}, key
+    key, *keys = jax.random.split(key, len(ranges) + 1)
+    numbers = {
+        name: jax.random.uniform(own, shape, jnp.float32, *ranges[name])
+        for own, name in zip(keys, sorted(ranges), strict=True)
+    }
+    return numbers, key
+
+
+def with_numbers(params: T, numbers: Mapping[str, Any]) -> T:
+    """Params with some numbers changed, unchecked."""
+    return PyTreeNode.replace(params, **numbers) if numbers else params  # type: ignore[type-var]
+
+
+def _checked_range(name: str, domain: Domain, given: tuple[Any, ...]) -> Range:
+    if domain.form != "number" or name in _OF_ALL_EPISODES:
+        kind = "the same in all episodes" if domain.form == "number" else f"{domain.words}"
+        raise SettingError(f"{name} must be {kind}, not the range {given!r}")
+    if len(given) != 2:
+        raise SettingError(f"{name} must be one number, or a range (low, high), not {given!r}")
+    range = Range(*(check_value(name, domain, end) for end in given))
+    if range.low >= range.high:
+        raise SettingError(f"{name} must be a range from a lower to a higher number, not {range}")
+    return range
 
 
 def check_single(params: Params, default: Params, owner: str) -> None:

@@ -37,7 +37,12 @@ def environment_options() -> dict[str, Option]:
         ("heading", HEADING, "first heading on that map, 0 east, 90 south; else any"),
         ("horizon", Domain("whole", 1), "most steps of an episode"),
         ("settings", table, "any other setting of jaxenstein.make"),
-        ("params", table, "any number of the environment's params"),
+        (
+            "params",
+            table,
+            "any number of the environment's params; LOW:HIGH is a range from which each episode "
+            "draws one",
+        ),
     )
     fields = [Option(name, "environment", domain, None, help) for name, domain, help in place]
     fields += options_of(FirstPerson, "what the agent sees", SEEN)
@@ -106,7 +111,7 @@ def spec_from(given: Mapping[str, Any]) -> Spec:
         raise SettingError("heading goes with a map (--map-file); an env has headings of its own")
     settings = {name: given[name] for name in SEEN if name in given}
     settings |= {name: as_tuples(v) for name, v in (given.get("settings") or {}).items()}
-    params = dict(given.get("params") or {})
+    params = {name: as_tuples(value) for name, value in (given.get("params") or {}).items()}
     if "horizon" in given:
         params["max_steps_in_episode"] = given["horizon"]
     if "map" in given:

@@ -23,6 +23,7 @@ from .errors import (
     one_line,
 )
 from .fields import Domain, as_tuples, check_value, names_of
+from .params import Range, split_ranges, with_numbers
 from .tasks.first_person import RESETTING, SEEN
 from .tasks.navigation import Navigation
 
@@ -38,13 +39,14 @@ class Spec:
         id: what `make` takes, or None for a custom map.
         version: that the environment had.
         settings: the settings of `make`, or those of `from_ascii`, `text` among them.
-        params: the params that are not the default ones, by name.
+        params: the params that are not the default ones, by name; a range (low, high) where each
+            episode draws its number. Files have a list for it.
     """
 
     id: str | None
     version: int
     settings: Mapping[str, Any]
-    params: Mapping[str, bool | int | float]
+    params: Mapping[str, bool | int | float | tuple[float, float]]
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values, which `from_json` reads.
@@ -82,12 +84,16 @@ class Spec:
             check_value(f"'environment.{table}'", Domain("table"), plain[table])
         for name, value in plain["params"].items():
             if not isinstance(value, bool):
-                check_value(f"'environment.params.{name}'", Domain("number"), value)
-        settings = {name: as_tuples(value) for name, value in plain["settings"].items()}
-        return cls(id, plain["version"], settings, dict(plain["params"]))
+                for number in value if isinstance(value, list) else [value]:
+                    check_value(f"'environment.params.{name}'", Domain("number"), number)
+        settings, params = (
+            {name: as_tuples(value) for name, value in plain[table].items()}
+            for table in ("settings", "params")
+        )
+        return cls(id, plain["version"], settings, params)
 
     def build(self, *, warn: bool = False) -> tuple[AnyEnvironment, Any]:
-        """The environment, without automatic resets, and its params.
+        """The environment, without automatic resets, and its params, which may hold ranges.
 
         Args:
             warn: of what is odd about the map; its author has been warned.
@@ -103,7 +109,8 @@ class Spec:
                 env, params = registry.make_with(self.id, settings)
             else:
                 env, params = text_maps.from_ascii(**settings)
-        return env, env.check_params(params.replace(**self.params))
+        plain, ranges = split_ranges(params.replace(**self.params))
+        return env, with_numbers(env.check_params(plain), ranges)
 
     def try_out(self) -> tuple[AnyEnvironment, Any]:
         """As `build`, for a spec of an untrusted file: looks at the values of all settings.
@@ -115,12 +122,17 @@ class Spec:
         """
         try:
             env, params = self.build()
-            jax.eval_shape(env.reset, jax.random.key(0), params)
+            jax.eval_shape(env.reset, jax.random.key(0), split_ranges(params)[0])
         except JAXensteinError:
             raise
         except (TypeError, ValueError, IndexError, OverflowError, AttributeError) as error:
             raise SettingError(f"a setting is unusable: {one_line(str(error))}") from error
         return env, params
+
+
+def ranges_of(spec: Spec) -> dict[str, Range]:
+    """The params from whose ranges each episode draws a number."""
+    return {name: Range(*ends) for name, ends in spec.params.items() if isinstance(ends, tuple)}
 
 
 def spec_of(env: AnyEnvironment, params: Any) -> Spec:
@@ -190,15 +202,18 @@ def _plain(value: Any) -> Any:
     return tuple(map(_plain, value)) if isinstance(value, tuple | list) else value
 
 
-def _changed(env: AnyEnvironment, params: Any) -> dict[str, bool | int | float]:
-    given, usual = env.check_params(params), env.check_params()
-    changes = {}
+def _changed(env: AnyEnvironment, params: Any) -> dict[str, Any]:
+    plain, ranges = split_ranges(params)
+    given, usual = env.check_params(plain), env.check_params()
+    changes: dict[str, Any] = {}
     for field in dataclasses.fields(usual):
         value, other = (np.asarray(getattr(numbers, field.name)) for numbers in (given, usual))
         if value.shape != ():
             raise TrajectoryError(
                 f"param {field.name!r} has the shape {value.shape}, not one value"
             )
-        if value != other:
+        if field.name in ranges:
+            changes[field.name] = tuple(ranges[field.name])
+        elif value != other:
             changes[field.name] = value.item()
     return changes

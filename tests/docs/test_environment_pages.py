@@ -12,6 +12,7 @@ import jaxenstein
 from docs import environment_pages, measured, other_pages, page_parts
 from docs.page_parts import FAMILIES
 from jaxenstein.baselines.runs import options
+from jaxenstein.baselines.runs.configs import find_config
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from jaxenstein.fields import attributes
 from tests.docs.samples import anchors
@@ -107,7 +108,7 @@ def test_the_scoreboard_names_what_trained_its_agents(pages) -> None:
     rows = page_parts.stored_agents()
     best, trained = pages["scoreboard"].split("## Agents")
     for row in rows:
-        config = options.read_file(DOCS.parent / row["config"])
+        config = options.read_file(find_config(row["config"]))
         assert (config["env"], config["seeds"]) == (row["id"], row["seeds"])
         assert config.get("frame_skip", 1) == row["frame_skip"]
         assert row["version"] == ENTRIES[row["id"]].version

@@ -81,9 +81,8 @@ def test_returns_can_be_had_again(tmp_path: Path, monkeypatch) -> None:
 
 def test_agents_of_another_configuration_get_no_row() -> None:
     pytest.importorskip("flax")
-    config = str(ENGINE.parents[2] / "experiments" / "simple-skip6.toml")
     with pytest.raises(SystemExit, match=r"was not trained by .*: its environment is another"):
-        measured.row_of(config, Path("pretrained/key-door"), 1)
+        measured.row_of("simple-skip6", Path("pretrained/key-door"), 1)
 
 
 @pytest.mark.parametrize("name", MAIN_IDS)

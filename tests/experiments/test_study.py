@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("flax")
 
 from experiments import study
+from jaxenstein.baselines.runs.configs import find_config
 from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.errors import SettingError
 
@@ -34,7 +35,7 @@ def test_learned_is_three_updates_together() -> None:
 @pytest.mark.parametrize("file", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_variants_are_experiments(file: Path) -> None:
     told = study.read(file)
-    base = read_file(file.parent / told["base"]) | told.get("shared", {})
+    base = read_file(find_config(told["base"], file.parent)) | told.get("shared", {})
     for differs in told["variants"].values():
         assert resolve({**base, **differs}).config
     assert len(set(map(study.folder_name, told["variants"]))) == len(told["variants"])

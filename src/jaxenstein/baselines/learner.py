@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import SettingError
 from ..evaluation import Evaluation, Playing, play_out
+from ..params import split_ranges
 from ..pytree import PyTreeNode
 from .bonus import Metrics
 from .config import Config, HParams
@@ -57,7 +58,8 @@ class Learner:
         Args:
             env: an environment of `jaxenstein.make` with any `autoreset`, or one of gymnax'
                 contract of six values whose `info` has `final_observation`.
-            env_params: its params; fixed into the program.
+            env_params: its params; fixed into the program. Each episode draws a number of its own
+                from a range among them.
             config: the static settings.
 
         Raises:
@@ -79,7 +81,7 @@ class Learner:
         if config.bootstrap_truncation:
             slots = most_truncations(env_params, config.rollout, skip)
         if config.random_clocks:
-            clocks = env.most_steps(env_params), skip
+            clocks = env.most_steps(split_ranges(env_params)[0]), skip
         self.loop = Loop(
             config=config,
             simulator=self.simulator,

@@ -12,6 +12,7 @@ import numpy as np
 from jax.typing import DTypeLike
 
 from ..errors import SettingError
+from ..params import split_ranges
 
 Scaling = Literal["bounds", "log", "distance", "bits"]
 
@@ -92,6 +93,7 @@ def observation_spec(env: Any, params: Any) -> ObservationSpec:
     Raises:
         SettingError: an array has more than three axes, or a dtype that is no number.
     """
+    params = split_ranges(params)[0]
     shapes = jax.eval_shape(env.reset, jax.random.key(0), params)[0]
     space = env.observation_space(params)
     labels = getattr(env, "observation", None) == "labels"

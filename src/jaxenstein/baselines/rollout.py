@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from ..pytree import PyTreeNode
 from .networks import ActorCritic
-from .simulator import Outcome, Simulator
+from .simulator import Outcome, Simulator, at_times
 
 Sums = dict[str, jax.Array]
 
@@ -105,7 +105,7 @@ def start(
     if clocks is not None:
         most, each = clocks
         steps = jax.random.randint(clock_key, (batch,), 0, jnp.maximum(most, 1), jnp.int32)
-        state = state.replace(time=steps * each)
+        state = at_times(state, steps * each)
     return Actors(
         env_state=state,
         obs=obs,

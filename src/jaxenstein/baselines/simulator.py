@@ -1,6 +1,6 @@
 """Environments as the training loop steps them: a batch, with resets.
 
-Both simulators have the same methods. Environments of this package are stepped without an
+All simulators have the same methods. Environments of this package are stepped without an
 observation, reset where an episode ended, and rendered once; of episodes that the time limit cut
 off a state is kept, not a frame. Other environments follow gymnax' contract of six values.
 """
@@ -8,6 +8,7 @@ off a state is kept, not a frame. Other environments follow gymnax' contract of 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -16,6 +17,7 @@ import numpy as np
 
 from ..environment import Environment, outcome_of
 from ..errors import SettingError
+from ..params import Range, draw_numbers, split_ranges, with_numbers
 from ..pytree import PyTreeNode
 
 
@@ -89,15 +91,7 @@ class OwnSimulator:
         env, params = self._env, self._env.check_params(self._params)
         step_key, reset_key = jax.random.split(key)
         out = outcome_of(self._resetting, step_key, reset_key, state, action, params)
-        return Outcome(
-            obs=env.observe(out.state, params),
-            state=out.state,
-            reward=out.reward.astype(jnp.float32),
-            terminated=out.terminated,
-            truncated=out.truncated & ~out.terminated,
-            reached=out.info["success"],
-            final=out.final,
-        )
+        return _told(out, env.observe(out.state, params), out.state, out.final)
 
     def final_of(self, obs: Any, state: Any) -> Any:
         """`Outcome.final` of any observations and states of the batch: here the states."""
@@ -108,6 +102,94 @@ class OwnSimulator:
         """Render the observations of `Outcome.final`, with one leading axis."""
         params = self._env.check_params(self._params)
         return jax.vmap(lambda state: self._env.observe(state, params))(final)
+
+
+class Drawn(PyTreeNode):
+    """A state, and the params that its episode drew.
+
+    Attributes:
+        state: of the environment.
+        numbers: float32[] each, by name.
+    """
+
+    state: Any
+    numbers: dict[str, jax.Array]
+
+
+class DrawingSimulator:
+    """As `OwnSimulator`, where each episode draws some params from ranges; states are `Drawn`."""
+
+    def __init__(
+        self, env: Environment[Any, Any], params: Any, ranges: Mapping[str, Range]
+    ) -> None:
+        """Take an environment, its params with any numbers in the place of ranges, and the ranges.
+
+        Raises:
+            SettingError: the params are not those of one environment.
+        """
+        self.num_actions, self.frame_skip = env.num_actions, env.frame_skip
+        self._env = dataclasses.replace(env, autoreset=None, final_observation=False)
+        self._params, self._ranges = env.single_params(params), ranges
+
+    def reset(self, keys: jax.Array) -> tuple[Any, Any]:
+        """As `OwnSimulator.reset`."""
+
+        def first(key: jax.Array) -> tuple[Any, Drawn]:
+            numbers, key = draw_numbers(self._ranges, key)
+            obs, state = self._env.reset(key, with_numbers(self._params, numbers))
+            return obs, Drawn(state, numbers)
+
+        return jax.vmap(first)(keys)
+
+    def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
+        """Step; the numbers of the next episode are drawn by the key of its reset."""
+        return jax.vmap(self._step)(keys, state, action)
+
+    def _step(self, key: jax.Array, before: Drawn, action: jax.Array) -> Outcome:
+        env, old = self._env, before.numbers
+        step_key, reset_key = jax.random.split(key)
+        new, reset_key = draw_numbers(self._ranges, reset_key)
+        params = with_numbers(self._params, old)
+        out = outcome_of(env, step_key, reset_key, before.state, action, params)
+        over = out.final.done
+        numbers = jax.tree.map(lambda drawn, kept: jnp.where(over, drawn, kept), new, old)
+        following = with_numbers(self._params, numbers)
+        state = env.reset_where(over, reset_key, out.final, following)
+        after, final = Drawn(state, numbers), Drawn(out.final, old)
+        return _told(out, env.observe(state, following), after, final)
+
+    def final_of(self, obs: Any, state: Any) -> Any:
+        """As `OwnSimulator.final_of`."""
+        del obs
+        return state
+
+    def final_observation(self, final: Any) -> Any:
+        """As `OwnSimulator.final_observation`."""
+
+        def observe(drawn: Drawn) -> Any:
+            return self._env.observe(drawn.state, with_numbers(self._params, drawn.numbers))
+
+        return jax.vmap(observe)(final)
+
+
+def _told(out: Any, obs: Any, state: Any, final: Any) -> Outcome:
+    """What a step led to in one environment."""
+    return Outcome(
+        obs=obs,
+        state=state,
+        reward=out.reward.astype(jnp.float32),
+        terminated=out.terminated,
+        truncated=out.truncated & ~out.terminated,
+        reached=out.info["success"],
+        final=final,
+    )
+
+
+def at_times(state: Any, times: jax.Array) -> Any:
+    """States of a simulator of this package with other clocks, int32[N]."""
+    if isinstance(state, Drawn):
+        return state.replace(state=at_times(state.state, times))
+    return state.replace(time=times)
 
 
 class GymnaxSimulator:
@@ -176,7 +258,7 @@ def _reached(info: Any, terminated: jax.Array, reward: jax.Array) -> jax.Array:
     return terminated & (reward > 0)
 
 
-Simulator = OwnSimulator | GymnaxSimulator
+Simulator = OwnSimulator | DrawingSimulator | GymnaxSimulator
 
 
 def make_simulator(env: Any, params: Any) -> Simulator:
@@ -186,7 +268,8 @@ def make_simulator(env: Any, params: Any) -> Simulator:
         SettingError: actions are not discrete, or it lacks the contract's functions.
     """
     if isinstance(env, Environment):
-        return OwnSimulator(env, params)
+        plain, ranges = split_ranges(params)
+        return DrawingSimulator(env, plain, ranges) if ranges else OwnSimulator(env, params)
     for name in ("reset", "step", "action_space", "observation_space"):
         if not callable(getattr(env, name, None)):
             raise SettingError(

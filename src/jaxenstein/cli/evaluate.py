@@ -31,6 +31,7 @@ from .arguments import (
 from .listing import format_table
 from .opening import (
     baselines,
+    drawn_by,
     given_options,
     named,
     open_environment,
@@ -123,7 +124,7 @@ def run(options: argparse.Namespace) -> None:
     evaluated = _own(options) if options.policy is not None else _trained(options)
     env = evaluated.env
     print(evaluated.heading)
-    print(end=_split_of(env))
+    print(end=_split_of(env) + _ranges_of(evaluated.results))
     print(table(evaluated.results))
     if options.json is not None:
         from ..results import write_results
@@ -186,15 +187,19 @@ class Evaluated:
 def _own(options: argparse.Namespace) -> Evaluated:
     """Play with a policy of the user's own, or with a scripted player."""
     from ..evaluation import evaluate, evaluate_player
+    from ..params import drawn
     from ..players import player_of
 
-    env, params, where = open_environment(named(given_options(options), "evaluate"))
+    given, by_own = named(given_options(options), "evaluate"), is_own(options.policy)
+    env, params, where = open_environment(given, ranges=by_own)
     heading = f"{options.policy} in {where}: {options.episodes} episodes"
-    if not is_own(options.policy):
+    if not by_own:
         results = evaluate_player(env, params, options.policy, options.episodes, options.seed)
         scripted = Scripted(player_of(env, options.policy), env, params, options.policy)
         return Evaluated(heading, env, {"its own": results}, lambda: scripted)
-    own = load_own(options.policy, env, params)
+    # The evaluation itself draws for each episode.
+    shown = drawn(params, options.seed) if options.gif is None else drawn_by(params, options.seed)
+    own = load_own(options.policy, env, shown)
     with Progress(options.episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate(
             env,
@@ -277,6 +282,14 @@ def _split_of(env: Any) -> str:
     return f"levels of the {env.split} split ({share}); --set split={other} plays the others\n"
 
 
+def _ranges_of(results: dict[str, Results]) -> str:
+    """A line for each param that every episode draws from a range; "" without one."""
+    from ..spec import ranges_of
+
+    ranges = ranges_of(next(iter(results.values())).environment)
+    return "".join(f"{name} {ends}, drawn for each episode\n" for name, ends in ranges.items())
+
+
 def table(results: dict[str, Results]) -> str:
     """The means with their intervals, as text."""
     rows = [("ACTIONS", "RETURN", "95 %", "SUCCESS", "95 %", "STEPS")]
@@ -303,7 +316,7 @@ def _film(policy: Any, options: argparse.Namespace) -> None:
         save_animation(pictures, options.gif, options.fps)
         print(f"{summary}, wrote {options.gif}")
         return
-    env, params = policy.env, policy.params
+    env, params = policy.env, drawn_by(policy.params, options.seed)
     episode = play_shown(env, params, options.seed, policy, int(env.most_steps(params)))
     episode = dataclasses.replace(episode, name=policy.name)
     with Progress(episode.steps + 1, "drawing", unit="frames") as progress:

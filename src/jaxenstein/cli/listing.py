@@ -14,8 +14,8 @@ HELP = "list the environments"
 DESCRIPTION = """\
 List the environments, with --all further sizes and variants in rows of their own, with
 --symbols the characters of text maps, with --samples small maps to play with, with
---pretrained the trained agents that come with this package, with --suite the tasks of the
-benchmark.
+--pretrained the trained agents that come with this package, with --configs the
+configurations of trainings that come with it, with --suite the tasks of the benchmark.
 """
 EPILOG = """\
 examples:
@@ -25,11 +25,14 @@ examples:
   jaxenstein list --samples
   jaxenstein list --pretrained
   jaxenstein list --suite
+  jaxenstein list --configs
   jaxenstein list my_module:my-task
 """
 
 
 LIST_WIDTH = 100
+# Of the list of configurations, which has long names.
+WIDER = 140
 # Stands behind the size of a map that is not always the same.
 GENERATED = "*"
 WRAPPING: dict[str, Any] = {"break_on_hyphens": False, "break_long_words": False}
@@ -45,6 +48,7 @@ def fill(parser: Parser) -> None:
     flag(parser, "--samples", "the small maps to play with instead")
     flag(parser, "--pretrained", "the trained agents of this package instead")
     add_suite(parser, "the tasks of the benchmark instead")
+    flag(parser, "--configs", "the configurations of this package instead")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -65,6 +69,9 @@ def run(options: argparse.Namespace) -> None:
         return
     if options.suite is not None:
         print(tasks_of(options.suite))
+        return
+    if options.configs:
+        print(configurations())
         return
     from .. import registry
     from ..level_counts import level_counts
@@ -152,7 +159,24 @@ def tasks_of(name: str) -> str:
         "split: agents train on one part of the levels and are tested on the other",
         "random, expert: returns of the players that scores are normalised by",
     )
-    return "\n".join([format_table(rows, right=(2, 3, 5, 6), width=LIST_WIDTH + 20), "", *notes])
+    return "\n".join([format_table(rows, right=(2, 3, 5, 6), width=WIDER), "", *notes])
+
+
+def configurations() -> str:
+    """The configurations of this package, with what they train."""
+    from .opening import baselines
+
+    table: list[tuple[str, ...]] = [
+        ("NAME", "ENVIRONMENT", "ALGO", "SKIP", "DECISIONS", "DESCRIPTION")
+    ]
+    for of in baselines("configs").listed():
+        row = (of.name, of.environment, of.algo, str(of.frame_skip), f"{of.decisions:,}", of.about)
+        table.append(row)
+    notes = (
+        "skip: steps of the world in a decision; decisions: of each seed",
+        "'jaxenstein train --config NAME --out RUN' trains one, and flags change its options",
+    )
+    return "\n".join([format_table(table, right=(3, 4), width=WIDER), "", *notes])
 
 
 def extent(env: Any) -> str:

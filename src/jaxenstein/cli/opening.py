@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import DivergenceWarning, LevelWarning, MapWarning, one_line
-from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, plain_value
+from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, flag, plain_value
 from .compile_cache import forget
 
 IMPORT = "--import"
@@ -47,6 +47,8 @@ def _entry(option: str, text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals or not name or not value:
         raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {text!r}")
+    if option == "params" and ":" in value:
+        return name.replace("-", "_"), [plain_value(end) for end in value.split(":")]
     values = plain_value(value)
     if option == "grid" and not isinstance(values, list):
         values = [values]
@@ -54,13 +56,14 @@ def _entry(option: str, text: str) -> tuple[str, Any]:
 
 
 def open_environment(
-    given: Mapping[str, Any], instead_of: Spec | None = None
+    given: Mapping[str, Any], instead_of: Spec | None = None, *, ranges: bool = False
 ) -> tuple[FirstPerson[Any, Any], Any, str]:
     """An environment, without automatic resets; warnings about its map are printed.
 
     Args:
         given: as `given_options` returns it.
         instead_of: what is not given is as in this one.
+        ranges: whether the params may hold ranges, which `drawn_by` draws from.
 
     Returns:
         The environment, its params, and a name for files.
@@ -69,14 +72,17 @@ def open_environment(
         UsageError: neither an ID nor a map is given.
         JAXensteinError: it cannot be built.
     """
-    spec, name = open_spec(given, instead_of)
+    spec, name = open_spec(given, instead_of, ranges=ranges)
     env, params = spec.build()
     return cast("FirstPerson[Any, Any]", env), params, name
 
 
-def open_spec(given: Mapping[str, Any], instead_of: Spec | None = None) -> tuple[Spec, str]:
+def open_spec(
+    given: Mapping[str, Any], instead_of: Spec | None = None, *, ranges: bool = False
+) -> tuple[Spec, str]:
     """How to build that environment, and the name for files."""
     from ..settings import changed, spec_from
+    from ..spec import ranges_of
 
     named = len({"env", "map_file"} & set(given))
     if named == 2 or (named == 0 and instead_of is None):
@@ -88,7 +94,22 @@ def open_spec(given: Mapping[str, Any], instead_of: Spec | None = None) -> tuple
     )
     with telling_warnings():
         options = with_map(given)
-        return (changed(instead_of, options) if instead_of else spec_from(options)), name
+        spec = changed(instead_of, options) if instead_of else spec_from(options)
+    for param, range in ranges_of(spec).items() if not ranges else ():
+        raise UsageError(
+            f"jaxenstein: --param {param} must be one number in this command, not the range {range}"
+        )
+    return spec, name
+
+
+def drawn_by(params: Any, seed: int) -> Any:
+    """The params of one episode; numbers that are drawn from ranges are printed."""
+    from ..params import drawn, ranges_of
+
+    numbers = drawn(params, seed)
+    for name, range in ranges_of(params).items():
+        print(f"{name} {float(getattr(numbers, name)):.4g}, drawn from {range} by --seed {seed}")
+    return numbers
 
 
 @contextlib.contextmanager
@@ -179,6 +200,12 @@ def baselines(module: str) -> Any:
         raise UsageError(f"jaxenstein: {text if hint in text else f'{text}: {hint}'}") from error
 
 
+def add_config(parser: argparse._ActionsContainer) -> None:
+    """Add --config."""
+    help = "options from a .toml or .yaml file, or a configuration of 'jaxenstein list --configs'"
+    flag(parser, "--config FILE", help, Path)
+
+
 def add_training_options(parser: Parser, without: Sequence[str] = ()) -> None:
     """Add a flag for every option of a training, but for those named."""
     add_options(parser, baselines("options").all_options(), without)
@@ -205,6 +232,7 @@ def given_training(options: argparse.Namespace) -> dict[str, Any]:
     parsing = baselines("options")
     file: dict[str, Any] = {}
     if options.config is not None:
-        file = with_map(parsing.read_file(options.config), options.config.parent)
+        path = baselines("configs").find_config(options.config)
+        file = with_map(parsing.read_file(path), path.parent)
     flags = checked(given_options(options), parsing.all_options())
     return merge(file, with_map(flags))

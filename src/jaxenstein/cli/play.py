@@ -27,7 +27,7 @@ from .arguments import (
     flag,
     real,
 )
-from .opening import given_options, handling, open_environment
+from .opening import drawn_by, given_options, handling, open_environment
 from .own_policy import is_own, load_own
 from .record import load_agent, open_for
 
@@ -101,12 +101,16 @@ def run(options: argparse.Namespace) -> None:
     agent = load_agent(options.policy if isinstance(options.policy, Path) else None, options)
     given = given_options(options)
     if isinstance(options.policy, str):
-        env, params, name = open_environment(given)
-        agent = load_own(options.policy, env, params)
+        env, params, name = open_environment(given, ranges=True)
     elif agent is None:
-        env, params, name = open_environment(_size(given, options.native, terminal) | given)
+        env, params, name = open_environment(
+            _size(given, options.native, terminal) | given, ranges=True
+        )
     else:
         env, params, name = open_for(agent, options)
+    params = drawn_by(params, options.seed)
+    if isinstance(options.policy, str):
+        agent = load_own(options.policy, env, params)
     from ..interactive.game import AgentGame, Game, play, wait_for
     from ..spec import spec_of
     from ..trajectory import check_trajectory

@@ -25,7 +25,7 @@ from .arguments import (
     real,
     whole,
 )
-from .opening import baselines, given_options, open_environment, telling_warnings
+from .opening import baselines, drawn_by, given_options, open_environment, telling_warnings
 from .own_policy import is_own, load_own
 
 if TYPE_CHECKING:
@@ -100,6 +100,7 @@ def run(options: argparse.Namespace) -> None:
     run = options.policy if isinstance(options.policy, Path) else None
     agent = load_agent(run, options)
     env, params, name = open_for(agent, options)
+    params = drawn_by(params, options.seed)
     check_pictures(options)
     if (options.out, options.sheet, options.save) == (None, None, None):
         raise UsageError("jaxenstein record: give at least one of --out, --sheet and --save")
@@ -171,10 +172,10 @@ def open_for(
     """
     given = given_options(options)
     if agent is None:
-        return open_environment(given)
+        return open_environment(given, ranges=True)
     if not given:
         return agent.env, agent.params, agent.name
-    env, params, name = open_environment(given, agent.environment)
+    env, params, name = open_environment(given, agent.environment, ranges=True)
     agent.check(env, params)
     return env, params, name if {"env", "map_file"} & set(given) else agent.name
 

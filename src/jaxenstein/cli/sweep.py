@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 from ..files import check_links
 from .arguments import Parser, UsageError, flag, reader, whole
 from .listing import format_table
-from .opening import add_training_options, baselines, given_training, named, telling_warnings
+from .opening import (
+    add_config,
+    add_training_options,
+    baselines,
+    given_training,
+    named,
+    telling_warnings,
+)
 from .train import DIVERGED, add_training, beginning, carry_out, spread
 
 if TYPE_CHECKING:
@@ -42,7 +49,7 @@ def fill(parser: Parser) -> None:
     out = parser.add_argument_group("where and what")
     flag(out, "--out DIR", "folder of the run directories", Path, required=True)
     flag(out, "--resume", "go on with the sweep in DIR")
-    flag(out, "--config FILE", "options from a file", Path)
+    add_config(out)
     which = f"the algorithms (default {' '.join(baselines('sweeps').swept())})"
     algorithms = baselines("options").all_options()["algo"].domain
     flag(out, "--algo NAME", which, reader(algorithms), nargs="+")

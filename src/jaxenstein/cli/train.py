@@ -21,6 +21,7 @@ from ..progress import Progress
 from .arguments import Parser, UsageError, add_suite, flag, real, whole
 from .opening import (
     IMPORT,
+    add_config,
     add_training_options,
     baselines,
     given_training,
@@ -49,6 +50,7 @@ examples:
   jaxenstein train --env simple --algo rnd --seeds 5 --total-steps 3e6 --out runs/simple-rnd
   jaxenstein train --out runs/simple-rnd --resume
   jaxenstein train --env key-door --algo rnd --recipe tuned --frame-skip 6 --out runs/key-door
+  jaxenstein train --config simple-skip6 --out runs/simple
   jaxenstein train --config maze.toml --learning-rate 1e-4 --out runs/maze
   jaxenstein train --suite --algo rnd --out runs/rnd
 
@@ -70,7 +72,8 @@ A --config file holds options as names with values, such as
   seeds = 5
 
 with underscores for hyphens; 'map' is a map as text, and 'settings', 'params' and 'grid' are
-tables. RUN/config.json shows all options. Flags override the file.
+tables. RUN/config.json shows all options. Flags override the file. Configurations come with this
+package, such as simple-skip6: 'jaxenstein list --configs' names them.
 """
 # Updates whose episodes the progress line shows.
 RECENT = 10
@@ -88,7 +91,7 @@ def fill(parser: Parser) -> None:
     out = parser.add_argument_group("where")
     flag(out, "--out DIR", "the run directory, a new one", Path, required=True)
     flag(out, "--resume", "go on with the run in DIR")
-    flag(out, "--config FILE", "options from a file: .toml, .yaml", Path)
+    add_config(out)
     add_suite(out, "train on every task of the benchmark, in DIR/TASK")
     flag(out, "--budget X", "with --suite: the part of its decisions", real(0, 1000), 1.0)
     add_training(parser)

@@ -16,6 +16,7 @@ from jax.typing import ArrayLike
 from ...errors import SettingError
 from ...evaluation import episodes_done
 from ...files import check_writable
+from ...params import split_ranges
 from ...results import Results
 from ..divergence import METRIC
 from ..observations import observation_spec
@@ -259,7 +260,7 @@ def evaluate(
             counts as its part of the time limit.
     """
     learner = trained.experiment.learner
-    longest = np.asarray(learner.env.most_steps(learner.env_params))
+    longest = np.asarray(learner.env.most_steps(split_ranges(learner.env_params)[0]))
     played = learner.many.evaluate(
         trained.params,
         jax.random.key(seed, impl="threefry2x32"),

@@ -1,4 +1,4 @@
-"""Bands of means over runs, and plots of the learning curves of run directories."""
+"""Bands of means over runs, and plots of learning curves."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import dataclasses
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,15 +15,15 @@ from ...files import atomic, check_writable
 from ...intervals import LEVEL, RESAMPLES
 from ..divergence import METRIC
 from .experiment import exact
-from .folder import RunFolder
-from .metrics import EPISODE_MEANS, Row, read_metrics, read_seconds, rows_by_run
+from .folder import CONFIG, RunFolder
+from .foreign import Over, is_foreign, read_foreign
+from .metrics import EPISODE_MEANS, METRICS, Row, read_metrics, read_seconds, rows_by_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AXES = {"success": "success rate", "length": "steps of an episode"}
 SUFFIXES = (".png", ".svg")
-Over = Literal["decisions", "minutes"]
 POINTS = 50
 
 
@@ -60,51 +60,71 @@ class Curve:
         label: for the legend.
         at: float64[points], on the horizontal axis: decisions of each run, or minutes of all runs.
         values: float64[runs, points]; NaN where no episode ended.
-        over: the horizontal axis.
+        over: what the horizontal axis counts: "decisions", "minutes", or the "steps" of a file
+            that another program wrote.
         diverged: how many of the runs did; from there on they have no values.
     """
 
     label: str
     at: np.ndarray
     values: np.ndarray
-    over: Over = "decisions"
+    over: str = "decisions"
     diverged: int = 0
 
 
 def curves_of(
-    path: str | Path, metric: str = "return", points: int = POINTS, over: Over = "decisions"
+    path: str | Path,
+    metric: str | Sequence[str] = "return",
+    points: int = POINTS,
+    over: Over = "decisions",
+    steps: Sequence[str] = (),
 ) -> list[Curve]:
-    """The curves of a run directory: one for each point of its grid.
+    """The curves of a run directory, one for each point of its grid, or that of other metrics.
 
     Args:
-        path: the run directory.
-        metric: a column of its metrics; values of `return`, `length` and `success` are means over
-            the episodes that ended, those of others are means over updates.
-        points: the largest number of points; each pools as many updates.
+        path: a run directory, or what `jaxenstein.baselines.runs.foreign.read_foreign` reads.
+        metric: a column of its metrics, or several names, of which the first that there is counts.
+            Values of `return`, `length` and `success` are means over the episodes that ended, those
+            of others and of files without these sums are means over rows.
+        points: the largest number of points; each pools as many different places on the horizontal
+            axis. There are fewer where a run would have none between its first and last.
         over: the horizontal axis: decisions, which are steps of the world over the frame skip, or
             minutes of training with compilation.
+        steps: names of the column of steps in metrics of other programs.
 
     Raises:
-        SettingError: there is no run, it has no metrics yet, or no such column.
+        SettingError: there are no metrics, or no such column.
     """
-    folder = RunFolder.open(path)
-    rows = read_metrics(folder.path)
-    if not rows:
-        raise SettingError(f"{path} has no metrics yet")
-    if metric not in rows[0]:
-        known = ", ".join(rows[0])
-        raise SettingError(f"unknown metric {metric!r}{nearest(metric, rows[0])}; known: {known}")
-    experiment = folder.experiment
+    path, names = Path(path), [metric] if isinstance(metric, str) else list(metric)
+    if path.name == METRICS and (path.parent / CONFIG).exists():
+        path = path.parent
+    if not (path / CONFIG).exists() and is_foreign(path):
+        found = read_foreign(path, names, steps, over)
+        along = "steps" if over == "decisions" else over
+        return [
+            Curve(found.label, *_pooled_runs(found.runs, found.metric, points, found.at), along)
+        ]
+    return _curves_of_run(RunFolder.open(path), names, points, over)
+
+
+def _curves_of_run(folder: RunFolder, names: Sequence[str], points: int, over: Over) -> list[Curve]:
+    experiment, rows = folder.experiment, read_metrics(folder.path)
+    each = rows_by_run(rows, len(experiment.runs))
+    if not each[0]:
+        raise SettingError(f"{folder.path} has no metrics yet")
+    metric = next((name for name in names if name in rows[0]), None)
+    if metric is None:
+        unknown = f"unknown metric {' or '.join(map(repr, names))}{nearest(names[0], rows[0])}"
+        raise SettingError(f"{folder.path}: {unknown}; known: {', '.join(rows[0])}")
     grid = [name for name, _ in experiment.grid]
     by_run: dict[str, list[list[Row]]] = {}
-    each = rows_by_run(rows, len(experiment.runs))
     for run, of_run in zip(experiment.runs, each, strict=True):
         by_run.setdefault(_label(folder.path, grid, run), []).append(of_run)
     at = np.array([row["steps"] for row in each[0]], np.float64)
     if over == "minutes":
         at = read_seconds(folder.path, len(at)) / 60
     return [
-        Curve(label, *_pooled_runs(runs, metric, points, at), over, _diverged(runs))
+        Curve(label, *_pooled_runs(runs, metric, points, [at] * len(runs)), over, _diverged(runs))
         for label, runs in by_run.items()
     ]
 
@@ -119,20 +139,45 @@ def _diverged(runs: Sequence[Sequence[Row]]) -> int:
 
 
 def _pooled_runs(
-    runs: list[list[Row]], metric: str, points: int, at: np.ndarray
+    runs: Sequence[Sequence[Row]], metric: str, points: int, at: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The places of the points on the horizontal axis, and float64[runs, points]."""
-    parts = np.array_split(np.arange(len(at)), min(points, len(at)))
-    values = [[_pooled([run[i] for i in part], metric) for part in parts] for run in runs]
-    return np.array([at[part[-1]] for part in parts]), np.array(values, np.float64)
+    """The places of the points on the horizontal axis, and float64[runs, points].
+
+    Args:
+        runs: the rows of each.
+        metric: a column.
+        points: the largest number of points.
+        at: the places of the rows of each run, in ascending order.
+    """
+    ends = _ends(at, points)
+    parts = [np.searchsorted(ends, of_run) for of_run in at]
+    values = np.full((len(runs), len(ends)), np.nan)
+    for number, (rows, part) in enumerate(zip(runs, parts, strict=True)):
+        sums = any(EPISODE_MEANS.get(metric) in row for row in rows)
+        for point in np.unique(part):
+            pooled = [row for row, own in zip(rows, part, strict=True) if own == point]
+            values[number, point] = _mean_episode(pooled, metric) if sums else _mean(pooled, metric)
+    return ends, values
 
 
-def _pooled(rows: Sequence[Row], metric: str) -> float:
-    if metric in EPISODE_MEANS:
-        ended = [row for row in rows if row.get(EPISODE_MEANS[metric]) is not None]
-        episodes = sum(row["episodes"] or 0 for row in ended)
-        total = sum(row[EPISODE_MEANS[metric]] or 0 for row in ended)
-        return total / episodes if episodes else np.nan
+def _ends(at: Sequence[np.ndarray], points: int) -> np.ndarray:
+    """The last place of each point, as many that no run has a gap; float64[points]."""
+    places = np.unique(np.concatenate(at))
+    for count in range(min(points, len(places)), 1, -1):
+        ends = np.array([part[-1] for part in np.array_split(places, count)])
+        if all(np.all(np.diff(np.searchsorted(ends, of_run)) <= 1) for of_run in at):
+            return ends
+    return places[-1:]
+
+
+def _mean_episode(rows: Sequence[Row], metric: str) -> float:
+    ended = [row for row in rows if row.get(EPISODE_MEANS[metric]) is not None]
+    episodes = sum(row.get("episodes") or 0 for row in ended)
+    total = sum(row[EPISODE_MEANS[metric]] or 0 for row in ended)
+    return total / episodes if episodes else np.nan
+
+
+def _mean(rows: Sequence[Row], metric: str) -> float:
     there = [value for row in rows if (value := row.get(metric)) is not None]
     return float(np.mean(there)) if there else np.nan
 
@@ -202,7 +247,9 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
         if runs > 1:
             colour = line.get_color()
             axes.fill_between(at, low[there], high[there], color=colour, alpha=0.2, lw=0)
-    axes.set_xlabel(curves[0].over)
+    # Steps of others stand beside decisions where a run is drawn.
+    counted = {curve.over for curve in curves}
+    axes.set_xlabel(min(counted))
     axes.set_ylabel(AXES.get(metric, metric.replace("_", " ")))
     axes.set_title(title)
     axes.grid(alpha=0.3)

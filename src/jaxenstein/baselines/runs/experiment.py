@@ -112,7 +112,7 @@ class Experiment:
             place = plain["environment"]
             check_whole("environment.version", place["version"], 0)
             environment = Spec(
-                place["id"], place["version"], _tuples(place["settings"]), place["params"]
+                place["id"], place["version"], _tuples(place["settings"]), _tuples(place["params"])
             )
             # Runs without this option continue after a divergence.
             config = Config.of({"on_divergence": "continue", **_tuples(plain["config"])})

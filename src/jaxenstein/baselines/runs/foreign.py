@@ -1,0 +1,196 @@
+"""Metrics that other programs wrote: JSON lines, and the event files of TensorBoard."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ...errors import SettingError, nearest, one_line
+from ...files import reason_of
+from .metrics import EPISODE_MEANS, METRICS, Row
+
+Over = Literal["decisions", "minutes"]
+EVENTS = "*tfevents*"
+# Names of the columns that say where a row is, the likeliest first. `a/b` is a column `b`, too.
+STEPS = (
+    "step", "steps", "global_step", "env_step", "env_steps", "timestep", "timesteps", "total_steps",
+    "total_timesteps", "num_timesteps", "_step", "iteration", "update",
+)  # fmt: skip
+SECONDS = ("seconds", "time_elapsed", "elapsed", "_runtime")
+SEED = "seed"
+
+
+@dataclasses.dataclass(frozen=True)
+class Foreign:
+    """Runs of the same thing with several seeds.
+
+    Attributes:
+        label: for a legend.
+        metric: the column that was found.
+        runs: rows of each run in the order of their places, all with that column.
+        at: float64[rows] of each run, the places: steps or minutes.
+    """
+
+    label: str
+    metric: str
+    runs: Sequence[Sequence[Row]]
+    at: Sequence[np.ndarray]
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether it is a file, or a folder with metrics of another program."""
+    return path.is_file() or (path / METRICS).is_file() or bool(_event_folders(path))
+
+
+def read_foreign(
+    path: Path, metrics: Sequence[str], steps: Sequence[str] = (), over: Over = "decisions"
+) -> Foreign:
+    """Read JSON lines, or the scalars of TensorBoard.
+
+    A line is an object with a column of steps, perhaps one named `seed`, and any others; a metric
+    that is null or not finite is missing at its step. In a folder of TensorBoard every folder with
+    event files is a run.
+
+    Args:
+        path: a file, a folder with `metrics.jsonl`, or one with event files in it or below.
+        metrics: names of columns; the first that there is counts. A column `a/b` is also called
+            `b` if no other one is.
+        steps: the same of the column of steps; empty for `STEPS`.
+        over: steps, or minutes: of a column of `SECONDS`, or of TensorBoard's clock.
+
+    Raises:
+        SettingError: it cannot be read, or has no such column.
+    """
+    file = path / METRICS if (path / METRICS).is_file() else path
+    if not file.is_file():
+        return _read_events(path, metrics, over)
+    rows = _read_lines(file)
+    columns = dict.fromkeys(name for row in rows for name, value in row.items() if _real(value))
+    metric = _pick(file, columns, metrics, "--metric")
+    if over == "minutes":
+        place, scale = _pick(file, columns, SECONDS, None, "of seconds"), 1 / 60
+    else:
+        place, scale = _pick(file, columns, steps or STEPS, "--step", "of steps"), 1
+    by_seed: dict[str, list[tuple[float, Row]]] = {}
+    for row in rows:
+        if metric in row and _real(row.get(place)):
+            of_seed = by_seed.setdefault(json.dumps(row.get(SEED)), [])
+            of_seed.append((row[place] * scale, _numbers(row, metric)))
+    if not by_seed:
+        raise SettingError(f"{file} has no line with both {metric!r} and {place!r}")
+    name = file.absolute().parent.name if file.name == METRICS else file.stem
+    return _foreign(name, metric, by_seed.values())
+
+
+def _read_lines(file: Path) -> list[dict[str, Any]]:
+    """The objects in the lines of a file; a last line may be incomplete."""
+    try:
+        lines = file.read_text(encoding="utf-8").split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingError(f"cannot read {file}: {reason_of(error)}") from error
+    rows = []
+    for number, line in enumerate(lines, 1):
+        try:
+            row = json.loads(line) if line.strip() else {}
+        except (ValueError, RecursionError):
+            row = None
+        if row is None and number == len(lines) and number > 1:
+            continue
+        if not isinstance(row, dict):
+            what = f'an object such as {{"step": 1000, "return": 0.5}}, not {line[:60]!r}'
+            raise SettingError(f"{file}, line {number}: each line must be {what}")
+        rows.append(row)
+    if not any(rows):
+        raise SettingError(f"{file} has no metrics yet")
+    return rows
+
+
+def _pick(
+    file: Path, columns: Iterable[str], names: Iterable[str], flag: str | None, what: str = ""
+) -> str:
+    """The column of the first of some names that there is."""
+    known, wanted = list(columns), list(names)
+    for name in wanted:
+        ends = [column for column in known if column.rpartition("/")[2] == name]
+        if name in known or len(ends) == 1:
+            return name if name in known else ends[0]
+    asked = " or ".join(map(repr, wanted)) if not what or len(wanted) < 3 else what
+    close = nearest(wanted[0], known) if flag == "--metric" else ""
+    listed = ", ".join(known) or "no column of numbers"
+    hint = f"; name another with {flag} NAME" if flag else f"; its name would be {wanted[0]!r}"
+    raise SettingError(f"{file} has no column {asked}{close}; it has: {listed}{hint}")
+
+
+def _numbers(row: Mapping[str, Any], metric: str) -> Row:
+    """The columns that a curve of the metric is made of."""
+    names = (metric, "episodes", EPISODE_MEANS.get(metric, metric))
+    return {name: row[name] for name in names if _real(row.get(name))}
+
+
+def _real(value: Any) -> bool:
+    try:
+        return isinstance(value, int | float) and math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _foreign(label: str, metric: str, runs: Iterable[list[tuple[float, Row]]]) -> Foreign:
+    ordered = [sorted(run, key=lambda entry: entry[0]) for run in runs]
+    at = [np.array([place for place, _ in run], np.float64) for run in ordered]
+    return Foreign(label, metric, [[row for _, row in run] for run in ordered], at)
+
+
+def _event_folders(path: Path) -> list[Path]:
+    return sorted({file.parent for file in path.rglob(EVENTS) if file.is_file()})
+
+
+def _read_events(path: Path, metrics: Sequence[str], over: Over) -> Foreign:
+    """The scalars of a folder; a run is a folder in which there are event files."""
+    scalars = [_scalars(folder) for folder in _event_folders(path)]
+    columns = dict.fromkeys(name for of_run in scalars for name in of_run)
+    metric = _pick(path, columns, metrics, "--metric")
+    found = []
+    for of_run in scalars:
+        begin = min((event[0] for events in of_run.values() for event in events), default=0.0)
+        minutes = over == "minutes"
+        entries: list[tuple[float, Row]] = [
+            ((clock - begin) / 60 if minutes else step, _numbers({metric: value}, metric))
+            for clock, step, value in of_run.get(metric, ())
+        ]
+        if entries:
+            found.append(entries)
+    return _foreign(path.name or path.absolute().name, metric, found)
+
+
+def _scalars(folder: Path) -> dict[str, list[tuple[float, int, float]]]:
+    """The clock, step and value of the scalars in the event files of a folder, by name."""
+    try:
+        from tensorboard.backend.event_processing import (  # pyright: ignore[reportMissingImports]
+            plugin_event_accumulator,
+        )
+        from tensorboard.util import tensor_util  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise SettingError(
+            f"{folder} has files of TensorBoard, which need tensorboard ({error}): "
+            "pip install tensorboard"
+        ) from error
+    events = plugin_event_accumulator.EventAccumulator(str(folder), size_guidance={"tensors": 0})
+    try:
+        events.Reload()
+        tags = events.PluginTagToContent("scalars") if "scalars" in events.ActivePlugins() else {}
+        return {
+            tag: [
+                (event.wall_time, event.step, float(tensor_util.make_ndarray(event.tensor_proto)))
+                for event in events.Tensors(tag)
+            ]
+            for tag in tags
+        }
+    # Damaged files make the reader raise anything.
+    except Exception as error:
+        raise SettingError(f"cannot read {folder}: {one_line(str(error))[:200]}") from error

@@ -1,0 +1,148 @@
+"""Params as ranges: what is refused, what is drawn, and what files say of them."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxenstein
+from jaxenstein import SettingError
+from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
+from jaxenstein.cli import main
+from jaxenstein.params import Range, drawn, ranges_of
+from jaxenstein.settings import given_by, spec_from
+from jaxenstein.spec import Spec
+
+pytestmark = pytest.mark.usefixtures("plain_frames")
+
+SIZE = {"height": 8, "width": 8}
+# Nothing but time passes where the agent turns.
+WAITING = {**SIZE, "heading": 0}
+
+
+def waiting():
+    env, params = jaxenstein.from_ascii("####\n#SG#\n####", **WAITING)
+    return env, params.replace(max_steps_in_episode=4, living_reward=(-2, -1))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("turn_angle", (0.4, 0.1), "must be a range from a lower to a higher number, not 0.4:0.1"),
+        ("turn_angle", (0.2, 0.2), "turn_angle must be a range from a lower"),
+        ("turn_angle", (0.1, 40), "turn_angle must be .* not 40.0"),
+        ("turn_angle", ("a", 1), "turn_angle must be a finite number"),
+        ("turn_angle", (0.1, np.nan), "turn_angle must be a finite"),
+        ("turn_angle", (0.1, None), "turn_angle must be a finite"),
+        ("turn_angle", (0.1, 0.2, 0.3), "turn_angle must be one number, or a range"),
+        ("max_steps_in_episode", (1, 5), "must be a whole number from 1 on, not the range"),
+        ("discount", (0.1, 0.9), "discount must be the same in all episodes, not the range"),
+        ("turn_angel", (0.1, 0.9), "no 'turn_angel', did you mean 'turn_angle'"),
+    ],
+)
+def test_wrong_ranges_are_refused(name, value, message):
+    _, params = jaxenstein.make("simple", **SIZE)
+    with pytest.raises(SettingError, match=message):
+        params.replace(**{name: value})
+
+
+def test_other_numbers_are_still_checked_beside_a_range():
+    _, params = waiting()
+    with pytest.raises(SettingError, match="move_distance must be a finite number"):
+        params.replace(move_distance=4.0)
+    assert ranges_of(params) == {"living_reward": (-2.0, -1.0)}
+    assert ranges_of(params.replace(living_reward=-1.0)) == {}
+
+
+def test_one_environment_takes_no_range():
+    env, params = waiting()
+    message = r"living_reward must be one number here, not the range -2:-1: .*drawn\(params, seed\)"
+    enter = (env.check_params, env.single_params, lambda p: env.reset(jax.random.key(0), p))
+    for call in (*enter, lambda p: GymnasiumVectorEnv(env, p, num_envs=2)):
+        with pytest.raises(SettingError, match=message):
+            call(params)
+    with pytest.raises(SettingError, match="living_reward must be one number here"):
+        jax.jit(env.reset)(jax.random.key(0), params)
+
+
+def test_numbers_are_drawn_uniformly_and_apart():
+    env, params = jaxenstein.make("simple", **SIZE)
+    assert drawn(params, 0) is params
+    wide = params.replace(turn_angle=(0.1, 0.5), living_reward=(-3, 1))
+    many = drawn(wide, 5, 20_000)
+    assert many.goal_radius == params.goal_radius
+    angles, rewards = np.asarray(many.turn_angle), np.asarray(many.living_reward)
+    for values, (low, high) in ((angles, (0.1, 0.5)), (rewards, (-3, 1))):
+        assert values.dtype == np.float32
+        # A tenth of all numbers in each tenth of the range, within five standard deviations.
+        counts, _ = np.histogram(values, 10, (low, high))
+        assert counts.sum() == 20_000
+        np.testing.assert_allclose(counts, 2000, atol=5 * np.sqrt(2000 * 0.9))
+    assert abs(np.corrcoef(angles, rewards)[0, 1]) < 5 / np.sqrt(20_000)
+    one, again, other = drawn(wide, 5), drawn(wide, jax.random.key(5)), drawn(wide, 6)
+    assert one.turn_angle == again.turn_angle != other.turn_angle
+    assert env.single_params(one).turn_angle == one.turn_angle
+    with pytest.raises(SettingError, match="seed must be a whole number from 0"):
+        drawn(wide, -1)
+
+
+def test_environments_of_an_adapter_have_numbers_of_their_own():
+    env, params = waiting()
+    numbers = drawn(params, 0, 3)
+    envs = GymnasiumVectorEnv(env, numbers, num_envs=3)
+    np.testing.assert_array_equal(envs.params.living_reward, numbers.living_reward)
+    assert len(np.unique(numbers.living_reward)) == 3
+
+
+def test_each_episode_of_an_evaluation_draws():
+    env, params = waiting()
+    turn = env.index_of("turn left")
+    results = jaxenstein.evaluate(env, params, lambda obs, key: jnp.int32(turn), episodes=64)
+    rewards = results.returns[0] / 4
+    assert len(np.unique(rewards)) == 64
+    assert -2 <= rewards.min() < -1.9
+    assert -1.1 < rewards.max() <= -1
+    few = jaxenstein.evaluate(env, params, lambda obs, key: jnp.int32(turn), episodes=3)
+    np.testing.assert_array_equal(few.returns[0], results.returns[0, :3])
+    other = jaxenstein.evaluate(env, params, lambda obs, key: jnp.int32(turn), episodes=3, seed=1)
+    assert np.all(other.returns != few.returns)
+    assert results.environment.params["living_reward"] == (-2, -1)
+
+
+def test_files_have_lists_for_ranges_and_old_ones_stay_readable():
+    spec = spec_from({"env": "simple", "params": {"turn_angle": [0.1, 0.4], "goal_reward": 2}})
+    plain = spec.to_json()
+    assert plain["params"] == {"turn_angle": [0.1, 0.4], "goal_reward": 2}
+    assert Spec.from_json(plain) == spec
+    assert spec_from(given_by(spec)) == spec
+    _, params = spec.try_out()
+    assert params.turn_angle == Range(0.1, 0.4)
+    assert Spec.from_json({**plain, "params": {"turn_angle": 0.1}}).build()[1].turn_angle < 0.11
+    for value in ([0.4, 0.1], [0.1], [], [0.1, 0.2, 0.3]):
+        with pytest.raises(SettingError, match="turn_angle"):
+            Spec.from_json({**plain, "params": {"turn_angle": value}}).try_out()
+    for value in (["a", 1], [[0.1, 0.2], 1], [None, 1], "0.1:0.4"):
+        with pytest.raises(
+            SettingError, match=r"environment\.params\.turn_angle' must be a finite"
+        ):
+            Spec.from_json({**plain, "params": {"turn_angle": value}})
+
+
+def test_commands_that_play_say_what_they_drew(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "map.txt").write_text("####\n#SG#\n####\n")
+    place = ["--map-file=map.txt", "--horizon=3", "--height=8", "--width=8"]
+    flags = [*place, "--param=living_reward=-2:-1", "--seed=4"]
+    assert main(["record", *flags, "--save=a.json", "--policy=random"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    name, number, *rest = lines[0].split()
+    assert (name, " ".join(rest)) == ("living_reward", "drawn from -2:-1 by --seed 4")
+    assert -2 <= float(number.rstrip(",")) <= -1
+    assert main(["replay", "a.json"]) == 0
+    assert "the same bit for bit" in capsys.readouterr().out
+    assert main(["rollout", *place, "--param=turn_angle=0.1:0.2"]) == 2
+    assert "--param turn_angle must be one number in this command" in capsys.readouterr().err
+    assert main(["record", *flags, "--param=turn_angle=0.1:", "--save=b.json"]) == 2
+    assert "turn_angle must be a finite" in capsys.readouterr().err
