@@ -61,7 +61,12 @@ def test_one_image_and_other_data_types():
     ("images", "weights", "options", "message"),
     [
         ((6, 6), (3, 3, 1, 4), {}, r"images must be \[..., height, width, channels\]"),
-        ((6, 6, 3), (3, 3, 1, 4), {}, r"as many channels, not images of shape \[6, 6, 3\], weights"),
+        (
+            (6, 6, 3),
+            (3, 3, 1, 4),
+            {},
+            r"as many channels, not images of shape \[6, 6, 3\], weights",
+        ),
         ((6, 6, 3), (3, 3, 3), {}, "weights .rows, columns, channels, features"),
         ((2, 6, 3), (3, 3, 3, 4), {}, "the kernel must fit into the image"),
         ((0, 6, 3), (3, 3, 3, 4), {"padding": "SAME"}, "the kernel must fit into the image"),
