@@ -99,7 +99,7 @@ def wheel(session: nox.Session) -> None:
     ids=list(PARTNERS),
 )
 def partners(session: nox.Session, partner: str) -> None:
-    """The tests of adapters and examples beside a package that they are for, its trainings among them."""
+    """The tests of adapters and examples beside a package, its trainings among them."""
     chosen = PARTNERS[partner]
     session.install("--editable", ".", *TOOLS, *chosen.requirements)
     tests = (f"{TESTS}/{test}" for test in chosen.tests)

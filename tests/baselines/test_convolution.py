@@ -5,7 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-nn = pytest.importorskip("flax.linen")
+pytest.importorskip("flax")
+
+import flax.linen as nn
 
 from jaxenstein import SettingError
 from jaxenstein.baselines import PatchConvolution

@@ -99,6 +99,7 @@ def test_a_rollout_is_what_its_sequence_computes(name: str) -> None:
     assert past.first[0].all()
     assert not past.first[1].any()
     np.testing.assert_array_equal(info["episode_length"][past.ended], 5)
+    network = jax.jit(network)
     _, logits, values = network(weights, 0 * start.memory, past.observation, past.first)
     log_prob = jnp.take_along_axis(jax.nn.log_softmax(logits), past.action[..., None], -1)[..., 0]
     np.testing.assert_allclose(log_prob, past.log_prob, atol=1e-4)

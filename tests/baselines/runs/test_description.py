@@ -87,7 +87,10 @@ def scaled(told: Any, leaves: list[np.ndarray]) -> dict[str, np.ndarray]:
     [
         {},
         {"observation": "dict", "contrast": 3.0, "persistence": 1.5},
-        {"observation": "labels", "recurrent": False, "convolutions": [[4, 2, 3], [3, 1, 2]]},
+        pytest.param(
+            {"observation": "labels", "recurrent": False, "convolutions": [[4, 2, 3], [3, 1, 2]]},
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["rgb", "dict", "labels"],
 )

@@ -142,6 +142,6 @@ def test_what_is_no_program_is_told(
     pytest.importorskip("flatbuffers")
     refused(tmp_path / "no" / "a.jaxexport", OutputError, "there is no folder")
     agent = load_policy(folder.path, 0)
-    with pytest.raises(SettingError, match="unknown platform 'gpu'.*cpu, cuda, rocm, tpu"):
+    with pytest.raises(SettingError, match=r"unknown platform 'gpu'.*cpu, cuda, rocm, tpu"):
         programs.write_program(tmp_path / "a.jaxexport", agent, ["gpu"])
     assert list(tmp_path.iterdir()) == []

@@ -1,8 +1,8 @@
 """Trained networks in a run directory or in a file of their own, and how they did.
 
 Such a file is an .npz with an array for every leaf of the network of one run, and `config.json`:
-that of a run directory, with the agent's score and what its network computes. The files of this package are in
-`jaxenstein/pretrained`; their names are `pretrained/NAME`.
+that of a run directory, with the agent's score and what its network computes. The files of this
+package are in `jaxenstein/pretrained`; their names are `pretrained/NAME`.
 """
 
 from __future__ import annotations
