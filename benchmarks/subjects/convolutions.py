@@ -44,7 +44,8 @@ def convolution(batch: int, options: Options) -> Chunk:
     images = jax.random.uniform(jax.random.key(0), (UPDATES, batch, height, width, 3))
 
     def loss(params: Any, images: jax.Array) -> jax.Array:
-        return jnp.mean(network.apply(params, images) ** 2)
+        values: Any = network.apply(params, images)
+        return jnp.mean(values**2)
 
     def update(params: Any, images: jax.Array) -> tuple[Any, None]:
         gradient = jax.grad(loss)(params, images)
