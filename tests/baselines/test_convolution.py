@@ -9,8 +9,9 @@ pytest.importorskip("flax")
 
 import flax.linen as nn
 
-from jaxenstein import SettingError
+from jaxenstein import SettingError, patch_convolution
 from jaxenstein.baselines import PatchConvolution
+from jaxenstein.baselines.convolution import conv_lax
 
 KEY = jax.random.key(0)
 
@@ -42,3 +43,11 @@ def test_one_number_stands_for_both_sides():
     assert params["params"]["kernel"].shape == (3, 3, 1, 2)
     with pytest.raises(SettingError, match="kernel_size must be a whole number or two of them"):
         PatchConvolution(2, (3, 3, 3)).init(KEY, images)
+
+
+def test_both_implementations_of_a_network_are_one():
+    keys = jax.random.split(KEY, 2)
+    images = jax.random.normal(keys[0], (2, 3, 9, 8, 3))
+    weights = jax.random.normal(keys[1], (4, 4, 3, 5))
+    ours = patch_convolution(images, weights, 2)
+    np.testing.assert_allclose(conv_lax(images, weights, 2), ours, rtol=1e-4, atol=1e-4)
