@@ -71,7 +71,7 @@ bench: ## measure all beside its peers, write docs/benchmarks.md (an hour; QUICK
 compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
 	$(BIN)/python -m benchmarks peers --only vizdoom-gymnasium vizdoom-raw loop scan $(ARGS)
 
-partners: $(VENV)/.dev ## run the adapters' tests beside their partners, each in an environment of its own
+partners: $(VENV)/.dev ## run adapters and examples beside their partners, each in an environment of its own
 	$(BIN)/python -m nox -t partners $(ARGS)
 
 lanes: $(VENV)/.dev ## run the tests with each Python, the oldest and newest JAX, and the wheel

@@ -1,7 +1,7 @@
 """The tests beside other versions, each in a virtual environment of its own below `.nox`.
 
     make lanes       each Python with the oldest and newest JAX and with extras, and the wheel
-    make partners    the adapters' tests beside the packages that they are for
+    make partners    the tests of adapters and examples beside the packages that they are for
 
 `ARGS="-p 3.12"` or `ARGS="-k gymnax"` runs some of them, `ARGS="-- -k maps"` some tests of each,
 `ARGS=--list` tells all. An interpreter that is not there is left out. Environments are kept: `-R`
@@ -99,7 +99,7 @@ def wheel(session: nox.Session) -> None:
     ids=list(PARTNERS),
 )
 def partners(session: nox.Session, partner: str) -> None:
-    """The adapters' tests beside a package that they are for, its trainings among them."""
+    """The tests of adapters and examples beside a package, its trainings among them."""
     chosen = PARTNERS[partner]
     session.install("--editable", ".", *TOOLS, *chosen.requirements)
     tests = (f"{TESTS}/{test}" for test in chosen.tests)

@@ -30,6 +30,9 @@ class Plan:
     observations: tuple[str, ...] = ("rgb", "gray", "depth", "labels", "dict")
     trained: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256)
     adapted: tuple[int, ...] = (64, 1024)
+    networks: tuple[tuple[str, str], ...] = (
+        ("tiny", "16x16"), ("small", "16x16"), ("tiny", "64x64"), ("paper", "64x64")
+    )  # fmt: skip
 
 
 # Sizes to see the suite work with, not to learn anything from.
@@ -42,6 +45,7 @@ QUICK = Plan(
     observations=("rgb", "depth"),
     trained=(2,),
     adapted=(16,),
+    networks=(("tiny", "16x16"),),
 )
 
 
@@ -169,6 +173,20 @@ def adapters(plan: Plan) -> Groups:
     return [group]
 
 
+def convolutions(plan: Plan) -> Groups:
+    """Updates of image networks with this project's convolution, beside flax' own."""
+    groups = []
+    for network, size in plan.networks:
+        words, axes = f" network={network} size={size}", {"network": network, "size": size}
+        names = {layer: f"convolution-64 layer={layer}{words}" for layer in ("flax", "patches")}
+        rows = [
+            Subject(names["flax"], "flax.linen.Conv", axes),
+            Subject(names["patches"], "PatchConvolution", axes, {"x flax": names["flax"]}),
+        ]
+        groups.append(rows)
+    return groups
+
+
 def _own(batch: int, title: str, **options: Any) -> Subject:
     """This project in a scan."""
     words = "".join(f" {name}={value}" for name, value in options.items())
@@ -218,6 +236,7 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "observations": observations,
     "adapters": adapters,
     "training-compare": training,
+    "convolutions": convolutions,
 }
-# Measured only where it is named: PyTorch is large.
-NAMED = ("training-compare",)
+# Measured only where they are named: PyTorch is large, and no page shows convolutions.
+NAMED = ("training-compare", "convolutions")

@@ -124,6 +124,9 @@ COLUMNS: Mapping[str, Sequence[Column]] = {
         ID, column("environments", "envs"), *RATES[:2], ratio("x RecurrentPPO"),
         column("ready after s", "ready_seconds", form=number),
     ),
+    "convolutions": (
+        column("network", left=True), column("size"), TITLE, *RATES[:2], ratio("x flax")
+    ),
 }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The packages that the adapters are tested beside, each set in an environment of its own.
+"""The packages that adapters and examples are tested beside, each set in an environment of its own.
 
 Partners exclude each other: gymnax 1.x sets upper limits on JAX and Gymnasium, and rejax needs
 gymnax 0.0.9. `make partners` runs the tests, benchmarks measure beside the same versions.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-TESTS = "tests/adapters"
+TESTS = "tests"
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class Partner:
 
 
 _TORCH = "torch==2.13.0"
-_EVERY = "test_contract.py"
-_GYMNASIUM = ("test_gymnasium.py", "test_gymnasium_vector.py", _EVERY)
-_GYMNAX = ("test_gymnax.py", _EVERY)
+_EVERY = "adapters/test_contract.py"
+_GYMNASIUM = ("adapters/test_gymnasium.py", "adapters/test_gymnasium_vector.py", _EVERY)
+_GYMNAX = ("adapters/test_gymnax.py", _EVERY)
 # gymnax imports six without requiring it, and what once brought it along no longer does.
 PARTNERS: dict[str, Partner] = {
     "gymnasium-1.1": Partner(("gymnasium==1.1.1",), _GYMNASIUM, ("gymnasium",)),
@@ -39,15 +39,21 @@ PARTNERS: dict[str, Partner] = {
     "gymnax-0.0.9": Partner(("gymnax==0.0.9", "six"), _GYMNAX, ("gymnax",)),
     "gymnax": Partner(("gymnax>=1.0.1", "six"), _GYMNAX, ("gymnax",)),
     "rejax": Partner(("rejax>=0.1.3", "gymnax==0.0.9", "six"), _GYMNAX, ("gymnax", "rejax")),
-    "stoa": Partner(("stoa-env>=0.1.2",), ("test_stoa.py", _EVERY), ("stoa",)),
-    "vizdoom": Partner(("vizdoom>=1.3",), ("test_vizdoom.py",), ("vizdoom",)),
-    "torch": Partner((_TORCH,), ("test_torch.py", _EVERY), ("torch",), "3.11"),
+    "stoa": Partner(("stoa-env>=0.1.2",), ("adapters/test_stoa.py", _EVERY), ("stoa",)),
+    "equinox": Partner(
+        ("equinox>=0.13", "optax>=0.2.4"), ("examples/test_own_agents.py",), ("equinox",)
+    ),
+    "vizdoom": Partner(("vizdoom>=1.3",), ("adapters/test_vizdoom.py",), ("vizdoom",)),
+    "torch": Partner((_TORCH,), ("adapters/test_torch.py", _EVERY), ("torch",), "3.11"),
     "torchrl": Partner(
-        (_TORCH, "torchrl>=0.14", "gymnasium>=1.4"), ("test_torchrl.py",), ("torchrl",), "3.11"
+        (_TORCH, "torchrl>=0.14", "gymnasium>=1.4"),
+        ("adapters/test_torchrl.py",),
+        ("torchrl",),
+        "3.11",
     ),
     "sb3": Partner(
         (_TORCH, "stable-baselines3>=2.4"),
-        ("test_sb3.py", _EVERY),
+        ("adapters/test_sb3.py", _EVERY),
         ("torch", "stable_baselines3"),
         "3.11",
     ),

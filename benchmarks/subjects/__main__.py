@@ -26,10 +26,11 @@ from benchmarks.subjects.common import Chunk, notes
 # Of those kinds that are not in `own.py`: the module, by their first word.
 MODULES = {"vizdoom": "peers", "envpool": "peers", "miniworld": "peers"}
 MODULES |= {"adapter": "adapters", "sb3": "sb3", "training": "training"}
+MODULES |= {"convolution": "convolutions"}
 # Packages whose versions are told where they are loaded: by module.
 PACKAGES = {
     **{name: name for name in ("jax", "jaxlib", "numpy", "gymnasium", "vizdoom", "envpool")},
-    **{name: name for name in ("miniworld", "pyglet", "torch")},
+    **{name: name for name in ("flax", "miniworld", "pyglet", "torch")},
     "cv2": "opencv-python-headless",
     "stable_baselines3": "stable-baselines3",
     "sb3_contrib": "sb3-contrib",

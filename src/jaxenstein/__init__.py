@@ -20,6 +20,7 @@ from .text_maps import from_ascii, from_file
 from .version import __version__
 
 if TYPE_CHECKING:
+    from .convolution import patch_convolution
     from .episodes.recorder import Replay, record, replay
     from .episodes.session import Session
     from .episodes.trajectory_file import load_trajectory
@@ -43,6 +44,7 @@ _LAZY = {
     "Trajectory": ".trajectory",
     "evaluate": ".evaluation",
     "load_trajectory": ".episodes.trajectory_file",
+    "patch_convolution": ".convolution",
     "read_results": ".results",
     "record": ".episodes.recorder",
     "replay": ".episodes.recorder",
@@ -77,6 +79,7 @@ __all__ = [
     "from_file",
     "load_trajectory",
     "make",
+    "patch_convolution",
     "read_results",
     "record",
     "register",

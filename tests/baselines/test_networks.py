@@ -1,4 +1,4 @@
-"""The networks against plain loops and `jax.lax`."""
+"""The networks against plain loops."""
 
 import dataclasses
 
@@ -11,7 +11,6 @@ pytest.importorskip("flax")
 
 import jaxenstein
 from jaxenstein.baselines import Config
-from jaxenstein.baselines.convolution import conv_lax, conv_matmul
 from jaxenstein.baselines.networks import GRU, NATURE, SMALL, ActorCritic, layers_for
 from jaxenstein.baselines.observations import ObservationSpec, Part, observation_spec
 from jaxenstein.errors import SettingError
@@ -19,33 +18,6 @@ from jaxenstein.errors import SettingError
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
 KEY = jax.random.key(0)
-
-
-@pytest.mark.parametrize(
-    ("size", "kernel", "stride"),
-    [
-        pytest.param((64, 64), 8, 4, marks=pytest.mark.slow),
-        pytest.param((15, 15), 4, 2, marks=pytest.mark.slow),
-        ((6, 6), 3, 1),
-        ((7, 9), 3, 2),
-        pytest.param((16, 21), 5, 3, marks=pytest.mark.slow),
-    ],
-)
-def test_convolution_is_that_of_lax(size, kernel, stride):
-    keys = jax.random.split(KEY, 2)
-    images = jax.random.normal(keys[0], (2, 3, *size, 3))
-    weights = jax.random.normal(keys[1], (kernel, kernel, 3, 4))
-
-    def run(convolve):
-        total = lambda *args: jnp.sum(jnp.sin(convolve(*args, stride)))  # noqa: E731
-        return convolve(images, weights, stride), jax.grad(total, (0, 1))(images, weights)
-
-    ours, lax = (
-        jax.jit(run, static_argnums=0)(conv_matmul),
-        jax.jit(run, static_argnums=0)(conv_lax),
-    )
-    assert ours[0].shape == lax[0].shape
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-4, atol=2e-3), ours, lax)
 
 
 def sequence(cell_inputs=5, size=4, steps=7, batch=3):

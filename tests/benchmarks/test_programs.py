@@ -49,6 +49,14 @@ def test_adapters(monkeypatch, adapter):
     assert prepare(f"adapter-{adapter} id=simple")() > 0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("layer", ["flax", "patches"])
+def test_convolutions(layer):
+    pytest.importorskip("flax")
+    chunk = prepare(f"convolution-3 layer={layer} network=small size=12x10")
+    assert chunk() == chunk() == 12
+
+
 def run(module, *words):
     """Run a command in an interpreter of its own; returns what it printed."""
     paths = os.pathsep.join([str(ROOT / "src"), str(ROOT)])

@@ -26,6 +26,7 @@ from ..evaluation import Evaluation
 from .bonus import PER_ENVIRONMENT, Bonus, Experience
 from .bonuses import E3B, ICM, RND, NoBonus
 from .config import Config, HParams, register_bonus
+from .convolution import PatchConvolution
 from .learner import Learner, ManyRuns, PolicyCarry
 from .runs.agents import export_policy, load_policy
 from .runs.experiment import Experiment
@@ -48,6 +49,7 @@ __all__ = [
     "Learner",
     "ManyRuns",
     "NoBonus",
+    "PatchConvolution",
     "PolicyCarry",
     "RunFolder",
     "TrainState",

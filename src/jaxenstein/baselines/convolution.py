@@ -1,72 +1,79 @@
-"""Convolutions as matrix products.
-
-XLA's CPU compiler runs a convolution inside a loop several times slower than alone, and turns
-`jax.vmap` over kernels into grouped convolutions, slow everywhere. Matrix products have neither
-problem.
-"""
+"""Convolutions for networks in flax."""
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Sequence
 
+import flax.linen as nn
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.typing import DTypeLike
+
+from ..convolution import Padding, pair, patch_convolution
 
 
-def output_size(size: int, kernel: int, stride: int) -> int:
-    """Length of one side after a convolution without padding."""
-    return (size - kernel) // stride + 1
+class PatchConvolution(nn.Module):
+    """`flax.linen.Conv` by matrix products, many times faster in a compiled training on a CPU.
+
+    It has the parameters of `flax.linen.Conv`, `kernel` float[rows, columns, channels, features]
+    and `bias` float[features], in the same order, so that either module takes those of the other.
+    `jaxenstein.patch_convolution` is the same without flax.
+
+    Attributes:
+        features: number of channels of the result.
+        kernel_size: rows and columns of the kernel, or one number for both.
+        strides: pixels from one window to the next: down and across, or one number for both.
+        padding: "SAME" or "VALID", as in `jaxenstein.patch_convolution`.
+        use_bias: whether to add a number for each feature.
+        dtype: of the computation and the result; None: the widest of images and parameters.
+        param_dtype: of the parameters.
+        kernel_init: draws the kernel.
+        bias_init: draws the bias.
+
+    Raises:
+        SettingError: when it is called, as in `jaxenstein.patch_convolution`.
+
+    Examples:
+        >>> import jax
+        >>> import jax.numpy as jnp
+        >>> from jaxenstein.baselines import PatchConvolution
+        >>> layer = PatchConvolution(32, kernel_size=(8, 8), strides=4, padding="VALID")
+        >>> frames = jnp.zeros((16, 64, 64, 3))
+        >>> params = layer.init(jax.random.key(0), frames)
+        >>> layer.apply(params, frames).shape
+        (16, 15, 15, 32)
+    """
+
+    features: int
+    kernel_size: int | Sequence[int]
+    strides: int | Sequence[int] = 1
+    padding: Padding = "SAME"
+    use_bias: bool = True
+    dtype: DTypeLike | None = None
+    param_dtype: DTypeLike = jnp.float32
+    kernel_init: nn.initializers.Initializer = nn.initializers.lecun_normal()
+    bias_init: nn.initializers.Initializer = nn.initializers.zeros_init()
+
+    @nn.compact
+    def __call__(self, images: jax.Array) -> jax.Array:
+        """Return float[..., height', width', features] of float[..., height, width, channels]."""
+        shape = (*pair("kernel_size", self.kernel_size), images.shape[-1], self.features)
+        kernel = self.param("kernel", self.kernel_init, shape, self.param_dtype)
+        dtype = self.dtype or jnp.promote_types(images.dtype, kernel.dtype)
+        images, kernel = images.astype(dtype), kernel.astype(dtype)
+        images = patch_convolution(images, kernel, self.strides, self.padding)
+        if not self.use_bias:
+            return images
+        bias = self.param("bias", self.bias_init, (self.features,), self.param_dtype)
+        return images + bias.astype(dtype).reshape((1,) * (images.ndim - 1) + (-1,))
 
 
 def conv_lax(images: jax.Array, weights: jax.Array, stride: int) -> jax.Array:
-    """Convolve without padding by `jax.lax`; arguments as in `conv_matmul`."""
+    """As `jaxenstein.patch_convolution` without padding, by `jax.lax`."""
     lead = images.shape[:-3]
     flat = images.reshape(-1, *images.shape[-3:])
     out = lax.conv_general_dilated(
         flat, weights, (stride, stride), "VALID", dimension_numbers=("NHWC", "HWIO", "NHWC")
     )
     return out.reshape(*lead, *out.shape[1:])
-
-
-def conv_matmul(images: jax.Array, weights: jax.Array, stride: int) -> jax.Array:
-    """Convolve without padding, as a sum of matrix products, one for each tap of the kernel.
-
-    Blocks of stride x stride pixels are first folded into channels where the kernel is a
-    multiple of the stride: then few taps remain, each of many channels.
-
-    Args:
-        images: float[..., height, width, channels], any leading axes.
-        weights: float[kernel, kernel, channels, features].
-        stride: of rows and columns alike.
-
-    Returns:
-        float[..., rows, columns, features].
-    """
-    kernel, _, channels, features = weights.shape
-    height, width = images.shape[-3:-1]
-    rows, columns = output_size(height, kernel, stride), output_size(width, kernel, stride)
-    block = stride if kernel % stride == 0 else 1
-    images = _fold(images, block, (rows - 1) * stride + kernel, (columns - 1) * stride + kernel)
-    taps, step = kernel // block, stride // block
-    weights = weights.reshape(taps, block, taps, block, channels, features)
-    weights = weights.transpose(0, 2, 1, 3, 4, 5).reshape(taps, taps, -1, features)
-
-    def tap(i: int, j: int) -> jax.Array:
-        down = slice(i, i + step * (rows - 1) + 1, step)
-        across = slice(j, j + step * (columns - 1) + 1, step)
-        return images[..., down, across, :] @ weights[i, j]
-
-    # Gathering patches for a single product would move more bytes, and takes longer.
-    return functools.reduce(jnp.add, (tap(i, j) for i in range(taps) for j in range(taps)))
-
-
-def _fold(images: jax.Array, block: int, height: int, width: int) -> jax.Array:
-    """Crop to height x width and fold blocks of pixels into channels."""
-    images = images[..., :height, :width, :]
-    if block == 1:
-        return images
-    *lead, _, _, channels = images.shape
-    images = images.reshape(*lead, height // block, block, width // block, block, channels)
-    images = jnp.swapaxes(images, -4, -3)
-    return images.reshape(*lead, height // block, width // block, block * block * channels)

@@ -18,9 +18,10 @@ import jax
 import jax.numpy as jnp
 from jax.typing import DTypeLike
 
+from ..convolution import output_size, patch_convolution
 from ..errors import SettingError
 from .config import Config
-from .convolution import conv_lax, conv_matmul, output_size
+from .convolution import conv_lax
 from .observations import ObservationSpec
 
 Layers = tuple[tuple[int, int, int], ...]
@@ -69,7 +70,7 @@ class Encoder(nn.Module):
         return nn.relu(dense(self.features, _SQRT2, self.dtype)(merged))
 
     def _convolve(self, image: jax.Array, shape: tuple[int, int, int], index: int) -> jax.Array:
-        convolve = conv_lax if self.implementation == "lax" else conv_matmul
+        convolve = conv_lax if self.implementation == "lax" else patch_convolution
         channels = shape[-1]
         for number, (kernel, stride, features) in enumerate(layers_for(shape, self.layers)):
             name = f"image{index}_convolution{number}"

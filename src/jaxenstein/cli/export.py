@@ -6,20 +6,22 @@ import argparse
 from pathlib import Path
 
 from ..progress import Progress
-from .arguments import Parser, add_run, add_seed, flag, whole
+from .arguments import Parser, UsageError, add_run, add_seed, flag, whole
 from .evaluate import table
 from .opening import baselines, telling_warnings
 
 HELP = "write a trained agent into a small file"
 DESCRIPTION = """\
-Write one agent of a run directory into a file of its own: its network, the configuration of its
-run, and what it achieves in so many episodes. 'play', 'record' and 'evaluate' take the file's name
-where they take a run directory.
+Write one agent of a run directory into a file of its own: its network with a description of every
+layer, the configuration of its run, and what it achieves in so many episodes. 'play', 'record' and
+'evaluate' take the file's name where they take a run directory. --program writes a second file, a
+program of jax.export that acts as the agent on CPUs and GPUs and needs only jax and flatbuffers.
 """
 EPILOG = """\
 examples:
   jaxenstein export runs/simple-rnd --out simple.npz
   jaxenstein play --policy simple.npz
+  jaxenstein export runs/simple-rnd --out simple.npz --program simple.jaxexport
 """
 
 
@@ -32,10 +34,15 @@ def fill(parser: Parser) -> None:
     flag(parser, "--weights NAME", weights, str, "float16", choices=("float16", "float32"))
     flag(parser, "--episodes N", "episodes that its score is of", whole(), 100)
     add_seed(parser)
+    flag(parser, "--program FILE.jaxexport", "also write the agent as a program", Path)
+    greedy = "the program takes the most likely actions (default: sampled ones)"
+    flag(parser, "--greedy", greedy)
 
 
 def run(options: argparse.Namespace) -> None:
     """Write the file, and say how good its agent is."""
+    if options.greedy and options.program is None:
+        raise UsageError("jaxenstein export: --greedy is of --program, which is not given")
     agents = baselines("agents")
     total = len(agents.WAYS) * options.episodes
     with (
@@ -49,7 +56,10 @@ def run(options: argparse.Namespace) -> None:
             weights=options.weights,
             episodes=options.episodes,
             seed=options.seed,
+            program=options.program,
+            greedy=options.greedy,
             notify=progress.update,
         )
     print(table(results))
-    print(f"wrote {options.out}, {options.out.stat().st_size / 1e3:.0f} kB")
+    for path in filter(None, (options.out, options.program)):
+        print(f"wrote {path}, {path.stat().st_size / 1e3:.0f} kB")

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from ...errors import SettingError
 from ...evaluation import episodes_done
@@ -19,105 +15,15 @@ from ...files import check_writable
 from ...params import split_ranges
 from ...results import Results
 from ..divergence import METRIC
-from ..observations import observation_spec
 from .folder import RunFolder, run_names
 from .metrics import METRICS, read_metrics, rows_by_run
+from .policies import TrainedPolicy
+from .programs import check_program, write_program
 from .trained import SUFFIX, Trained, Weights, load_trained, score_of, write_trained
-
-if TYPE_CHECKING:
-    from ...environment import AnyEnvironment
-    from ...episodes.session import Session
 
 Notify = Callable[[float], object]
 WAYS = {"greedy": True, "sampled": False}
 """Ways of acting, and whether they take the most likely action."""
-
-
-class TrainedPolicy:
-    """A trained agent as a policy of `jaxenstein.episodes`, with an empty memory at each start.
-
-    Attributes:
-        env: the environment that it was trained in.
-        params: its params.
-        environment: how that environment is built.
-        name: of the agent, to show.
-        greedy: whether it takes the most likely action instead of sampling one.
-    """
-
-    def __init__(self, trained: Trained, run: int, greedy: bool) -> None:
-        """Take the networks and which of them acts; see `load_policy`."""
-        self._learner = trained.experiment.learner
-        one = jax.tree.map(lambda leaf: np.asarray(leaf)[run], trained.params)
-        self._weights = jax.device_put(one)
-        self._carry = self._learner.initial_carry()
-        self.env, self.params = self._learner.env, self._learner.env_params
-        self.environment = trained.experiment.environment
-        self.name = f"{trained.name} {run_names(trained.experiment)[run]}"
-        self.greedy = greedy
-
-    def check(self, env: AnyEnvironment, params: Any) -> None:
-        """Make sure that it can act in an environment.
-
-        Raises:
-            SettingError: there are other actions, or observations of another shape.
-        """
-        acts, acted = (", ".join(one.action_names) for one in (env, self.env))
-        if acts != acted:
-            raise SettingError(
-                f"{self.name} was trained with the actions {acted}, and {env.name!r} has {acts}"
-            )
-        here, there = observation_spec(env, params), self._learner.spec
-        if here != there:
-            shapes = [[list(part.shape) for part in spec.parts] for spec in (there, here)]
-            raise SettingError(
-                f"{self.name} was trained on observations {shapes[0]}, and those of "
-                f"{env.name!r} are {shapes[1]}; take the same size and kind of image"
-            )
-
-    def batch(self, size: int, *, seed: int = 0) -> BatchPolicy:
-        """The same agent for several environments at once, each with a memory of its own.
-
-        Args:
-            size: number of environments.
-            seed: of sampled actions.
-        """
-        key = None if self.greedy else jax.random.key(seed, impl="threefry2x32")
-        carry = jax.tree.map(lambda leaf: jnp.stack([leaf] * size), self._learner.initial_carry())
-        return BatchPolicy(functools.partial(self._learner.act, self._weights), carry, key)
-
-    def __call__(self, session: Session) -> int:
-        """The next action."""
-        if not session.actions:
-            self._carry = self._learner.initial_carry()
-        key = None if self.greedy else session.policy_key()
-        action, self._carry = self._learner.policy(
-            self._weights, session.observation, self._carry, key
-        )
-        return int(action)
-
-
-class BatchPolicy:
-    """A trained agent in several environments at once; see `TrainedPolicy.batch`."""
-
-    def __init__(self, act: Callable[..., Any], carry: Any, key: jax.Array | None) -> None:
-        """Take `Learner.act` with its weights, its first carry, and a key to sample actions."""
-        self._act, self._carry, self._key, self._steps = act, carry, key, 0
-
-    def act(self, observations: Any, first: ArrayLike) -> np.ndarray:
-        """The next actions.
-
-        Args:
-            observations: those of all environments, stacked, as arrays of NumPy or JAX.
-            first: bool[N], where an observation is the first one of an episode.
-
-        Returns:
-            int32[N].
-        """
-        carry = self._carry.replace(first=self._carry.first | jnp.asarray(first, bool))
-        key = None if self._key is None else jax.random.fold_in(self._key, self._steps)
-        actions, self._carry = self._act(observations, carry, key)
-        self._steps += 1
-        return np.asarray(actions)
 
 
 def load_policy(path: str | Path, run: int | None = None, *, greedy: bool = False) -> TrainedPolicy:
@@ -149,6 +55,8 @@ def export_policy(
     weights: Weights = "float16",
     episodes: int = 100,
     seed: int = 0,
+    program: str | Path | None = None,
+    greedy: bool = False,
     notify: Notify = lambda done: None,
 ) -> dict[str, Results]:
     """Write one agent of a run directory into a file of its own, with its score.
@@ -160,14 +68,17 @@ def export_policy(
         weights: precision of the numbers; the rounded agent is evaluated.
         episodes: of the evaluation, greedy and sampled.
         seed: of the evaluation.
+        program: a second file, which ends in `.jaxexport`: the agent as a program that needs no
+            part of this package; None writes none. docs/training.md tells how it is called.
+        greedy: the program takes the most likely action instead of sampling one.
         notify: called with the number of episodes played so far, of `2 * episodes`.
 
     Returns:
         Its episodes, by `"greedy"` and `"sampled"`.
 
     Raises:
-        SettingError: as in `load_policy`, or the file has another suffix, or a parameter is not
-            finite in `weights`.
+        SettingError: as in `load_policy`, or a file has another suffix, or a parameter is not
+            finite in `weights`, or flatbuffers is missing, which writes the program.
         OutputError: it cannot be written.
 
     Warns:
@@ -177,6 +88,8 @@ def export_policy(
     if out.suffix != SUFFIX:
         raise SettingError(f"{out} should end in {SUFFIX}")
     check_writable(out)
+    if program is not None:
+        check_program(program)
     trained = load_trained(path)
     chosen = chosen_run(trained, run)
     trained.warn(chosen)
@@ -190,6 +103,8 @@ def export_policy(
     results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)
     score = {name: score_of(result) for name, result in results.items()}
     write_trained(out, agent, weights, score)
+    if program is not None:
+        write_program(program, TrainedPolicy(agent, 0, greedy))
     return results
 
 

@@ -1,8 +1,8 @@
 """Trained networks in a run directory or in a file of their own, and how they did.
 
 Such a file is an .npz with an array for every leaf of the network of one run, and `config.json`:
-that of a run directory, with the agent's score. The files of this package are in
-`jaxenstein/pretrained`; their names are `pretrained/NAME`.
+that of a run directory, with the agent's score and what its network computes. The files of this
+package are in `jaxenstein/pretrained`; their names are `pretrained/NAME`.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from ...intervals import mean_interval
 from ...results import Results
 from ..divergence import Divergence
 from .checkpoints import open_entry, read_tree
+from .description import described
 from .experiment import Experiment
 from .folder import CONFIG, RunFolder, checked, run_names, versions
 
@@ -143,7 +144,8 @@ def write_trained(file: Path, trained: Trained, weights: Weights, score: Mapping
     Raises:
         OutputError: it cannot be written.
     """
-    agent = {"update": trained.update, "weights": weights, "score": score}
+    network = described(trained.experiment.learner)
+    agent = {"update": trained.update, "weights": weights, "score": score, "network": network}
     plain = {**trained.experiment.to_json(), "made_with": versions(), "agent": agent}
     leaves = jax.tree_util.tree_flatten_with_path(trained.params)[0]
     with (

@@ -1,0 +1,85 @@
+"""A trained agent as a serialised program, which runs without this package."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from ...errors import SettingError
+from ...fields import check_names
+from ...files import atomic, check_writable
+from ..learner import PolicyCarry
+from ..state import wrap_key
+from .policies import TrainedPolicy
+
+SUFFIX = ".jaxexport"
+PLATFORMS = ("cpu", "cuda")
+KNOWN = (*PLATFORMS, "rocm", "tpu")
+
+
+def check_program(path: str | Path) -> None:
+    """Find out early whether a program can be written at a path.
+
+    Raises:
+        SettingError: it has another suffix, or flatbuffers is not installed.
+        OutputError: it cannot be written.
+    """
+    if Path(path).suffix != SUFFIX:
+        raise SettingError(f"{path} should end in {SUFFIX}")
+    if importlib.util.find_spec("flatbuffers") is None:
+        raise SettingError(
+            f"{path} needs flatbuffers, by which JAX writes programs: pip install flatbuffers"
+        )
+    check_writable(path)
+
+
+def write_program(
+    path: str | Path, agent: TrainedPolicy, platforms: Sequence[str] = PLATFORMS
+) -> None:
+    """Write an agent as a program of `jax.export`, with its weights as constants.
+
+    The program is called as `call(carry, obs, keys)` and returns `(carry, actions)`, for N agents
+    at once, each in an environment of its own; one program serves every N:
+
+    - carry: a dictionary of `memory` float32[N, hidden], `previous` int32[N] (the last action) and
+      `started` bool[N]. Zeros begin an episode;
+    - obs: observations of the agent's environment, stacked along the leading axis [N];
+    - keys: uint32[N, 2], keys of threefry2x32, as `jax.random.key_data` gives them;
+    - actions: int32[N].
+
+    Args:
+        path: the file, which ends in `.jaxexport`; it is written whole or not at all.
+        agent: a greedy one ignores the keys.
+        platforms: those of JAX that the program shall run on.
+
+    Raises:
+        SettingError: as in `check_program`, or a platform is none of JAX.
+        OutputError: as in `check_program`.
+    """
+    from jax import export
+
+    check_program(path)
+    check_names(platforms, KNOWN, "platform")
+    obs, _ = jax.eval_shape(agent.env.reset, jax.random.key(0), agent.params)
+    one = _plain(agent.initial_carry()), obs, jax.ShapeDtypeStruct((2,), jnp.uint32)
+    (number,) = export.symbolic_shape("N")
+    many = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((number, *leaf.shape), leaf.dtype), one)
+
+    def act(carry: Any, obs: Any, key: jax.Array) -> tuple[Any, jax.Array]:
+        before = PolicyCarry(carry["memory"], carry["previous"], ~carry["started"])
+        after, action = agent.apply(before, obs, wrap_key(key))
+        return _plain(after), action
+
+    data = export.export(jax.jit(jax.vmap(act)), platforms=platforms)(*many).serialize()
+    with atomic(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def _plain(carry: PolicyCarry) -> dict[str, jax.Array]:
+    """The carry in types that JAX knows by itself; zeros begin an episode."""
+    return {"memory": carry.memory, "previous": carry.previous, "started": ~carry.first}
