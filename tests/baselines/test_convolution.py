@@ -1,5 +1,7 @@
 """The convolution as a module of flax against `flax.linen.Conv`."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,7 +32,8 @@ def test_it_is_conv_with_the_same_parameters(options):
     params = ours.init(KEY, images)
     jax.tree.map(np.testing.assert_array_equal, params, other.init(KEY, images))
     params = jax.tree.map(lambda leaf: leaf + jnp.float32(0.3), params)
-    mine, theirs = ours.apply(params, images), other.apply(params, images)
+    outs: list[Any] = [module.apply(params, images) for module in (ours, other)]
+    mine, theirs = outs
     assert (mine.shape, mine.dtype) == (theirs.shape, theirs.dtype)
     mine, theirs = (np.asarray(out, np.float32) for out in (mine, theirs))
     np.testing.assert_allclose(mine, theirs, atol=0.1 if "dtype" in options else 1e-5)
@@ -38,7 +41,8 @@ def test_it_is_conv_with_the_same_parameters(options):
 
 def test_one_number_stands_for_both_sides():
     images = jnp.ones((6, 6, 1))
-    out, params = PatchConvolution(2, 3, strides=3).init_with_output(KEY, images)
+    made: Any = PatchConvolution(2, 3, strides=3).init_with_output(KEY, images)
+    out, params = made
     assert out.shape == (2, 2, 2)
     assert params["params"]["kernel"].shape == (3, 3, 1, 2)
     with pytest.raises(SettingError, match="kernel_size must be a whole number or two of them"):
