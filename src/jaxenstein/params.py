@@ -7,7 +7,7 @@ from typing import Any, Self
 import jax
 import numpy as np
 
-from .errors import SettingError, nearest
+from .errors import SettingError, nearest, quoted
 from .fields import check_numbers, is_array_like, names_of
 from .fields import number as number
 from .pytree import PyTreeNode
@@ -48,7 +48,7 @@ class Params(PyTreeNode):
         for name in changes:
             if name not in names:
                 raise SettingError(
-                    f"{type(self).__name__} has no {name!r}{nearest(name, names)}; "
+                    f"{type(self).__name__} has no {quoted(name)}{nearest(name, names)}; "
                     f"it has: {', '.join(names)}"
                 )
         after = super().replace(**changes)
@@ -86,9 +86,10 @@ def check_single(params: Params, default: Params, owner: str) -> None:
     axes = "0" if len(wrong) == len(shapes) else "axes"
     made = f"axes = jax.tree.map(lambda _: None, params).replace({own}) and "
     raise SettingError(
-        f"params of {owner!r} must not have a batch axis: {name} must have the shape {right}, not "
-        f"{shape}. For params that differ between environments use jax.vmap with in_axes: "
-        f"{made if axes == 'axes' else ''}jax.vmap(env.reset, in_axes=(0, {axes}))(keys, params)"
+        f"params of {quoted(owner)} must not have a batch axis: {name} must have the shape "
+        f"{right}, not {shape}. For params that differ between environments use jax.vmap with "
+        f"in_axes: {made if axes == 'axes' else ''}jax.vmap(env.reset, in_axes=(0, {axes}))(keys, "
+        "params)"
     )
 
 
@@ -112,7 +113,7 @@ def differing(params: Params, default: Params, count: int, owner: str) -> list[b
         more = len(shape) != len(right)
         if more and (len(shape) != len(right) + 1 or shape[0] != count):
             raise SettingError(
-                f"params of {count} environments of {owner!r}: {name} must have the shape "
+                f"params of {count} environments of {quoted(owner)}: {name} must have the shape "
                 f"{right}, for all, or {(count, *right)}, one entry for each, not {shape}"
             )
         found.append(more)

@@ -21,7 +21,7 @@ import numpy as np
 from ..environment import AnyEnvironment
 from ..episodes.policies import Policy
 from ..episodes.session import NO_OP, Session, check_seed, whole_action
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..tasks.doom.fixed import to_fixed
 from ..tasks.doom.parts import Game
 from ..tasks.doom.scenario import DoomScenario
@@ -47,7 +47,7 @@ def check_scenario(env: AnyEnvironment) -> str:
     """
     if not isinstance(env, DoomScenario) or env.scenario is None:
         raise SettingError(
-            f"{env.name!r} is no scenario that ViZDoom comes with; the doom- environments "
+            f"{quoted(env.name)} is no scenario that ViZDoom comes with; the doom- environments "
             "are, but for the sparse variants of doom-my-way-home"
         )
     return env.scenario

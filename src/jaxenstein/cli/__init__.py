@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ..errors import JAXensteinError, one_line
+from ..errors import LONGEST_MESSAGE, JAXensteinError, one_line, shortened
 from ..files import OutputError
 from ..version import __version__
 from . import (
@@ -145,7 +145,7 @@ def build_parser() -> Parser:
 
 
 def _complain(message: str, code: int) -> int:
-    print(one_line(message), file=sys.stderr)
+    print(shortened(one_line(message), LONGEST_MESSAGE), file=sys.stderr)
     return code
 
 

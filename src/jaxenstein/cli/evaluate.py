@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import quoted
 from ..files import check_writable
 from ..intervals import mean_interval
 from ..progress import Progress
@@ -131,7 +132,7 @@ def _own(options: argparse.Namespace) -> Evaluated:
         raise UsageError("jaxenstein evaluate: --run, --greedy and --in go with RUN, not --policy")
     if not is_own(options.policy):
         raise UsageError(
-            f"jaxenstein evaluate: --policy must be {OWN}, not {options.policy!r}; a run "
+            f"jaxenstein evaluate: --policy must be {OWN}, not {quoted(options.policy)}; a run "
             "directory is given without --policy"
         )
     env, params, where = open_environment(named(given_options(options), "evaluate"))

@@ -13,7 +13,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ..errors import DivergenceWarning, LevelWarning, MapWarning, one_line
+from ..errors import (
+    LONGEST_MESSAGE,
+    DivergenceWarning,
+    LevelWarning,
+    MapWarning,
+    SettingError,
+    one_line,
+    quoted,
+    shortened,
+)
 from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, plain_value
 from .compile_cache import forget
 
@@ -46,7 +55,7 @@ def _entry(option: str, text: str) -> tuple[str, Any]:
     flag, metavar = TABLES[option]
     name, equals, value = text.partition("=")
     if not equals or not name or not value:
-        raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {text!r}")
+        raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {quoted(text)}")
     values = plain_value(value)
     if option == "grid" and not isinstance(values, list):
         values = [values]
@@ -112,7 +121,8 @@ def telling_warnings() -> Iterator[None]:
         yield
     for text in dict.fromkeys(str(warning.message) for warning in caught):
         if not forget(text):
-            print(f"jaxenstein: warning: {one_line(text)}", file=sys.stderr)
+            told = shortened(one_line(text), LONGEST_MESSAGE)
+            print(f"jaxenstein: warning: {told}", file=sys.stderr)
 
 
 def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
@@ -122,7 +132,11 @@ def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
     given = dict(given)
     if "map_file" in given:
         texts = read_map(folder / given.pop("map_file"))
-        given |= {"map" if name == "text" else name: text for name, text in texts.items()}
+        texts["map"] = texts.pop("text")
+        for name in texts:
+            if name in given:
+                raise SettingError(f"give either {name} or map_file, which brings one, not both")
+        given |= texts
     return given
 
 
@@ -147,14 +161,16 @@ def import_modules(names: Sequence[str]) -> None:
         sys.path.append(os.getcwd())
     for name in names:
         if not all(part.isidentifier() for part in name.split(".")):
-            raise UsageError(f"jaxenstein: {name!r} names no module")
+            raise UsageError(f"jaxenstein: {quoted(name)} names no module")
         try:
             importlib.import_module(name)
         except ModuleNotFoundError as error:
             # A module that the named one asks for is missing: that is its own error.
             if not f"{name}.".startswith(f"{error.name}."):
                 raise
-            raise UsageError(f"jaxenstein: there is no module {error.name!r} to import") from error
+            raise UsageError(
+                f"jaxenstein: there is no module {quoted(error.name)} to import"
+            ) from error
 
 
 def import_module_of(id: str | None) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ..errors import SettingError, nearest
+from ..errors import SettingError, nearest, quoted
 
 if TYPE_CHECKING:
     from ..environment import AnyEnvironment
@@ -178,6 +178,7 @@ def named_policy(name: str, env: AnyEnvironment, params: Any, seed: int) -> Poli
     if player is None:
         known = [n for n in GENERAL if n != "expert" or about.expert] + list(about.players)
         raise SettingError(
-            f"{env.name!r} has no policy {name!r}{nearest(name, known)}; it has {', '.join(known)}"
+            f"{quoted(env.name)} has no policy {quoted(name)}{nearest(name, known)}; it has "
+            f"{', '.join(known)}"
         )
     return Scripted(player, env, params)

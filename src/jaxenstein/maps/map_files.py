@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.resources
 from pathlib import Path
 
-from ..errors import MapError, nearest
+from ..errors import MapError, nearest, quoted
 from ..files import reason_of
 
 # A file that names another as its map, a device without end among them, must not fill the memory.
@@ -82,6 +82,8 @@ def sample_map(name: str) -> str:
     name = name.removeprefix("samples/") if isinstance(name, str) else name
     if name not in SAMPLES:
         known = ", ".join(SAMPLES)
-        raise MapError(f"unknown sample map {name!r}{nearest(str(name), SAMPLES)}; known: {known}")
+        raise MapError(
+            f"unknown sample map {quoted(name)}{nearest(str(name), SAMPLES)}; known: {known}"
+        )
     folder = importlib.resources.files("jaxenstein.maps") / "samples"
     return (folder / f"{name}.txt").read_text("ascii").rstrip()

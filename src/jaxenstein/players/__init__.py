@@ -14,7 +14,7 @@ import jax.numpy as jnp
 
 from .._jax.batching import select, varying
 from ..about import Choose, Player
-from ..errors import SettingError, nearest
+from ..errors import SettingError, nearest, quoted
 from ..pytree import PyTreeNode
 from .chance import IDLE, UNIFORM
 
@@ -41,7 +41,8 @@ def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
     if wanted not in players:
         known = ", ".join(players)
         raise SettingError(
-            f"{env.name!r} has no player {name!r}{nearest(name, players)}; it has {known}"
+            f"{quoted(env.name)} has no player {quoted(name)}{nearest(name, players)}; it has "
+            f"{known}"
         )
     return players[wanted]
 

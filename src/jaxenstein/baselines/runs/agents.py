@@ -13,8 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from ...errors import SettingError
+from ...errors import SettingError, quoted
 from ...evaluation import episodes_done
+from ...fields import is_whole
 from ...files import check_writable
 from ...results import Results
 from ..divergence import METRIC
@@ -63,14 +64,15 @@ class TrainedPolicy:
         acts, acted = (", ".join(one.action_names) for one in (env, self.env))
         if acts != acted:
             raise SettingError(
-                f"{self.name} was trained with the actions {acted}, and {env.name!r} has {acts}"
+                f"{self.name} was trained with the actions {acted}, and {quoted(env.name)} has "
+                f"{acts}"
             )
         here, there = observation_spec(env, params), self._learner.spec
         if here != there:
             shapes = [[list(part.shape) for part in spec.parts] for spec in (there, here)]
             raise SettingError(
                 f"{self.name} was trained on observations {shapes[0]}, and those of "
-                f"{env.name!r} are {shapes[1]}; take the same size and kind of image"
+                f"{quoted(env.name)} are {shapes[1]}; take the same size and kind of image"
             )
 
     def batch(self, size: int, *, seed: int = 0) -> BatchPolicy:
@@ -197,8 +199,8 @@ def chosen_run(trained: Trained, run: int | None) -> int:
     if run is None:
         return best_run(trained.folder) if trained.folder else 0
     many = len(trained.experiment.runs)
-    if not 0 <= run < many:
-        raise SettingError(f"{trained.name} has runs 0 to {many - 1}, not {run!r}")
+    if not is_whole(run) or not 0 <= run < many:
+        raise SettingError(f"{trained.name} has runs 0 to {many - 1}, not {quoted(run)}")
     return run
 
 

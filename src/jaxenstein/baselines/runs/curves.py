@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ...errors import SettingError, nearest
+from ...errors import SettingError, nearest, quoted
 from ...files import atomic, check_writable
 from ...intervals import LEVEL, RESAMPLES
 from ..divergence import METRIC
@@ -93,7 +93,9 @@ def curves_of(
         raise SettingError(f"{path} has no metrics yet")
     if metric not in rows[0]:
         known = ", ".join(rows[0])
-        raise SettingError(f"unknown metric {metric!r}{nearest(metric, rows[0])}; known: {known}")
+        raise SettingError(
+            f"unknown metric {quoted(metric)}{nearest(metric, rows[0])}; known: {known}"
+        )
     experiment = folder.experiment
     grid = [name for name, _ in experiment.grid]
     by_run: dict[str, list[list[Row]]] = {}

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...errors import SettingError
+from ...errors import SettingError, quoted
 from ...files import append, atomic, reason_of, writing
 from ..divergence import METRIC, Divergence
 
@@ -125,7 +125,7 @@ def read_metrics(folder: Path) -> list[Row]:
             raise ValueError("a row is no table of numbers")
         for name in COUNTS:
             if not all(isinstance(row.get(name), int) for row in rows):
-                raise ValueError(f"the {name!r} of a row is no whole number")
+                raise ValueError(f"the {quoted(name)} of a row is no whole number")
         return rows
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
@@ -205,7 +205,7 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-        raise SettingError(f"{path} is damaged: {error!r}") from error
+        raise SettingError(f"{path} is damaged: {quoted(error)}") from error
     if not done:
         raise SettingError(f"{path} has no rows yet")
     known = sorted(done)

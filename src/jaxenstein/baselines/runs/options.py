@@ -14,8 +14,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...errors import SettingError, one_line
-from ...fields import Domain, Option, check_names, options_of
+from ...errors import SettingError, one_line, quoted
+from ...fields import Domain, Option, check_names, is_number, options_of
 from ...files import reason_of
 from ...settings import checked, environment_options, spec_from
 from ...settings import given_by as environment_given_by
@@ -210,9 +210,10 @@ def check_grid(table: Mapping[str, Any], algo: str) -> tuple[tuple[str, tuple[fl
     grid = []
     for name, values in table.items():
         listed = values if isinstance(values, list | tuple) else [values]
-        good = [isinstance(value, int | float) and not isinstance(value, bool) for value in listed]
-        if not listed or not all(good) or len(set(listed)) < len(listed):
-            raise SettingError(f"grid.{name} must be a list of different numbers, not {values!r}")
+        if not listed or not all(map(is_number, listed)) or len(set(listed)) < len(listed):
+            raise SettingError(
+                f"grid.{name} must be a list of different numbers, not {quoted(values)}"
+            )
         for value in listed:
             HParams.of(algo, {name: value})
         grid.append((name, tuple(map(float, listed))))

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import jax
 import numpy as np
 
-from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, one_line
+from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, one_line, quoted
 from ...fields import check_whole
 from ...files import atomic
 from ...intervals import mean_interval
@@ -107,8 +107,8 @@ def load_trained(path: str | Path) -> Trained:
         known = pretrained()
         if path.name not in known:
             raise SettingError(
-                f"there is no pretrained agent {path.name!r}{nearest(path.name, known)}; there "
-                f"are: {', '.join(known) or 'none'}"
+                f"there is no pretrained agent {quoted(path.name)}{nearest(path.name, known)}; "
+                f"there are: {', '.join(known) or 'none'}"
             )
         return read_trained(known[path.name])
     if not path.exists() and path.name in pretrained():
@@ -121,7 +121,15 @@ def load_trained(path: str | Path) -> Trained:
             f"{path} is neither a run directory nor a {SUFFIX} file of 'jaxenstein export'; "
             f"{OWN_POLICY}"
         )
-    folder = RunFolder.open(path)
+    return trained_in(RunFolder.open(path))
+
+
+def trained_in(folder: RunFolder) -> Trained:
+    """The networks of an open run directory, from its newest checkpoint.
+
+    Raises:
+        SettingError: there is no checkpoint, or none can be read.
+    """
     update, params, diverged = folder.networks()
     return Trained(folder.path.name, folder.experiment, params, update, folder, diverged)
 
@@ -182,7 +190,7 @@ def read_trained(file: Path) -> Trained:
             raise SettingError(f"it must be of one run, not of {len(experiment.runs)}")
         check_whole("agent.update", update, 0)
         if weights not in ("float16", "float32"):
-            raise SettingError(f"weights must be float16 or float32, not {weights!r}")
+            raise SettingError(f"weights must be float16 or float32, not {quoted(weights)}")
         network = experiment.learner.network
         shapes = jax.eval_shape(network.init, jax.random.key(0))
         like = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, weights), shapes)
