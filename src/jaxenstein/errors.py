@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import re
 import reprlib
 from collections.abc import Iterable
 from typing import Any
 
-# The most characters of a message, and of a value that a message quotes.
-LONGEST_MESSAGE, LONGEST_QUOTE = 1500, 100
+# The most characters of a message, of a word in it, and of a value that it quotes.
+LONGEST_MESSAGE, LONGEST_WORD, LONGEST_QUOTE = 1500, 400, 100
 
 
 class JAXensteinError(ValueError):
@@ -16,7 +17,7 @@ class JAXensteinError(ValueError):
 
     def __init__(self, message: str = "", *more: Any) -> None:
         """Take the message, of which a long one loses its middle."""
-        super().__init__(shortened(message, LONGEST_MESSAGE), *more)
+        super().__init__(concise(message), *more)
 
 
 class MapError(JAXensteinError):
@@ -85,6 +86,20 @@ def one_line(text: str) -> str:
     """
     line = " ".join(text.split())
     return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in line)
+
+
+def concise(message: str) -> str:
+    """A message of at most `LONGEST_MESSAGE` characters, with words of at most `LONGEST_WORD`.
+
+    Names from files, which may have any length, are words of messages.
+
+    Examples:
+        >>> concise("x" * 100_000 + " must be positive")[-25:]
+        'xxxxxxxx must be positive'
+    """
+    word = rf"\S{{{LONGEST_WORD + 1},}}"
+    message = re.sub(word, lambda found: shortened(found[0], LONGEST_WORD), message)
+    return shortened(message, LONGEST_MESSAGE)
 
 
 def shortened(text: str, most: int) -> str:

@@ -21,6 +21,11 @@ class OutputError(JAXensteinError, OSError):
     def __init__(self, path: str | Path, reason: str) -> None:
         """Say which path could not be written, and why."""
         super().__init__(f"cannot write {path}: {reason}")
+        self._given = str(path), reason
+
+    def __reduce__(self) -> tuple[type[OutputError], tuple[str, str]]:
+        """What makes the error anew in another process."""
+        return type(self), self._given
 
     def __str__(self) -> str:
         """The message alone; `OSError` would prefix an error number where it has one."""

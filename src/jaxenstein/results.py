@@ -87,11 +87,13 @@ class Results:
             if array.shape != shape:
                 raise SettingError(f"{attribute} must have the shape {shape}, not {array.shape}")
             object.__setattr__(self, attribute, array.astype(dtype))
-        if not np.isfinite(self.returns).all():
-            run, episode = np.argwhere(~np.isfinite(self.returns))[0]
+        with np.errstate(over="ignore"):
+            finite = np.isfinite(self.returns.astype(np.float32))
+        if not finite.all():
+            run, episode = np.argwhere(~finite)[0]
             raise SettingError(
                 f"the return of episode {episode} (from 0) of {quoted(self.names[run])} is "
-                f"{self.returns[run, episode]}; it must be finite"
+                f"{self.returns[run, episode]}; it must be finite in float32"
             )
         if self.lengths.min() < 1:
             raise SettingError(f"lengths must be at least 1, not {self.lengths.min()}")

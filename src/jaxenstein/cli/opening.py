@@ -14,14 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import (
-    LONGEST_MESSAGE,
     DivergenceWarning,
     LevelWarning,
     MapWarning,
     SettingError,
+    concise,
     one_line,
     quoted,
-    shortened,
 )
 from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, plain_value
 from .compile_cache import forget
@@ -120,9 +119,28 @@ def telling_warnings() -> Iterator[None]:
             warnings.simplefilter("always", kind)
         yield
     for text in dict.fromkeys(str(warning.message) for warning in caught):
-        if not forget(text):
-            told = shortened(one_line(text), LONGEST_MESSAGE)
-            print(f"jaxenstein: warning: {told}", file=sys.stderr)
+        _tell(text)
+
+
+@contextlib.contextmanager
+def plain_warnings() -> Iterator[None]:
+    """Print every other `UserWarning` as one line, without a place in the code."""
+    with warnings.catch_warnings():
+        others = warnings.showwarning
+
+        def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
+            if issubclass(category, UserWarning):
+                _tell(str(message))
+            else:
+                others(message, category, *place, **more)
+
+        warnings.showwarning = show
+        yield
+
+
+def _tell(warning: str) -> None:
+    if not forget(warning):
+        print(f"jaxenstein: warning: {concise(one_line(warning))}", file=sys.stderr)
 
 
 def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
