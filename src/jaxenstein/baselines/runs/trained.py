@@ -18,13 +18,13 @@ from typing import Any, Literal
 import jax
 import numpy as np
 
-from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, one_line, quoted
+from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, quoted
 from ...fields import check_whole
 from ...files import atomic
 from ...intervals import mean_interval
 from ...results import Results
 from ..divergence import Divergence
-from .checkpoints import open_entry, read_tree
+from .checkpoints import open_entry, read_tree, reason_of_any
 from .experiment import Experiment
 from .folder import CONFIG, RunFolder, checked, run_names, versions
 
@@ -227,5 +227,6 @@ def read_config(file: Path) -> dict[str, Any]:
 
 
 def _unreadable(file: Path, error: Exception) -> SettingError:
-    reason = one_line(str(error))[:200] or type(error).__name__
-    return SettingError(f"{file} is not an agent that 'jaxenstein export' wrote: {reason}")
+    return SettingError(
+        f"{file} is not an agent that 'jaxenstein export' wrote: {reason_of_any(error)}"
+    )
