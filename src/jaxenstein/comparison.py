@@ -12,7 +12,7 @@ import numpy as np
 
 from .environment import AnyEnvironment
 from .errors import SettingError, nearest, one_line, quoted
-from .files import reason_of
+from .files import read_text, reason_of
 from .results import Results, read_results
 from .scores import normalised
 from .spec import Spec
@@ -202,7 +202,7 @@ def read_reference(path: str | Path) -> dict[str, Reference]:
         SettingError: it cannot be read, or has something else; the message names the file.
     """
     try:
-        plain = json.loads(Path(path).read_text(encoding="utf-8"))
+        plain = json.loads(read_text(path))
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     except (ValueError, RecursionError) as error:

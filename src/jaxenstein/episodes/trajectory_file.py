@@ -11,7 +11,7 @@ from typing import Any
 from ..environment import AnyEnvironment
 from ..errors import JAXensteinError, TrajectoryError, quoted
 from ..fields import Domain, names_of
-from ..files import reason_of
+from ..files import read_text, reason_of
 from ..spec import TEXTS, Spec
 from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory, digest_spacing
 from .session import NO_OP
@@ -37,7 +37,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
 def _parse(path: Path) -> Any:
     """The JSON of a file."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(read_text(path))
     except OSError as error:
         raise TrajectoryError(f"cannot be read: {reason_of(error)}") from error
     except json.JSONDecodeError as error:

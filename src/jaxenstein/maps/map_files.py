@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib.resources
 from pathlib import Path
 
+from .. import files
 from ..errors import MapError, nearest, quoted
-from ..files import reason_of
 
-# A file that names another as its map, a device without end among them, must not fill the memory.
+# The most characters of a map.
 LONGEST = 2**24
 SAMPLES = {
     "corridor": "straight ahead",
@@ -52,15 +52,11 @@ def read_text(path: Path, what: str) -> str:
         MapError: it cannot be read.
     """
     try:
-        with path.open(encoding="utf-8") as file:
-            text = file.read(LONGEST + 1)
+        return files.read_text(path, LONGEST)
     except UnicodeDecodeError as error:
         raise MapError(f"cannot read the {what} {path}: it is not text") from error
     except (OSError, ValueError) as error:  # the latter for a name that none can have
-        raise MapError(f"cannot read the {what} {path}: {reason_of(error)}") from error
-    if len(text) > LONGEST:
-        raise MapError(f"cannot read the {what} {path}: it has more than {LONGEST} characters")
-    return text
+        raise MapError(f"cannot read the {what} {path}: {files.reason_of(error)}") from error
 
 
 def sample_map(name: str) -> str:

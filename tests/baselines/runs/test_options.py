@@ -252,6 +252,11 @@ def test_yaml_is_read_where_there_is_pyyaml(
     file.write_text("{")
     with pytest.raises(SettingError, match="is not YAML"):
         read_file(file)
+    file.write_text(f"settings: {{a: {'[' * 18 + ']' * 18}}}")
+    assert list(read_file(file)) == ["settings"]
+    file.write_text(f"params: {'[' * 100_000}")
+    with pytest.raises(SettingError, match="is not YAML: more than 20 lists and tables within"):
+        read_file(file)
 
 
 def test_numbers_of_numpy_are_written_as_those_of_python() -> None:

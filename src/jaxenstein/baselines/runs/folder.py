@@ -24,7 +24,7 @@ import numpy as np
 
 from ...errors import JAXensteinError, SettingError, quoted
 from ...fields import is_whole
-from ...files import atomic, check_links, make_folder, reason_of, writing
+from ...files import atomic, check_links, make_folder, read_text, reason_of, writing
 from ...pytree import PyTreeNode
 from ...version import __version__
 from ..divergence import Divergence, of_state
@@ -109,7 +109,7 @@ class RunFolder:
         path = Path(path)
         file = path / CONFIG
         try:
-            plain = json.loads(file.read_text(encoding="utf-8"))
+            plain = json.loads(read_text(file))
         except (FileNotFoundError, NotADirectoryError):
             raise SettingError(_no_run(path)) from None
         except OSError as error:
