@@ -24,6 +24,7 @@ from .opening import (
     open_environment,
     telling_warnings,
     with_map,
+    written_anyway,
 )
 from .own_policy import CONVENTION, is_own, load_own
 from .record import play_shown
@@ -95,16 +96,18 @@ def run(options: argparse.Namespace) -> None:
         check_animation(options.gif)
     evaluated = _own(options) if options.policy is not None else _trained(options)
     env = evaluated.env
-    print(evaluated.heading)
-    print(end=_split_of(env))
-    print(table(evaluated.results))
-    if options.json is not None:
-        from ..results import write_results
-
-        write_results(options.json, list(evaluated.results.values()))
-        print(f"wrote {options.json}")
+    with written_anyway(options.json, lambda path: _write(path, evaluated)):
+        print(evaluated.heading)
+        print(end=_split_of(env))
+        print(table(evaluated.results))
     if options.gif is not None:
         _film(evaluated.actor(), options)
+
+
+def _write(path: Path, evaluated: Evaluated) -> None:
+    from ..results import write_results
+
+    write_results(path, list(evaluated.results.values()))
 
 
 @dataclasses.dataclass(frozen=True)

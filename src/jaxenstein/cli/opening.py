@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
+import json
 import os
 import signal
 import sys
@@ -22,6 +23,7 @@ from ..errors import (
     one_line,
     quoted,
 )
+from ..files import atomic
 from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, plain_value
 from .compile_cache import forget
 
@@ -136,6 +138,31 @@ def plain_warnings() -> Iterator[None]:
 
         warnings.showwarning = show
         yield
+
+
+@contextlib.contextmanager
+def written_anyway(path: Path | None, write: Callable[[Path], object]) -> Iterator[None]:
+    """Write a file, if there is one, after a block that prints what is in it.
+
+    It is written as well if the output cannot take what is printed.
+    """
+    try:
+        yield
+    finally:
+        if path is not None:
+            write(path)
+    if path is not None:
+        print(f"wrote {path}")
+
+
+def write_json(path: Path, plain: object) -> None:
+    """Write plain values as JSON, whole or not at all.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with atomic(path) as temporary:
+        temporary.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
 
 
 def _tell(warning: str) -> None:
