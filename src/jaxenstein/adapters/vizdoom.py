@@ -26,6 +26,7 @@ from ..tasks.doom.fixed import to_fixed
 from ..tasks.doom.parts import Game
 from ..tasks.doom.scenario import DoomScenario
 from ..tasks.doom.view import label_of
+from .batch import checked_seed
 from .gymnasium import gymnasium, gymnasium_space, resolve
 from .vizdoom_buffers import (
     VARIABLES,
@@ -359,6 +360,7 @@ class GameEnv(gymnasium.Env[Any, Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode."""
+        seed = None if seed is None else checked_seed(seed)
         super().reset(seed=seed, options=options)
         game_seed = int(self.np_random.integers(2**32))
         return self.session.reset(game_seed), dict(self.session.info)
