@@ -9,7 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from jaxenstein.files import OutputError, atomic, check_writable, make_folder
+import jaxenstein
+from jaxenstein import read_results
+from jaxenstein.comparison import read_reference
+from jaxenstein.episodes.trajectory_file import load_trajectory
+from jaxenstein.files import OutputError, atomic, check_writable, make_folder, read_text
 
 
 def fail_with(number: int):
@@ -104,3 +108,15 @@ def test_a_name_too_long_is_told_before_anything_is_made(tmp_path: Path) -> None
     with pytest.raises(OutputError, match=f"^cannot write {folder}: it is a folder$"):
         check_writable(tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="this system has no such device")
+def test_a_device_without_end_is_no_text(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="it has more than 1000 characters"):
+        read_text("/dev/zero", 1000)
+    for read in (load_trajectory, read_reference, read_results, jaxenstein.from_file):
+        with pytest.raises(jaxenstein.JAXensteinError, match=r"it has more than|it is larger than"):
+            read("/dev/zero")
+    path = tmp_path / "text"
+    path.write_text("ä" * 1000, encoding="utf-8")
+    assert read_text(path, 1000) == "ä" * 1000

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from .environment import AnyEnvironment
-from .errors import SettingError, nearest, one_line
-from .files import reason_of
+from .errors import SettingError, nearest, one_line, quoted
+from .files import read_text, reason_of
 from .results import Results, read_results
 from .scores import normalised
 from .spec import Spec
@@ -125,7 +125,7 @@ def difference(one: Spec, other: Spec) -> tuple[str, Any, Any] | None:
                 _shown(given[name]) if name in given else "the default" for given in (mine, its)
             )
             if here != there:
-                return f"the {what.removesuffix('s')} {name!r}", here, there
+                return f"the {what.removesuffix('s')} {quoted(name)}", here, there
     return "the kind", one.id, other.id
 
 
@@ -180,8 +180,8 @@ def _together(policy: str, entries: Sequence[_Entry]) -> Results:
         for name in entry.results.names:
             if name in seen:
                 raise SettingError(
-                    f"{policy} on {first.task}: the run {name!r} is in {seen[name]} and again in "
-                    f"{entry.path}; --label NAME FILES tells policies apart"
+                    f"{policy} on {first.task}: the run {quoted(name)} is in {seen[name]} and "
+                    f"again in {entry.path}; --label NAME FILES tells policies apart"
                 )
             seen[name] = entry.path
     arrays = {
@@ -202,7 +202,7 @@ def read_reference(path: str | Path) -> dict[str, Reference]:
         SettingError: it cannot be read, or has something else; the message names the file.
     """
     try:
-        plain = json.loads(Path(path).read_text(encoding="utf-8"))
+        plain = json.loads(read_text(path))
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     except (ValueError, RecursionError) as error:
@@ -214,11 +214,11 @@ def read_reference(path: str | Path) -> dict[str, Reference]:
 
 def _reference(path: str | Path, task: str, entry: Any) -> Reference:
     if not isinstance(entry, dict) or not {"random", "expert"} <= {*entry}:
-        raise SettingError(f"{path}: {task!r} must be an object with 'random' and 'expert'")
+        raise SettingError(f"{path}: {quoted(task)} must be an object with 'random' and 'expert'")
     try:
         normalised(0.0, entry["random"], entry["expert"])
     except SettingError as error:
-        raise SettingError(f"{path}: {task!r}: {error}") from error
+        raise SettingError(f"{path}: {quoted(task)}: {error}") from error
     return Reference(float(entry["random"]), float(entry["expert"]))
 
 
@@ -235,7 +235,9 @@ def run_scores(mine: Mapping[str, Results], reference: Mapping[str, Reference]) 
     """
     for task in mine:
         if task not in reference:
-            raise SettingError(f"there is no reference for {task!r}{nearest(task, reference)}")
+            raise SettingError(
+                f"there is no reference for {quoted(task)}{nearest(task, reference)}"
+            )
     return [
         normalised(returns, reference[task].random, reference[task].expert)
         for task, returns in zip(mine, run_returns(mine), strict=True)

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from .errors import SettingError
+from .errors import SettingError, quoted
 from .fields import check_whole
 
 Padding = Literal["VALID", "SAME"]
@@ -99,7 +99,7 @@ def pair(name: str, value: int | Sequence[int]) -> tuple[int, int]:
     """
     numbers = tuple(value) if isinstance(value, Sequence) else (value, value)
     if len(numbers) != 2:
-        raise SettingError(f"{name} must be a whole number or two of them, not {value!r}")
+        raise SettingError(f"{name} must be a whole number or two of them, not {quoted(value)}")
     for number in numbers:
         check_whole(name, number)
     return numbers[0], numbers[1]
@@ -118,7 +118,7 @@ def _check(images: jax.Array, weights: jax.Array, padding: str) -> None:
             f"{images.dtype} and {weights.dtype}"
         )
     if padding not in ("VALID", "SAME"):
-        raise SettingError(f"padding must be 'VALID' or 'SAME', not {padding!r}")
+        raise SettingError(f"padding must be 'VALID' or 'SAME', not {quoted(padding)}")
     height, width = images.shape[-3:-1]
     small = height < weights.shape[0] or width < weights.shape[1]
     if 0 in (height, width, *weights.shape[:2]) or (padding == "VALID" and small):

@@ -21,7 +21,7 @@ from jax.core import Tracer
 from ._jax.batching import select, where_any
 from .about import About
 from .calls import as_kind, as_static, checked_action, compiled
-from .errors import SettingError, nearest
+from .errors import SettingError, nearest, quoted
 from .fields import check, choice, number
 from .params import Params as Params
 from .params import Scalar as Scalar
@@ -96,12 +96,13 @@ class Environment(abc.ABC, Generic[S, P]):
             value = getattr(self, field.name)
             object.__setattr__(self, field.name, as_static(field.name, value))
         if not isinstance(self.name, str) or not self.name.isprintable():
-            raise SettingError(f"name must be a text of one line, not {self.name!r}")
+            raise SettingError(f"name must be a text of one line, not {quoted(self.name)}")
         check(self)
         if self.final_observation and self.autoreset != "same-step":
             raise SettingError(
-                f"final_observation=True needs autoreset='same-step': with {self.autoreset!r} "
-                "the observation that `step` returns is already the final one"
+                "final_observation=True needs autoreset='same-step': with "
+                f"{quoted(self.autoreset)} the observation that `step` returns is already the "
+                "final one"
             )
 
     # What a task supplies.
@@ -277,7 +278,8 @@ class Environment(abc.ABC, Generic[S, P]):
         if action not in self.action_names:
             known = ", ".join(map(repr, self.action_names))
             raise SettingError(
-                f"unknown action {action!r}{nearest(action, self.action_names)}; known: {known}"
+                f"unknown action {quoted(action)}{nearest(action, self.action_names)}; known: "
+                f"{known}"
             )
         return self.action_names.index(action)
 
@@ -306,8 +308,8 @@ class Environment(abc.ABC, Generic[S, P]):
             return default
         if type(params) is not type(default):
             raise SettingError(
-                f"params of {self.name!r} must be a {type(default).__name__}, as `make` returns "
-                f"it, not {type(params).__name__}"
+                f"params of {quoted(self.name)} must be a {type(default).__name__}, as `make` "
+                f"returns it, not {type(params).__name__}"
             )
         params.check()
         return params

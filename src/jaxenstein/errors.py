@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import difflib
+import re
+import reprlib
 from collections.abc import Iterable
+from typing import Any
+
+# The most characters of a message, of a word in it, and of a value that it quotes.
+LONGEST_MESSAGE, LONGEST_WORD, LONGEST_QUOTE = 1500, 400, 100
 
 
 class JAXensteinError(ValueError):
-    """Base of every error of this package."""
+    """Base of every error of this package; its message has at most `LONGEST_MESSAGE` characters."""
+
+    def __init__(self, message: str = "", *more: Any) -> None:
+        """Take the message, of which a long one loses its middle."""
+        super().__init__(concise(message), *more)
 
 
 class MapError(JAXensteinError):
@@ -76,6 +86,49 @@ def one_line(text: str) -> str:
     """
     line = " ".join(text.split())
     return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in line)
+
+
+def concise(message: str) -> str:
+    """A message of at most `LONGEST_MESSAGE` characters, with words of at most `LONGEST_WORD`.
+
+    Names from files, which may have any length, are words of messages.
+
+    Examples:
+        >>> concise("x" * 100_000 + " must be positive")[-25:]
+        'xxxxxxxx must be positive'
+    """
+    word = rf"\S{{{LONGEST_WORD + 1},}}"
+    message = re.sub(word, lambda found: shortened(found[0], LONGEST_WORD), message)
+    return shortened(message, LONGEST_MESSAGE)
+
+
+def shortened(text: str, most: int) -> str:
+    """A text of at most `most` characters: the middle of a longer one gives way to "...".
+
+    Examples:
+        >>> shortened("abcdefghijkl", 9)
+        'abc...jkl'
+    """
+    if len(text) <= most:
+        return text
+    first = (most - 3) // 2
+    return f"{text[:first]}...{text[len(text) - (most - 3 - first) :]}"
+
+
+_QUOTING = reprlib.Repr()
+_QUOTING.maxstring = _QUOTING.maxother = _QUOTING.maxlong = LONGEST_QUOTE
+
+
+def quoted(value: Any) -> str:
+    r"""A value as a message quotes it: its `repr`, shortened to `LONGEST_QUOTE` characters.
+
+    Examples:
+        >>> quoted("a\n")
+        "'a\\n'"
+        >>> len(quoted("a" * 100_000)), len(quoted([["a" * 1000] * 1000] * 1000))
+        (100, 100)
+    """
+    return shortened(_QUOTING.repr(value), LONGEST_QUOTE)
 
 
 def nearest(word: str, candidates: Iterable[str]) -> str:

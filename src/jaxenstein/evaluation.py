@@ -14,7 +14,7 @@ import numpy as np
 
 from .environment import AnyEnvironment, Environment
 from .episodes.session import check_seed
-from .errors import SettingError
+from .errors import SettingError, quoted
 from .fields import check_whole
 from .params import Range, draw_numbers, split_ranges, with_numbers
 from .players import play, player_of
@@ -195,8 +195,8 @@ def evaluate(
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
     numbers, ranges = split_ranges(params)
     numbers = env.single_params(numbers)
-    check_whole("episodes", episodes, 1)
-    key = jax.random.key(check_seed(seed), impl="threefry2x32")
+    episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
+    key = jax.random.key(seed, impl="threefry2x32")
     name = name_of(policy) if name is None else name
     carry = check_policy(env, numbers, policy, carry)
     act, remembers = _partial(policy), carry is not None
@@ -353,7 +353,7 @@ def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], c
             something else.
     """
     if not callable(policy):
-        raise SettingError(f"policy must be a function, not {policy!r}")
+        raise SettingError(f"policy must be a function, not {quoted(policy)}")
     key = jax.random.key(0, impl="threefry2x32")
     obs, _ = jax.eval_shape(env.reset, key, params)
     remembers = carry is not None

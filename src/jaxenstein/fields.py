@@ -13,7 +13,6 @@ import functools
 import inspect
 import math
 import re
-import reprlib
 import typing
 from collections.abc import Iterable
 from typing import Any, Literal, TypeVar
@@ -23,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from .errors import SettingError, nearest
+from .errors import SettingError, nearest, quoted
 
 Form = Literal[
     "whole", "number", "switch", "choice", "text", "table", "layers", "angle", "seeds", "any"
@@ -91,6 +90,7 @@ class Domain:
 
         A whole number may be written as 3e6, any number without a point, and tuples as lists.
         """
+        value = value.item() if isinstance(value, np.generic) else value
         small = isinstance(value, float) and abs(value) < 2**53
         if self.form == "whole" and small and value.is_integer():
             return int(value)
@@ -103,7 +103,7 @@ class Domain:
         if (value is None and self.optional) or self._holds(value):
             return ""
         close = nearest(value, filter(None, self.choices)) if isinstance(value, str) else ""
-        return f"must be {self.words}, not {reprlib.repr(value)}{close or self._rounded(value)}"
+        return f"must be {self.words}, not {quoted(value)}{close or self._rounded(value)}"
 
     def fault_of_array(self, value: Any) -> str:
         """As `fault`, of what becomes a float32, int32 or bool array; what is traced is right."""
@@ -111,7 +111,7 @@ class Domain:
             return ""
         if not is_array_like(value):
             wrong = value is None or isinstance(value, str | list | tuple | dict)
-            return f"must be a number or an array of them, not {value!r}" if wrong else ""
+            return f"must be a number or an array of them, not {quoted(value)}" if wrong else ""
         array, domain = np.asarray(value), self._of_arrays
         if self.form == "switch":
             good = array.dtype == bool
@@ -121,7 +121,7 @@ class Domain:
             good = good and (self.form != "whole" or bool(np.all(array == np.floor(array))))
             good = good and domain._within(array)
         close = "" if good else domain._rounded(value)
-        return "" if good else f"must be {domain.words}, not {reprlib.repr(array.tolist())}{close}"
+        return "" if good else f"must be {domain.words}, not {quoted(array.tolist())}{close}"
 
     @functools.cached_property
     def _of_arrays(self) -> Domain:
@@ -134,13 +134,13 @@ class Domain:
     def _holds(self, value: Any) -> bool:
         """Whether a value is of the form, and in the range."""
         if self.form in ("whole", "number"):
-            number = is_whole(value) or (self.form == "number" and _is_real(value))
+            number = is_whole(value) if self.form == "whole" else is_number(value)
             return number and self._within(value)
         if self.form == "choice":
             return (value is None or isinstance(value, str)) and value in self.choices
         if self.form == "angle":
             pair = value if isinstance(value, tuple) else (value, value)
-            numbers = len(pair) == 2 and all(is_whole(end) or _is_real(end) for end in pair)
+            numbers = len(pair) == 2 and all(map(is_number, pair))
             return numbers and self.least <= pair[0] <= pair[1] <= self.most
         if self.form == "seeds":
             whole = isinstance(value, tuple) and len(value) == 2 and all(map(is_whole, value))
@@ -176,7 +176,7 @@ class Domain:
         """A note where a number is refused only because of float32 or int32; else ""."""
         if self.form == "whole" and is_whole(value) and self.least <= value <= self.most:
             return ", which does not fit into int32"
-        real = self.form == "number" and (is_whole(value) or _is_real(value))
+        real = self.form == "number" and is_number(value)
         if real and _between(value, self.least, self.most, self.above, self.below):
             with contextlib.suppress(OverflowError):
                 return f", which is {float(_float32(value)):g} in float32"
@@ -238,17 +238,17 @@ def domain_of(cls: Any, name: str) -> Domain:
 
 
 def check(record: Any) -> None:
-    """Check the fields of a dataclass of settings: numbers, switches and words of Python.
+    """Check the fields of a dataclass of settings: numbers, switches and words.
 
-    Seeds and layers become tuples.
+    Seeds and layers become tuples, and numpy's numbers those of Python.
 
     Raises:
         SettingError: a field has a value that it cannot have.
     """
     for name, domain in _domains(type(record)).items():
         value = getattr(record, name)
-        if domain.form in ("seeds", "layers", "angle"):
-            value = domain.converted(value)
+        if domain.form in ("seeds", "layers", "angle") or isinstance(value, np.generic):
+            value = as_tuples(value)
             object.__setattr__(record, name, value)
         _complain(name, domain.fault(value))
 
@@ -291,9 +291,10 @@ def check_value(name: str, domain: Domain, value: Any) -> Any:
     return value
 
 
-def check_whole(name: str, value: Any, least: float = 1, most: float = math.inf) -> None:
-    """Check a whole number whose range something else decides."""
+def check_whole(name: str, value: Any, least: float = 1, most: float = math.inf) -> int:
+    """Check a whole number whose range something else decides; returns it as an int."""
     _complain(name, Domain("whole", least, most).fault(value))
+    return int(value)
 
 
 def check_names(given: Iterable[str], known: Iterable[str], what: str = "setting") -> None:
@@ -302,7 +303,7 @@ def check_names(given: Iterable[str], known: Iterable[str], what: str = "setting
     for name in given:
         if name not in names:
             close = nearest(name, names)
-            raise SettingError(f"unknown {what} {name!r}{close}; known: {', '.join(names)}")
+            raise SettingError(f"unknown {what} {quoted(name)}{close}; known: {', '.join(names)}")
 
 
 def _complain(name: str, fault: str) -> None:
@@ -375,7 +376,12 @@ def attributes(cls: type) -> dict[str, str]:
 
 
 def as_tuples(value: Any) -> Any:
-    """The value with tuples for lists, at every depth, and for ranges of seeds."""
+    """The value with tuples for lists and ranges of seeds, at every depth, in types of Python.
+
+    Numpy's numbers and truth values become those of Python, which files can keep.
+    """
+    if isinstance(value, np.generic):
+        return value.item()
     if isinstance(value, range) and value.step == 1:
         return value.start, value.stop
     return tuple(map(as_tuples, value)) if isinstance(value, list | tuple) else value
@@ -391,8 +397,9 @@ def is_array_like(value: Any) -> bool:
     return isinstance(value, bool | int | float | np.generic | np.ndarray | jax.Array)
 
 
-def _is_real(value: Any) -> bool:
-    return isinstance(value, float | np.floating)
+def is_number(value: Any) -> bool:
+    """Whether it is a number of Python or numpy, and not True or False."""
+    return is_whole(value) or isinstance(value, float | np.floating)
 
 
 def _is_layer(value: Any) -> bool:

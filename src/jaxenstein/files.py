@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import stat
 import tempfile
@@ -11,6 +12,8 @@ from pathlib import Path
 
 from .errors import JAXensteinError, SettingError
 
+# The most characters of a text: a device without end must not fill the memory.
+LONGEST_TEXT = 2**26
 # How the names of files end that are being written.
 PART = ".part"
 
@@ -21,6 +24,11 @@ class OutputError(JAXensteinError, OSError):
     def __init__(self, path: str | Path, reason: str) -> None:
         """Say which path could not be written, and why."""
         super().__init__(f"cannot write {path}: {reason}")
+        self._given = str(path), reason
+
+    def __reduce__(self) -> tuple[type[OutputError], tuple[str, str]]:
+        """What makes the error anew in another process."""
+        return type(self), self._given
 
     def __str__(self) -> str:
         """The message alone; `OSError` would prefix an error number where it has one."""
@@ -66,6 +74,20 @@ def atomic(path: str | Path) -> Iterator[Path]:
         finally:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+def read_text(path: str | Path, most: int = LONGEST_TEXT) -> str:
+    """The text of a file in UTF-8.
+
+    Raises:
+        OSError: it cannot be read, or has more than `most` characters.
+        UnicodeDecodeError: it is not text.
+    """
+    with Path(path).open(encoding="utf-8") as file:
+        text = file.read(most + 1)
+    if len(text) > most:
+        raise OSError(errno.EFBIG, f"it has more than {most} characters")
+    return text
 
 
 def append(path: Path, text: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import LevelWarning, SettingError
+from .errors import LevelWarning, SettingError, quoted
 from .fields import names_of
 
 FILE = Path(__file__).with_name("level_counts.json")
@@ -101,7 +101,7 @@ def _check_split(env: Any) -> None:
     different = len(np.unique(levels, axis=0))
     seeds = "" if env.level_range is None else f" with levels={env.level_range}"
     raise SettingError(
-        f"the {empty[0]} split of {env.name!r}{seeds} has no levels: {DRAWS} draws found "
+        f"the {empty[0]} split of {quoted(env.name)}{seeds} has no levels: {DRAWS} draws found "
         f"{different} level{'s' * (different > 1)}, none of them in it with "
         f"test_fraction={fraction:g}; give a {'larger' if empty[0] == 'test' else 'smaller'} "
         f"test_fraction{' or more levels' * (env.level_range is not None)}"

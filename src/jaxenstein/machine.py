@@ -45,7 +45,7 @@ def use_cores(count: int | None = None) -> int:
     most = cores_allowed()
     if count is None:
         count = most
-    check_whole("cores", count, 1, most)
+    count = check_whole("cores", count, 1, most)
     try:
         jax.config.update("jax_num_cpu_devices", count)
     except RuntimeError as error:

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .errors import SettingError, nearest
+from .errors import SettingError, nearest, quoted
 from .fields import (
     Domain,
     check_numbers,
@@ -81,7 +81,7 @@ class Params(PyTreeNode):
         for name in changes:
             if name not in names:
                 raise SettingError(
-                    f"{type(self).__name__} has no {name!r}{nearest(name, names)}; "
+                    f"{type(self).__name__} has no {quoted(name)}{nearest(name, names)}; "
                     f"it has: {', '.join(names)}"
                 )
         ranges = {
@@ -174,9 +174,11 @@ def with_numbers(params: T, numbers: Mapping[str, Any]) -> T:
 def _checked_range(name: str, domain: Domain, given: tuple[Any, ...]) -> Range:
     if domain.form != "number" or name in _OF_ALL_EPISODES:
         kind = "the same in all episodes" if domain.form == "number" else f"{domain.words}"
-        raise SettingError(f"{name} must be {kind}, not the range {given!r}")
+        raise SettingError(f"{name} must be {kind}, not the range {quoted(given)}")
     if len(given) != 2:
-        raise SettingError(f"{name} must be one number, or a range (low, high), not {given!r}")
+        raise SettingError(
+            f"{name} must be one number, or a range (low, high), not {quoted(given)}"
+        )
     range = Range(*(check_value(name, domain, end) for end in given))
     if range.low >= range.high:
         raise SettingError(f"{name} must be a range from a lower to a higher number, not {range}")
@@ -203,9 +205,10 @@ def check_single(params: Params, default: Params, owner: str) -> None:
     axes = "0" if len(wrong) == len(shapes) else "axes"
     made = f"axes = jax.tree.map(lambda _: None, params).replace({own}) and "
     raise SettingError(
-        f"params of {owner!r} must not have a batch axis: {name} must have the shape {right}, not "
-        f"{shape}. For params that differ between environments use jax.vmap with in_axes: "
-        f"{made if axes == 'axes' else ''}jax.vmap(env.reset, in_axes=(0, {axes}))(keys, params)"
+        f"params of {quoted(owner)} must not have a batch axis: {name} must have the shape "
+        f"{right}, not {shape}. For params that differ between environments use jax.vmap with "
+        f"in_axes: {made if axes == 'axes' else ''}jax.vmap(env.reset, in_axes=(0, {axes}))(keys, "
+        "params)"
     )
 
 
@@ -229,7 +232,7 @@ def differing(params: Params, default: Params, count: int, owner: str) -> list[b
         more = len(shape) != len(right)
         if more and (len(shape) != len(right) + 1 or shape[0] != count):
             raise SettingError(
-                f"params of {count} environments of {owner!r}: {name} must have the shape "
+                f"params of {count} environments of {quoted(owner)}: {name} must have the shape "
                 f"{right}, for all, or {(count, *right)}, one entry for each, not {shape}"
             )
         found.append(more)

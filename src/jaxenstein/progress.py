@@ -7,6 +7,8 @@ import sys
 import time
 from typing import Self, TextIO
 
+from .errors import one_line
+
 WIDTH = 24
 # Seconds between updates: on a terminal the line is redrawn, elsewhere a new line is printed.
 LIVE_INTERVAL = 0.1
@@ -44,7 +46,7 @@ class Progress:
             stream: where to write, by default standard error.
         """
         self.total = max(total, 1)
-        self.label = label
+        self.label = one_line(label)
         self.unit = unit
         self.stream = sys.stderr if stream is None else stream
         self.live = self.stream.isatty()

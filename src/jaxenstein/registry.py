@@ -16,7 +16,8 @@ from typing import Any
 from . import catalogue
 from .catalogue import Build, Row
 from .environment import AnyEnvironment, Environment
-from .errors import JAXensteinError, SettingError, UnknownEnvironmentError, nearest
+from .errors import JAXensteinError, SettingError, UnknownEnvironmentError, nearest, quoted
+from .fields import is_whole
 from .level_counts import check_levels
 
 ENTRIES: dict[str, Row] = dict(catalogue.ENTRIES)
@@ -54,22 +55,24 @@ def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> N
     if not isinstance(id, str) or not _ID.fullmatch(id) or _VERSIONED.fullmatch(id):
         raise SettingError(
             f"an id is letters, digits, and single '-', '_' or '.' between them, without a version "
-            f"'-v0' at its end, not {id!r}"
+            f"'-v0' at its end, not {quoted(id)}"
         )
     if not (_builds(build) if isinstance(build, type) else callable(build)):
         raise SettingError(
             "build must be a subclass of jaxenstein.Environment with all that it needs, or a "
-            f"function that returns an environment, not {build!r}"
+            f"function that returns an environment, not {quoted(build)}"
         )
-    if isinstance(version, bool) or not isinstance(version, int) or version < 0:
-        raise SettingError(f"version must be a whole number from 0, not {version!r}")
+    if not is_whole(version) or version < 0:
+        raise SettingError(f"version must be a whole number from 0, not {quoted(version)}")
     module = "" if module == "__main__" else module
     if id in ALIASES or id in catalogue.ENTRIES:
-        raise SettingError(f"the id {id!r} is taken by an environment of the package")
+        raise SettingError(f"the id {quoted(id)} is taken by an environment of the package")
     if id in ENTRIES and ENTRIES[id].module != module:
-        raise SettingError(f"the id {id!r} is taken by the module {ENTRIES[id].module!r}")
+        raise SettingError(
+            f"the id {quoted(id)} is taken by the module {quoted(ENTRIES[id].module)}"
+        )
     told = summary or _first_line(build)
-    ENTRIES[id] = Row(id, "", build, told, version=version, module=module)
+    ENTRIES[id] = Row(id, "", build, told, version=int(version), module=module)
     for listener in LISTENERS:
         listener()
 
@@ -135,10 +138,10 @@ def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[AnyEnvironment, Any
     parameters = inspect.signature(row.build).parameters.values()
     needed = {one.name for one in parameters if one.default is one.empty} - {*settings}
     if missing := [one for one in row.settings if one in needed]:
-        raise SettingError(f"{name!r} needs the setting {', '.join(missing)}")
+        raise SettingError(f"{quoted(name)} needs the setting {', '.join(missing)}")
     env = row.build(**settings)
     if not isinstance(env, Environment):
-        raise SettingError(f"what {name!r} builds is no environment but {env!r}")
+        raise SettingError(f"what {quoted(name)} builds is no environment but {quoted(env)}")
     env = dataclasses.replace(env, name=name, version=row.version)
     return env, env.check_params()
 
@@ -153,7 +156,9 @@ def import_module_of(id: Any) -> None:
     if not colon:
         return
     if not all(part.isidentifier() for part in module.split(".")):
-        raise UnknownEnvironmentError(f"unknown environment {id!r}: {module!r} names no module")
+        raise UnknownEnvironmentError(
+            f"unknown environment {quoted(id)}: {quoted(module)} names no module"
+        )
     try:
         importlib.import_module(module)
     except ModuleNotFoundError as error:
@@ -161,7 +166,7 @@ def import_module_of(id: Any) -> None:
         if not f"{module}.".startswith(f"{error.name}."):
             raise
         raise UnknownEnvironmentError(
-            f"unknown environment {id!r}: there is no module {error.name!r} to import"
+            f"unknown environment {quoted(id)}: there is no module {quoted(error.name)} to import"
         ) from error
 
 
@@ -174,8 +179,9 @@ def find(id: Any) -> tuple[str, Row]:
     module, colon, rest = id.rpartition(":") if isinstance(id, str) else ("", "", id)
     if colon and module not in sys.modules:
         raise UnknownEnvironmentError(
-            f"the environment {id!r} is that of a module which has not been imported, and files "
-            f"run no code: import {module} first, or on the command line say --import {module}"
+            f"the environment {quoted(id)} is that of a module which has not been imported, and "
+            f"files run no code: import {module} first, or on the command line say --import "
+            f"{module}"
         )
     name = ALIASES.get(rest, rest) if isinstance(rest, str) else rest
     row = ENTRIES.get(name) if isinstance(name, str) else None
@@ -185,13 +191,13 @@ def find(id: Any) -> tuple[str, Row]:
         return id, _row_of_class(id, sys.modules[module], rest)
     if isinstance(id, str | Path) and (Path(id).suffix == ".txt" or len(Path(id).parts) > 1):
         raise UnknownEnvironmentError(
-            f"unknown environment {str(id)!r}: the file of a map is read by jaxenstein.from_file, "
-            "on the command line by --map-file"
+            f"unknown environment {quoted(str(id))}: the file of a map is read by "
+            "jaxenstein.from_file, on the command line by --map-file"
         )
     close = nearest(str(id), [*ENTRIES, *ALIASES])
     some = "" if close else f"there are {', '.join(catalogue.MAIN_IDS[:6])} and others; "
     raise UnknownEnvironmentError(
-        f"unknown environment {id!r}{close}; {some}'jaxenstein list' shows all {len(ENTRIES)}"
+        f"unknown environment {quoted(id)}{close}; {some}'jaxenstein list' shows all {len(ENTRIES)}"
     )
 
 
@@ -208,14 +214,15 @@ def _row_of_class(id: str, module: ModuleType, name: str) -> Row:
         classes = [key for key, value in there.items() if _builds(value)]
         own = [key for key, row in ENTRIES.items() if row.module == module.__name__]
         raise UnknownEnvironmentError(
-            f"{module.__name__} registers no environment {name!r} and has no class of that name"
-            f"{nearest(name, [*own, *classes])}"
+            f"{module.__name__} registers no environment {quoted(name)} and has no class of that "
+            f"name{nearest(name, [*own, *classes])}"
         )
     if not _builds(there[name]):
         raise UnknownEnvironmentError(
             f"{id} is no subclass of jaxenstein.Environment that can be built, and no "
             f"functools.partial of one, but "
-            f"{there[name]!r}; functions that build environments get an id by jaxenstein.register"
+            f"{quoted(there[name])}; functions that build environments get an id by "
+            "jaxenstein.register"
         )
     build = there[name]
     summary, version = _first_line(build), _class_of(build).version
@@ -249,11 +256,11 @@ def check_names(
     name, numbers = unknown[0], params()
     if name in numbers:
         raise SettingError(
-            f"{name!r} is a param, not a setting: use params.replace({name}=...) on the "
+            f"{quoted(name)} is a param, not a setting: use params.replace({name}=...) on the "
             f"params that make returns, --param {name}=... in a command"
         )
     near = nearest(name, known) or nearest(name, numbers).replace("you mean", "you mean the param")
-    raise SettingError(f"unknown setting {name!r}{near}; known: {', '.join(known)}")
+    raise SettingError(f"unknown setting {quoted(name)}{near}; known: {', '.join(known)}")
 
 
 def _param_names(row: Row, settings: Mapping[str, Any]) -> tuple[str, ...]:

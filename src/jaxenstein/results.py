@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from .errors import JAXensteinError, SettingError
+from .errors import JAXensteinError, SettingError, quoted
 from .fields import check_whole
 from .files import atomic, reason_of
 from .intervals import mean_interval
@@ -71,7 +71,7 @@ class Results:
         """Check all parts, and give arrays their types."""
         _check_text("policy", self.policy)
         if self.actions not in ACTIONS:
-            shown = repr(self.actions)[:60]
+            shown = quoted(self.actions)
             raise SettingError(f"actions must be 'greedy', 'sampled' or None, not {shown}")
         check_whole("seed", self.seed, 0, 2**32 - 1)
         for name in self.names:
@@ -87,11 +87,13 @@ class Results:
             if array.shape != shape:
                 raise SettingError(f"{attribute} must have the shape {shape}, not {array.shape}")
             object.__setattr__(self, attribute, array.astype(dtype))
-        if not np.isfinite(self.returns).all():
-            run, episode = np.argwhere(~np.isfinite(self.returns))[0]
+        with np.errstate(over="ignore"):
+            finite = np.isfinite(self.returns.astype(np.float32))
+        if not finite.all():
+            run, episode = np.argwhere(~finite)[0]
             raise SettingError(
-                f"the return of episode {episode} (from 0) of {self.names[run]!r} is "
-                f"{self.returns[run, episode]}; it must be finite"
+                f"the return of episode {episode} (from 0) of {quoted(self.names[run])} is "
+                f"{self.returns[run, episode]}; it must be finite in float32"
             )
         if self.lengths.min() < 1:
             raise SettingError(f"lengths must be at least 1, not {self.lengths.min()}")
@@ -255,7 +257,7 @@ def _values(label: str, values: Any, count: int, types: tuple[type, ...]) -> lis
     for number, value in enumerate(values):
         if type(value) not in types:
             wanted = " or ".join(one.__name__ for one in types)
-            shown = repr(value)[:60]
+            shown = quoted(value)
             raise SettingError(f"{label}: episode {number} (from 0) must be {wanted}, not {shown}")
     return values
 
@@ -272,10 +274,10 @@ def _only(table: dict[str, Any], names: tuple[str, ...], within: str = "") -> No
 
 def _object(label: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise SettingError(f"{label} must be an object of named entries, not {repr(value)[:60]}")
+        raise SettingError(f"{label} must be an object of named entries, not {quoted(value)}")
     return value
 
 
 def _check_text(label: str, value: Any) -> None:
     if not isinstance(value, str) or not value.isprintable():
-        raise SettingError(f"{label} must be a text of one line, not {repr(value)[:60]}")
+        raise SettingError(f"{label} must be a text of one line, not {quoted(value)}")

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from . import registry
-from .errors import SettingError, nearest
+from .errors import SettingError, nearest, quoted
 from .fields import Domain, Option, as_tuples, check_names, check_value, names_of, options_of
 from .level_counts import check_levels
 from .spec import Spec
@@ -58,7 +58,7 @@ def checked(given: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, 
     values = {}
     for name, value in given.items():
         if name not in (*known, *MAP_TEXTS):
-            raise SettingError(f"unknown option {name!r}{nearest(name, known)}")
+            raise SettingError(f"unknown option {quoted(name)}{nearest(name, known)}")
         values[name] = check_value(name, known[name].domain, value) if name in known else value
     return values
 
@@ -109,6 +109,9 @@ def spec_from(given: Mapping[str, Any]) -> Spec:
         raise SettingError("give either env or a map, not both")
     if "heading" in given and "map" not in given:
         raise SettingError("heading goes with a map (--map-file); an env has headings of its own")
+    for name in MAP_TEXTS:
+        if name in given and "map" not in given:
+            raise SettingError(f"{name} goes with a map; an env has a map of its own")
     settings = {name: given[name] for name in SEEN if name in given}
     settings |= {name: as_tuples(v) for name, v in (given.get("settings") or {}).items()}
     params = {name: as_tuples(value) for name, value in (given.get("params") or {}).items()}
@@ -134,7 +137,8 @@ def _check_params(params: Mapping[str, Any], env: Any, defaults: Any) -> None:
     for name, value in params.items():
         if name not in numbers and name in settings:
             raise SettingError(
-                f"{name!r} is a setting, not a param: --set {name}={value}, or 'settings' of a file"
+                f"{quoted(name)} is a setting, not a param: --set {name}={value}, or 'settings' of "
+                "a file"
             )
     check_names(params, numbers, "param")
 

@@ -21,6 +21,7 @@ from .errors import (
     TrajectoryError,
     UnknownEnvironmentError,
     one_line,
+    quoted,
 )
 from .fields import Domain, as_tuples, check_value, names_of
 from .params import Range, split_ranges, with_numbers
@@ -78,7 +79,7 @@ class Spec:
             raise SettingError(f"'environment' must be an object of {', '.join(names_of(cls))}")
         id = plain["id"]
         if id is not None and not (isinstance(id, str) and id.isprintable()):
-            raise SettingError(f"'environment.id' must be a text of one line, not {repr(id)[:60]}")
+            raise SettingError(f"'environment.id' must be a text of one line, not {quoted(id)}")
         check_value("'environment.version'", Domain("whole", 0), plain["version"])
         for table in ("settings", "params"):
             check_value(f"'environment.{table}'", Domain("table"), plain[table])
@@ -153,7 +154,7 @@ def spec_of(env: AnyEnvironment, params: Any) -> Spec:
         if built == env:
             return dataclasses.replace(spec, params=changes)
     raise TrajectoryError(
-        f"the environment {env.name!r} cannot be kept in a trajectory: neither make nor "
+        f"the environment {quoted(env.name)} cannot be kept in a trajectory: neither make nor "
         "from_ascii builds one that is equal to it"
     )
 
@@ -169,7 +170,7 @@ def described(env: AnyEnvironment, params: Any) -> Spec:
         return spec_of(env, params)
     except TrajectoryError:
         settings = {
-            field.name: _plain(getattr(env, field.name))
+            field.name: as_tuples(getattr(env, field.name))
             for field in dataclasses.fields(env)
             if field.name not in (*RESETTING, "name", "version")
             and getattr(env, field.name) != field.default
@@ -180,7 +181,7 @@ def described(env: AnyEnvironment, params: Any) -> Spec:
 
 def _candidates(env: Any) -> list[tuple[str | None, dict[str, Any]]]:
     """The ids and settings that the environment may have been built from."""
-    fields = {field.name: _plain(getattr(env, field.name)) for field in dataclasses.fields(env)}
+    fields = {field.name: as_tuples(getattr(env, field.name)) for field in dataclasses.fields(env)}
     found: list[tuple[str | None, dict[str, Any]]] = []
     with contextlib.suppress(UnknownEnvironmentError):
         taken = registry.find(env.name)[1].settings
@@ -195,13 +196,6 @@ def _candidates(env: Any) -> list[tuple[str | None, dict[str, Any]]]:
     return found
 
 
-def _plain(value: Any) -> Any:
-    """A setting in types that files keep: numpy's numbers as Python's, lists as tuples."""
-    if isinstance(value, np.generic):
-        return value.item()
-    return tuple(map(_plain, value)) if isinstance(value, tuple | list) else value
-
-
 def _changed(env: AnyEnvironment, params: Any) -> dict[str, Any]:
     plain, ranges = split_ranges(params)
     given, usual = env.check_params(plain), env.check_params()
@@ -210,7 +204,7 @@ def _changed(env: AnyEnvironment, params: Any) -> dict[str, Any]:
         value, other = (np.asarray(getattr(numbers, field.name)) for numbers in (given, usual))
         if value.shape != ():
             raise TrajectoryError(
-                f"param {field.name!r} has the shape {value.shape}, not one value"
+                f"param {quoted(field.name)} has the shape {value.shape}, not one value"
             )
         if field.name in ranges:
             changes[field.name] = tuple(ranges[field.name])

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .comparison import Compared, Reference, difference, read_reference
-from .errors import SettingError, nearest
+from .errors import SettingError, nearest, quoted
 from .fields import Domain, check_value
 
 if TYPE_CHECKING:
@@ -213,7 +213,7 @@ def task_of(id: str) -> Task:
     tasks = {task.id: task for task in TASKS}
     if id not in tasks:
         raise SettingError(
-            f"the benchmark has no task {id!r}{nearest(id, tasks)}; it has {', '.join(tasks)}"
+            f"the benchmark has no task {quoted(id)}{nearest(id, tasks)}; it has {', '.join(tasks)}"
         )
     return tasks[id]
 

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import MapError
+from .errors import MapError, quoted
 from .registry import check_names, fields_of
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
         return _from_texts(text, settings)
     except MapError as error:
         if isinstance(text, Path) or (isinstance(text, str) and re.fullmatch(r"[^#]+\.\w+", text)):
-            hint = f"; if {str(text)!r} is the name of a file: from_file reads one"
+            hint = f"; if {quoted(str(text))} is the name of a file: from_file reads one"
             raise MapError(f"{error}{hint}") from error
         raise
 

@@ -249,3 +249,10 @@ def test_a_window_without_pygame(made: Any, monkeypatch: pytest.MonkeyPatch) -> 
         with pytest.raises(jaxenstein.SettingError, match=r"jaxenstein\[play\]"):
             env.reset()
     env.close()
+
+
+@pytest.mark.parametrize("seed", [True, -1, 1.5, [1], "1", 2**64])
+def test_wrong_seeds(made: Any, seed: Any) -> None:
+    env = adapter.GymnasiumEnv(*made)
+    with pytest.raises(jaxenstein.SettingError, match=r"a seed must be .* from 0 to 2\*\*64 - 1"):
+        env.reset(seed=seed)

@@ -236,6 +236,7 @@ def test_stepping_out_of_order(made: Any) -> None:
         ({"render_mode": "human"}, "render_mode must be one of 'rgb_array', None"),
         ({"max_episode_steps": 0}, "max_episode_steps must be"),
         ({"max_episode_steps": 2.5}, "max_episode_steps must be"),
+        ({"num_envs": np.bool_(True)}, "num_envs must be"),
     ],
 )
 def test_wrong_arguments(arguments: dict[str, Any], what: str) -> None:
@@ -257,3 +258,17 @@ def test_a_step_takes_no_states_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Batch, "_streams", lambda batch: pytest.fail("states were taken apart"))
     for _ in range(2):
         envs.step(np.zeros(2, np.int32))
+
+
+def test_numbers_of_numpy_are_as_those_of_python() -> None:
+    envs = vector.GymnasiumVectorEnv(
+        "simple", num_envs=np.int64(2), max_episode_steps=np.int64(3), height=np.int64(4), width=4
+    )
+    assert type(envs.num_envs) is int
+    assert int(envs.params.max_steps_in_episode) == 3
+    observation, _ = envs.reset(seed=np.int64(5))
+    assert observation.shape == (2, 4, 4, 3)
+    # The generator is seeded as well.
+    assert envs.np_random_seed == 5
+    with pytest.raises(jaxenstein.SettingError, match="not True"):
+        envs.reset(seed=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -142,3 +144,14 @@ def test_wrong_arguments_get_one_line_and_code_2(
     assert out == ""
     assert err.count("\n") == 1
     assert message in err
+
+
+def test_a_file_is_written_even_if_the_table_cannot_be_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = write_all(tmp_path, {"r.json": [results_of("simple", RND["simple"], "ü", "sampled")]})
+    out = tmp_path / "scores.json"
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding="ascii"))
+    assert main(["score", *map(str, files), "--json", str(out)]) == 1
+    assert "cannot print '\\xfc' as ascii" in capsys.readouterr().err
+    assert list(json.loads(out.read_text())["policies"]) == ["ü"]

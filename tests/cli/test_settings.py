@@ -124,3 +124,18 @@ def test_a_changed_recipe_keeps_how_it_is_seen() -> None:
     assert longer == dataclasses.replace(spec, params={"max_steps_in_episode": 6})
     elsewhere = changed(spec, {"env": "simple"})
     assert (elsewhere.id, elsewhere.settings, elsewhere.params) == ("simple", {"height": 9}, {})
+
+
+def test_two_maps_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("flax")
+    (tmp_path / "maze.txt").write_text("####\n#SG#\n####\n")
+    (tmp_path / "maze.faces.txt").write_text("")
+    config = tmp_path / "maze.toml"
+    for given, told in (
+        ('map_file = "maze.txt"\nmap = "###"', "give either map or map_file"),
+        ('map_file = "maze.txt"\nfaces = "###"', "give either faces or map_file"),
+        ('env = "simple"\nregions = "###"', "regions goes with a map"),
+    ):
+        config.write_text(given)
+        assert main(["train", "--config", str(config), "--out", str(tmp_path / "run")]) == 2
+        assert told in capsys.readouterr().err

@@ -171,9 +171,11 @@ def test_who_wants_it_goes_on_with_what_is_not_finite(
 ) -> None:
     out = tmp_path / "run"
     how = ["--learning-rate=1e38", "--on-divergence=continue"]
-    assert main(["train", *flags, *how, "--out", str(out)]) == 0
+    assert main(["train", *flags, *how, "--out", str(out)]) == 3
     assert len(read_metrics(out)) == 2 * UPDATES
-    assert "diverged" not in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert err.count("warning: the parameters of seed-0, seed-1 are not finite; try a lower") == 1
+    assert err.endswith("all 2 runs diverged\n")
     assert main(["evaluate", str(out), "--episodes", "2"]) == 0
     assert "run: the parameters of seed-1 are not finite" in capsys.readouterr().err
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import json
 import os
@@ -216,3 +217,28 @@ def test_failed_writing_leaves_what_was_there(
         walk.save(tmp_path / "none" / "a.json")
     with pytest.raises(SettingError, match=r"should end in \.json"):
         walk.save(tmp_path / "a.txt")
+
+
+def test_messages_are_short_whatever_a_file_has(table: dict[str, Any], tmp_path: Path) -> None:
+    long = "x" * 100_000
+    path = tmp_path / "walk.json"
+    told = []
+    for within in (table, table["environment"], table["environment"]["settings"], table["checks"]):
+        for name, before in list(within.items()):
+            for value in (long, [long] * 3, {long: long}):
+                within[name] = value
+                with contextlib.suppress(TrajectoryError):
+                    load_trajectory(put(path, table))
+                    continue
+                with pytest.raises(TrajectoryError) as caught:
+                    load_trajectory(path)
+                told.append(str(caught.value).replace(str(path), ""))
+            within[name] = before
+        within[long] = 1
+        with pytest.raises(TrajectoryError) as caught:
+            load_trajectory(put(path, table))
+        told.append(str(caught.value).replace(str(path), ""))
+        del within[long]
+    assert load_trajectory(put(path, table))
+    assert len(told) > 60
+    assert max(map(len, told)) < 1000

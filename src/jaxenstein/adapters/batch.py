@@ -14,7 +14,8 @@ import numpy as np
 
 from .._jax.packing import Packing
 from ..environment import AnyEnvironment, Autoreset
-from ..errors import SettingError
+from ..errors import SettingError, quoted
+from ..fields import check_whole, is_whole
 from ..params import differing
 from . import batch_calls
 
@@ -115,8 +116,7 @@ class Batch:
                 that JAX does not work in.
         """
         check_process()
-        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
-            raise SettingError(f"num_envs must be a whole number from 1 on, not {num_envs!r}")
+        num_envs = check_whole("num_envs", num_envs)
         stepped = dataclasses.replace(env, autoreset=autoreset, final_observation=False)
         self.env = dataclasses.replace(stepped, autoreset=None)
         # Resets within the step are made here, after a look at which episodes ended.
@@ -204,7 +204,7 @@ class Batch:
             )
         if self._kept is None and not chosen.all():
             raise SettingError("the first reset must be of all environments: leave the mask out")
-        keys = self._seeded(_seeds(seed, self.num_envs), chosen)
+        keys = self._seeded(seeds_of(seed, self.num_envs), chosen)
         numbers = self._packed_params
         if chosen.all():
             out = batch_calls.reset(self.env, self._plan, keys, numbers)
@@ -285,21 +285,31 @@ class Batch:
         return keys.at[np.array(fresh)].set(batch_calls.keys_of([seeds[i] or 0 for i in fresh]))
 
 
-def _seeds(seed: Any, count: int) -> list[int | None]:
-    """A seed for each environment."""
+def seeds_of(seed: Any, count: int) -> list[int | None]:
+    """A seed for each of `count` environments; see `Batch.reset`."""
     if seed is None:
         return [None] * count
-    if isinstance(seed, (int, np.integer)) and not isinstance(seed, bool):
+    if is_whole(seed):
         seeds: list[Any] = [int(seed) + i for i in range(count)]
     elif isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, str):
-        seeds = [int(s) if isinstance(s, np.integer) else s for s in seed]
+        seeds = list(seed)
     else:
-        raise SettingError(f"seed must be a whole number, a list of them or None, not {seed!r}")
+        raise SettingError(
+            f"seed must be a whole number, a list of them or None, not {quoted(seed)}"
+        )
     if len(seeds) != count:
         raise SettingError(
             f"there must be one seed for each of {count} environments, not {len(seeds)}"
         )
-    for one in seeds:
-        if one is not None and (type(one) is not int or not 0 <= one < 2**64):
-            raise SettingError(f"a seed must be a whole number from 0 to 2**64 - 1, not {one!r}")
-    return seeds
+    return [None if one is None else checked_seed(one) for one in seeds]
+
+
+def checked_seed(seed: Any) -> int:
+    """The seed of one random stream as an int.
+
+    Raises:
+        SettingError: it is no whole number from 0 to 2**64 - 1.
+    """
+    if not is_whole(seed) or not 0 <= seed < 2**64:
+        raise SettingError(f"a seed must be a whole number from 0 to 2**64 - 1, not {quoted(seed)}")
+    return int(seed)

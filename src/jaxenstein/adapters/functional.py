@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from ..environment import AnyEnvironment, Environment, Info
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 
 
 def check_fit(env: Any, allowed: tuple[str | None, ...], partner: str) -> None:
@@ -18,10 +18,14 @@ def check_fit(env: Any, allowed: tuple[str | None, ...], partner: str) -> None:
         SettingError: naming what would be right.
     """
     if not isinstance(env, Environment):
-        raise SettingError(f"an environment as jaxenstein.make returns it is needed, not {env!r}")
+        raise SettingError(
+            f"an environment as jaxenstein.make returns it is needed, not {quoted(env)}"
+        )
     if env.autoreset not in allowed:
         right = " or ".join(f"autoreset={mode!r}" for mode in allowed)
-        raise SettingError(f"{partner} needs an environment with {right}, not {env.autoreset!r}")
+        raise SettingError(
+            f"{partner} needs an environment with {right}, not {quoted(env.autoreset)}"
+        )
 
 
 def first_info(env: AnyEnvironment, key: jax.Array, state: Any, params: Any) -> Info:

@@ -13,10 +13,10 @@ import numpy as np
 
 from .. import spaces
 from ..environment import AnyEnvironment, Environment
-from ..errors import SettingError, nearest
+from ..errors import SettingError, nearest, quoted
 from ..registry import find, import_module_of, make
 from ..tasks.first_person import FirstPerson
-from .batch import Batch, check_process
+from .batch import Batch, check_process, checked_seed
 
 try:
     import gymnasium
@@ -98,7 +98,11 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
 
         Returns:
             The observation and the info: numpy scalars, bools, and arrays.
+
+        Raises:
+            SettingError: the seed is not such a number.
         """
+        seed = None if seed is None else checked_seed(seed)
         super().reset(seed=seed)
         if seed is None and not self._batch.begun:
             seed = int(self.np_random.integers(2**63))
@@ -159,7 +163,7 @@ def resolve(
     check_process()
     if not isinstance(env, str):
         if not isinstance(env, Environment):
-            raise SettingError(f"env must be an id or an environment, not {env!r}")
+            raise SettingError(f"env must be an id or an environment, not {quoted(env)}")
         if settings:
             raise SettingError(
                 f"settings ({', '.join(settings)}) go with an id; give an environment its own "
@@ -169,7 +173,7 @@ def resolve(
     for name in ("autoreset", "final_observation"):
         if name in settings:
             raise SettingError(
-                f"{name!r} is not for Gymnasium: resets are the caller's, or those of "
+                f"{quoted(name)} is not for Gymnasium: resets are the caller's, or those of "
                 "autoreset_mode in a vector environment"
             )
     if "frameskip" in settings:
@@ -187,7 +191,7 @@ def _check_names(names: Iterable[str], owner: str, params: list[str], settings: 
     for name in names:
         if name not in params:
             close = nearest(name, [*settings, *params])
-            raise SettingError(f"{owner} has no setting or param {name!r}{close}")
+            raise SettingError(f"{owner} has no setting or param {quoted(name)}{close}")
 
 
 def gymnasium_space(env: AnyEnvironment, params: Any) -> gymnasium.Space[Any]:

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..environment import AnyEnvironment
 from ..errors import SettingError
-from .batch import Batch, Ended
+from ..fields import check_whole, is_whole
+from .batch import Batch, Ended, seeds_of
 from .gymnasium import (
     RENDER_FPS,
     check_render_mode,
@@ -94,7 +95,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         self._batch = Batch(env, params, num_envs, autoreset=_MODES[self.autoreset_mode])
         self.env, self.params = self._batch.env, self._batch.params
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
-        self.num_envs = num_envs
+        self.num_envs = num_envs = self._batch.num_envs
         self.render_mode = render_mode
         self.single_observation_space = gymnasium_space(self.env, params)
         self.single_action_space = gymnasium.spaces.Discrete(self.env.num_actions)
@@ -127,8 +128,11 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         mask = None if options is None else options.get("reset_mask")
         if mask is not None and not np.any(mask):
             raise SettingError("options['reset_mask'] must be True for one environment or more")
-        if isinstance(seed, int):
-            super().reset(seed=seed)
+        if seed is not None:
+            one = is_whole(seed)
+            seed = seeds_of(seed, self.num_envs)
+            if one:
+                super().reset(seed=seed[0])
         elif seed is None and not self._batch.begun:
             seed = int(self.np_random.integers(2**63))
         self._observation, info = self._batch.reset(seed, mask)
@@ -204,9 +208,7 @@ def _mode(mode: Any) -> AutoresetMode:
 
 
 def _shortened(params: Any, most: Any, frame_skip: int) -> Any:
-    if isinstance(most, bool) or not isinstance(most, int) or most < 1:
-        raise SettingError(f"max_episode_steps must be a whole number from 1 on, not {most!r}")
-    limit = min(most * frame_skip, np.iinfo(np.int32).max)
+    limit = min(check_whole("max_episode_steps", most) * frame_skip, np.iinfo(np.int32).max)
     limits = np.minimum(limit, np.asarray(params.max_steps_in_episode))
     return params.replace(max_steps_in_episode=limits)
 

@@ -15,7 +15,7 @@ import jax
 import numpy as np
 
 from ..environment import AnyEnvironment
-from ..errors import SettingError, nearest
+from ..errors import SettingError, nearest, quoted
 from ..fields import names_of
 from .batch import Batch, Ended
 
@@ -138,7 +138,7 @@ class SB3VecEnv(VecEnv):
             return self._param(attr_name)[chosen].tolist()
         if hasattr(self.batch.env, attr_name):
             return [getattr(self.batch.env, attr_name)] * len(chosen)
-        raise AttributeError(f"{self.batch.env.name} has no attribute or param {attr_name!r}")
+        raise AttributeError(f"{self.batch.env.name} has no attribute or param {quoted(attr_name)}")
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
         """Set a param of all environments or of some, effective from the next step.
@@ -151,7 +151,7 @@ class SB3VecEnv(VecEnv):
         names = names_of(params)
         if attr_name not in names:
             raise SettingError(
-                f"there is no param {attr_name!r}{nearest(attr_name, names)}; "
+                f"there is no param {quoted(attr_name)}{nearest(attr_name, names)}; "
                 f"those that can be set: {', '.join(names)}"
             )
         # Check the value before it is cast to the type of the others.

@@ -21,11 +21,12 @@ import numpy as np
 from ..environment import AnyEnvironment
 from ..episodes.policies import Policy
 from ..episodes.session import NO_OP, Session, check_seed, whole_action
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..tasks.doom.fixed import to_fixed
 from ..tasks.doom.parts import Game
 from ..tasks.doom.scenario import DoomScenario
 from ..tasks.doom.view import label_of
+from .batch import checked_seed
 from .gymnasium import gymnasium, gymnasium_space, resolve
 from .vizdoom_buffers import (
     VARIABLES,
@@ -47,7 +48,7 @@ def check_scenario(env: AnyEnvironment) -> str:
     """
     if not isinstance(env, DoomScenario) or env.scenario is None:
         raise SettingError(
-            f"{env.name!r} is no scenario that ViZDoom comes with; the doom- environments "
+            f"{quoted(env.name)} is no scenario that ViZDoom comes with; the doom- environments "
             "are, but for the sparse variants of doom-my-way-home"
         )
     return env.scenario
@@ -359,6 +360,7 @@ class GameEnv(gymnasium.Env[Any, Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode."""
+        seed = None if seed is None else checked_seed(seed)
         super().reset(seed=seed, options=options)
         game_seed = int(self.np_random.integers(2**32))
         return self.session.reset(game_seed), dict(self.session.info)

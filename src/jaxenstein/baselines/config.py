@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from flax.core import FrozenDict
 from jax.typing import DTypeLike
 
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..fields import (
     Domain,
     as_arrays,
@@ -92,15 +92,15 @@ def register_bonus(
     """
     if not re.fullmatch("[a-z][a-z0-9_]*", name):
         raise SettingError(
-            f"the name of a bonus must be small letters, digits and underscores, not {name!r}"
+            f"the name of a bonus must be small letters, digits and underscores, not {quoted(name)}"
         )
     if name in _ALGORITHMS:
-        raise SettingError(f"there is an algorithm {name!r} already; choose another name")
+        raise SettingError(f"there is an algorithm {quoted(name)} already; choose another name")
     for field in names_of(options):
         if not field.startswith(f"{name}_"):
             raise SettingError(
-                f"options of {name!r} must begin with '{name}_', not {field!r}: they share one "
-                "list with those of the others"
+                f"options of {quoted(name)} must begin with '{name}_', not {quoted(field)}: they "
+                "share one list with those of the others"
             )
     row = Algorithm(bonus, options, grid)
     known = (*names_of(HParams), *row.numbers)

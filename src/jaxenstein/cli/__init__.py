@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ..errors import JAXensteinError, one_line
+from ..errors import JAXensteinError, concise, one_line
 from ..files import OutputError
 from ..version import __version__
 from . import (
@@ -29,7 +29,7 @@ from . import (
 )
 from .arguments import Parser, UsageError
 from .compile_cache import keep_programs
-from .opening import IMPORT, import_modules, named_modules
+from .opening import IMPORT, import_modules, named_modules, plain_warnings
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
 
@@ -87,7 +87,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         # A program that gives the arguments decides for itself what JAX does.
         if argv is None and not options.no_cache:
             keep_programs()
-        code = options.run(options)
+        with plain_warnings():
+            code = options.run(options)
         sys.stdout.flush()
     except UsageError as error:
         return _complain(str(error), WRONG_ARGUMENTS)
@@ -145,7 +146,7 @@ def build_parser() -> Parser:
 
 
 def _complain(message: str, code: int) -> int:
-    print(one_line(message), file=sys.stderr)
+    print(concise(one_line(message)), file=sys.stderr)
     return code
 
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
-from ..errors import nearest
+from ..errors import nearest, quoted
 from ..fields import Domain, Option
 
 
@@ -104,7 +104,9 @@ def size(text: str) -> tuple[int, int]:
     parts = text.lower().split("x")
     if len(parts) == 2 and all(part.isdecimal() and 0 < int(part) <= 4096 for part in parts):
         return int(parts[1]), int(parts[0])
-    raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels like 64x64, not {text!r}")
+    raise argparse.ArgumentTypeError(
+        f"must be WIDTHxHEIGHT in pixels like 64x64, not {quoted(text)}"
+    )
 
 
 # What the help calls a value of each form.

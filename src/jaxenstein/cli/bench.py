@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import atomic, check_writable
+from ..files import check_writable
 from ..progress import Progress, si
 from .arguments import Parser, UsageError, add_environment, add_seed, flag, size, whole
 from .listing import format_table
-from .opening import given_options, import_module_of, open_spec
+from .opening import given_options, import_module_of, open_spec, write_json, written_anyway
 
 if TYPE_CHECKING:
     from ..spec import Spec
@@ -94,12 +93,9 @@ def run(options: argparse.Namespace) -> None:
             progress.show()
             results.append(measure_apart(settings))
             progress.update(done)
-    print(table(results))
-    if options.json is not None:
-        report = {**describe_machine(), "results": results}
-        with atomic(options.json) as temporary:
-            temporary.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-        print(f"wrote {options.json}")
+    report = {**describe_machine(), "results": results}
+    with written_anyway(options.json, lambda path: write_json(path, report)):
+        print(table(results))
 
 
 def _environments(options: argparse.Namespace) -> list[tuple[Spec, str]]:

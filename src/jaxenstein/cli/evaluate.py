@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..episodes.policies import Scripted
+from ..errors import quoted
 from ..files import check_writable
 from ..intervals import mean_interval
 from ..progress import Progress
@@ -37,6 +38,7 @@ from .opening import (
     open_environment,
     telling_warnings,
     with_map,
+    written_anyway,
 )
 from .own_policy import CONVENTION, is_own, load_own
 from .record import play_shown
@@ -123,14 +125,10 @@ def run(options: argparse.Namespace) -> None:
         return
     evaluated = _own(options) if options.policy is not None else _trained(options)
     env = evaluated.env
-    print(evaluated.heading)
-    print(end=_split_of(env) + _ranges_of(evaluated.results))
-    print(table(evaluated.results))
-    if options.json is not None:
-        from ..results import write_results
-
-        write_results(options.json, list(evaluated.results.values()))
-        print(f"wrote {options.json}")
+    with written_anyway(options.json, lambda path: _write(path, [*evaluated.results.values()])):
+        print(evaluated.heading)
+        print(end=_split_of(env) + _ranges_of(evaluated.results))
+        print(table(evaluated.results))
     if options.gif is not None:
         _film(evaluated.actor(), options)
 
@@ -146,7 +144,7 @@ def _check_policy(options: argparse.Namespace) -> None:
         if not is_own(text) and not text.isidentifier():
             raise UsageError(
                 f"jaxenstein evaluate: --policy must be {OWN}, or the name of a player, not "
-                f"{text!r}; a run directory is given without --policy"
+                f"{quoted(text)}; a run directory is given without --policy"
             )
     if options.suite is not None:
         given = [f"--{name.replace('_', '-')}" for name in given_options(options)]
@@ -159,12 +157,14 @@ def _check_policy(options: argparse.Namespace) -> None:
 def _suite(options: argparse.Namespace) -> None:
     """Test on all tasks of the benchmark."""
     played = list(suite_commands.evaluated(options))
-    print(suite_commands.table(played))
-    if options.json is not None:
-        from ..results import write_results
+    with written_anyway(options.json, lambda path: _write(path, [one for _, one in played])):
+        print(suite_commands.table(played))
 
-        write_results(options.json, [results for _, results in played])
-        print(f"wrote {options.json}")
+
+def _write(path: Path, results: list[Results]) -> None:
+    from ..results import write_results
+
+    write_results(path, results)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
+import json
 import os
 import signal
 import sys
@@ -13,7 +14,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ..errors import DivergenceWarning, LevelWarning, MapWarning, one_line
+from ..errors import (
+    DivergenceWarning,
+    LevelWarning,
+    MapWarning,
+    SettingError,
+    concise,
+    one_line,
+    quoted,
+)
+from ..files import atomic
 from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, flag, plain_value
 from .compile_cache import forget
 
@@ -46,7 +56,7 @@ def _entry(option: str, text: str) -> tuple[str, Any]:
     flag, metavar = TABLES[option]
     name, equals, value = text.partition("=")
     if not equals or not name or not value:
-        raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {text!r}")
+        raise UsageError(f"jaxenstein: {flag} must be {metavar}, not {quoted(text)}")
     if option == "params" and ":" in value:
         return name.replace("-", "_"), [plain_value(end) for end in value.split(":")]
     values = plain_value(value)
@@ -132,8 +142,53 @@ def telling_warnings() -> Iterator[None]:
             warnings.simplefilter("always", kind)
         yield
     for text in dict.fromkeys(str(warning.message) for warning in caught):
-        if not forget(text):
-            print(f"jaxenstein: warning: {one_line(text)}", file=sys.stderr)
+        _tell(text)
+
+
+@contextlib.contextmanager
+def plain_warnings() -> Iterator[None]:
+    """Print every other `UserWarning` as one line, without a place in the code."""
+    with warnings.catch_warnings():
+        others = warnings.showwarning
+
+        def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
+            if issubclass(category, UserWarning):
+                _tell(str(message))
+            else:
+                others(message, category, *place, **more)
+
+        warnings.showwarning = show
+        yield
+
+
+@contextlib.contextmanager
+def written_anyway(path: Path | None, write: Callable[[Path], object]) -> Iterator[None]:
+    """Write a file, if there is one, after a block that prints what is in it.
+
+    It is written as well if the output cannot take what is printed.
+    """
+    try:
+        yield
+    finally:
+        if path is not None:
+            write(path)
+    if path is not None:
+        print(f"wrote {path}")
+
+
+def write_json(path: Path, plain: object) -> None:
+    """Write plain values as JSON, whole or not at all.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with atomic(path) as temporary:
+        temporary.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
+
+
+def _tell(warning: str) -> None:
+    if not forget(warning):
+        print(f"jaxenstein: warning: {concise(one_line(warning))}", file=sys.stderr)
 
 
 def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
@@ -143,7 +198,11 @@ def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
     given = dict(given)
     if "map_file" in given:
         texts = read_map(folder / given.pop("map_file"))
-        given |= {"map" if name == "text" else name: text for name, text in texts.items()}
+        texts["map"] = texts.pop("text")
+        for name in texts:
+            if name in given:
+                raise SettingError(f"give either {name} or map_file, which brings one, not both")
+        given |= texts
     return given
 
 
@@ -168,14 +227,16 @@ def import_modules(names: Sequence[str]) -> None:
         sys.path.append(os.getcwd())
     for name in names:
         if not all(part.isidentifier() for part in name.split(".")):
-            raise UsageError(f"jaxenstein: {name!r} names no module")
+            raise UsageError(f"jaxenstein: {quoted(name)} names no module")
         try:
             importlib.import_module(name)
         except ModuleNotFoundError as error:
             # A module that the named one asks for is missing: that is its own error.
             if not f"{name}.".startswith(f"{error.name}."):
                 raise
-            raise UsageError(f"jaxenstein: there is no module {error.name!r} to import") from error
+            raise UsageError(
+                f"jaxenstein: there is no module {quoted(error.name)} to import"
+            ) from error
 
 
 def import_module_of(id: str | None) -> None:

@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from ..episodes.policies import Own
-from ..errors import nearest
+from ..errors import nearest, quoted
 from .arguments import UsageError
 from .opening import import_modules
 
@@ -41,10 +41,10 @@ def load_own(text: str, env: AnyEnvironment, params: Any) -> Own:
     function = there.get(name)
     if not callable(function):
         close = nearest(name, (name for name, value in there.items() if callable(value)))
-        raise UsageError(f"jaxenstein: --policy: {module} has no function {name!r}{close}")
+        raise UsageError(f"jaxenstein: --policy: {module} has no function {quoted(name)}{close}")
     made = function(env, params)
     if not isinstance(made, tuple) or len(made) != 2 or not callable(made[0]):
-        shown = repr(made)[:60]
+        shown = quoted(made)
         raise UsageError(
             f"jaxenstein: --policy: {text} must take (env, params) and return (policy, carry), "
             f"where carry is None for a policy without a memory; it returned {shown}"

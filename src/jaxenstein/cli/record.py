@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..episodes.policies import GENERAL, Policy, Script, named_policy
+from ..errors import quoted
 from ..files import check_writable
 from ..progress import Progress
 from ..view.episode import SHEET_VIEWS, Episode, Pictures, save_sheet
@@ -148,17 +149,30 @@ def policy_or_run(text: str) -> str | Path:
     if text.isidentifier() or is_own(text):
         return text
     kinds = f"a policy, a run directory, FILE.npz, pretrained/NAME or {OWN}"
-    raise argparse.ArgumentTypeError(f"must be {kinds}, not {text!r}")
+    raise argparse.ArgumentTypeError(f"must be {kinds}, not {quoted(text)}")
 
 
 def load_agent(path: Path | None, options: argparse.Namespace) -> TrainedPolicy | None:
     """The trained agent of a run directory or a file, None without one."""
     if path is None:
         if options.greedy or options.number is not None:
-            raise UsageError("jaxenstein: --run and --greedy go with the run directory of --policy")
+            missing = _missing_run(options)
+            raise UsageError(
+                f"jaxenstein: {missing}, which --run and --greedy need"
+                if missing
+                else "jaxenstein: --run and --greedy go with the run directory of --policy"
+            )
         return None
     with telling_warnings():
         return baselines("agents").load_policy(path, options.number, greedy=options.greedy)
+
+
+def _missing_run(options: argparse.Namespace) -> str:
+    """A phrase if --policy may mean a run directory that is missing, else ""."""
+    name = options.policy
+    if not isinstance(name, str) or name in GENERAL or is_own(name):
+        return ""
+    return f"there is no run directory {quoted(name)}"
 
 
 def open_for(
@@ -172,6 +186,11 @@ def open_for(
     """
     given = given_options(options)
     if agent is None:
+        missing = _missing_run(options)
+        if missing and not {"env", "map_file"} & set(given):
+            raise UsageError(
+                f"jaxenstein: {missing}, and a policy of an environment needs the ID of one"
+            )
         return open_environment(given, ranges=True)
     if not given:
         return agent.env, agent.params, agent.name
@@ -246,8 +265,10 @@ def parse_actions(text: str, names: Sequence[str]) -> list[int]:
             action = int(word)
         else:
             known = ", ".join(f"{i} {name}" for i, name in enumerate(names))
-            raise UsageError(f"jaxenstein record: --actions: no action {word!r}; known: {known}")
+            raise UsageError(
+                f"jaxenstein record: --actions: no action {quoted(word)}; known: {known}"
+            )
         if star and not (times.isdecimal() and 0 < int(times) <= 100_000):
-            raise UsageError(f"jaxenstein record: --actions: {part.strip()!r} is not a count")
+            raise UsageError(f"jaxenstein record: --actions: {quoted(part.strip())} is not a count")
         actions += [action] * (int(times) if star else 1)
     return actions

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import suite
-from ..files import atomic, check_writable
+from ..files import check_writable
 from .arguments import Parser, UsageError, add_seed, add_suite, flag
 from .listing import format_table
-from .opening import baselines
+from .opening import baselines, write_json, written_anyway
 
 if TYPE_CHECKING:
     import numpy as np
@@ -119,12 +118,9 @@ def run(options: argparse.Namespace) -> None:
         reference = read_reference(options.reference)
     summary = None if reference is None else summarised(compared, reference, options.seed)
     chance = _chance(compared, options.seed)
-    _print(compared, summary, chance, options.seed)
-    if options.json is not None:
-        report = _report(compared, summary, chance, options.seed)
-        with atomic(options.json) as temporary:
-            temporary.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-        print(f"wrote {options.json}")
+    report = _report(compared, summary, chance, options.seed)
+    with written_anyway(options.json, lambda path: write_json(path, report)):
+        _print(compared, summary, chance, options.seed)
     if options.plot is not None and summary is not None:
         figure = baselines("score_plot").plot_scores(summary.aggregates, summary.profiles)
         baselines("curves").save_figure(figure, [options.plot])

@@ -62,7 +62,8 @@ option from the run directory. Options given again must be the same, except for 
 A seed diverges if its loss, gradient or parameters are not finite. It stops learning and keeps its
 last finite parameters, which 'evaluate', 'play' and 'export' use. The other seeds continue. If all
 seeds diverge, training ends with exit status 3, also with --resume. With --on-divergence continue
-such seeds continue as they are.
+such seeds continue as they are, and a warning at the end names those with parameters that are not
+finite.
 
 A --config file holds options as names with values, such as
 
@@ -80,7 +81,7 @@ RECENT = 10
 DIVERGED, INTERRUPTED = 3, 130
 # What to do about a run that diverged.
 ADVICE = (
-    "it stops learning; try a lower --learning-rate, a smaller --gradient-norm, or smaller rewards "
+    "try a lower --learning-rate, a smaller --gradient-norm, or smaller rewards "
     "(docs/training.md, 'Where it diverges')"
 )
 STOPPING = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -205,6 +206,7 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
 
     Returns:
         The exit code: `DIVERGED` if all runs have, `INTERRUPTED` if there is more to do, else 0.
+        Runs that continue after a divergence count as diverged at the end of the training.
     """
     experiment = folder.experiment
     total, runs = experiment.config.updates, len(experiment.runs)
@@ -229,7 +231,7 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
             for run, found in baselines("metrics").diverged_runs(seen, runs).items():
                 if run not in diverged:
                     diverged[run] = found
-                    told = f"{found.told(names[run])}; {ADVICE}"
+                    told = f"{found.told(names[run])}; it stops learning; {ADVICE}"
                     progress.say(f"jaxenstein: warning: {told}")
             if rows or update == total:
                 progress.note = note_of(recent)
@@ -247,7 +249,11 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
         )
     where = f"{folder.path}: {done} of {total} updates"
     print("  ".join(filter(None, [where, note_of(recent)])))
-    if len(diverged) == runs:
+    lost = _not_finite(folder)
+    if lost:
+        told = f"the parameters of {', '.join(lost)} are not finite"
+        print(f"jaxenstein: warning: {told}; {ADVICE}", file=sys.stderr)
+    if len(diverged) == runs or (done == total and len(lost) == runs):
         print(f"all {runs} runs diverged" if runs > 1 else "the run diverged", file=sys.stderr)
         return DIVERGED
     if done < total:
@@ -257,6 +263,16 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
         again += [word for module in modules for word in (IMPORT, module)]
         print(f"stopped; to go on: {shlex.join(again)}", file=sys.stderr)
     return 0 if done == total else INTERRUPTED
+
+
+def _not_finite(folder: RunFolder) -> list[str]:
+    """The names of the runs whose parameters are not finite at the end of a training."""
+    # Runs that stop at a divergence keep finite parameters.
+    if folder.experiment.config.on_divergence == "stop":
+        return []
+    trained = baselines("trained").trained_in(folder)
+    names = baselines("folder").run_names(folder.experiment)
+    return [name for run, name in enumerate(names) if not trained.finite(run)]
 
 
 def note_of(rows: Sequence[Mapping[str, Any]]) -> str:

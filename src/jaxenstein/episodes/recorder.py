@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..errors import SettingError, TrajectoryError
+from ..errors import SettingError, TrajectoryError, quoted
 from ..spec import Spec, spec_of
 from ..tasks.first_person import FirstPerson
 from ..tasks.levels import closed_doors
@@ -66,13 +66,15 @@ def record(
         ('terminated', 1.0)
     """
     if not isinstance(env, FirstPerson):
-        raise SettingError(f"only environments seen in first person are recorded, not {env!r}")
+        raise SettingError(
+            f"only environments seen in first person are recorded, not {quoted(env)}"
+        )
     params = env.single_params(params)
     seed = check_seed(seed)
     chosen, length = _policy(policy, env, params, seed)
     limit = int(env.most_steps(params)) if length is None else length
     if steps is not None and (whole_action(steps) < 1 or isinstance(steps, bool)):
-        raise SettingError(f"steps must be at least 1, not {steps!r}")
+        raise SettingError(f"steps must be at least 1, not {quoted(steps)}")
     limit = limit if steps is None else min(whole_action(steps), limit)
     try:
         spec = spec_of(env, params)
@@ -93,7 +95,7 @@ def _policy(
     for index, action in enumerate(actions):
         if not NO_OP <= action < env.num_actions:
             raise SettingError(
-                f"action {index} (from 0) is {action}; {env.name!r} has the actions 0 to "
+                f"action {index} (from 0) is {action}; {quoted(env.name)} has the actions 0 to "
                 f"{env.num_actions - 1}, and {NO_OP} for none"
             )
     return Script(actions), len(actions)

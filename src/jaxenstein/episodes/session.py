@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from ..environment import AnyEnvironment
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..players.chance import NO_OP
 
 
@@ -121,7 +121,7 @@ def check_seed(seed: Any) -> int:
     except TypeError:
         number = -1
     if isinstance(seed, bool) or not 0 <= number < 2**32:
-        raise SettingError(f"a seed must be a whole number from 0 to 2**32 - 1, not {seed!r}")
+        raise SettingError(f"a seed must be a whole number from 0 to 2**32 - 1, not {quoted(seed)}")
     return number
 
 
@@ -134,4 +134,4 @@ def whole_action(action: Any) -> int:
     try:
         return operator.index(action)
     except TypeError as error:
-        raise SettingError(f"an action must be one whole number, not {action!r}") from error
+        raise SettingError(f"an action must be one whole number, not {quoted(action)}") from error

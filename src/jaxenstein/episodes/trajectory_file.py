@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from ..environment import AnyEnvironment
-from ..errors import JAXensteinError, TrajectoryError
+from ..errors import JAXensteinError, TrajectoryError, quoted
 from ..fields import Domain, names_of
-from ..files import reason_of
+from ..files import read_text, reason_of
 from ..spec import TEXTS, Spec
 from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory, digest_spacing
 from .session import NO_OP
@@ -37,7 +37,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
 def _parse(path: Path) -> Any:
     """The JSON of a file."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(read_text(path))
     except OSError as error:
         raise TrajectoryError(f"cannot be read: {reason_of(error)}") from error
     except json.JSONDecodeError as error:
@@ -114,7 +114,7 @@ def _actions(table: Table, env: AnyEnvironment) -> tuple[int, ...]:
     for index, action in enumerate(actions):
         if not NO_OP <= action < env.num_actions:
             raise TrajectoryError(
-                f"action {index} (from 0) is {action}, and {env.name!r} has the actions 0 to "
+                f"action {index} (from 0) is {action}, and {quoted(env.name)} has the actions 0 to "
                 f"{env.num_actions - 1}, and {NO_OP} for none"
             )
     return actions
@@ -151,7 +151,7 @@ def _only(table: Table, within: str, names: tuple[str, ...]) -> None:
     """Raise unless all entries are known."""
     for name in table:
         if name not in names:
-            raise TrajectoryError(f"unknown entry '{within}{name}'")
+            raise TrajectoryError(f"unknown entry {quoted(within + name)}")
 
 
 def _take(table: Table, name: str, kind: Domain | Callable[[Any], Any], within: str = "") -> Any:
@@ -167,9 +167,9 @@ def _take(table: Table, name: str, kind: Domain | Callable[[Any], Any], within: 
     except JAXensteinError:
         raise
     except ValueError as error:
-        shown = repr(table[name])
-        shown = shown if len(shown) <= 60 else f"{shown[:57]}..."
-        raise TrajectoryError(f"'{within}{name}' must be {error}, not {shown}") from error
+        raise TrajectoryError(
+            f"'{within}{name}' must be {error}, not {quoted(table[name])}"
+        ) from error
 
 
 def _runs(table: Table, name: str, within: str, kind: Domain) -> tuple[Any, ...]:
@@ -226,5 +226,5 @@ def _digests(value: Any) -> tuple[str, ...]:
 def _frozen(value: Any) -> Any:
     """Lists as tuples, since settings are hashed."""
     if isinstance(value, dict):
-        raise TrajectoryError(f"a setting cannot be an object: {value!r}")
+        raise TrajectoryError(f"a setting cannot be an object: {quoted(value)}")
     return tuple(map(_frozen, value)) if isinstance(value, list) else value

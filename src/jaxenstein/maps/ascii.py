@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Collection
 from importlib.resources.abc import Traversable
 
-from ..errors import MapError, MapWarning, nearest
+from ..errors import MapError, MapWarning, nearest, quoted
 from .faces import make_page, read_faces, read_regions, split_lines
 from .reach import problems
 from .symbols import PEACEFUL, SYMBOLS, Symbol
@@ -111,7 +111,9 @@ def load_layout(name: str, *, regions: bool = True, goal_required: bool = True) 
     """
     names = layout_names()
     if name not in names:
-        raise MapError(f"unknown layout {name!r}{nearest(name, names)}; known: {', '.join(names)}")
+        raise MapError(
+            f"unknown layout {quoted(name)}{nearest(name, names)}; known: {', '.join(names)}"
+        )
     looks = {}
     for kind in ("regions", "faces") if regions else ():
         file = _layouts() / f"{name}.{kind}.txt"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import MapError, nearest
+from ..errors import MapError, nearest, quoted
 from .symbols import DEFAULT_WALL, DOOR_LABELS, PEACEFUL, SYMBOLS, characters
 from .tilemap import FACES, MAX_SIZE, TileMap, Tiles
 
@@ -175,7 +175,7 @@ def _heading(line: str, number: int) -> bool:
     """Whether a line is a heading; a word that was meant as one is an error."""
     word = line.strip(" ")
     if word not in FACES and not set(word) <= PAINT and nearest(word, FACES):
-        message = f"unknown heading {word!r}{nearest(word, FACES)}"
+        message = f"unknown heading {quoted(word)}{nearest(word, FACES)}"
         raise MapError(message, line=number, source=FACES_SOURCE)
     return word in FACES
 

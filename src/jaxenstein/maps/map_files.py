@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib.resources
 from pathlib import Path
 
-from ..errors import MapError, nearest
-from ..files import reason_of
+from .. import files
+from ..errors import MapError, nearest, quoted
 
-# A file that names another as its map, a device without end among them, must not fill the memory.
+# The most characters of a map.
 LONGEST = 2**24
 SAMPLES = {
     "corridor": "straight ahead",
@@ -52,15 +52,11 @@ def read_text(path: Path, what: str) -> str:
         MapError: it cannot be read.
     """
     try:
-        with path.open(encoding="utf-8") as file:
-            text = file.read(LONGEST + 1)
+        return files.read_text(path, LONGEST)
     except UnicodeDecodeError as error:
         raise MapError(f"cannot read the {what} {path}: it is not text") from error
     except (OSError, ValueError) as error:  # the latter for a name that none can have
-        raise MapError(f"cannot read the {what} {path}: {reason_of(error)}") from error
-    if len(text) > LONGEST:
-        raise MapError(f"cannot read the {what} {path}: it has more than {LONGEST} characters")
-    return text
+        raise MapError(f"cannot read the {what} {path}: {files.reason_of(error)}") from error
 
 
 def sample_map(name: str) -> str:
@@ -82,6 +78,8 @@ def sample_map(name: str) -> str:
     name = name.removeprefix("samples/") if isinstance(name, str) else name
     if name not in SAMPLES:
         known = ", ".join(SAMPLES)
-        raise MapError(f"unknown sample map {name!r}{nearest(str(name), SAMPLES)}; known: {known}")
+        raise MapError(
+            f"unknown sample map {quoted(name)}{nearest(str(name), SAMPLES)}; known: {known}"
+        )
     folder = importlib.resources.files("jaxenstein.maps") / "samples"
     return (folder / f"{name}.txt").read_text("ascii").rstrip()

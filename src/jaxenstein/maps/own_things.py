@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..engine.art import MARKS, SIZE
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from .symbols import LABEL_NAMES
 from .things import COLOURS, RGB, THING_OF, Thing, enter
 
@@ -58,7 +58,7 @@ def register_thing(
             invalid, or another thing has the name or a label.
     """
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
-        raise SettingError(f"the name of a thing must be a text of one line, not {name!r}")
+        raise SettingError(f"the name of a thing must be a text of one line, not {quoted(name)}")
     _check_rgb(name, "colour", colour)
     _check_rgb(name, "detail", detail)
     radius, drop = _checked_size(name, radius, drop)
@@ -66,14 +66,15 @@ def register_thing(
     last = OWN_LABELS[-len(COLOURS) if colour is None else -1]
     if not whole or not OWN_LABELS[0] <= label <= last:
         raise SettingError(
-            f"the label of {name!r} must be a whole number from {OWN_LABELS[0]} to {last}, "
-            f"not {label!r}"
+            f"the label of {quoted(name)} must be a whole number from {OWN_LABELS[0]} to {last}, "
+            f"not {quoted(label)}"
         )
     thing = Thing(name, int(label), colour, "", radius, drop, detail)
     others = {one for other in THING_OF.values() if other.name != name for one in other.names}
     if taken := set(thing.names) & ({*LABEL_NAMES} | others):
         raise SettingError(
-            f"{min(taken)!r} is already the name of a label: choose another name than {name!r}"
+            f"{min(taken)!r} is already the name of a label: choose another name than "
+            f"{quoted(name)}"
         )
     before = THING_OF.get(thing.label)
     thing = enter(dataclasses.replace(thing, art=_art(thing, picture)))
@@ -87,7 +88,7 @@ def register_thing(
 
 def _art(thing: Thing, picture: Any) -> str:
     """A picture as text, in the form of the files of `engine/art`."""
-    place = f"the picture of {thing.name!r}"
+    place = f"the picture of {quoted(thing.name)}"
     if isinstance(picture, str) and ("\n" in picture or not picture):
         text = textwrap.dedent(picture).strip("\n")
         rows = [line.rstrip() for line in text.split("\n")]
@@ -122,7 +123,9 @@ def _read(place: str, path: Path) -> np.ndarray:
         with Image.open(path) as image:
             return np.asarray(image.convert("RGBA"))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise SettingError(f"{place}: {str(path)!r} cannot be read as an image ({error})") from None
+        raise SettingError(
+            f"{place}: {quoted(str(path))} cannot be read as an image ({error})"
+        ) from None
 
 
 def _array(place: str, picture: Any) -> np.ndarray:
@@ -166,22 +169,24 @@ def _check_rgb(name: str, what: str, value: Any) -> None:
     if value is None or (len(parts) == 3 and whole and all(0 <= p <= 255 for p in parts)):
         return
     raise SettingError(
-        f"the {what} of {name!r} must be (red, green, blue), whole numbers from 0 to 255, or None, "
-        f"not {value!r}"
+        f"the {what} of {quoted(name)} must be (red, green, blue), whole numbers from 0 to 255, or "
+        f"None, not {quoted(value)}"
     )
 
 
 def _checked_size(name: str, radius: Any, drop: Any) -> tuple[float, float]:
     """Radius and drop as numbers of Python; the drop of what stands on the floor for None."""
     if not _is_number(radius) or not 0 < radius <= 0.5:
-        raise SettingError(f"the radius of {name!r} must be above 0 to 0.5 tiles, not {radius!r}")
+        raise SettingError(
+            f"the radius of {quoted(name)} must be above 0 to 0.5 tiles, not {quoted(radius)}"
+        )
     radius = float(radius)
     if drop is None:
         return radius, 0.5 - radius
     if not _is_number(drop) or not abs(drop) <= 0.5 - radius + 1e-9:
         raise SettingError(
-            f"the drop of {name!r} must be from {radius - 0.5:g} to {0.5 - radius:g} with a radius "
-            f"of {radius:g}, between floor and ceiling, not {drop!r}"
+            f"the drop of {quoted(name)} must be from {radius - 0.5:g} to {0.5 - radius:g} with a "
+            f"radius of {radius:g}, between floor and ceiling, not {quoted(drop)}"
         )
     return radius, float(drop)
 

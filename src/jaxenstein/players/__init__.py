@@ -14,7 +14,7 @@ import jax.numpy as jnp
 
 from .._jax.batching import select, varying
 from ..about import Choose, Player
-from ..errors import SettingError, nearest
+from ..errors import SettingError, nearest, quoted
 from ..pytree import PyTreeNode
 from .chance import IDLE, UNIFORM
 
@@ -41,7 +41,8 @@ def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
     if wanted not in players:
         known = [*players, *[EXPERT] * bool(expert)]
         raise SettingError(
-            f"{env.name!r} has no player {name!r}{nearest(name, known)}; it has {', '.join(known)}"
+            f"{quoted(env.name)} has no player {quoted(name)}{nearest(name, known)}; it has "
+            f"{', '.join(known)}"
         )
     return players[wanted]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..engine.art import load_art
 from ..engine.scene import Theme
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..maps.symbols import LABEL_COLOURS, door_label
 from ..maps.things import COLOURS, RGB, THING_OF, Thing
 
@@ -88,4 +88,4 @@ def check_rgb(field: str, value: Any, shape: tuple[int, ...]) -> None:
         colours = np.zeros(0)
     if colours.shape != shape or not ((colours >= 0) & (colours <= 255)).all():
         what = "(red, green, blue)" if shape == (3,) else "two tuples (red, green, blue)"
-        raise SettingError(f"{field} must be {what}, numbers from 0 to 255, not {value!r}")
+        raise SettingError(f"{field} must be {what}, numbers from 0 to 255, not {quoted(value)}")

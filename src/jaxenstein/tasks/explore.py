@@ -21,7 +21,7 @@ from ..about import About, Event
 from ..engine.level import Level, level_from_walls
 from ..engine.scene import Scene, Sprites, Theme
 from ..environment import Info, Scalar, State
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..fields import choice, number
 from ..maps.symbols import DEFAULT_WALL, door_label
 from ..maps.things import APPLE, BALL, BOX, COLOUR_NAMES, GOAL, RGB
@@ -133,7 +133,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         if not (self.starts >= 1 and self.places >= 2 and self.starts + self.places <= most + 1):
             raise SettingError(
                 f"starts, at least 1, and places, at least 2, must be {most + 1} at most together, "
-                f"the tiles of a room, not {self.starts!r} and {self.places!r}"
+                f"the tiles of a room, not {quoted(self.starts)} and {quoted(self.places)}"
             )
         if self.doors and self.kind != "goal":
             raise SettingError("doors, whose ways lead to a goal, need kind='goal'")

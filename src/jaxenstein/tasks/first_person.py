@@ -20,7 +20,7 @@ from ..engine.render import render
 from ..engine.scene import Scene
 from ..engine.shade import ImageKind
 from ..environment import Environment, Params, State
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..fields import choice, number, of_form
 from ..maps.tilemap import TileMap
 from ..spaces import Box, Dict, Space
@@ -74,8 +74,8 @@ class FirstPerson(Environment[S, P]):
             given = getattr(self, name)
             if self.look != "random" and given != getattr(FirstPerson, name):
                 raise SettingError(
-                    f"{name} needs look='random': give that too, not {name}={given!r} with "
-                    f"look={self.look!r}"
+                    f"{name} needs look='random': give that too, not {name}={quoted(given)} with "
+                    f"look={quoted(self.look)}"
                 )
 
     @abc.abstractmethod
@@ -178,8 +178,9 @@ class FirstPerson(Environment[S, P]):
             taken = [name for name in variables if hasattr(dict, name)]
             if taken:
                 raise SettingError(
-                    f"a variable may not be called {taken[0]!r}, as a function of dictionaries is: "
-                    "libraries whose modules have entries by these names could not take it"
+                    f"a variable may not be called {quoted(taken[0])}, as a function of "
+                    "dictionaries is: libraries whose modules have entries by these names could "
+                    "not take it"
                 )
             return Dict({"image": image, **variables})
         return image
@@ -214,7 +215,7 @@ class GeneratedTask(FirstPerson[S, P]):
         if self.split is None and self.test_fraction != GeneratedTask.test_fraction:
             raise SettingError(
                 "test_fraction needs a split: give split='train' or split='test' too, not "
-                f"test_fraction={self.test_fraction!r} with split=None"
+                f"test_fraction={quoted(self.test_fraction)} with split=None"
             )
 
     @property

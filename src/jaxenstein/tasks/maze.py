@@ -18,7 +18,7 @@ from .._jax.batching import varying
 from ..about import About, Event
 from ..engine.scene import Scene
 from ..environment import Info, Scalar
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..maps.ascii import load_layout
 from ..maps.reach import open_tiles, walking_distances
 from ..maps.things import APPLE
@@ -82,7 +82,7 @@ class Maze(Navigation):
         if not 0 <= self.drawn_apples < max(len(self.tilemap.goals), 1):
             raise SettingError(
                 f"drawn_apples must be 0 to {len(self.tilemap.goals) - 1}, fewer than there are "
-                f"goal cells, not {self.drawn_apples!r}"
+                f"goal cells, not {quoted(self.drawn_apples)}"
             )
         far_starts(self.tilemap, self.start_distance)
 

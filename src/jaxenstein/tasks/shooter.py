@@ -22,7 +22,7 @@ from ..engine.level import Level, compile_level
 from ..engine.scene import Theme
 from ..engine.shade import Light
 from ..environment import Info
-from ..errors import MapError, SettingError
+from ..errors import MapError, SettingError, quoted
 from ..maps.symbols import LABEL_COLOURS
 from ..maps.things import MEDKIT, THING_OF
 from ..maps.tilemap import TileMap
@@ -220,7 +220,8 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
         if strange := sorted({symbol for symbol, _ in self._changes} - set(KINDS)):
             known = ", ".join(map(repr, KINDS))
             raise SettingError(
-                f"monsters has a kind for {strange[0]!r}, which is none of the symbols {known}"
+                f"monsters has a kind for {quoted(strange[0])}, which is none of the symbols "
+                f"{known}"
             )
         columns, rows = self.tilemap.columns, self.tilemap.rows
         if max(columns, rows) > MOST_TILES:

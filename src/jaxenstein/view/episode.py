@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..fields import check_whole
 from ..maps.tilemap import TileMap
 from ..trajectory import Trajectory
@@ -115,8 +115,8 @@ class Episode:
         if suffix == ".json":
             if self.trajectory is None:
                 raise SettingError(
-                    f"the episode of {self.name!r} has no trajectory to save: it was not played "
-                    "by `record` in an environment that make or from_ascii builds"
+                    f"the episode of {quoted(self.name)} has no trajectory to save: it was not "
+                    "played by `record` in an environment that make or from_ascii builds"
                 )
             self.trajectory.save(path)
         elif suffix == ".png":

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..fields import check_whole
 from ..maps.symbols import label_colours, label_name
 from .recording import enlarge, evenly, mosaic, save_png, scale_to
@@ -104,7 +104,7 @@ def show(observation: Any, kind: str | None = None, *, scale: int | None = None)
     kind = _kind_of(image) if kind in (None, "dict") else kind
     _check(image, kind)
     if scale is not None:
-        check_whole("scale", scale, 1, 64)
+        scale = check_whole("scale", scale, 1, 64)
     frames = picture(image, kind)
     if frames.ndim == 3:
         return Frame(frames, scale or scale_to(frames.shape[:2], SHOWN_HEIGHT))
@@ -125,7 +125,7 @@ def _kind_of(image: np.ndarray) -> str:
 def _check(image: np.ndarray, kind: str) -> None:
     """Raise a SettingError unless there is at least one image of the kind, of a size above 0."""
     if kind not in KINDS:
-        raise SettingError(f"kind must be one of {', '.join(KINDS)} or dict, not {kind!r}")
+        raise SettingError(f"kind must be one of {', '.join(KINDS)} or dict, not {quoted(kind)}")
     axes = 3 if kind == "rgb" else 2
     shape = "[..., height, width, 3]" if kind == "rgb" else "[..., height, width]"
     dtype = "float32" if kind == "depth" else "uint8"

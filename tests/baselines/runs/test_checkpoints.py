@@ -92,6 +92,29 @@ def test_a_damaged_checkpoint_is_skipped(store: Checkpoints, damaged: bytes | No
         store.restore(state_of(0))
 
 
+def test_a_training_may_replace_checkpoints_while_they_are_read(
+    store: Checkpoints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for update in (3, 4):
+        store.save(update, state_of(update))
+    # A reader that has just listed two earlier ones.
+    lists = iter([[1, 2]])
+    there = store.updates
+    monkeypatch.setattr(store, "updates", lambda: next(lists, None) or there())
+    restored = store.restore(state_of(0))
+    assert restored is not None
+    assert (restored.update, restored.damaged) == (4, ())
+
+
+def test_a_link_to_nothing_is_a_damaged_checkpoint(store: Checkpoints) -> None:
+    store.save(1, state_of(1))
+    (store.folder / "2.npz").symlink_to("nothing")
+    restored = store.restore(state_of(0))
+    assert restored is not None
+    assert restored.update == 1
+    assert restored.damaged == (f"{store.folder / '2.npz'}: no such file or directory",)
+
+
 def test_every_single_damaged_byte_is_noticed_or_harmless(store: Checkpoints) -> None:
     store.save(1, {"a": np.arange(5, dtype=np.int32)})
     path, like = store.folder / "1.npz", {"a": np.zeros(5, np.int32)}

@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 pytest.importorskip("flax")
@@ -251,3 +252,26 @@ def test_yaml_is_read_where_there_is_pyyaml(
     file.write_text("{")
     with pytest.raises(SettingError, match="is not YAML"):
         read_file(file)
+    file.write_text(f"settings: {{a: {'[' * 18 + ']' * 18}}}")
+    assert list(read_file(file)) == ["settings"]
+    file.write_text(f"params: {'[' * 100_000}")
+    with pytest.raises(SettingError, match="is not YAML: more than 20 lists and tables within"):
+        read_file(file)
+
+
+def test_numbers_of_numpy_are_written_as_those_of_python() -> None:
+    ours = {
+        **QUICK, "num_envs": 4, "total_steps": 640, "anneal": True, "learning_rate": 0.5,
+        "seeds": 2, "params": {"discount": 0.5}, "settings": {"sprite_layers": 2}, "horizon": 9,
+    }  # fmt: skip
+    numpys = {
+        name: {key: np.asarray(one)[()] for key, one in value.items()}
+        if isinstance(value, dict)
+        else value
+        if isinstance(value, list)
+        else np.asarray(value)[()]
+        for name, value in ours.items()
+    }
+    grid = {"grid": {"clip": [np.float32(0.25), np.float64(0.5)]}}
+    written = resolve({**numpys, **grid}).to_json()
+    assert written == resolve({**ours, "grid": {"clip": [0.25, 0.5]}}).to_json()

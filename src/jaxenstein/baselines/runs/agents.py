@@ -9,8 +9,9 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from ...errors import SettingError
+from ...errors import SettingError, quoted
 from ...evaluation import episodes_done
+from ...fields import is_whole
 from ...files import check_writable
 from ...params import split_ranges
 from ...results import Results
@@ -113,8 +114,8 @@ def chosen_run(trained: Trained, run: int | None) -> int:
     if run is None:
         return best_run(trained.folder) if trained.folder else 0
     many = len(trained.experiment.runs)
-    if not 0 <= run < many:
-        raise SettingError(f"{trained.name} has runs 0 to {many - 1}, not {run!r}")
+    if not is_whole(run) or not 0 <= run < many:
+        raise SettingError(f"{trained.name} has runs 0 to {many - 1}, not {quoted(run)}")
     return run
 
 

@@ -18,7 +18,7 @@ import jax
 import numpy as np
 
 from ...errors import SettingError, one_line
-from ...files import PART, OutputError, atomic, make_folder
+from ...files import PART, OutputError, atomic, make_folder, reason_of
 
 KEEP = 2
 SUFFIX = ".npz"
@@ -85,6 +85,8 @@ class Checkpoints:
     def restore(self, like: Any, whole: bool = True) -> Restored | None:
         """Read the newest complete checkpoint; None if there is no checkpoint.
 
+        A training may meanwhile replace them by newer ones.
+
         Args:
             like: a pytree with the structure, shapes and dtypes of the state, of arrays or of
                 `jax.ShapeDtypeStruct`.
@@ -93,8 +95,9 @@ class Checkpoints:
         Raises:
             CheckpointError: none can be read, or they are of another state.
         """
+        listed = self.updates()
         damaged: list[str] = []
-        for update in reversed(self.updates()):
+        for update in reversed(listed):
             path = self._path(update)
             try:
                 with zipfile.ZipFile(path) as archive:
@@ -104,14 +107,21 @@ class Checkpoints:
                 raise
             # A damaged file makes the readers below raise anything.
             except Exception as error:
-                reason = one_line(str(error))[:200] or type(error).__name__
-                damaged.append(f"{path}: {reason}")
+                damaged.append(f"{path}: {reason_of_any(error)}")
+                if isinstance(error, FileNotFoundError) and self.updates() != listed:
+                    return self.restore(like, whole)
         if damaged:
             raise CheckpointError(f"no checkpoint can be read: {'; '.join(damaged)}")
         return None
 
     def _path(self, update: int) -> Path:
         return self.folder / f"{update}{SUFFIX}"
+
+
+def reason_of_any(error: Exception) -> str:
+    """What an error of any kind says, as one short line."""
+    text = str(error) if not isinstance(error, OSError) else reason_of(error)
+    return one_line(text)[:200] or type(error).__name__
 
 
 def size_of(state: Any) -> int:

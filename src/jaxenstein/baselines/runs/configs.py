@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 from pathlib import Path, PurePath
 
-from ...errors import SettingError, nearest
+from ...errors import SettingError, nearest, quoted
 from ..config import Config
 from .options import read_file
 
@@ -60,7 +60,7 @@ def find_config(given: str | PurePath, folder: Path = Path()) -> Path:
     bare = PurePath(given).with_suffix("") if PurePath(given).suffix == SUFFIX else PurePath(given)
     near = nearest(bare.as_posix(), known) or nearest(bare.name, known)
     raise SettingError(
-        f"cannot read {path}: no such file, and this package has no configuration {name!r}{near}; "
+        f"cannot read {path}: no such file, and this package has no configuration {quoted(name)}{near}; "
         "'jaxenstein list --configs' names them"
     )
 

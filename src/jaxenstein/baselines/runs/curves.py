@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import SettingError, nearest
+from ...errors import SettingError, nearest, quoted
 from ...files import atomic, check_writable
 from ...intervals import LEVEL, RESAMPLES
 from ..divergence import METRIC
@@ -114,7 +114,7 @@ def _curves_of_run(folder: RunFolder, names: Sequence[str], points: int, over: O
         raise SettingError(f"{folder.path} has no metrics yet")
     metric = next((name for name in names if name in rows[0]), None)
     if metric is None:
-        unknown = f"unknown metric {' or '.join(map(repr, names))}{nearest(names[0], rows[0])}"
+        unknown = f"unknown metric {' or '.join(map(quoted, names))}{nearest(names[0], rows[0])}"
         raise SettingError(f"{folder.path}: {unknown}; known: {', '.join(rows[0])}")
     grid = [name for name, _ in experiment.grid]
     by_run: dict[str, list[list[Row]]] = {}

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 
-from ...errors import SettingError
+from ...errors import SettingError, quoted
 from ...fields import as_tuples, check, check_whole, choice, is_whole
 from ...spec import Spec
 from ..config import Config, HParams
@@ -108,7 +108,7 @@ class Experiment:
         """
         try:
             if plain["format"] != FORMAT or not is_whole(plain["format"]):
-                raise SettingError(f"format {plain['format']!r}, not {FORMAT}")
+                raise SettingError(f"format {quoted(plain['format'])}, not {FORMAT}")
             place = plain["environment"]
             check_whole("environment.version", place["version"], 0)
             environment = Spec(
@@ -121,7 +121,7 @@ class Experiment:
             seeds = tuple(plain["seeds"])
             return cls(environment, config, hparams, seeds, grid, **plain["presets"])
         except (KeyError, TypeError, AttributeError) as error:
-            raise SettingError(f"not the configuration of a run: {error!r}") from error
+            raise SettingError(f"not the configuration of a run: {quoted(error)}") from error
 
     def differences(self, other: Experiment) -> list[str]:
         """The fields in which two experiments differ, each with both values."""
@@ -135,8 +135,8 @@ class Experiment:
 
 def check_seeds(first: int, count: int) -> tuple[int, ...]:
     """`count` seeds from `first` on; a `SettingError` unless all are from 0 to 2**32 - 1."""
-    check_whole("seeds", count, 1, MOST_SEEDS)
-    check_whole("seed", first, 0, 2**32 - count)
+    count = check_whole("seeds", count, 1, MOST_SEEDS)
+    first = check_whole("seed", first, 0, 2**32 - count)
     return tuple(range(first, first + count))
 
 

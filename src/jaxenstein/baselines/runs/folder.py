@@ -22,8 +22,9 @@ from typing import IO, Any
 import jax
 import numpy as np
 
-from ...errors import JAXensteinError, SettingError
-from ...files import atomic, check_links, make_folder, reason_of, writing
+from ...errors import JAXensteinError, SettingError, quoted
+from ...fields import is_whole
+from ...files import atomic, check_links, make_folder, read_text, reason_of, writing
 from ...pytree import PyTreeNode
 from ...version import __version__
 from ..divergence import Divergence, of_state
@@ -108,7 +109,7 @@ class RunFolder:
         path = Path(path)
         file = path / CONFIG
         try:
-            plain = json.loads(file.read_text(encoding="utf-8"))
+            plain = json.loads(read_text(file))
         except (FileNotFoundError, NotADirectoryError):
             raise SettingError(_no_run(path)) from None
         except OSError as error:
@@ -292,11 +293,10 @@ def checked(experiment: Experiment) -> Experiment:
     """
     check_grid(dict(experiment.grid), experiment.config.algo)
     experiment.numbers()
-    whole = all(isinstance(s, int) and not isinstance(s, bool) for s in experiment.seeds)
-    if not whole or not experiment.seeds:
-        raise SettingError(f"'seeds' must be whole numbers, not {list(experiment.seeds)!r}")
+    if not experiment.seeds or not all(map(is_whole, experiment.seeds)):
+        raise SettingError(f"'seeds' must be whole numbers, not {quoted(list(experiment.seeds))}")
     if check_seeds(experiment.seeds[0], len(experiment.seeds)) != experiment.seeds:
-        raise SettingError(f"'seeds' must follow each other, not {list(experiment.seeds)!r}")
+        raise SettingError(f"'seeds' must follow each other, not {quoted(list(experiment.seeds))}")
     env, _ = experiment.environment.try_out()
     if env.version != experiment.environment.version:
         warnings.warn(of_another_version(experiment, env.version), stacklevel=3)

@@ -13,13 +13,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...errors import SettingError
-from ...files import append, atomic, reason_of, writing
+from ...errors import SettingError, quoted
+from ...files import append, atomic, read_text, reason_of, writing
 from ..divergence import METRIC, Divergence
 
 METRICS, TIMING, WANDB_ID = "metrics.jsonl", "timing.jsonl", "wandb-id.txt"
 # The largest whole number in a row: a count or a seed.
 LARGEST = 2**63 - 1
+# The most characters of the rows of a run.
+LONGEST = 2**30
 # Whole numbers that every row has.
 COUNTS = ("update", "steps", "episodes")
 # Means over episodes, and the sums from which they are computed.
@@ -119,13 +121,13 @@ def read_metrics(folder: Path) -> list[Row]:
     """
     path = folder / METRICS
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")[:-1]
+        lines = read_text(path, LONGEST).split("\n")[:-1]
         rows = [json.loads(line) for line in lines]
         if not all(isinstance(row, dict) and all(map(_is_number, row.values())) for row in rows):
             raise ValueError("a row is no table of numbers")
         for name in COUNTS:
             if not all(isinstance(row.get(name), int) for row in rows):
-                raise ValueError(f"the {name!r} of a row is no whole number")
+                raise ValueError(f"the {quoted(name)} of a row is no whole number")
         return rows
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
@@ -193,7 +195,7 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
     """
     path = folder / TIMING
     try:
-        rows = [json.loads(line) for line in path.read_text("utf-8").split("\n")[:-1]]
+        rows = [json.loads(line) for line in read_text(path, LONGEST).split("\n")[:-1]]
         done = {int(row["update"]): 0.0 for row in rows}
         before = total = 0.0
         for row in rows:
@@ -205,7 +207,7 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-        raise SettingError(f"{path} is damaged: {error!r}") from error
+        raise SettingError(f"{path} is damaged: {quoted(error)}") from error
     if not done:
         raise SettingError(f"{path} has no rows yet")
     known = sorted(done)

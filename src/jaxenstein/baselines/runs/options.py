@@ -14,9 +14,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...errors import SettingError, one_line
-from ...fields import Domain, Option, check_names, options_of
-from ...files import reason_of
+from ...errors import SettingError, one_line, quoted
+from ...fields import Domain, Option, check_names, is_number, options_of
+from ...files import read_text, reason_of
 from ...settings import checked, environment_options, spec_from
 from ...settings import given_by as environment_given_by
 from ..config import Algorithm, Config, HParams, algorithms
@@ -25,6 +25,8 @@ from .experiment import Experiment, check_seeds
 
 # The size of images, which a run writes down.
 SIZE = {"height": 64, "width": 64}
+# The most levels of lists and tables in a YAML file.
+DEEPEST = 20
 PRESETS, TRAINING, NUMBERS = "presets", "training", "numbers"
 RUNS = (
     Option("seed", "runs", Domain("whole", 0, 2**32 - 1), 0, "the first seed"),
@@ -105,7 +107,7 @@ def read_file(path: Path) -> dict[str, Any]:
         SettingError: it cannot be read, has another format, or has an unknown option.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     try:
@@ -132,8 +134,15 @@ def _yaml(path: Path, text: str) -> Any:
         ) from error
     try:
         # A few lines of aliases could stand for more values than there is memory.
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
-            raise yaml.YAMLError("'*name' is not known here; write the value again")
+        depth = 0
+        for event in yaml.parse(text):
+            if isinstance(event, yaml.AliasEvent):
+                raise yaml.YAMLError("'*name' is not known here; write the value again")
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            # Reading takes the square of the depth.
+            if depth > DEEPEST:
+                raise yaml.YAMLError(f"more than {DEEPEST} lists and tables within each other")
         return yaml.safe_load(text) or {}
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingError(f"{path} is not YAML: {one_line(str(error))}") from error
@@ -210,9 +219,10 @@ def check_grid(table: Mapping[str, Any], algo: str) -> tuple[tuple[str, tuple[fl
     grid = []
     for name, values in table.items():
         listed = values if isinstance(values, list | tuple) else [values]
-        good = [isinstance(value, int | float) and not isinstance(value, bool) for value in listed]
-        if not listed or not all(good) or len(set(listed)) < len(listed):
-            raise SettingError(f"grid.{name} must be a list of different numbers, not {values!r}")
+        if not listed or not all(map(is_number, listed)) or len(set(listed)) < len(listed):
+            raise SettingError(
+                f"grid.{name} must be a list of different numbers, not {quoted(values)}"
+            )
         for value in listed:
             HParams.of(algo, {name: value})
         grid.append((name, tuple(map(float, listed))))

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from ...errors import SettingError
+from ...errors import SettingError, quoted
 from ..learner import PolicyCarry
 from ..observations import observation_spec
 from .description import described
@@ -88,14 +88,15 @@ class TrainedPolicy:
         acts, acted = (", ".join(one.action_names) for one in (env, self.env))
         if acts != acted:
             raise SettingError(
-                f"{self.name} was trained with the actions {acted}, and {env.name!r} has {acts}"
+                f"{self.name} was trained with the actions {acted}, and "
+                f"{quoted(env.name)} has {acts}"
             )
         here, there = observation_spec(env, params), self._learner.spec
         if here != there:
             shapes = [[list(part.shape) for part in spec.parts] for spec in (there, here)]
             raise SettingError(
                 f"{self.name} was trained on observations {shapes[0]}, and those of "
-                f"{env.name!r} are {shapes[1]}; take the same size and kind of image"
+                f"{quoted(env.name)} are {shapes[1]}; take the same size and kind of image"
             )
 
     def batch(self, size: int, *, seed: int = 0) -> BatchPolicy:

@@ -18,13 +18,13 @@ from typing import Any, Literal
 import jax
 import numpy as np
 
-from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, one_line
+from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, quoted
 from ...fields import check_whole
 from ...files import atomic
 from ...intervals import mean_interval
 from ...results import Results
 from ..divergence import Divergence
-from .checkpoints import open_entry, read_tree
+from .checkpoints import open_entry, read_tree, reason_of_any
 from .description import described
 from .experiment import Experiment
 from .folder import CONFIG, RunFolder, checked, run_names, versions
@@ -108,8 +108,8 @@ def load_trained(path: str | Path) -> Trained:
         known = pretrained()
         if path.name not in known:
             raise SettingError(
-                f"there is no pretrained agent {path.name!r}{nearest(path.name, known)}; there "
-                f"are: {', '.join(known) or 'none'}"
+                f"there is no pretrained agent {quoted(path.name)}{nearest(path.name, known)}; "
+                f"there are: {', '.join(known) or 'none'}"
             )
         return read_trained(known[path.name])
     if not path.exists() and path.name in pretrained():
@@ -122,7 +122,15 @@ def load_trained(path: str | Path) -> Trained:
             f"{path} is neither a run directory nor a {SUFFIX} file of 'jaxenstein export'; "
             f"{OWN_POLICY}"
         )
-    folder = RunFolder.open(path)
+    return trained_in(RunFolder.open(path))
+
+
+def trained_in(folder: RunFolder) -> Trained:
+    """The networks of an open run directory, from its newest checkpoint.
+
+    Raises:
+        SettingError: there is no checkpoint, or none can be read.
+    """
     update, params, diverged = folder.networks()
     return Trained(folder.path.name, folder.experiment, params, update, folder, diverged)
 
@@ -184,7 +192,7 @@ def read_trained(file: Path) -> Trained:
             raise SettingError(f"it must be of one run, not of {len(experiment.runs)}")
         check_whole("agent.update", update, 0)
         if weights not in ("float16", "float32"):
-            raise SettingError(f"weights must be float16 or float32, not {weights!r}")
+            raise SettingError(f"weights must be float16 or float32, not {quoted(weights)}")
         network = experiment.learner.network
         shapes = jax.eval_shape(network.init, jax.random.key(0))
         like = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, weights), shapes)
@@ -221,5 +229,6 @@ def read_config(file: Path) -> dict[str, Any]:
 
 
 def _unreadable(file: Path, error: Exception) -> SettingError:
-    reason = one_line(str(error))[:200] or type(error).__name__
-    return SettingError(f"{file} is not an agent that 'jaxenstein export' wrote: {reason}")
+    return SettingError(
+        f"{file} is not an agent that 'jaxenstein export' wrote: {reason_of_any(error)}"
+    )

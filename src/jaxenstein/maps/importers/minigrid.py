@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ...errors import MapError, MapWarning, SettingError, UnknownEnvironmentError, nearest
+from ...errors import MapError, MapWarning, SettingError, UnknownEnvironmentError, nearest, quoted
 from ...fields import check_whole
 from ..reach import problems
 from ..symbols import DEFAULT_WALL, door_label
@@ -137,7 +137,7 @@ def _reset(id: str, seed: int) -> Any:
             env = gymnasium.make(id)
             env.reset(seed=seed)
         except Exception as error:  # code of others, which may fail in any way
-            raise SettingError(f"gymnasium cannot make and reset {id!r}: {error}") from error
+            raise SettingError(f"gymnasium cannot make and reset {quoted(id)}: {error}") from error
     return env
 
 
@@ -165,8 +165,8 @@ def _check_known(id: str, registry: Any) -> None:
     if not isinstance(id, str) or id not in registry:
         ours = [known for known in registry if known.startswith(PREFIXES)]
         raise UnknownEnvironmentError(
-            f"unknown MiniGrid environment {id!r}{nearest(str(id), ours)}; the {len(ours)} that "
-            "the installed minigrid has are in gymnasium.registry"
+            f"unknown MiniGrid environment {quoted(id)}{nearest(str(id), ours)}; the {len(ours)} "
+            "that the installed minigrid has are in gymnasium.registry"
         )
 
 

@@ -12,7 +12,7 @@ import re
 import warnings
 from dataclasses import dataclass, field
 
-from ...errors import MapError, MapWarning
+from ...errors import MapError, MapWarning, quoted
 
 Point = tuple[float, float, float]
 
@@ -116,7 +116,7 @@ class _Reader:
     def expect(self, wanted: str, where: str) -> None:
         """Read the token `wanted`."""
         if self.token != wanted:
-            raise self.error(f"expected {wanted!r} {where}, found {self.shown()}")
+            raise self.error(f"expected {quoted(wanted)} {where}, found {self.shown()}")
         self.take()
 
     def shown(self) -> str:
@@ -160,7 +160,7 @@ def _entity(reader: _Reader) -> Entity:
             _brush(reader, entity)
         else:
             key = _quoted(reader, f"{where} (a quoted key, '{{' or '}}')")
-            entity.properties[key] = _quoted(reader, f"{where}, the value of {key!r}")
+            entity.properties[key] = _quoted(reader, f"{where}, the value of {quoted(key)}")
     reader.take()
     return entity
 
