@@ -60,7 +60,8 @@ def find_config(given: str | PurePath, folder: Path = Path()) -> Path:
     bare = PurePath(given).with_suffix("") if PurePath(given).suffix == SUFFIX else PurePath(given)
     near = nearest(bare.as_posix(), known) or nearest(bare.name, known)
     raise SettingError(
-        f"cannot read {path}: no such file, and this package has no configuration {quoted(name)}{near}; "
+        f"cannot read {path}: no such file, and this package has no configuration "
+        f"{quoted(name)}{near}; "
         "'jaxenstein list --configs' names them"
     )
 
