@@ -70,7 +70,7 @@ def export_policy(
         episodes: of the evaluation, greedy and sampled.
         seed: of the evaluation.
         program: a second file, which ends in `.jaxexport`: the agent as a program that needs no
-            part of this package; None writes none. docs/training.md tells how it is called.
+            part of this package; None writes none. `write_program` tells how it is called.
         greedy: the program takes the most likely action instead of sampling one.
         notify: called with the number of episodes played so far, of `2 * episodes`.
 
