@@ -1,0 +1,88 @@
+"""`docs/results.json`, and that the table of `docs/results.md` agrees with it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shlex
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from jaxenstein.cli import build_parser
+from tests.docs.samples import ROOT
+
+GROUPS = json.loads((ROOT / "docs" / "results.json").read_text("utf-8"))["groups"]
+SHARED = ("frame_skip", "observation", "recipe", "decisions", "machine")
+RUNS = [
+    {name: group[name] for name in SHARED if name in group} | run
+    for group in GROUPS
+    for run in group["runs"]
+]
+BY_SEED = ("decisions_to_90", "success_last_tenth", "goals_first", "goals_after")
+
+
+def test_lists_have_an_entry_for_each_seed() -> None:
+    found = [(run["seeds"], run[name]) for run in RUNS for name in BY_SEED if name in run]
+    assert len(found) > 50
+    assert [values for seeds, values in found if len(values) != seeds] == []
+
+
+def test_a_seed_that_solves_a_task_has_reached_90_percent() -> None:
+    told = [run for run in RUNS if "decisions_to_90" in run]
+    reached = [sum(at is not None for at in run["decisions_to_90"]) for run in told]
+    assert [run for run, count in zip(told, reached, strict=True) if run["solved"] > count] == []
+
+
+@pytest.mark.slow
+def test_commands_train_what_their_rows_say() -> None:
+    pytest.importorskip("flax")
+    pytest.importorskip("optax")
+    from jaxenstein.baselines.runs.options import resolve
+    from jaxenstein.cli.opening import given_training
+
+    parser = build_parser()
+    for run in RUNS:
+        program, *flags = shlex.split(run["command"])
+        assert program == "jaxenstein"
+        experiment = resolve(given_training(parser.parse_args(flags)))
+        found = experiment.config
+        assert (found.algo, len(experiment.runs)) == (run["algo"], run["seeds"]), run["command"]
+        assert experiment.recipe == run["recipe"], run["command"]
+        if "frame_skip" in run:
+            skip = experiment.environment.settings.get("frame_skip", 1)
+            assert skip == run["frame_skip"], run["command"]
+
+
+def test_the_other_commands_are_understood() -> None:
+    pytest.importorskip("optax")
+    for command in [command for group in GROUPS for command in group.get("commands", ())]:
+        program, *flags = shlex.split(command)
+        if program == "jaxenstein":
+            build_parser().parse_args(flags)
+
+
+def test_rows_of_the_page_are_runs_of_the_file() -> None:
+    page = (ROOT / "docs" / "results.md").read_text("utf-8")
+    table = page.split("## What agents learn")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| (?:\[?`([\w-]+)`.*?)?\| (\d.*) \|$", table, re.MULTILINE)
+    assert len(rows) == 16
+    task = ""
+    for name, cells in rows:
+        task = name or task
+        assert any(_is_row(run, task, cells.split(" | ")) for run in RUNS), (task, cells)
+
+
+def _is_row(run: Mapping[str, Any], task: str, cells: list[str]) -> bool:
+    skip, seen, algo, solved, millions, minutes, core, config = cells
+    name = re.findall(r"`(.*)`", config)[0]
+    return (
+        (run["task"], str(run.get("frame_skip")), run["algo"].upper()) == (task, skip, algo)
+        and run["observation"].removesuffix(" rgb") == seen
+        and (str(run["solved"]), run["machine"]) == (solved, core)
+        and math.isclose(run["decisions"], float(millions) * 1e6, rel_tol=0.02)
+        and float(minutes) in (run["minutes"], round(run["minutes"]))
+        and f"--config {name} " in run["command"]
+    )
