@@ -32,7 +32,8 @@ LARGEST = 300_000
 @pytest.fixture(scope="module")
 def file(folder: RunFolder) -> Path:
     """The second run of the folder, by the command."""
-    path = folder.path.parent / "tiny.npz"
+    path = folder.path.parent / "exported" / "tiny.npz"
+    path.parent.mkdir()
     command = ["export", str(folder.path), "--out", str(path), "--run", "1", "--episodes", "12"]
     assert main(command) == 0
     return path
