@@ -67,8 +67,12 @@ def evaluated(options: argparse.Namespace) -> Iterator[tuple[suite.Task, Results
     chosen = suite.suite_of(options.suite)
     play = _policy(options) if options.policy is not None else _runs(options.folder, chosen)
     for task in suite.TASKS:
-        with Progress(1, task.id, unit="tasks", compiles=True) as progress:
-            yield task, play(task, options.episodes, options.seed, progress.update)
+        with Progress(options.episodes, task.id, unit="episodes", compiles=True) as progress:
+
+            def notify(part: float, progress: Progress = progress) -> None:
+                progress.update(part * options.episodes)
+
+            yield task, play(task, options.episodes, options.seed, notify)
 
 
 Play = Callable[[suite.Task, int, int, Callable[[float], object]], "Results"]
