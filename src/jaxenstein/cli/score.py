@@ -211,9 +211,10 @@ def _notes(compared: Compared) -> str:
     for policy, mine in compared.items():
         single = [task for task, results in mine.items() if len(results.names) == 1]
         if single:
+            which = "every task" if len(single) == len(mine) > 1 else ", ".join(single)
             lines.append(
-                f"{policy} has a single run of {', '.join(single)}: its intervals do not tell how "
-                "much another training would differ\n"
+                f"{policy} has a single run of {which}: its intervals do not tell how much another "
+                "training would differ\n"
             )
     return "".join(lines)
 
