@@ -20,7 +20,7 @@ from .params import Range, draw_numbers, split_ranges, with_numbers
 from .players import play, player_of
 from .pytree import PyTreeNode
 from .results import Results
-from .spec import described
+from .spec import Spec, described
 
 # What JAX raises where a function asks for the value of an array that is traced.
 _NOT_IN_JAX = (
@@ -206,17 +206,8 @@ def evaluate(
         _begin(env, numbers, ranges, carry, key, episodes=episodes),
         lambda running, length: notify(episodes_done(running, length, longest)),
     )
-    played = jax.device_get(played)
-    return Results(
-        environment=described(env, params),
-        policy=name,
-        actions=None,
-        seed=seed,
-        names=(name,),
-        returns=played.episode_return[None],
-        lengths=played.episode_length[None],
-        successes=played.success[None],
-    )
+    told = played.episode_return, played.episode_length, played.success
+    return _results(described(env, params), name, seed, *told)
 
 
 def evaluate_player(
@@ -239,21 +230,32 @@ def evaluate_player(
     """
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
     params = env.single_params(params)
-    check_whole("episodes", episodes, 1)
+    episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     player = player_of(env, name)
-    reset_key, key = jax.random.split(jax.random.key(check_seed(seed), impl="threefry2x32"))
-    played = jax.device_get(
-        play(env, player, params, key, _first(env, params, reset_key, episodes))
-    )
+    reset_key, key = jax.random.split(jax.random.key(seed, impl="threefry2x32"))
+    played = play(env, player, params, key, _first(env, params, reset_key, episodes))
+    told = played.returned, played.length, played.successes > 0
+    return _results(described(env, params), name, seed, *told)
+
+
+def _results(
+    environment: Spec,
+    name: str,
+    seed: int,
+    returns: jax.Array,
+    lengths: jax.Array,
+    successes: jax.Array,
+) -> Results:
+    """Results of one policy that decides by itself, from arrays [episodes]."""
+    arrays: list[np.ndarray] = jax.device_get([returns, lengths, successes])
     return Results(
-        environment=described(env, params),
+        environment=environment,
         policy=name,
-        actions=None,
         seed=seed,
         names=(name,),
-        returns=played.returned[None],
-        lengths=played.length[None],
-        successes=played.successes[None] > 0,
+        returns=arrays[0][None],
+        lengths=arrays[1][None],
+        successes=arrays[2][None],
     )
 
 

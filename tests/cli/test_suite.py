@@ -42,7 +42,9 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*train, "--resume"]) == 0
 
     assert main(["evaluate", "rnd", "--suite", "--episodes", "2", "--json", "rnd.json"]) == 0
-    shown = [line.split() for line in capsys.readouterr().out.splitlines()]
+    out, err = capsys.readouterr()
+    assert "fewer than the benchmark's 3,000,000 decisions: t-maze, simple\n" in err
+    shown = [line.split() for line in out.splitlines()]
     assert [line[0] for line in shown[-3:-1]] == ["t-maze", "simple"]
     results = read_results("rnd.json")
     assert [(one.policy, one.actions, one.returns.shape) for one in results] == [

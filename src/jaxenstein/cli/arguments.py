@@ -198,7 +198,6 @@ def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()
     add_options(parser, environment_options(), (*without, "env"))
 
 
-SUITES = ("small", "large")
 OF_FILES, OWN = "FILE.npz or pretrained/NAME", "MODULE:FUNCTION"
 
 
@@ -222,10 +221,12 @@ def add_seed(parser: argparse._ActionsContainer) -> None:
 
 def add_suite(parser: argparse._ActionsContainer, help: str) -> None:
     """Add --suite, whose value may be left out."""
+    from ..suite import SUITES
+
     parser.add_argument(
         "--suite",
         nargs="?",
         const="small",
-        choices=SUITES,
+        choices=tuple(SUITES),
         help=f"{help}: small (the default), for a processor, or large, for an accelerator",
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from .. import suite
 from ..errors import SettingError
 from ..intervals import mean_interval
 from ..progress import Progress
+from ..scores import normalised
 from .arguments import UsageError
 from .listing import format_table
 from .opening import baselines, telling_warnings
@@ -61,8 +63,8 @@ def evaluated(options: argparse.Namespace) -> Iterator[tuple[suite.Task, Results
         options: of `evaluate`: `suite`, `folder` or `policy`, `episodes` and `seed`.
 
     Raises:
-        SettingError: a run is missing, was trained in another environment, or is not done; or the
-            policy does not fit a task.
+        SettingError: a run is missing or was trained in another environment, or the policy does
+            not fit a task.
     """
     chosen = suite.suite_of(options.suite)
     play = _policy(options) if options.policy is not None else _runs(options.folder, chosen)
@@ -101,7 +103,7 @@ def _runs(folder: Path, chosen: suite.Suite) -> Play:
     from ..comparison import difference
 
     agents = baselines("agents")
-    found = {}
+    found, short = {}, []
     for task in suite.TASKS:
         path = folder / task.id
         with telling_warnings():
@@ -111,8 +113,18 @@ def _runs(folder: Path, chosen: suite.Suite) -> Play:
             raise SettingError(
                 f"{path}: {fault[0]} is {fault[2]}, and {fault[1]} in the {chosen.name} suite"
             )
+        full = about.config.replace(total_steps=chosen.total_steps)
+        if trained.update < full.updates:
+            short.append(task.id)
         tested = dataclasses.replace(about, environment=chosen.spec(task, test=True))
         found[task.id] = dataclasses.replace(trained, experiment=tested, name=folder.name)
+
+    if short:
+        print(
+            f"jaxenstein: warning: {folder} has agents with fewer than the benchmark's "
+            f"{chosen.total_steps:,} decisions: {', '.join(short)}",
+            file=sys.stderr,
+        )
 
     def play(task: suite.Task, episodes: int, seed: int, notify: Any) -> Results:
         trained = found[task.id]
@@ -130,7 +142,7 @@ def table(results: list[tuple[suite.Task, Results]]) -> str:
     rows = [("TASK", "RETURN", "95 %", "SUCCESS", "STEPS", "RANDOM", "EXPERT", "SCORE")]
     for task, result in results:
         earned, ends = mean_interval(result.returns), reference[task.id]
-        score = (earned.mean - ends.random) / (ends.expert - ends.random)
+        score = float(normalised(earned.mean, ends.random, ends.expert))
         rows.append(
             (
                 task.id,
