@@ -1,6 +1,6 @@
-"""The environments that come with the package: an id is a row, and all rows have one shape.
+"""The environments that come with the package, one row per id.
 
-Importing this module imports no task: a row does when it is first built or asked about.
+Importing this module imports no task. A row imports its task when it is first used.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ Build = Callable[..., AnyEnvironment]
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """What an id stands for.
+    """The definition of an id.
 
     Attributes:
-        id: without the version.
+        id: the id without a version.
         family: environments of one family share a page of the documentation.
-        source: "module:Class" in `jaxenstein.tasks`, or "module:function" that returns a
-            `functools.partial` of a class. What others register is itself a class or a function.
-        summary: one line for people.
-        fixed: arguments of the class or function; `make` does not take them.
-        params: the params whose defaults differ from those of the class.
-        variant_of: another id, which stands for this one wherever environments are shown or tested
-            one by one: this one differs in sizes and numbers alone.
-        version: of the environment, which grows when its behaviour changes.
-        module: what has to be imported for the id to be known; "" if nothing has.
+        source: "module:Class" in `jaxenstein.tasks`, or "module:function", where the function
+            returns a `functools.partial` of a class. For a registered task, the class or function.
+        summary: a one-line description.
+        fixed: arguments of the class or function that `make` does not take.
+        params: params whose defaults differ from those of the class.
+        variant_of: the id that represents this one where not all environments are listed or
+            tested; the two differ only in numbers such as sizes.
+        version: increases when the behaviour of the environment changes.
+        module: the module to import before the id is known; "" if none is needed.
     """
 
     id: str
@@ -48,7 +48,7 @@ class Row:
 
     @functools.cached_property
     def build(self) -> Build:
-        """Makes the environment from the settings of `make`."""
+        """The function that makes the environment from the settings of `make`."""
         if not isinstance(self.source, str):
             return self.source
         module, name = self.source.split(":")
@@ -62,9 +62,9 @@ class Row:
 
     @functools.cached_property
     def settings(self) -> tuple[str, ...]:
-        """The names of the settings of `make`: what `build` takes by name.
+        """The names of the settings of `make`: the keyword arguments of `build`.
 
-        `**settings` in a function stands for those of all that is seen in first person.
+        `**settings` in a function stands for the settings of all first-person environments.
         """
         from .tasks.first_person import SETTINGS
 
@@ -88,10 +88,10 @@ def _row(
     version: int = 0,
     **fixed: Any,
 ) -> Row:
-    """A row; {} in the id and the summary stand for what is fixed, by name.
+    """Make a row; {} in the id and the summary is filled in from `fixed` by name.
 
-    `shown` stands for the row, unless it is the row's own id; the time limit `steps` is one of its
-    params, 0 that of the class.
+    The id `shown` represents the row, unless it is the row's own id. The time limit `steps`
+    becomes a param; 0 keeps the default of the class.
     """
     words = {n: ("no", "yes")[v] if isinstance(v, bool) else v for n, v in fixed.items()}
     id, summary = id.format(**words), summary.format(**words)
@@ -99,20 +99,20 @@ def _row(
     return Row(id, family, source, summary, fixed, params, shown if id != shown else "", version)
 
 
-# Our steps in one of MiniGrid's moves: of a cell, or a turn of 90 degrees.
+# Our steps per MiniGrid move of one cell, and per turn of 90 degrees.
 STEPS_A_MOVE = 1 / 0.15
 
 
 def _grid(
     shown: str, id: str, source: str, moves: int, summary: str, version: int = 0, **fixed: Any
 ) -> Row:
-    """A world of MiniGrid's, with the time limit in its own moves."""
+    """A MiniGrid environment, with the time limit in MiniGrid moves."""
     names = f"minigrid-{shown}", f"minigrid-{id}", f"minigrid.{source}", f"MiniGrid: {summary}"
     return _row("minigrid", *names, round(moves * STEPS_A_MOVE), None, version, **fixed)
 
 
 def _dmlab(kind: str, number: int, respawn: bool) -> Row:
-    """One of DeepMind Lab's mazes."""
+    """A DeepMind Lab maze."""
     goal = "goal and starts fixed" if kind == "static" else "a new goal cell each episode"
     end = "+10, apples +1, respawns until time is up" if respawn else "+10 ends"
     steps, discount = ((1800, 0.999), (4500, 0.9995), (9000, 0.9999))[number - 1]
@@ -132,19 +132,19 @@ def _doom(
     shown: str = "",
     **fixed: Any,
 ) -> Row:
-    """A scenario of ViZDoom's; its family is the id that is shown for it, if no other is given."""
+    """A ViZDoom scenario; by default its family is the id that represents it."""
     id = f"doom-{id}"
     names = family or shown or id, shown, id, f"doom.{source}", f"ViZDoom's {summary}"
     return _row(*names, version=version, **fixed)
 
 
-# Of each kind of rule a small world of MiniGrid's, which is shown for those like it.
+# For each kind of rule, the small MiniGrid world that represents similar ones.
 _KEY, _LAVA, _BALLS = "door-key-6x6", "lava-crossing-s9n1", "dynamic-obstacles-6x6"
 _BOXES, _ASKED = "obstructed-maze-1dlhb", "put-near-6x6-n2"
-# Long steps in MiniWorld, which also reach the box from farther away.
+# Long steps in MiniWorld; the agent also reaches the box from farther away.
 _FAST = {"move_distance": 0.7, "turn_angle": math.radians(45), "goal_radius": 1.736}
 _LAYOUT = "navigation:from_layout"
-# Sizes of DeepMind Lab's explore levels: of 2048 mazes, none has more than 16 or 35 doorways.
+# Sizes of DeepMind Lab's explore levels: in 2048 mazes, none has more than 16 or 35 doorways.
 _SMALL, _LARGE = {"size": 11, "rooms": 4}, {"size": 17, "rooms": 9, "most": 3}
 _LAB, _LARGER = "DeepMind Lab:", "the same in a larger maze"
 _HALL = {"kind": "objects", "size": 13, "rooms": 1, "least": 11, "most": 11}
@@ -283,8 +283,8 @@ ROWS: tuple[Row, ...] = (
     *(_grid(_ASKED, "put-near-{size}x{size}-n{objects}", "instructions:PutNear", 5 * n,
             "put one of {objects} things down near another, as asked", size=n, objects=count)
       for n, count in ((6, 2), (8, 3))),
-    # Doom's angles grow counter-clockwise, those of my-way-home clockwise: 0 to 3.6 degrees there
-    # is -3.6 to 0 here.
+    # Doom's angles grow counter-clockwise, those of my-way-home clockwise: 0 to 3.6 degrees in
+    # Doom is -3.6 to 0 here.
     *(_row("doom-my-way-home", "", f"doom-my-way-home{end}", "doom.my_way_home:DoomMyWayHome",
            summary, spots=spots, angles=angles, hud=False, show_weapon=False)
       for end, spots, angles, summary in (
@@ -323,14 +323,14 @@ ROWS: tuple[Row, ...] = (
           "Deathmatch itself, alone: monsters without end, seven weapons, things to take", 2),
 )
 # fmt: on
-"""All of them, in the order in which they are listed."""
+"""All environments, in the order in which they are listed."""
 
 ENTRIES: dict[str, Row] = {row.id: row for row in ROWS}
-"""The rows by their ids."""
+"""The rows by id."""
 ALIASES: dict[str, str] = {
     "key-corridor-s4r3": "key-corridor",
     **{name.replace("random-goal", "random"): name for name in ENTRIES if "random-goal" in name},
 }
-"""Other names of environments, each with the id it stands for."""
+"""Other names of environments, each with its id."""
 MAIN_IDS: tuple[str, ...] = tuple(name for name, row in ENTRIES.items() if not row.variant_of)
-"""The ids that are variants of no other: the ones with pictures, golden episodes and tests."""
+"""The ids that are not variants of another id; they have pictures and golden episodes."""

@@ -272,4 +272,4 @@ def test_a_forked_process_says_what_to_do_and_does_not_hang() -> None:
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 1
     assert "SettingError: process" in done.stderr
-    assert 'start it anew, with context="spawn"' in done.stderr
+    assert 'use context="spawn"' in done.stderr

@@ -61,7 +61,7 @@ def test_flags_become_settings_and_params(command: str) -> None:
     ("arguments", "message"),
     [
         (["--set", "move_distance=2"], "that make returns, --param move_distance=..."),
-        (["--param", "height=8"], "is a setting, not a param: --set height=8"),
+        (["--param", "height=8"], "is a setting, not a param: use --set height=8"),
         (["--param", "discout=1"], "unknown param 'discout', did you mean 'discount'"),
         (["--set", "hieght=8"], "unknown setting 'hieght', did you mean 'height'"),
         (["--set", "height"], "--set must be NAME=VALUE, not 'height'"),
