@@ -157,7 +157,7 @@ ROWS: tuple[Row, ...] = (
          "a corridor with a red key, a red locked door and the goal behind it", 300,
          layout="key-door", heading=0.0),
     _row("t-maze", "", "t-maze", "t_maze:t_maze",
-         "a key that is soon gone tells which arm pays: memory"),
+         "a key that soon disappears tells which arm pays: memory"),
     *(_row("my-way-home", "", f"my-way-home{end}", "navigation:my_way_home", summary, 2100,
            {"discount": 0.999, "living_reward": -0.0001}, **fixed)
       for end, summary, fixed in (
@@ -187,12 +187,12 @@ ROWS: tuple[Row, ...] = (
           ("object-locations", f"{_LAB} apples to find again in a new maze", 1350, 1.0,
            {"kind": "apples", **_SMALL}),
           ("object-locations-large", _LARGER, 1800, 1.0, {"kind": "apples", **_LARGE}),
-          ("object-rewards", f"{_LAB} which objects pay in this episode", 1350, 2.0,
+          ("object-rewards", f"{_LAB} learn which objects pay in this episode", 1350, 2.0,
            {"places": 8, **_HALL}),
-          ("object-rewards-many", "the same with eight objects a round", 1800, 2.0,
+          ("object-rewards-many", "the same with eight objects per round", 1800, 2.0,
            {"places": 16, **_HALL}))),
     *(_row("memory-maze", "memory-maze-9x9", "memory-maze-{size}x{size}", "memory_maze:maze",
-           f"Memory Maze: fetch {{things}} things as asked, for {steps} steps", steps,
+           f"Memory Maze: fetch {{things}} things on request, for {steps} steps", steps,
            size=size, things=things)
       for size, things, steps in ((9, 3, 1000), (11, 4, 2000), (13, 5, 3000), (15, 6, 4000))),
     *(_row("miniworld", "miniworld-hallway", "miniworld-{name}", "miniworld.rooms:room", summary,
@@ -246,12 +246,12 @@ ROWS: tuple[Row, ...] = (
             "two strips of lava, the second in row {strip_row}", strip_row=row)
       for number, row in ((1, 2), (2, 5))),
     *(_grid(_BALLS, f"dynamic-obstacles-{'random-' * start}{n}x{n}", "open_rooms:DynamicObstacles",
-            4 * n**2, "a room in which balls wander ({obstacles}), which must not be walked into",
+            4 * n**2, "a room with moving balls ({obstacles}) to avoid",
             size=n, obstacles=count, random_start=start)
       for n, count, starts in ((5, 2, 2), (6, 3, 2), (8, 4, 1), (16, 8, 1))
       for start in (False, True)[:starts]),
     _grid(_KEY, "locked-room", "doors:LockedRoom", 190,
-          "six rooms at a hall, one locked, its key in another"),
+          "six rooms along a hall; one is locked, its key in another"),
     *(_grid(_KEY, "red-blue-doors-{size}x{size}", "doors:RedBlueDoors", 20 * n**2,
             "open the red door, then the blue one", size=n) for n in (6, 8)),
     _grid(_KEY, "unlock", "doors:Unlock", 288, "a key, and a locked door to open"),
@@ -259,29 +259,29 @@ ROWS: tuple[Row, ...] = (
             "pick up the box behind a locked door", blocked=blocked)
       for blocked, moves in ((False, 288), (True, 576))),
     *(_grid(_KEY, "key-corridor-s{room_size}r{room_rows}", "doors:KeyCorridorBall", 30 * n**2,
-            "key-corridor by the source's rule: pick the ball up with empty hands", 1,
+            "key-corridor with its original aim: pick up the ball with empty hands", 1,
             room_size=n, room_rows=rows)
       for n, rows in ((3, 1), (3, 2), (3, 3), (4, 3), (5, 3), (6, 3))),
     *(_grid(_BOXES, f"obstructed-maze-{id}", "doors:ObstructedMaze", 144 * moves,
-            "a ball behind locked doors, keys in boxes: {hidden}, balls before doors: {blocked}",
+            "a ball behind locked doors, keys in boxes: {hidden}, blocked doors: {blocked}",
             quarters=quarters, start_aside=id[0] == "2", hidden=hidden, blocked=blocked)
       for id, moves, quarters, hidden, blocked in (
           ("1dl", 2, 0, False, False), ("1dlh", 2, 0, True, False), ("1dlhb", 2, 0, True, True),
           ("2dl", 4, 1, False, False), ("2dlh", 4, 1, True, False), ("2dlhb", 4, 1, True, True),
           ("1q", 5, 1, True, True), ("2q", 11, 2, True, True), ("full", 25, 4, True, True))),
     *(_grid(_KEY, f"memory-s{n}{'-random' * bool(length)}", "instructions:Memory", 5 * n**2,
-            "a thing in a room, and its like at one end of a crossing: memory", size=n, **length)
+            "a thing in a room, and the same at one end of a junction: memory", size=n, **length)
       for length, sizes in (({}, (7, 9, 11, 13)), ({"random_length": True}, (13, 17)))
       for n in sizes),
     *(_grid(_ASKED, "fetch-{size}x{size}-n{objects}", "instructions:Fetch", 5 * n**2,
-            "pick up the one of {objects} things that is asked for", size=n, objects=count)
+            "pick up the requested one of {objects} things", size=n, objects=count)
       for n, count in ((5, 2), (6, 2), (8, 3))),
     *(_grid(_ASKED, "go-to-door-{size}x{size}", "instructions:GoToDoor", 4 * n**2,
-            "say done beside the door that is asked for", size=n) for n in (5, 6, 8)),
+            "say done beside the requested door", size=n) for n in (5, 6, 8)),
     *(_grid(_ASKED, "go-to-object-{size}x{size}-n2", "instructions:GoToObject", 5 * n**2,
-            "say done beside the thing that is asked for", size=n) for n in (6, 8)),
+            "say done beside the requested thing", size=n) for n in (6, 8)),
     *(_grid(_ASKED, "put-near-{size}x{size}-n{objects}", "instructions:PutNear", 5 * n,
-            "put one of {objects} things down near another, as asked", size=n, objects=count)
+            "put one of {objects} things near another, as requested", size=n, objects=count)
       for n, count in ((6, 2), (8, 3))),
     # Doom's angles grow counter-clockwise, those of my-way-home clockwise: 0 to 3.6 degrees in
     # Doom is -3.6 to 0 here.
@@ -305,22 +305,22 @@ ROWS: tuple[Row, ...] = (
     _doom("simpler-basic", "basic:DoomBasic", "Simpler Basic itself: the monster is nearer",
           shown="doom-basic", hall="simpler-basic", rocket=False),
     _doom("defend-the-center", "defend_the_center:DoomDefendTheCenter",
-          "Defend the Center itself: turn and shoot what comes from all around", 2),
+          "Defend the Center itself: turn and shoot monsters from all sides", 2),
     _doom("defend-the-line", "defend_the_line:DoomDefendTheLine",
-          "Defend the Line itself: turn and shoot what is at the other side of a room", 2,
+          "Defend the Line itself: turn and shoot monsters across a room", 2,
           shown="doom-defend-the-center"),
     _doom("take-cover", "take_cover:DoomTakeCover",
-          "Take Cover itself: dodge the fireballs of ever more imps", 1),
+          "Take Cover itself: dodge the fireballs of more and more imps", 1),
     _doom("rocket-basic", "basic:DoomBasic",
-          "Rocket Basic itself: a rocket needs a second to get there",
+          "Rocket Basic itself: a rocket takes a second to arrive",
           shown="doom-basic", hall="simpler-basic", rocket=True),
     _doom("predict-position", "predict_position:DoomPredictPosition",
-          "Predict Position itself: one rocket for a monster that walks to and fro",
+          "Predict Position itself: one rocket for a monster that walks back and forth",
           shown="doom-basic"),
     _doom("deadly-corridor", "deadly_corridor:DoomDeadlyCorridor",
           "Deadly Corridor itself: past six marksmen to the armour", 1),
     _doom("deathmatch", "deathmatch:DoomDeathmatch",
-          "Deathmatch itself, alone: monsters without end, seven weapons, things to take", 2),
+          "Deathmatch itself for one player: endless monsters, seven weapons, pickups", 2),
 )
 # fmt: on
 """All environments, in the order in which they are listed."""

@@ -59,8 +59,8 @@ class Environment(abc.ABC, Generic[S, P]):
         frame_skip: how many world steps one step takes. The action is repeated, rewards add up,
             `info` has the events of all world steps, and only the last one is rendered. A step
             stops early when the episode ends. `time`, `max_steps_in_episode` and
-            `episode_length` count world steps. From 2 on, the key of the step is split into one
-            key per world step.
+            `episode_length` count world steps. With 2 or more, the key of the step is split into
+            one key per world step.
     """
 
     name: str = "custom"

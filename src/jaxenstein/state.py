@@ -71,7 +71,7 @@ def repeated(
 
     Args:
         once: takes one world step; a function of key, state and `given`.
-        count: at least 1; from 2 on, the key is split into one key per step.
+        count: at least 1; with 2 or more, the key is split into one key per step.
         key: the random key of all steps.
         state: the state to start from.
         *given: further arguments, the same for each step.

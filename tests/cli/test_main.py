@@ -167,7 +167,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         ([*TRAIN, "--resume"], "there is no run in"),
         ([*TRAIN, "--seeds=2"], "jaxenstein train: give an environment, --env ID"),
         ([*TRAIN, "simple"], "argument: simple; an environment is given as --env ID"),
-        ([*TRAIN, "--save-every=-1"], "must be a finite number >= 0"),
+        ([*TRAIN, "--save-every=-1"], "must be a finite number from 0"),
     ],
 )  # fmt: skip
 def test_wrong_arguments_get_one_line_and_code_2(
