@@ -134,7 +134,7 @@ def test_two_maps_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     for given, told in (
         ('map_file = "maze.txt"\nmap = "###"', "give either map or map_file"),
         ('map_file = "maze.txt"\nfaces = "###"', "give either faces or map_file"),
-        ('env = "simple"\nregions = "###"', "regions goes with a map"),
+        ('env = "simple"\nregions = "###"', "regions needs a map"),
     ):
         config.write_text(given)
         assert main(["train", "--config", str(config), "--out", str(tmp_path / "run")]) == 2
