@@ -78,7 +78,7 @@ def test_wrong_files_get_one_line_and_code_2(
     saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = edited(saved, tmp_path / "a.json", actions=[[2, 3], [9, 6]])
-    for file, words in ((path, "action 3"), (saved.with_suffix(".gif"), "no trajectory")):
+    for file, words in ((path, "action 3"), (saved.with_suffix(".gif"), "not a trajectory")):
         assert main(["replay", str(file)]) == 2
         out, err = capsys.readouterr()
         assert out == ""
