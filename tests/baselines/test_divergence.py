@@ -17,7 +17,7 @@ from jaxenstein.baselines.state import TrainState
 from tests.baselines.worlds import OWN, SMALL, Countdown
 
 STEADY = SMALL | {"anneal": False}
-SLOW = [pytest.param(algo, marks=pytest.mark.slow) for algo in ("rnd", "icm")]
+BONUSES = [pytest.param(algo, marks=pytest.mark.variant) for algo in ("rnd", "icm", "e3b")]
 HUGE = 1e38
 
 
@@ -35,7 +35,7 @@ def learner_of(algo: str, **settings: Any) -> Learner:
     return Learner(env, env.default_params, config)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "e3b", *SLOW])
+@pytest.mark.parametrize("algo", ["ppo", *BONUSES])
 def test_one_run_stops_and_the_other_goes_on_bit_for_bit(algo: str) -> None:
     many = learner_of(algo).many
     rate = "learning_rate" if algo == "ppo" else "bonus_learning_rate"

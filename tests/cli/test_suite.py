@@ -31,12 +31,12 @@ def two_tasks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("two_tasks")
 def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
-    train = ["train", "--suite", "--out", "rnd", "--algo", "rnd", *LITTLE, *TINY]
+    train = ["train", "--suite", "--out", "rnd", "--algo", "ppo", *LITTLE, *TINY]
     assert main(train) == 0
     for task in ("t-maze", "simple"):
         about = RunFolder.open(f"rnd/{task}").experiment
         assert about.environment == suite.SUITES["small"].spec(suite.task_of(task))
-        assert (about.config.algo, about.recipe, about.config.total_steps) == ("rnd", "tuned", 188)
+        assert (about.config.algo, about.recipe, about.config.total_steps) == ("ppo", "tuned", 188)
     assert main(train) == 2
     assert "there is a run in rnd/t-maze already: --resume" in capsys.readouterr().err
     assert main([*train, "--resume"]) == 0

@@ -26,11 +26,16 @@ from reliability import levels as counting
 SIZE = {"height": 8, "width": 12}
 CORRIDOR, DOORS, CROSSING = "key-corridor-s3r2", "minigrid-red-blue-doors-6x6", "minigrid-memory-s7"
 # One of each family that draws levels: those with few of them, and those with very many.
-FEW = ("key-corridor-s3r1", "miniworld-maze-s3", "minigrid-dynamic-obstacles-random-5x5", DOORS)
+FEW = (
+    "key-corridor-s3r1", DOORS,
+    *(pytest.param(name, marks=pytest.mark.variant) for name in (
+        "miniworld-maze-s3", "minigrid-dynamic-obstacles-random-5x5")),
+)  # fmt: skip
 MANY = (
-    CORRIDOR, "dmlab-explore-goal-locations", "miniworld-pickup-objects",
-    *(pytest.param(name, marks=pytest.mark.slow) for name in (
-        "memory-maze-9x9", "dmlab-explore-object-rewards", "minigrid-obstructed-maze-1dlh")),
+    CORRIDOR,
+    *(pytest.param(name, marks=pytest.mark.variant) for name in (
+        "dmlab-explore-goal-locations", "dmlab-explore-object-rewards", "memory-maze-9x9",
+        "minigrid-obstructed-maze-1dlh", "miniworld-pickup-objects")),
 )  # fmt: skip
 
 
@@ -119,7 +124,9 @@ def test_the_order_of_things_is_no_part_of_a_level() -> None:
     assert words[0] == words[1] != words[2]
 
 
-@pytest.mark.parametrize("name", [CORRIDOR, "memory-maze-9x9", DOORS])
+@pytest.mark.parametrize(
+    "name", [CORRIDOR, pytest.param("memory-maze-9x9", marks=pytest.mark.variant), DOORS]
+)
 @pytest.mark.parametrize("fraction", [0.1, 0.5])
 def test_the_share_of_levels_is_the_fraction(name: str, fraction: float) -> None:
     env = made(name)
