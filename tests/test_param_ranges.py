@@ -37,7 +37,7 @@ def waiting():
         ("turn_angle", (0.1, np.nan), "turn_angle must be a finite"),
         ("turn_angle", (0.1, None), "turn_angle must be a finite"),
         ("turn_angle", (0.1, 0.2, 0.3), "turn_angle must be one number, or a range"),
-        ("max_steps_in_episode", (1, 5), "must be a whole number from 1 on, not the range"),
+        ("max_steps_in_episode", (1, 5), "must be a whole number >= 1, not the range"),
         ("discount", (0.1, 0.9), "discount must be the same in all episodes, not the range"),
         ("turn_angel", (0.1, 0.9), "no 'turn_angel', did you mean 'turn_angle'"),
     ],

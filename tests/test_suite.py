@@ -59,7 +59,9 @@ def test_tasks_of_generalisation_are_tested_on_their_test_levels():
 
 
 def test_wrong_names_are_told():
-    with pytest.raises(SettingError, match=r"no task 't-maz', did you mean 't-maze'.*; it has sim"):
+    with pytest.raises(
+        SettingError, match=r"no task 't-maz', did you mean 't-maze'.*; its tasks are sim"
+    ):
         suite.make("t-maz")
     with pytest.raises(SettingError, match="suite must be one of 'small', 'large', not 'medium'"):
         suite.make("t-maze", "medium")
@@ -72,15 +74,17 @@ def test_results_are_put_in_the_order_of_the_benchmark(tmp_path):
 
 def test_results_of_other_settings_are_refused(tmp_path):
     results = own_results()
-    with pytest.raises(SettingError, match=r"mine has no results of simple: .* needs all tasks"):
+    with pytest.raises(SettingError, match=r"mine has no results for simple: .* needs all tasks"):
         suite.check_compared(compared(tmp_path, results[1:]), "small")
-    with pytest.raises(SettingError, match="'height' is 16, and 64 in the large suite"):
+    with pytest.raises(SettingError, match="'height' is 16, but must be 64 in the large suite"):
         suite.check_compared(compared(tmp_path, results), "large")
     on_train = [
         dataclasses.replace(one, environment=suite.SUITES["small"].spec(task))
         for task, one in zip(suite.TASKS, results, strict=True)
     ]
-    with pytest.raises(SettingError, match="'split' is 'train', and 'test' in the small suite"):
+    with pytest.raises(
+        SettingError, match="'split' is 'train', but must be 'test' in the small suite"
+    ):
         suite.check_compared(compared(tmp_path, on_train), "small")
     more = [*results, results_of("my-way-home", [[1.0, 0.0]])]
     with pytest.raises(SettingError, match="the benchmark has no task 'my-way-home'"):

@@ -166,7 +166,7 @@ def test_the_time_limit_is_the_environments(made: Any) -> None:
 def test_stepping_out_of_order(made: Any) -> None:
     native, params = made
     env = adapter.GymnasiumEnv(native, params.replace(max_steps_in_episode=1))
-    with pytest.raises(gymnasium.error.ResetNeeded, match="has not begun"):
+    with pytest.raises(gymnasium.error.ResetNeeded, match="has not started"):
         env.step(0)
     env.reset()
     assert env.step(0)[3]

@@ -71,7 +71,7 @@ def test_warnings_take_a_line_each(lab: Path, capsys: pytest.CaptureFixture[str]
     assert main(["convert", str(lab)]) == 0
     warnings = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
     assert len(warnings) == 2
-    assert "lab.map, line 1: an entity begins without" in warnings[0]
+    assert "lab.map, line 1: an entity starts without" in warnings[0]
     assert "line 2, column 4 of the text: no path reaches this goal" in warnings[1]
 
 

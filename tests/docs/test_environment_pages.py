@@ -53,10 +53,10 @@ def test_numbers_are_those_of_the_tasks() -> None:
     facts = {name: dict(environment_pages.facts(name)) for name in IDS}
     assert facts["simple"]["reward"] == "+1 at the goal"
     assert facts["simple"]["map"] == "9x5"
-    assert facts["my-way-home"]["reward"] == "+1 at the goal, -0.0001 a step"
-    assert facts["health-gathering"]["reward"] == "+1 a step, -100 at death"
+    assert facts["my-way-home"]["reward"] == "+1 at the goal, -0.0001 per step"
+    assert facts["health-gathering"]["reward"] == "+1 per step, -100 at death"
     assert facts["dmlab-static-01"]["reward"] == "+10 at the goal"
-    assert facts["dmlab-random-goal-02-respawn"]["reward"] == "+10 at the goal, +1 an apple"
+    assert facts["dmlab-random-goal-02-respawn"]["reward"] == "+10 at the goal, +1 per apple"
     assert facts["key-corridor"]["levels"] == "at least 10,000"
     assert "levels" not in facts["simple"]
     assert facts["key-corridor"]["other name"] == "`key-corridor-s4r3`"

@@ -1,4 +1,4 @@
-"""The compiled calls of a batch of environments; what they keep and tell lies in rows of words."""
+"""The compiled functions of a batch; state and results are packed into rows of words."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from ..environment import AnyEnvironment, outcome_of
 
 
 def keys_of(seeds: Sequence[int]) -> jax.Array:
-    """A key for each seed; seeds beyond 32 bits are folded in, without loss."""
+    """A random key for each seed; seeds beyond 32 bits are folded in without loss."""
     words = [(seed & 0xFFFFFFFF, seed >> 32) for seed in seeds]
     low, high = (jnp.asarray(np.array(part, np.uint32)) for part in zip(*words, strict=True))
     return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a), b))(low, high)
 
 
 def mesh_for(num_envs: int) -> Mesh | None:
-    """The cores to spread over, if there are several and they can be given equal shares."""
+    """A mesh over the CPU cores, if there are several and their number divides `num_envs`."""
     count = jax.device_count()
     if jax.default_backend() != "cpu" or count == 1 or num_envs % count:
         return None
@@ -43,7 +43,7 @@ def _apart(
         return function(rows, actions, numbers)
     env = PartitionSpec("env")
     each = env if numbers.ndim == 2 else PartitionSpec()
-    # Nothing is exchanged, so there is nothing to check about what varies along the axis.
+    # Devices exchange nothing, so there is no variation along the axis to check.
     return jax.shard_map(
         function, mesh=mesh, in_specs=(env, env, each), out_specs=env, check_vma=False
     )(rows, actions, numbers)
@@ -53,10 +53,10 @@ def _over(function: Callable[..., Any], layout: Packing, numbers: jax.Array, *ar
     """Map a function over the arguments and params of all environments.
 
     Args:
-        function: takes the arguments of one environment and, last, its params.
-        layout: of the params of one environment.
-        numbers: the packed params: uint32[words] for all, or uint32[N, words], one row for each.
-        *args: trees with a leading axis N.
+        function: takes the arguments of one environment and then its params.
+        layout: the layout of the params of one environment.
+        numbers: the packed params: uint32[words] for all, or uint32[N, words], a row for each.
+        *args: pytrees with a leading axis N.
     """
 
     def of_one(numbers: jax.Array, *args: Any) -> Any:
@@ -66,7 +66,7 @@ def _over(function: Callable[..., Any], layout: Packing, numbers: jax.Array, *ar
 
 
 def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
-    """The layouts of an environment's stream and state, and of a step's outcome; not compiled.
+    """The layouts of an environment's stream and state, and of a step's outcome; traced only.
 
     Args:
         env: the environment.
@@ -88,19 +88,19 @@ def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
 _compiled = functools.partial(jax.jit, static_argnums=(0, 1))
 
 
-# A stream is a key that is split at every reset and at every step: one part is used, the other
-# stays. So an environment samples the same whatever the number of its neighbours, and whether
-# the batch or its caller makes the resets.
+# A stream is a key that is split at every reset and step into a key to use and a key to keep. So
+# the samples of an environment depend neither on the number of environments nor on whether the
+# batch or its caller resets.
 
 
-# The static arguments of a call: the devices, and the layouts of the kept rows, of the outcome of a
+# Static arguments of a call: the mesh, and the layouts of stream and state, of the outcome of a
 # step, and of the params.
 Plan = tuple[Mesh | None, Packing, Packing, Packing]
 
 
 @_compiled
 def reset(env: AnyEnvironment, plan: Plan, keys: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
-    """Begin an episode in each environment: rows, observations, info."""
+    """Start an episode in each environment: rows, observations, info."""
     _, kept, _, layout = plan
     keys, used = _split(keys)
     observation, states = _over(env.reset, layout, numbers, used)
@@ -117,7 +117,7 @@ def reset_some(
     mask: jax.Array,
     numbers: jax.Array,
 ) -> tuple[Any, ...]:
-    """Begin an episode where the mask says so: rows, observations, info."""
+    """Start an episode where the mask is true: rows, observations, info."""
     _, kept, _, layout = plan
     after, used = _split(keys)
     fresh = _over(env.first_state, layout, numbers, used)
@@ -132,13 +132,13 @@ def reset_some(
 def step(
     env: AnyEnvironment, plan: Plan, rows: jax.Array, actions: jax.Array, numbers: jax.Array
 ) -> tuple[Any, ...]:
-    """Step all; where `env.autoreset` is `"next-step"`, reset those whose last step ended."""
+    """Step all; with `env.autoreset` "next-step", reset those whose last step ended."""
     mesh, kept, outcome, layout = plan
 
     def of_rows(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
         keys, states = jax.vmap(kept.unpack)(rows)
         keys, used = _split(keys)
-        # A reset takes the key that `restart` would take, the world's step that of other modes.
+        # With "next-step", steps and resets use the keys that they have in the other modes.
         steps, resets = _split(used)
         used = (steps, used if env.autoreset else resets)
         step = functools.partial(outcome_of, env)
@@ -149,7 +149,7 @@ def step(
     return _apart(mesh, of_rows, rows, actions, numbers)
 
 
-# The observations are given away, so that the frames of the others need not be copied.
+# The observations are donated, so that the frames of other environments are not copied.
 @functools.partial(jax.jit, static_argnums=(0, 1), donate_argnums=3)
 def restart(
     env: AnyEnvironment,
@@ -159,7 +159,7 @@ def restart(
     indices: jax.Array,
     numbers: jax.Array,
 ) -> tuple[Any, ...]:
-    """Begin one in the environments `indices`: rows, observations, the last ones, info."""
+    """Start an episode in the environments `indices`: rows, observations, last ones, info."""
     _, kept, _, layout = plan
     if numbers.ndim == 2:
         numbers = numbers[indices]
@@ -181,6 +181,6 @@ def observe(env: AnyEnvironment, layout: Packing, states: Any, numbers: jax.Arra
 
 
 def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """What stays of each stream, and a key of each to use."""
+    """Split each stream into a stream to keep and a key to use."""
     split = jax.vmap(jax.random.split)(keys)
     return split[:, 0], split[:, 1]

@@ -231,21 +231,21 @@ def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("part", "name", "value", "reason"),
     [
-        ("hparams", "learning_rate", True, "learning_rate must be a finite number from 0 on"),
+        ("hparams", "learning_rate", True, "learning_rate must be a finite number >= 0"),
         ("hparams", "gae_lambda", [], "gae_lambda must be a number or an array of them, not []"),
         ("hparams", "clip", [0.1, 0.2], "clip must be a number or an array of them, not [0.1"),
         ("hparams", "clip", None, "clip must be a number or an array of them, not None"),
         ("hparams", "value", 1e308, "value must be .*, not 1e+308, which is inf in float32"),
         ("hparams", "entropy", "0.1", "entropy must be a number or an array of them, not '0.1'"),
         ("config", "contrast", 1e308, "contrast must be .*, not 1e+308, which is inf in float32"),
-        ("config", "contrast", True, "contrast must be a finite number from 0 on, not True"),
+        ("config", "contrast", True, "contrast must be a finite number >= 0, not True"),
         ("config", "epochs", 2**31, "epochs must be .*2147483648, which does not fit into int32"),
-        ("config", "num_envs", [4], "num_envs must be a whole number from 1 on, not (4,)"),
+        ("config", "num_envs", [4], "num_envs must be a whole number >= 1, not (4,)"),
         ("config", "anneal", 1, "anneal must be True or False, not 1"),
         ("config", "on_divergence", "stp", "on_divergence must be one of 'stop', 'continue'"),
         ("grid", "clip", [0.1, 1e308], "clip must be .*, not 1e+308, which is inf in float32"),
         ("grid", "clip", [0.1, True], "grid.clip must be a list of different numbers"),
-        ("environment", "version", True, "environment.version must be a whole number from 0 on"),
+        ("environment", "version", True, "environment.version must be a whole number >= 0"),
     ],
 )
 def test_wrong_values_of_a_configuration_are_told_by_file_and_entry(

@@ -156,8 +156,8 @@ def spoilt(entries: dict[str, bytes]) -> None:
         (edited(hparams={"learning_rate": True}), "learning_rate must be a finite number"),
         (edited(hparams={"clip": [0.1, 0.2]}), "clip must be a number or an array of them"),
         (edited(hparams={"value": 1e308}), "value must be .*, which is inf in float32"),
-        (edited(update=True), "agent.update must be a whole number from 0 on, not True"),
-        (edited(update=-1), "agent.update must be a whole number from 0 on, not -1"),
+        (edited(update=True), "agent.update must be a whole number >= 0, not True"),
+        (edited(update=-1), "agent.update must be a whole number >= 0, not -1"),
         (spoilt, "its parameters are not finite"),
     ],
 )
