@@ -128,7 +128,7 @@ def test_what_is_not_finite(
     if code:
         told = Divergence(5, code).told("seed-3")
         assert told.startswith(f"seed-3 diverged at update 5: its {words}")
-        assert told.endswith("it keeps the parameters of update 4, the last finite ones")
+        assert told.endswith("It keeps the parameters of update 4, the last finite ones")
     # What was found first is remembered.
     state, _ = guard(before.replace(diverged=jnp.int32(2)), after, trained, metrics)
     assert bits(state) == bits(before.replace(diverged=jnp.int32(2)))

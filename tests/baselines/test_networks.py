@@ -208,5 +208,5 @@ def test_layers_fit_the_image():
     assert layers_for((36, 36, 3), None) == NATURE
     assert layers_for((16, 64, 3), None) == SMALL
     assert layers_for((8, 8, 1), None) == SMALL
-    with pytest.raises(SettingError, match="do not fit images of 16x16"):
+    with pytest.raises(SettingError, match="too large for images of 16x16"):
         layers_for((16, 16, 3), NATURE)

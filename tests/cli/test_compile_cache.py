@@ -27,7 +27,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def rollout(*arguments: str) -> tuple[list[str], str]:
     """What it prints but for times, and what it says beside."""
-    command = [sys.executable, "-m", "jaxenstein.cli", *ROLLOUT, *arguments]
+    command = [sys.executable, "-m", "jaxenstein", *ROLLOUT, *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return [line for line in done.stdout.splitlines() if "steps/s" not in line], done.stderr

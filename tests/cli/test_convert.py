@@ -84,7 +84,7 @@ def test_warnings_take_a_line_each(lab: Path, capsys: pytest.CaptureFixture[str]
         (["folder"], "folder: is a directory"),
         (["binary.map"], "binary.map: it is not text"),
         (["broken.map"], "broken.map, line 3: "),
-        (["lab.map", "--out", "lab.map"], "is the file that is converted"),
+        (["lab.map", "--out", "lab.map"], "is the input file"),
         (["lab.map", "--out", "old.txt"], "old.regions.txt exists"),
         (["plain.map", "--out", "stale.txt"], "stale.faces.txt exists"),
         (["--minigrid", "MiniGrid-FourRooms-v0", "--seed", "-1"], "--seed"),

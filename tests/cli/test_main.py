@@ -62,7 +62,7 @@ def test_list_tells_how_many_levels_there_are(capsys: pytest.CaptureFixture[str]
         ["7x3*", "36"],
         ["11x11*", "10,000+"],
     ]
-    assert "levels: the number of different levels; + means at least so many" in notes
+    assert "levels: number of different levels; + means at least this many" in notes
 
 
 def test_list_tells_which_actions_are_whose() -> None:
@@ -165,7 +165,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         ([*TRAIN, "--config=none.toml"], "cannot read none.toml: no such file"),
         ([*TRAIN, "--map-file=none.txt"], "cannot read the map none.txt: no such file"),
         ([*TRAIN, "--resume"], "there is no run in"),
-        ([*TRAIN, "--seeds=2"], "jaxenstein train: give an environment, --env ID"),
+        ([*TRAIN, "--seeds=2"], "jaxenstein train: give an environment with --env ID"),
         ([*TRAIN, "simple"], "argument: simple; an environment is given as --env ID"),
         ([*TRAIN, "--save-every=-1"], "must be a finite number from 0"),
     ],
@@ -251,7 +251,7 @@ def test_errors_of_jax_get_one_line(
 def test_broken_pipe_is_quiet() -> None:
     source = Path(jaxenstein.__file__).parents[1]
     process = subprocess.Popen(
-        [sys.executable, "-m", "jaxenstein.cli", "list"],
+        [sys.executable, "-m", "jaxenstein", "list"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(source)},

@@ -228,7 +228,7 @@ def test_a_terminal_that_goes_away_does_not_cost_the_files(tmp_path: Path) -> No
     emulator = Emulator(16, 8)
     file, gif = tmp_path / "game.json", tmp_path / "game.gif"
     arguments = ["play", "key-door", "--terminal", "--save", str(file), "--record", str(gif)]
-    command = [sys.executable, "-m", "jaxenstein.cli", *arguments]
+    command = [sys.executable, "-m", "jaxenstein", *arguments]
     tty = emulator.slave
     process = subprocess.Popen(command, start_new_session=True, stdin=tty, stdout=tty, stderr=tty)
     end = time.monotonic() + 120

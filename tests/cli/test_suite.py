@@ -103,9 +103,9 @@ def test_evaluate_refuses_what_does_not_belong_together(
         (["evaluate", "--policy", "exprt", "--suite"], "no player 'exprt', did you mean 'expert'"),
         (
             ["evaluate", "--policy", "a/b", "--env", "simple"],
-            "--policy must be MODULE:FUNCTION, or",
+            "--policy must be MODULE:FUNCTION or",
         ),
-        (["train", "--budget", "0.1", "--out", "new"], "--budget goes with --suite"),
+        (["train", "--budget", "0.1", "--out", "new"], "--budget needs --suite"),
         (["score", "r.json", "--suite", "--reference", "f"], "either --suite or --reference"),
     ):
         assert main(words) == 2, words

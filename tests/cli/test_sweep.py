@@ -78,7 +78,7 @@ def test_a_number_that_is_given_is_not_varied() -> None:
     planned = plan(WITHOUT_SEEDS | {"bonus_reward": 0.5}, ["rnd"])["rnd"]
     assert [name for name, _ in planned.grid] == ["rnd_loss"]
     assert planned.hparams["bonus_reward"] == 0.5
-    with pytest.raises(SettingError, match="clip is given, and varied by the grid"):
+    with pytest.raises(SettingError, match="clip is given and also in the grid"):
         plan(WITHOUT_SEEDS | {"clip": 0.1, "grid": {"clip": [0.1, 0.2]}}, ["ppo"])
 
 
@@ -138,7 +138,7 @@ def test_command_trains_skips_and_lists(
     assert "ppo, clip 0.2" in shown
     before = (tmp_path / "s" / "ppo" / "metrics.jsonl").read_bytes()
     assert main(["sweep", *flags]) == 2
-    assert "there is a run in" in capsys.readouterr().err
+    assert "already has a run" in capsys.readouterr().err
     assert main(["sweep", *flags, "--resume"]) == 0
     assert (tmp_path / "s" / "ppo" / "metrics.jsonl").read_bytes() == before
     capsys.readouterr()

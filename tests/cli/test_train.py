@@ -61,7 +61,7 @@ def test_trains_resumes_and_plots(
     assert (out / "metrics.jsonl").read_bytes() == before
     capsys.readouterr()
     assert main(["train", *flags, "--out", str(out)]) == 2
-    assert "there is a run in" in capsys.readouterr().err
+    assert "already has a run" in capsys.readouterr().err
     assert main(["train", "--out", str(out), "--resume", "--epochs=3", "--gamma=.5"]) == 2
     assert "config.epochs (3, not 2); hparams.gamma (0.5, not null)" in capsys.readouterr().err
     assert main(["train", "--out", str(out), "--resume", "--env=simple"]) == 2
@@ -119,7 +119,7 @@ def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
         patch.setattr(training.Timing, "write", interrupt)
         assert main(["train", *flags, "--out", str(out)]) == 130
     captured = capsys.readouterr()
-    assert f"stopped; to go on: jaxenstein train --out {out} --resume" in captured.err
+    assert f"stopped; to continue: jaxenstein train --out {out} --resume" in captured.err
     assert RunFolder.open(out).checkpoints.updates()[-1] == 2
     # The signals are again what they were.
     assert signal.getsignal(signal.SIGINT) is before
@@ -137,7 +137,7 @@ def test_a_training_that_diverges_says_so_and_keeps_what_was_finite(
         assert [f"seed-{seed} {told}" in err for seed in (0, 1)] == [True, True]
         assert "it stops learning; try a lower --learning-rate" in err
         assert "all 2 runs diverged" in err
-        assert "to go on" not in err
+        assert "to continue" not in err
     before = (out / "metrics.jsonl").read_bytes()
     assert main(["train", "--out", str(out), "--resume", "--no-tensorboard"]) == 3
     assert f"seed-1 {told}" in capsys.readouterr().err

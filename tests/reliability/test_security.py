@@ -311,7 +311,7 @@ def test_yaml_of_names_for_names_is_refused(tmp_path: Path) -> None:
     lines = ["settings:", "  a0: &a0 [1, 1]"]
     lines += [f"  a{i + 1}: &a{i + 1} [*a{i}, *a{i}, *a{i}, *a{i}, *a{i}]" for i in range(12)]
     (tmp_path / "c.yaml").write_text("\n".join(lines))
-    with pytest.raises(SettingError, match="write the value again"):
+    with pytest.raises(SettingError, match="repeat the value"):
         read_file(tmp_path / "c.yaml")
 
 

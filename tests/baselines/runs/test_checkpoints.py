@@ -168,7 +168,7 @@ def test_a_file_that_promises_too_much_costs_nothing(store: Checkpoints) -> None
     np.lib.format.write_array_header_1_0(header, huge)
     with zipfile.ZipFile(store.folder / "1.npz", "w") as archive:
         archive.writestr("['a'].npy", header.getvalue())
-    with pytest.raises(CheckpointError, match=r"is of another state: .* int32"):
+    with pytest.raises(CheckpointError, match=r"belongs to another state: .* int32"):
         store.restore({"a": np.zeros(5, np.int32)})
     swollen = io.BytesIO()
     np.save(swollen, np.zeros(5, np.int32))

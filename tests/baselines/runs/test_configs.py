@@ -80,7 +80,7 @@ def test_names_are_found_and_paths_win(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_misspelt_name_says_the_nearest(
     given: str, near: str, capsys: pytest.CaptureFixture
 ) -> None:
-    message = f"cannot read {given}: no such file, and this package has no configuration {given!r}"
+    message = f"cannot read {given}: no such file, and this package has no config {given!r}"
     with pytest.raises(SettingError) as raised:
         find_config(given)
     assert str(raised.value).startswith(f"{message}, did you mean {near}?; ")

@@ -162,7 +162,7 @@ def test_record_plays_a_trained_agent_where_it_was_trained(
     assert main([*common, "--width", "20"]) == 2
     assert "was trained on observations [[12, 16, 3]]" in capsys.readouterr().err
     assert main(["record", "simple", "--run", "1", "--out", str(film)]) == 2
-    assert "--run and --greedy go with the run directory" in capsys.readouterr().err
+    assert "--run and --greedy need --policy with a run directory" in capsys.readouterr().err
     for more in ([], ["--run", "1"]):
         assert main(["record", "--policy", "missing", *more, "--out", str(film)]) == 2
         assert "there is no run directory 'missing'" in capsys.readouterr().err

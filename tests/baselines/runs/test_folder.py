@@ -196,14 +196,14 @@ def test_other_rules_end_a_run_and_other_versions_are_told(
 
 
 def test_where_runs_lie_is_told(whole: RunFolder) -> None:
-    with pytest.raises(SettingError, match=r"but in .*run"):
+    with pytest.raises(SettingError, match=r"there are runs in .*run"):
         RunFolder.open(whole.path.parent)
     with pytest.raises(SettingError, match="is a file, not a run directory"):
         RunFolder.open(whole.path / CONFIG)
 
 
 def test_a_folder_holds_one_run_that_one_process_trains(whole: RunFolder) -> None:
-    with pytest.raises(SettingError, match=r"there is a run in .* already"):
+    with pytest.raises(SettingError, match=r"already has a run: --resume continues it"):
         RunFolder.create(whole.path, whole.experiment)
     with whole.locked(), pytest.raises(SettingError, match="another process is training"):
         train(RunFolder.open(whole.path))
@@ -216,11 +216,11 @@ def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
     misspelt = plain | {"config": plain["config"] | {"epohcs": 1}}
     for text, reason in (
         ("{", "is not JSON"),
-        ("[]", "not the configuration of a run"),
+        ("[]", "not the config of a run"),
         ('{"format": 99}', "format 99, not 1"),
         ('{"format": true}', "format True, not 1"),
-        ('{"format": 1}', "not the configuration of a run"),
-        (json.dumps(plain | {"seeds": [0, 3]}), r"'seeds' must follow each other, not \[0, 3\]"),
+        ('{"format": 1}', "not the config of a run"),
+        (json.dumps(plain | {"seeds": [0, 3]}), r"'seeds' must be consecutive, not \[0, 3\]"),
         (json.dumps(misspelt), "unknown setting 'epohcs', did you mean 'epochs'"),
     ):
         (tmp_path / CONFIG).write_text(text)
@@ -365,11 +365,11 @@ def test_metrics_of_another_run_are_refused(experiment: Experiment, tmp_path: Pa
     file = MetricsFile(tmp_path)
     file.write(rows[:2])
     assert (tmp_path / METRICS).read_text() == "".join(lines[:2])
-    with pytest.raises(SettingError, match=r"metrics.jsonl has 2 whole rows where .* needs 3"):
+    with pytest.raises(SettingError, match=r"metrics.jsonl has 2 complete rows, but .* needs 3"):
         MetricsFile(tmp_path, rows=3)
     MetricsFile(tmp_path, rows=1).write(rows[2:])
     assert read_metrics(tmp_path) == [rows[0], rows[2]]
-    with pytest.raises(SettingError, match="has metrics, but no checkpoint"):
+    with pytest.raises(SettingError, match="has metrics but no checkpoint"):
         train(RunFolder.create(tmp_path, experiment))
     assert len(read_metrics(tmp_path)) == 2
 

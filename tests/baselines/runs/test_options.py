@@ -247,7 +247,7 @@ def test_yaml_is_read_where_there_is_pyyaml(
     pytest.importorskip("yaml")
     assert read_file(file) == {"algo": "rnd", "seeds": 2}
     file.write_text("- 1\n")
-    with pytest.raises(SettingError, match="must hold names with values"):
+    with pytest.raises(SettingError, match="must be a table of names with values"):
         read_file(file)
     file.write_text("{")
     with pytest.raises(SettingError, match="is not YAML"):

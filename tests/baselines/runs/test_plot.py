@@ -106,7 +106,7 @@ def test_rows_without_a_count_are_told(folder: Path, name: str) -> None:
     *rest, last = map(json.loads, file.read_text().splitlines())
     del last[name]
     file.write_text("".join(json.dumps(row) + "\n" for row in [*rest, last]))
-    with pytest.raises(SettingError, match=f"is damaged: the '{name}' of a row is no whole number"):
+    with pytest.raises(SettingError, match=f"is damaged: '{name}' in a row is not a whole number"):
         curves_of(folder)
 
 
