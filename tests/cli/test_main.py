@@ -48,7 +48,7 @@ def test_list_gives_variants_rows_on_demand(
         assert main(words) == 0
         table, notes = capsys.readouterr().out.split("\n\n")
         assert [line.split()[0] for line in table.splitlines() if line[0] != " "] == ["ID", *rows]
-        told = "as doom-basic (--all): doom-simpler-basic" in notes.splitlines()
+        told = "variants of doom-basic (--all): doom-simpler-basic" in notes.splitlines()
         assert told == (rows != some)
 
 
@@ -123,9 +123,9 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["rollout"], "ID"),
         (["rollout", "simple", "--map-file", "x"], "either"),
         (["rollout", "my-way-hom"], "my-way-home"),
-        (["rollout", "..tasks:mine"], "'..tasks' names no module"),
-        (["rollout", ":simple"], "'' names no module"),
-        (["rollout", "simple", "--import", ""], "'' names no module"),
+        (["rollout", "..tasks:mine"], "'..tasks' is not the name of a module"),
+        (["rollout", ":simple"], "'' is not the name of a module"),
+        (["rollout", "simple", "--import", ""], "'' is not the name of a module"),
         (["rollout", "simple", "--envs", "0"], "from 1 on"),
         (["rollout", "simple", "--envs", "many"], "'many'"),
         (["rollout", "simple", "--fov", "200"], "30 to 120"),

@@ -38,7 +38,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
         assert about.environment == suite.SUITES["small"].spec(suite.task_of(task))
         assert (about.config.algo, about.recipe, about.config.total_steps) == ("rnd", "tuned", 188)
     assert main(train) == 2
-    assert "there is a run in rnd/t-maze already: --resume" in capsys.readouterr().err
+    assert "rnd/t-maze already has a run: --resume" in capsys.readouterr().err
     assert main([*train, "--resume"]) == 0
 
     assert main(["evaluate", "rnd", "--suite", "--episodes", "2", "--json", "rnd.json"]) == 0
@@ -79,7 +79,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["--frame-skip", "2"], "--suite fixes --frame-skip; leave it out"),
         (["--env", "simple"], "--suite fixes --env; leave it out"),
-        (["--total-steps", "100"], "--suite fixes --total-steps; leave it out; --budget X trains"),
+        (["--total-steps", "100"], "--suite fixes --total-steps; leave it out; --budget X"),
         (["--budget", "0.00001"], "rollout = 8192, one update, not 30"),
         (["--budget", "-1"], "--budget"),
     ],

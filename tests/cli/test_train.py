@@ -135,7 +135,7 @@ def test_a_training_that_diverges_says_so_and_keeps_what_was_finite(
     assert main(command) == 3
     for err in (capsys.readouterr().err,):
         assert [f"seed-{seed} {told}" in err for seed in (0, 1)] == [True, True]
-        assert "it stops learning; try a lower --learning-rate" in err
+        assert "It stops learning; try a lower --learning-rate" in err
         assert "all 2 runs diverged" in err
         assert "to continue" not in err
     before = (out / "metrics.jsonl").read_bytes()

@@ -49,9 +49,9 @@ if TYPE_CHECKING:
 
 HELP = "evaluate agents over many episodes"
 DESCRIPTION = f"""\
-Play whole episodes with the agents of a run directory, of a file from 'jaxenstein export', or with
-a pretrained agent ('jaxenstein list --pretrained'). The table shows mean returns and success rates
-with the most likely actions ("greedy") and with sampled actions ("sampled"), with 95 % bootstrap
+Play whole episodes with the agents of a run directory, an agent from 'jaxenstein export', or a
+pretrained agent ('jaxenstein list --pretrained'). The table shows mean returns and success rates
+for the most likely actions ("greedy") and for sampled actions ("sampled"), with 95 % bootstrap
 intervals over runs and episodes. --gif also films one episode beside the map.
 
 --env, --map-file, --set and --param test the agents in another environment with the same
@@ -68,8 +68,8 @@ a doom- environment that is not a sparse variant.
 --policy NAME plays with a scripted player of the task, such as random, idle or expert. Scripted
 players see the whole state.
 
---suite tests an agent on every task of the benchmark, with sampled actions. Give --policy, or as
-RUN the folder of 'jaxenstein train --suite'. Tasks with a split are played on their test levels.
+--suite tests an agent on every task of the benchmark, with sampled actions. Give --policy, or the
+folder of 'jaxenstein train --suite' as RUN. Tasks with a split are played on their test levels.
 'jaxenstein score --suite' reads the file that --json writes."""
 EPILOG = """\
 examples:

@@ -27,7 +27,7 @@ from .experiment import Experiment, check_seeds
 SIZE = {"height": 64, "width": 64}
 # The maximum depth of nested lists and tables in a YAML file.
 DEEPEST = 20
-PRESETS, TRAINING, NUMBERS = "presets", "training", "numbers"
+PRESETS, TRAINING, NUMBERS = "presets", "training", "hyperparameters"
 RUNS = (
     Option("seed", "runs", Domain("whole", 0, 2**32 - 1), 0, "the first seed"),
     Option("seeds", "runs", Domain("whole", 1), 1, "parallel runs, each with its own seed"),
