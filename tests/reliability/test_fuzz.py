@@ -59,7 +59,7 @@ def test_what_is_accepted_and_refused() -> None:
     assert judged(lambda: None) == ""
     refusal = judged(fail(SettingError("height must be 3, not 'x'")))
     assert skeleton(refusal) == "height must be N, not '..'"
-    with pytest.raises(AssertionError, match="names no file"):
+    with pytest.raises(AssertionError, match="does not name a file"):
         judged(fail(SettingError("there is something wrong")), named=True)
     assert judged(fail(SettingError("a.txt: something is wrong")), named=True)
 
@@ -69,7 +69,7 @@ def test_what_is_accepted_and_refused() -> None:
     [
         (fail(KeyError("x")), KeyError, "x"),
         (fail(RecursionError("deep")), RecursionError, "deep"),
-        (fail(SettingError("bad")), AssertionError, "an error that says nothing"),
+        (fail(SettingError("bad")), AssertionError, "an error without a message"),
         (lambda: warnings.warn("overflow", RuntimeWarning, 1), RuntimeWarning, "overflow"),
         (lambda: time.sleep(5), AssertionError, "took longer than 0.2 s"),
         (lambda: Path("b.part").write_text(""), AssertionError, "left files behind: .'b.part'"),

@@ -170,11 +170,14 @@ def test_a_run_trains_longer(whole: RunFolder, tmp_path: Path) -> None:
     train(alone)
     assert_same_result(RunFolder.open(folder.path), alone)
     folder.go_on_as(longer)
-    for steps, reason in ((OPTIONS["total_steps"], "has 384 already"), (10_000, "another config")):
+    for steps, reason in (
+        (OPTIONS["total_steps"], "total_steps is already 384"),
+        (10_000, "another config"),
+    ):
         other = tiny(**steady, total_steps=steps, epochs=2 + (steps == 10_000))
         with pytest.raises(SettingError, match=reason):
             folder.go_on_as(other)
-    with pytest.raises(SettingError, match="cannot go on to 384 steps: its learning rate falls"):
+    with pytest.raises(SettingError, match="cannot continue to 384 steps: its learning rate is"):
         whole.go_on_as(tiny(total_steps=384))
 
 
@@ -185,13 +188,13 @@ def test_other_rules_end_a_run_and_other_versions_are_told(
     plain = json.loads((whole.path / CONFIG).read_text())
     plain["made_with"]["jax"] = "0.0.1"
     (tmp_path / "run" / CONFIG).write_text(json.dumps(plain))
-    with pytest.warns(UserWarning, match="began with jax 0.0.1, not"):
+    with pytest.warns(UserWarning, match="was started with jax 0.0.1, not"):
         train(RunFolder.open(tmp_path / "run"))
     plain["environment"]["version"] = 9
     (tmp_path / "run" / CONFIG).write_text(json.dumps(plain))
-    with pytest.warns(UserWarning, match="trained on version 9 of its map, which is version 0 now"):
+    with pytest.warns(UserWarning, match="trained on version 9 of its map, which is now version 0"):
         folder = RunFolder.open(tmp_path / "run")
-    with pytest.raises(SettingError, match="cannot go on: it was trained on version 9"):
+    with pytest.raises(SettingError, match="cannot be resumed: it was trained on version 9"):
         train(folder)
 
 
@@ -389,7 +392,7 @@ for number in range(40):
         RunFolder.create(Path(sys.argv[1], str(number)), experiment)
         print(number)
     except JAXensteinError as error:
-        assert "there is a run" in str(error) or "another process" in str(error), error
+        assert "already has a run" in str(error) or "another process" in str(error), error
 """
 
 
