@@ -1,4 +1,4 @@
-"""`jaxenstein convert`: what it writes can be read, and nothing is left half-written."""
+"""`jaxenstein convert`: its files can be read, and none is left incomplete."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_unwritable_targets_are_told(lab: Path, capsys: pytest.CaptureFixture[st
 def test_a_full_disk_leaves_nothing(
     fails: int, lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whichever of the two files does not fit."""
+    """Whichever of the two files cannot be written."""
     write, written = Path.write_text, []
 
     def fill_up(path: Path, text: str, **options: str) -> int:

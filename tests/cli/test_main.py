@@ -270,7 +270,7 @@ def test_warnings_about_a_map_are_one_line(
     monkeypatch.chdir(tmp_path)
     path = Path("walled.txt")
     path.write_text("#######\n#S#.#G#\n#######\n")
-    # The map is read, and then the output turns out to be impossible.
+    # The map is read before the output turns out to be impossible.
     assert main(["record", "--map-file", str(path), "--out", "none/a.gif"]) == 1
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("jaxenstein: warning: ")
@@ -280,7 +280,7 @@ def test_warnings_about_a_map_are_one_line(
 def test_errors_do_not_command_the_terminal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A terminal obeys some signs, and a file may have them in the name of an entry."""
+    """Control characters in a file must not reach the terminal."""
     table = {"format": FORMAT, "format_version": FORMAT_VERSION, "made_by": {}, "\x1b[2J\u202e": 1}
     (tmp_path / "a.json").write_text(json.dumps(table))
     assert main(["replay", str(tmp_path / "a.json")]) == 2

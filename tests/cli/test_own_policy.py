@@ -1,4 +1,4 @@
-"""Policies of one's own on the command line: `--policy MODULE:FUNCTION`."""
+"""Users' own policies on the command line: `--policy MODULE:FUNCTION`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from jaxenstein.results import read_results
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
-# Forward, but for every third step, in which it turns left; and agents that are none.
+# Forward, except for a left turn in every third step; and invalid agents.
 MODULE = '''
 """Agents of a user."""
 import jax.numpy as jnp

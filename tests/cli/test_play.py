@@ -41,7 +41,7 @@ PlayInWindow = Callable[..., list[dict[str, Any]]]
 
 
 class Player(window_module.Window):
-    """A window at which somebody taps a list of keys, each when the one before has been shown.
+    """A window in which a list of keys is pressed, each after the previous one has been shown.
 
     Instead of the name of a key there may be a function to call.
     """
@@ -92,7 +92,7 @@ def cut(look: dict[str, Any], box: Rectangle) -> np.ndarray:
 
 
 def reference(actions: Sequence[int], seed: int = 0) -> list[np.ndarray]:
-    """What an agent sees that takes these actions."""
+    """The observations of an agent that takes these actions."""
     env, params = jaxenstein.make("key-door", **SMALL)
     session = Session(env, params, seed)
     return [np.asarray(session.observation), *(np.asarray(session.step(a)) for a in actions)]
@@ -126,7 +126,7 @@ def test_from_the_notice_to_the_goal(
     over = moves[len(FINISHED) - 1]
     assert over["overlay"][:2] == ["reached the goal", f"return +1 after {len(FINISHED)} steps"]
     assert "keys: red" in over["lines"][0]
-    # After the end nothing was played.
+    # Nothing was played after the end.
     with Image.open(gif) as image:
         assert image.n_frames == len(FINISHED) + 1  # type: ignore[attr-defined]
     saved = json.loads(file.read_text())

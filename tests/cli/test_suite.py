@@ -16,7 +16,7 @@ from jaxenstein.results import read_results
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
-# A sixteenth of a thousandth of the budget is 187 decisions.
+# 1 / 16,000 of the decisions is 187.
 LITTLE = ["--budget", "0.0000625", "--num-envs", "4", "--rollout", "32", "--minibatches", "2"]
 TINY = ["--features", "8", "--hidden", "8", "--head", "8", "--epochs", "1", "--seeds", "2"]
 

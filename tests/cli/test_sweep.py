@@ -25,7 +25,7 @@ WITHOUT_SEEDS = {name: value for name, value in OPTIONS.items() if name != "seed
 
 
 def write_metrics(folder: RunFolder, returns: list[float | None]) -> None:
-    """Ten updates in which each run has a return of its own, None for no episode."""
+    """Ten updates in which each run has its own return; None means no episode."""
     rows = []
     for update in range(1, 11):
         for run, value in zip(folder.experiment.runs, returns, strict=True):
@@ -127,7 +127,7 @@ def test_command_trains_skips_and_lists(
     common: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flags = [*common, "--grid", "clip=0.1,0.2"]
-    # Its time is over at once; then it goes on.
+    # The time is over at once; then the sweep continues.
     assert main(["sweep", *flags, "--minutes=0"]) == 130
     assert "0 of 6 updates" in capsys.readouterr().out
     assert main(["sweep", *flags, "--no-grid"]) == 2

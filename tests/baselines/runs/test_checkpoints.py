@@ -1,4 +1,4 @@
-"""Checkpoints: exact, whole or not there, and clear about why not."""
+"""Checkpoints are exact, complete or absent, and errors say why."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_state_comes_back_bit_for_bit(store: Checkpoints) -> None:
     assert restored is not None
     assert (restored.update, restored.damaged) == (7, ())
     assert_same(restored.state, state_of(3))
-    # A typed key is a key again and draws what it would have drawn.
+    # A typed key is restored as a key and draws the same numbers.
     drawn = jax.random.normal(restored.state["key"][1])
     assert drawn == jax.random.normal(state_of(3)["key"][1])
 
@@ -208,7 +208,7 @@ def test_another_state_is_refused_with_the_leaf_that_differs(store: Checkpoints)
         store.restore(other)
     with pytest.raises(CheckpointError, match=r"\['more'\] is missing"):
         store.restore(state_of(1) | {"more": jnp.zeros(3)})
-    # A part of it is not another one.
+    # A part of a state is not another state.
     part = store.restore({"flags": state_of(1)["flags"]}, whole=False)
     assert part is not None
     np.testing.assert_array_equal(part.state["flags"], state_of(1)["flags"])
@@ -243,7 +243,7 @@ def test_too_little_space_is_told_early(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(shutil, "disk_usage", lambda _: free)
     with pytest.raises(OutputError, match="3 checkpoints need about 12 MB, but only 12 MB are"):
         check_space(tmp_path, state)
-    # Those that are there already have their room.
+    # Existing checkpoints already have their space.
     check_space(tmp_path, state, there=1)
     free = free._replace(free=3_999_999)
     with pytest.raises(OutputError, match="1 checkpoint needs about 4 MB, 4 MB are free"):

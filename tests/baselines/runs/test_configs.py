@@ -1,4 +1,4 @@
-"""The configurations of this package: their names, what they say, and the list of them."""
+"""The configs of this package: names, contents, and their list."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_names_are_found_and_paths_win(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     assert find_config("room") == find_config("room", tmp_path) == configs()["room"]
     assert find_config(Path("figure3") / "simple") == configs()["figure3/simple"]
-    # A folder of that name is no file.
+    # A folder with that name is not a file.
     (tmp_path / "room").mkdir()
     assert find_config("room") == configs()["room"]
     (tmp_path / "simple-skip6").write_text("seeds = 2\n")

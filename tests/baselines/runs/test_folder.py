@@ -90,14 +90,14 @@ def test_stopped_and_resumed_is_the_same(
 def test_killed_at_random_moments_and_resumed_is_the_same(
     experiment: Experiment, tmp_path: Path
 ) -> None:
-    """Processes of their own, killed while they train or write, until one comes to the end.
+    """Processes are killed while they train or write, until one completes.
 
     They save after every update, and so does the one that nobody kills: a chunk of another length
     is another program, which may round differently.
     """
     folder, undisturbed = (RunFolder.create(tmp_path / n, experiment) for n in ("run", "whole"))
     rng = random.Random(0)
-    # What is killed may leave half of a program, so nobody else takes them from there.
+    # A killed process may leave an incomplete program, so no other test uses this cache.
     environment = os.environ | {
         "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "compiled"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
@@ -270,7 +270,7 @@ def test_a_folder_that_cannot_be_written_is_told_first(
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"not a directory|is not a folder"):
         RunFolder.create(tmp_path / "file" / "run", experiment)
-    # Root may write everywhere, so the refusal of the system is played.
+    # Root may write everywhere, so the refusal is simulated.
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(OutputError, match="no permission"):
         RunFolder.create(tmp_path / "run", experiment)
@@ -353,7 +353,7 @@ def test_a_training_that_never_began_leaves_what_was_there(
         with pytest.raises(OutputError):
             train(folder)
     assert [path.name for path in folder.path.iterdir()] == ["notes.txt"]
-    # A run of before is never removed.
+    # An existing run is never removed.
     RunFolder.create(tmp_path / "run", experiment)
     with monkeypatch.context() as patch:
         patch.setattr(Checkpoints, "save", full)

@@ -1,4 +1,4 @@
-"""Curves of metrics that other programs wrote: JSON lines and TensorBoard's files."""
+"""Curves of metrics from other programs: JSON Lines and TensorBoard files."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_seeds_with_different_steps_have_no_gaps_in_their_curves(tmp_path: Path)
     for seed, steps in enumerate(places):
         for point, (low, high) in enumerate(zip(starts, curve.at, strict=True)):
             inside = steps[(steps > low) & (steps <= high)]
-            # Only behind the end of a run is nothing.
+            # Values are missing only after the end of a run.
             assert len(inside) > 0 or low >= steps[-1] or high < steps[0]
             wanted = inside.mean() if len(inside) else np.nan
             np.testing.assert_allclose(curve.values[seed, point], wanted)

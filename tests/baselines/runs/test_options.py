@@ -1,4 +1,4 @@
-"""Options: names, defaults, files, recipes, and an experiment that is written and read."""
+"""Options: names, defaults, files, recipes, and experiments as JSON."""
 
 from __future__ import annotations
 

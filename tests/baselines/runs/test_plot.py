@@ -29,7 +29,7 @@ from tests.baselines.tiny import UPDATES, tiny
 
 
 def write_run(path: Path, successes: list[list[int]], **options: Any) -> Path:
-    """A run directory whose runs [update][run] had so many successes in ten episodes."""
+    """A run directory with the numbers of successes [update][run] in ten episodes."""
     experiment = tiny(**options)
     RunFolder.create(path, experiment)
     rows = []

@@ -1,4 +1,4 @@
-"""Agents in files of their own: what is written, what is read, those that come with the package."""
+"""Agents in files: writing, reading, and the pretrained agents."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_what_is_no_agent_is_told(file: Path, change: Any, message: str) -> None
 
 @pytest.mark.parametrize("spoilt", ["config.json", "bias'].npy"])
 def test_a_file_that_swells_is_refused(file: Path, tmp_path: Path, spoilt: str) -> None:
-    """An entry that Python would unpack at once, however little of it is asked for."""
+    """An entry that Python would unpack as a whole, even to read a few bytes."""
     path = tmp_path / "swollen.npz"
     with zipfile.ZipFile(file) as archive, zipfile.ZipFile(path, "w") as other:
         for name in archive.namelist():
