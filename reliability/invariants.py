@@ -24,7 +24,7 @@ def of_state(env: Any, state: Any, params: Any) -> Checks:
         "time is from 0 to the limit": (state.time >= 0)
         & (state.time < params.max_steps_in_episode),
         "the episode is not over": ~state.done,
-        "sprites have a look that there is": _in_range(
+        "sprites have an existing look": _in_range(
             scene.sprites.picture, len(scene.theme.sprite_art)
         ),
     }
@@ -56,8 +56,8 @@ def of_step(env: Any, before: Any, after: Any, outcome: Any, params: Any) -> Che
         "reward and info are finite": _finite((reward, info)),
         "returns add up": jnp.abs(info["episode_return"] - total)
         <= _CLOSE * jnp.maximum(1, jnp.abs(total)),
-        "the clock goes on by one": info["episode_length"] == before.time + 1,
-        "a new episode begins at 0, an old one goes on": after.time
+        "the clock advances by one": info["episode_length"] == before.time + 1,
+        "the clock is 0 in a new episode and continues in an old one": after.time
         == jnp.where(ended, 0, before.time + 1),
         "the time limit truncates": truncated
         == (info["episode_length"] >= params.max_steps_in_episode),
@@ -65,7 +65,7 @@ def of_step(env: Any, before: Any, after: Any, outcome: Any, params: Any) -> Che
     }
     for name in env.about().lasting:
         lost = jnp.any(getattr(before, name) & ~getattr(after, name))
-        checks[f"what is {name} stays {name}"] = ~lost | elsewhere
+        checks[f"{name} things stay {name}"] = ~lost | elsewhere
     return checks
 
 
