@@ -324,7 +324,7 @@ def test_seeds():
     # A setting of JAX changes none.
     with jax.default_prng_impl("rbg"):
         equal(learner_of(Countdown()).init(KEY).params, before.params)
-        with pytest.raises(SettingError, match="a key must be one of threefry2x32"):
+        with pytest.raises(SettingError, match="a key must be a threefry2x32 key"):
             learner().init(jax.random.key(0))
 
 

@@ -82,7 +82,7 @@ def test_no_results(tmp_path):
     with pytest.raises(SettingError, match="no results"):
         read_results(tmp_path)
     (tmp_path / "peers.json").write_text("{}")
-    with pytest.raises(SettingError, match="is not a result of part peers"):
+    with pytest.raises(SettingError, match="is not a result of this suite"):
         read_results(tmp_path)
 
 

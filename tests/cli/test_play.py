@@ -179,7 +179,7 @@ def test_without_a_step_there_is_nothing_to_write(
 
 def test_help_says_what_agents_see(play_in_window: PlayInWindow) -> None:
     looks = play_in_window(["h", "q"])
-    assert "16x12 pixels; agents see 64x64 by default (--native)" in looks[-1]["overlay"]
+    assert "16x12 pixels; the default for agents is 64x64 (--native)" in looks[-1]["overlay"]
 
 
 def test_input_that_is_no_terminal_is_told(

@@ -246,5 +246,5 @@ def test_too_little_space_is_told_early(tmp_path: Path, monkeypatch: pytest.Monk
     # Existing checkpoints already have their space.
     check_space(tmp_path, state, there=1)
     free = free._replace(free=3_999_999)
-    with pytest.raises(OutputError, match="1 checkpoint needs about 4 MB, 4 MB are free"):
+    with pytest.raises(OutputError, match="1 checkpoint needs about 4 MB, but only 4 MB"):
         check_space(tmp_path, state, there=2)
