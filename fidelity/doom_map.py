@@ -1,12 +1,12 @@
-"""Maps of ViZDoom's scenarios, read from the installed package and held up against ours.
+"""Compare the maps of ViZDoom's scenarios with ours.
 
     python -m fidelity.doom_map
 
-Needs the extra `bench`; the exit status is 1 if a map of `tasks/doom/maps` is not the game's.
+Needs the extra `bench`. The exit status is 1 if a map of `tasks/doom/maps` differs from the game's.
 
-A WAD file is a header (kind, number of entries, offset of the directory), lumps, and a directory
-of 16 bytes an entry (offset, size, name). The lump `TEXTMAP` has a map in the Universal Doom Map
-Format: blocks `name { key = value; ... }`, each kind numbered from 0 in the order of the text.
+A WAD file has a header (kind, number of entries, offset of the directory), lumps, and a directory
+with 16 bytes per entry (offset, size, name). The lump `TEXTMAP` has a map in the Universal Doom Map
+Format: blocks `name { key = value; ... }`; the blocks of a kind are numbered from 0 in their order.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ Block = dict[str, str]
 
 
 def read_lump(path: Path, name: str) -> bytes:
-    """The first lump of a WAD file with a name.
+    """Read the first lump with a name from a WAD file.
 
     Raises:
-        MapError: if the file is no WAD file or lacks the lump.
+        MapError: the file is not a WAD file, or has no such lump.
     """
     data = path.read_bytes()
     if data[:4] not in (b"IWAD", b"PWAD"):
@@ -54,10 +54,10 @@ def read_lump(path: Path, name: str) -> bytes:
 
 
 def parse_udmf(text: str, source: str = "TEXTMAP") -> dict[str, list[Block]]:
-    """The blocks of a UDMF text by kind, all names in lower case; global fields are skipped.
+    """Parse the blocks of a UDMF text by kind, with lower-case names; global fields are skipped.
 
     Raises:
-        MapError: something of the text is neither a block nor a field.
+        MapError: a part of the text is neither a block nor a field.
     """
     text, blocks = _COMMENT.sub("", text), dict[str, list[Block]]()
     left = [_FIELD.sub("", _BLOCK.sub("", text))]
@@ -74,8 +74,8 @@ def read_map(text: str, source: str = "TEXTMAP") -> DoomMap:
     """Read a UDMF text.
 
     Raises:
-        MapError: the text is malformed, or the map is none that we have: floors or ceilings of
-            several heights, walls along no axis, lines that block without being walls.
+        MapError: the text is malformed, or the map is not supported: it has several heights of
+            floors or ceilings, oblique walls, or blocking lines that are not walls.
     """
     blocks = parse_udmf(text, source)
     walls = []
@@ -112,7 +112,7 @@ def _common(sectors: list[Block], key: str, default: float, source: str) -> floa
 
 
 def main() -> int:
-    """Compare all maps; the exit code."""
+    """Compare all maps; return the exit code."""
     folder, differ = Path(load_vizdoom().scenarios_path), False
     for name in NAMES:
         path = folder / f"{name.replace('-', '_')}.wad"

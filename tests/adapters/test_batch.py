@@ -1,4 +1,4 @@
-"""The batch beside a loop over single environments, and what callers may rely on."""
+"""The batch against a loop over single environments, and its guarantees."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def test_list_gives_variants_rows_on_demand(
         assert main(words) == 0
         table, notes = capsys.readouterr().out.split("\n\n")
         assert [line.split()[0] for line in table.splitlines() if line[0] != " "] == ["ID", *rows]
-        told = "as doom-basic (--all): doom-simpler-basic" in notes.splitlines()
+        told = "variants of doom-basic (--all): doom-simpler-basic" in notes.splitlines()
         assert told == (rows != some)
 
 
@@ -62,7 +62,7 @@ def test_list_tells_how_many_levels_there_are(capsys: pytest.CaptureFixture[str]
         ["7x3*", "36"],
         ["11x11*", "10,000+"],
     ]
-    assert "levels: the number of different levels; + means at least so many" in notes
+    assert "levels: number of different levels; + means at least this many" in notes
 
 
 def test_list_tells_which_actions_are_whose() -> None:
@@ -123,9 +123,9 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["rollout"], "ID"),
         (["rollout", "simple", "--map-file", "x"], "either"),
         (["rollout", "my-way-hom"], "my-way-home"),
-        (["rollout", "..tasks:mine"], "'..tasks' names no module"),
-        (["rollout", ":simple"], "'' names no module"),
-        (["rollout", "simple", "--import", ""], "'' names no module"),
+        (["rollout", "..tasks:mine"], "'..tasks' is not the name of a module"),
+        (["rollout", ":simple"], "'' is not the name of a module"),
+        (["rollout", "simple", "--import", ""], "'' is not the name of a module"),
         (["rollout", "simple", "--envs", "0"], ">= 1"),
         (["rollout", "simple", "--envs", "many"], "'many'"),
         (["rollout", "simple", "--fov", "200"], "30 to 120"),
@@ -165,7 +165,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         ([*TRAIN, "--config=none.toml"], "cannot read none.toml: no such file"),
         ([*TRAIN, "--map-file=none.txt"], "cannot read the map none.txt: no such file"),
         ([*TRAIN, "--resume"], "there is no run in"),
-        ([*TRAIN, "--seeds=2"], "jaxenstein train: give an environment, --env ID"),
+        ([*TRAIN, "--seeds=2"], "jaxenstein train: give an environment with --env ID"),
         ([*TRAIN, "simple"], "argument: simple; an environment is given as --env ID"),
         ([*TRAIN, "--save-every=-1"], "must be a finite number from 0"),
     ],
@@ -251,7 +251,7 @@ def test_errors_of_jax_get_one_line(
 def test_broken_pipe_is_quiet() -> None:
     source = Path(jaxenstein.__file__).parents[1]
     process = subprocess.Popen(
-        [sys.executable, "-m", "jaxenstein.cli", "list"],
+        [sys.executable, "-m", "jaxenstein", "list"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(source)},
@@ -270,7 +270,7 @@ def test_warnings_about_a_map_are_one_line(
     monkeypatch.chdir(tmp_path)
     path = Path("walled.txt")
     path.write_text("#######\n#S#.#G#\n#######\n")
-    # The map is read, and then the output turns out to be impossible.
+    # The map is read before the output turns out to be impossible.
     assert main(["record", "--map-file", str(path), "--out", "none/a.gif"]) == 1
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("jaxenstein: warning: ")
@@ -280,7 +280,7 @@ def test_warnings_about_a_map_are_one_line(
 def test_errors_do_not_command_the_terminal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A terminal obeys some signs, and a file may have them in the name of an entry."""
+    """Control characters in a file must not reach the terminal."""
     table = {"format": FORMAT, "format_version": FORMAT_VERSION, "made_by": {}, "\x1b[2J\u202e": 1}
     (tmp_path / "a.json").write_text(json.dumps(table))
     assert main(["replay", str(tmp_path / "a.json")]) == 2

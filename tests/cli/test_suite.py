@@ -16,7 +16,7 @@ from jaxenstein.results import read_results
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
-# A sixteenth of a thousandth of the budget is 187 decisions.
+# 1 / 16,000 of the decisions is 187.
 LITTLE = ["--budget", "0.0000625", "--num-envs", "4", "--rollout", "32", "--minibatches", "2"]
 TINY = ["--features", "8", "--hidden", "8", "--head", "8", "--epochs", "1", "--seeds", "2"]
 
@@ -38,7 +38,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
         assert about.environment == suite.SUITES["small"].spec(suite.task_of(task))
         assert (about.config.algo, about.recipe, about.config.total_steps) == ("ppo", "tuned", 188)
     assert main(train) == 2
-    assert "there is a run in rnd/t-maze already: --resume" in capsys.readouterr().err
+    assert "rnd/t-maze already has a run: --resume" in capsys.readouterr().err
     assert main([*train, "--resume"]) == 0
 
     assert main(["evaluate", "rnd", "--suite", "--episodes", "2", "--json", "rnd.json"]) == 0
@@ -79,7 +79,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["--frame-skip", "2"], "--suite fixes --frame-skip; leave it out"),
         (["--env", "simple"], "--suite fixes --env; leave it out"),
-        (["--total-steps", "100"], "--suite fixes --total-steps; leave it out; --budget X trains"),
+        (["--total-steps", "100"], "--suite fixes --total-steps; leave it out; --budget X"),
         (["--budget", "0.00001"], "rollout = 8192, one update, not 30"),
         (["--budget", "-1"], "--budget"),
     ],
@@ -103,9 +103,9 @@ def test_evaluate_refuses_what_does_not_belong_together(
         (["evaluate", "--policy", "exprt", "--suite"], "no player 'exprt', did you mean 'expert'"),
         (
             ["evaluate", "--policy", "a/b", "--env", "simple"],
-            "--policy must be MODULE:FUNCTION, or",
+            "--policy must be MODULE:FUNCTION or",
         ),
-        (["train", "--budget", "0.1", "--out", "new"], "--budget goes with --suite"),
+        (["train", "--budget", "0.1", "--out", "new"], "--budget needs --suite"),
         (["score", "r.json", "--suite", "--reference", "f"], "either --suite or --reference"),
     ):
         assert main(words) == 2, words

@@ -60,7 +60,7 @@ def test_numbers_are_those_of_the_tasks() -> None:
     assert facts["key-corridor"]["levels"] == "at least 10,000"
     assert "levels" not in facts["simple"]
     assert facts["key-corridor"]["other name"] == "`key-corridor-s4r3`"
-    assert "by time alone" in facts["dmlab-static-03-respawn"]["ends"]
+    assert "only at the time limit" in facts["dmlab-static-03-respawn"]["ends"]
     for name in IDS:
         _, params = jaxenstein.make(name)
         assert facts[name]["horizon"] == f"{int(params.max_steps_in_episode)} steps"
@@ -71,7 +71,7 @@ def test_every_param_and_every_entry_of_info_is_explained(family, pages) -> None
     _, params = jaxenstein.make(family.ids[0])
     fields = [field.name for field in dataclasses.fields(params)]
     assert set(fields) == set(attributes(type(params)))
-    info = pages[family.name].partition("## What a step tells")[2].partition("## ")[0]
+    info = pages[family.name].partition("## Info")[2].partition("## ")[0]
     rows = re.findall(r"^\| `(\w+)` \| (\S+) \| (.+) \|$", info, re.MULTILINE)
     assert len(rows) >= 5
     assert len(rows) == info.count("\n| `")

@@ -79,7 +79,7 @@ def test_a_lump_is_found_by_name(tmp_path: Path) -> None:
 
 
 def test_a_text_of_the_package_is_read_as_it_was_written() -> None:
-    """The maps of the package say what the game's say, if that is installed."""
+    """The maps of the package equal those of the game, if it is installed."""
     vizdoom = pytest.importorskip("vizdoom")
     path = Path(vizdoom.scenarios_path) / "my_way_home.wad"
     assert read_map(read_lump(path, "TEXTMAP").decode()) == load_map("my-way-home")

@@ -1,4 +1,4 @@
-"""Options: names, defaults, files, recipes, and an experiment that is written and read."""
+"""Options: names, defaults, files, recipes, and experiments as JSON."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_configs_are_hashable_and_count_updates() -> None:
         config.replace(num_envs=8, shards=4)
     most = 40 * (2**31 - 1)
     assert config.replace(total_steps=most).updates == 2**31 - 1
-    with pytest.raises(SettingError, match=rf"must be at most .* = {most}, .*, not {most + 40}"):
+    with pytest.raises(SettingError, match=rf"must be at most .* = {most}, not {most + 40}, since"):
         config.replace(total_steps=most + 40)
 
 
@@ -247,7 +247,7 @@ def test_yaml_is_read_where_there_is_pyyaml(
     pytest.importorskip("yaml")
     assert read_file(file) == {"algo": "rnd", "seeds": 2}
     file.write_text("- 1\n")
-    with pytest.raises(SettingError, match="must hold names with values"):
+    with pytest.raises(SettingError, match="must be a table of names with values"):
         read_file(file)
     file.write_text("{")
     with pytest.raises(SettingError, match="is not YAML"):
@@ -255,7 +255,7 @@ def test_yaml_is_read_where_there_is_pyyaml(
     file.write_text(f"settings: {{a: {'[' * 18 + ']' * 18}}}")
     assert list(read_file(file)) == ["settings"]
     file.write_text(f"params: {'[' * 100_000}")
-    with pytest.raises(SettingError, match="is not YAML: more than 20 lists and tables within"):
+    with pytest.raises(SettingError, match="is not YAML: lists and tables are nested more than"):
         read_file(file)
 
 

@@ -29,7 +29,7 @@ from tests.baselines.tiny import UPDATES, tiny
 
 
 def write_run(path: Path, successes: list[list[int]], **options: Any) -> Path:
-    """A run directory whose runs [update][run] had so many successes in ten episodes."""
+    """A run directory with the numbers of successes [update][run] in ten episodes."""
     experiment = tiny(**options)
     RunFolder.create(path, experiment)
     rows = []
@@ -106,7 +106,7 @@ def test_rows_without_a_count_are_told(folder: Path, name: str) -> None:
     *rest, last = map(json.loads, file.read_text().splitlines())
     del last[name]
     file.write_text("".join(json.dumps(row) + "\n" for row in [*rest, last]))
-    with pytest.raises(SettingError, match=f"is damaged: the '{name}' of a row is no whole number"):
+    with pytest.raises(SettingError, match=f"is damaged: '{name}' in a row is not a whole number"):
         curves_of(folder)
 
 

@@ -1,4 +1,4 @@
-"""A plot of aggregates with their intervals, and of performance profiles."""
+"""Plots aggregate scores with their intervals, and performance profiles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TITLES = {
     "interquartile_mean": "interquartile mean",
     "mean": "mean",
     "median": "median",
-    "optimality_gap": "optimality gap (less is better)",
+    "optimality_gap": "optimality gap (lower is better)",
 }
 
 
@@ -25,8 +25,8 @@ def plot_scores(
     """The plot as a matplotlib figure.
 
     Args:
-        aggregates: by policy, as of `jaxenstein.scores.aggregates`.
-        profiles: by policy.
+        aggregates: results of `jaxenstein.scores.aggregates`, by policy.
+        profiles: performance profiles, by policy.
     """
     figure = new_figure(9.6, 4.2 + 0.25 * len(aggregates))
     heights = [0.6 + 0.25 * len(aggregates), 3]
@@ -39,7 +39,7 @@ def plot_scores(
             one = found[name]
             ends.barh(place, one.high - one.low, 0.6, one.low, color=colour, alpha=0.4, lw=0)
             ends.vlines(one.value, place - 0.3, place + 0.3, color=colour, lw=2)
-        # Bars would stick to the edge.
+        # Otherwise bars have no margin at the edge.
         ends.use_sticky_edges = False
         ends.margins(x=0.08)
         ends.locator_params(axis="x", nbins=4)
@@ -55,7 +55,7 @@ def plot_scores(
         band = {"step": "post", "color": colour, "alpha": 0.2, "lw": 0}
         below.fill_between(found.taus, found.low, found.high, **band)
     below.set_xlabel("normalised score τ")
-    below.set_ylabel("share of runs with a score above τ")
+    below.set_ylabel("fraction of runs with score above τ")
     below.set_ylim(-0.03, 1.03)
     below.grid(alpha=0.3)
     below.spines[["top", "right"]].set_visible(False)
