@@ -141,13 +141,13 @@ def check_writable(path: str | Path) -> None:
         pass
     except OSError as error:  # Names may be too long even to look for.
         raise OutputError(path, reason_of(error)) from error
-    if path.is_dir():
+    if os.path.isdir(path):
         raise OutputError(path, "it is a folder")
-    if path.exists() and not path.is_file():
+    if os.path.exists(path) and not os.path.isfile(path):
         raise OutputError(path, "it is a device or a pipe, in whose place a file would be put")
-    if not folder.exists():
+    if not os.path.exists(folder):
         raise OutputError(path, f"there is no folder {folder}")
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise OutputError(path, f"{folder} is not a folder")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(path, f"no permission to write in {folder}")

@@ -9,6 +9,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -124,9 +125,15 @@ def drawn_by(params: Any, seed: int) -> Any:
 
 @contextlib.contextmanager
 def handling(names: Iterable[str], handler: Callable[[int, object], None]) -> Iterator[None]:
-    """Answer the signals of these names, as far as this system has them, by a handler."""
-    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    before = {number: signal.signal(number, handler) for number in numbers}
+    """Answer the signals of these names, as far as this system has them, by a handler.
+
+    Signals that the process was told to ignore, as by `nohup`, stay ignored. Only the main thread
+    may answer signals; in others nothing happens.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in names if main and hasattr(signal, name)]
+    heard = [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in heard}
     try:
         yield
     finally:

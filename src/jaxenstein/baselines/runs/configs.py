@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import os
 from pathlib import Path, PurePath
 
 from ...errors import SettingError, nearest, quoted
@@ -52,7 +53,7 @@ def find_config(given: str | PurePath, folder: Path = Path()) -> Path:
     """
     path, known = folder / given, configs()
     # Not `is_file`: a pipe can be read, too.
-    if path.exists() and not path.is_dir():
+    if os.path.exists(path) and not os.path.isdir(path):
         return path
     name = PurePath(given).as_posix()
     if name in known:
