@@ -108,6 +108,7 @@ def check_links(folder: str | Path) -> None:
     Raises:
         SettingError: something below it is a link that leads out of it, a file that has another
             name somewhere else, or neither file nor folder.
+        OutputError: something below it is in a folder that is closed to this user.
     """
     root = Path(folder).resolve()
     for parent, names, files in os.walk(folder):
@@ -116,6 +117,8 @@ def check_links(folder: str | Path) -> None:
                 about = entry.lstat()
             except FileNotFoundError:
                 continue  # another process' temporary file
+            except OSError as error:
+                raise OutputError(entry, reason_of(error)) from error
             mode = about.st_mode
             inside = Path(os.path.realpath(entry)).is_relative_to(root)
             if (stat.S_ISLNK(mode) and not inside) or (stat.S_ISREG(mode) and about.st_nlink > 1):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import os
+import stat
 from pathlib import Path, PurePath
 
 from ...errors import SettingError, nearest, quoted
@@ -52,9 +53,14 @@ def find_config(given: str | PurePath, folder: Path = Path()) -> Path:
         SettingError: there is neither such a file nor such a configuration.
     """
     path, known = folder / given, configs()
-    # Not `is_file`: a pipe can be read, too.
-    if os.path.exists(path) and not os.path.isdir(path):
-        return path
+    try:
+        # Not `is_file`: a pipe can be read, too.
+        if not stat.S_ISDIR(os.stat(path).st_mode):
+            return path
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        pass
+    except OSError:
+        return path  # Who reads it tells why that cannot be.
     name = PurePath(given).as_posix()
     if name in known:
         return known[name]
