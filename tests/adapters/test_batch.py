@@ -184,7 +184,10 @@ def test_each_environment_may_have_its_own_params(mode: Any) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"turn_angle": [0.1] * 2}, r"turn_angle must .* \(\) \(one value for all\) or \(3,\) \(one .*\(2,\)"),
+        (
+            {"turn_angle": [0.1] * 2},
+            r"turn_angle must .* \(\) \(one value for all\) or \(3,\) \(one .*\(2,\)",
+        ),
         ({"discount": [[0.5] * 3]}, r"discount must have .* not \(1, 3\)"),
         ({"turn_angle": [0.1] * 3, "goal_radius": [1.0]}, r"goal_radius must have .* not \(1,\)"),
     ],

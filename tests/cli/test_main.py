@@ -6,8 +6,10 @@ import io
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,7 @@ import jaxenstein
 from jaxenstein import registry
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli import build_parser, listing, main, rollout
+from jaxenstein.cli.opening import handling
 from jaxenstein.trajectory import FORMAT, FORMAT_VERSION
 
 MAP = "#####\n#S.G#\n#####\n"
@@ -227,6 +230,40 @@ def test_unwritable_outputs_get_one_line_and_code_1_at_once(
     assert f"cannot write {tmp_path}" in err
 
 
+LONG = "a" * 300
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["evaluate", LONG],
+        ["evaluate", f"{LONG}.npz"],
+        ["evaluate", f"pretrained/{LONG}"],
+        ["export", LONG, "--out", "a.npz"],
+        ["plot", LONG, "--out", "a.png"],
+        ["record", "--policy", f"a/{LONG}", "--out", "a.gif"],
+        ["record", "--map-file", f"samples/{LONG}", "--out", "a.gif"],
+        ["record", "--map-file", f"{LONG}.txt", "--out", "a.gif"],
+        ["replay", LONG],
+        ["score", LONG],
+        ["train", "--config", LONG, "--out", "new"],
+        ["train", "--resume", "--out", LONG],
+    ],
+)
+def test_names_that_no_file_can_have_get_one_line_and_code_2(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """`Path.exists` raises for them, and in folders of other users."""
+    if arguments[0] not in ("record", "replay", "score"):
+        pytest.importorskip("flax")
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    assert LONG[:40] in capsys.readouterr().err.splitlines()[-1]
+    assert not list(tmp_path.iterdir())
+
+
 def interrupt(_: object) -> None:
     raise KeyboardInterrupt
 
@@ -235,6 +272,48 @@ def test_interrupt(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
     monkeypatch.setattr(listing, "run", interrupt)
     assert main(["list"]) == 130
     assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
+def test_a_signal_ends_a_command_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that no part of a file stays behind."""
+    ended = []
+
+    def work(_: object) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:
+            ended.append(True)
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(listing, "run", work)
+    with pytest.raises(SystemExit) as ending:
+        main(["list"])
+    assert ending.value.code == 143
+    assert ended
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signal")
+def test_signals_that_are_ignored_stay_so() -> None:
+    """`nohup jaxenstein train` must outlive its terminal."""
+
+    def answer(number: int, frame: object) -> None:
+        raise AssertionError(number, frame)
+
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with handling(["SIGHUP"], answer):
+            os.kill(os.getpid(), signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_commands_run_in_any_thread(capsys: pytest.CaptureFixture[str]) -> None:
+    with ThreadPoolExecutor() as pool:
+        assert pool.submit(main, ["list"]).result() == 0
+    assert "key-door" in capsys.readouterr().out
 
 
 def test_errors_of_jax_get_one_line(

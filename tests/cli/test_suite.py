@@ -112,6 +112,22 @@ def test_evaluate_refuses_what_does_not_belong_together(
         assert told in capsys.readouterr().err, words
 
 
+@pytest.mark.usefixtures("two_tasks")
+def test_a_policy_is_checked_on_all_tasks_before_it_plays(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def play(*_: object, **__: object) -> None:
+        raise AssertionError("played")
+
+    monkeypatch.setattr("jaxenstein.evaluation.evaluate", play)
+    Path("some_agent.py").write_text(
+        "def agent(env, params):\n"
+        "    return lambda obs, key: 0 if env.name == 't-maze' else 0.5, None\n"
+    )
+    assert main(["evaluate", "--policy", "some_agent:agent", "--suite"]) == 2
+    assert "policy(obs, key) must be one whole number" in capsys.readouterr().err
+
+
 def test_the_list_shows_every_task(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "--suite", "large"]) == 0
     shown = capsys.readouterr().out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 pytest.importorskip("flax")
 
+from jaxenstein.baselines.runs import training
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import means
@@ -144,3 +146,23 @@ def test_command_trains_skips_and_lists(
     capsys.readouterr()
     assert main(["sweep", *flags, "--resume", "--epochs=3"]) == 2
     assert "config.epochs (3, not 2)" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_the_whole_also_in_the_last_update_of_a_part(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[str] = []
+
+    def train(folder: RunFolder, **_: object) -> int:
+        begun.append(folder.path.name)
+        signal.raise_signal(signal.SIGTERM)
+        return folder.experiment.config.updates
+
+    monkeypatch.setattr(training, "train", train)
+    monkeypatch.chdir(tmp_path)
+    given = "\n".join(f"{name} = {json.dumps(value)}" for name, value in WITHOUT_SEEDS.items())
+    Path("tiny.toml").write_text(given)
+    words = ["sweep", "--config", "tiny.toml", "--no-tensorboard", "--no-grid", "--out", "new"]
+    assert main([*words, "--algo", "ppo", "rnd"]) == 130
+    assert begun == ["ppo"]
+    assert "to continue: the same command with --resume\n" in capsys.readouterr().err

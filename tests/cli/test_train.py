@@ -108,7 +108,7 @@ def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
 ) -> None:  # fmt: skip
     out, timing = tmp_path / "run", training.Timing.write
     # A background job of a shell ignores the signal.
-    before = signal.getsignal(signal.SIGINT)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def interrupt(self: training.Timing, update: int) -> None:
         timing(self, update)
@@ -122,7 +122,7 @@ def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
     assert f"stopped; to continue: jaxenstein train --out {out} --resume" in captured.err
     assert RunFolder.open(out).checkpoints.updates()[-1] == 2
     # The old signal handlers are restored.
-    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
     assert main(["train", "--out", str(out), "--resume", "--no-tensorboard"]) == 0
     assert len(read_metrics(out)) == 2 * UPDATES
 

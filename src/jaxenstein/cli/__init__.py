@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 from ..errors import JAXensteinError, concise, one_line
 from ..files import OutputError
@@ -29,9 +30,10 @@ from . import (
 )
 from .arguments import Parser, UsageError
 from .compile_cache import keep_programs
-from .opening import IMPORT, import_modules, named_modules, plain_warnings
+from .opening import IMPORT, handling, import_modules, named_modules, plain_warnings
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
+ENDING = ("SIGTERM", "SIGHUP")
 
 COMMANDS = {
     "list": listing,
@@ -87,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # A program that passes arguments to `main` configures JAX itself.
         if argv is None and not options.no_cache:
             keep_programs()
-        with plain_warnings():
+        with plain_warnings(), handling(ENDING, _end):
             code = options.run(options)
         sys.stdout.flush()
     except UsageError as error:
@@ -143,6 +145,12 @@ def build_parser() -> Parser:
             help="do not keep compiled programs for the next call",
         )
     return parser
+
+
+def _end(number: int, frame: object) -> NoReturn:
+    """Turn a signal that ends a process into an ordinary exit, which leaves nothing half done."""
+    del frame
+    raise SystemExit(128 + number)
 
 
 def _complain(message: str, code: int) -> int:

@@ -9,6 +9,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -124,9 +125,15 @@ def drawn_by(params: Any, seed: int) -> Any:
 
 @contextlib.contextmanager
 def handling(names: Iterable[str], handler: Callable[[int, object], None]) -> Iterator[None]:
-    """Install a handler for these signals, if the system has them; restore the old ones after."""
-    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    before = {number: signal.signal(number, handler) for number in numbers}
+    """Install a handler for these signals, if the system has them; restore the old ones after.
+
+    Signals that the process ignores, as under `nohup`, stay ignored. Only the main thread can
+    handle signals, so this does nothing in other threads.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in names if main and hasattr(signal, name)]
+    heard = [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in heard}
     try:
         yield
     finally:

@@ -8,7 +8,7 @@ import itertools
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from .arguments import (
     flag,
     real,
 )
-from .opening import drawn_by, given_options, handling, open_environment
+from .opening import drawn_by, given_options, open_environment
 from .own_policy import is_own, load_own
 from .record import load_agent, open_for
 
@@ -71,7 +71,6 @@ VIEW_HEIGHT = 480
 STATUS_LINES = 2
 # Heights of the view and the map in a recording.
 RECORDED_VIEW, RECORDED_MAP = 240, 256
-STOPPING = ("SIGTERM", "SIGHUP")
 
 
 def fill(parser: Parser) -> None:
@@ -128,7 +127,7 @@ def run(options: argparse.Namespace) -> None:
 
     game = None
     try:
-        with handling(STOPPING, _stop), terminal or _open_window(env, name) as display:
+        with terminal or _open_window(env, name) as display:
             game = wait_for(display, load)
             if game is not None:
                 play(display, game)
@@ -254,9 +253,3 @@ class Film(Sequence[np.ndarray]):
         for done, picture in enumerate(itertools.chain.from_iterable(self._parts), 1):
             self._progress.update(done)
             yield picture
-
-
-def _stop(number: int, frame: object) -> NoReturn:
-    """Turn a signal that would kill the process into an ordinary exit, which writes the files."""
-    del frame
-    raise SystemExit(128 + number)

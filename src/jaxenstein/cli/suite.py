@@ -81,19 +81,30 @@ Play = Callable[[suite.Task, int, int, Callable[[float], object]], "Results"]
 
 
 def _policy(options: argparse.Namespace) -> Play:
-    """Test the user's own policy, or a scripted player."""
-    from ..evaluation import evaluate, evaluate_player
+    """Test the user's own policy, or a scripted player, after a check of it on all tasks."""
+    from ..evaluation import check_policy, evaluate, evaluate_player
+    from ..players import player_of
+
+    made = {task.id: suite.make(task.id, options.suite, test=True) for task in suite.TASKS}
+    own = {}
+    for id, (env, params) in made.items():
+        if is_own(options.policy):
+            own[id] = load_own(options.policy, env, params)
+            check_policy(env, params, own[id].policy, own[id].carry)
+        else:
+            player_of(env, options.policy)
 
     def play(task: suite.Task, episodes: int, seed: int, notify: Any) -> Results:
-        env, params = suite.make(task.id, options.suite, test=True)
+        env, params = made[task.id]
 
         def part(done: float) -> None:
             notify(done / episodes)
 
-        if not is_own(options.policy):
+        if not own:
             return evaluate_player(env, params, options.policy, episodes, seed)
-        own = load_own(options.policy, env, params)
-        return evaluate(env, params, own.policy, own.carry, episodes, seed, own.name, notify=part)
+        mine = own[task.id]
+        told = mine.policy, mine.carry, episodes, seed, mine.name
+        return evaluate(env, params, *told, notify=part)
 
     return play
 

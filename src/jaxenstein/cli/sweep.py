@@ -17,7 +17,7 @@ from .opening import (
     named,
     telling_warnings,
 )
-from .train import DIVERGED, add_training, beginning, carry_out, spread
+from .train import INTERRUPTED, add_training, beginning, carry_out, spread
 
 if TYPE_CHECKING:
     from ..baselines.runs.sweeps import Point
@@ -78,13 +78,10 @@ def run(options: argparse.Namespace) -> int:
         beginning(options.out / name, experiment, options.resume)
         for name, experiment in planned.items()
     ]
-    codes = []
-    for folder in folders:
-        codes.append(carry_out(folder, options))
-        if codes[-1] not in (0, DIVERGED):
-            return codes[-1]
-    print(table(sweeps.summary([folder.path for folder in folders])))
-    return min(codes)
+    code = carry_out(folders, options)
+    if code != INTERRUPTED:
+        print(table(sweeps.summary([folder.path for folder in folders])))
+    return code
 
 
 def table(points: list[Point]) -> str:

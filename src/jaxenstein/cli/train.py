@@ -135,15 +135,15 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("jaxenstein train: --budget needs --suite; use --total-steps instead")
     with telling_warnings():
         folder = open_folder(options)
-    return carry_out(folder, options)
+    module, colon, _ = (folder.experiment.environment.id or "").rpartition(":")
+    modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])
+    again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]
+    again += [word for module in modules for word in (IMPORT, module)]
+    return carry_out([folder], options, shlex.join(again))
 
 
 def train_suite(options: argparse.Namespace) -> int:
-    """Train on one task of a suite after the other.
-
-    Returns:
-        The exit code of the first task that was interrupted; otherwise the lowest of all tasks.
-    """
+    """Train on one task of a suite after the other; returns the exit code of `carry_out`."""
     check_links(options.out)
     with telling_warnings():
         planned = planned_suite(options.suite, given_training(options), options.budget)
@@ -151,12 +151,7 @@ def train_suite(options: argparse.Namespace) -> int:
         beginning(options.out / task, experiment, options.resume)
         for task, experiment in planned.items()
     ]
-    codes = [0]
-    for folder in folders:
-        codes.append(carry_out(folder, options))
-        if codes[-1] not in (0, DIVERGED):
-            return codes[-1]
-    return min(codes[1:])
+    return carry_out(folders, options)
 
 
 def beginning(path: Path, experiment: Experiment, resume: bool) -> RunFolder:
@@ -199,7 +194,33 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
     return folder
 
 
-def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
+def carry_out(
+    folders: Sequence[RunFolder],
+    options: argparse.Namespace,
+    again: str = "the same command with --resume",
+) -> int:
+    """Train in one run directory after the other, until the end or a signal.
+
+    Args:
+        folders: the run directories.
+        options: of the command.
+        again: the command that continues, for the message.
+
+    Returns:
+        The exit code: `INTERRUPTED` if training is not complete, `DIVERGED` if all runs of all
+        folders diverged, otherwise 0.
+    """
+    codes = []
+    with stopping() as stop:
+        for folder in folders:
+            codes.append(_carry_out(folder, options, stop))
+            if codes[-1] == INTERRUPTED or (stop() and folder is not folders[-1]):
+                print(f"stopped; to continue: {again}", file=sys.stderr)
+                return INTERRUPTED
+    return min(codes)
+
+
+def _carry_out(folder: RunFolder, options: argparse.Namespace, stop: Callable[[], bool]) -> int:
     """Train in a run directory, with a progress line, until the end or a stop.
 
     Returns:
@@ -217,7 +238,6 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
         folder.locked(),
         opened_sinks(folder, options) as sinks,
         Progress(total * many, folder.path.name, compiles=True) as progress,
-        stopping() as stop,
     ):
         watch = baselines("training").StallWatch(runs)
 
@@ -255,12 +275,6 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     if len(diverged) == runs or (done == total and len(lost) == runs):
         print(f"all {runs} runs diverged" if runs > 1 else "the run diverged", file=sys.stderr)
         return DIVERGED
-    if done < total:
-        module, colon, _ = (experiment.environment.id or "").rpartition(":")
-        modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])
-        again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]
-        again += [word for module in modules for word in (IMPORT, module)]
-        print(f"stopped; to continue: {shlex.join(again)}", file=sys.stderr)
     return 0 if done == total else INTERRUPTED
 
 

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein.baselines.runs.configs import configs, find_config, listed
-from jaxenstein.baselines.runs.options import resolve
+from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.opening import given_training
 from jaxenstein.errors import SettingError
@@ -86,3 +86,8 @@ def test_a_misspelt_name_says_the_nearest(
     assert str(raised.value).startswith(f"{message}, did you mean {near}?; ")
     assert main(["sweep", "--config", given, "--out", "x"]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_what_cannot_be_read_is_not_taken_for_a_name() -> None:
+    with pytest.raises(SettingError, match=r"^cannot read aaa.*: file name too long$"):
+        read_file(find_config("a" * 300))

@@ -16,6 +16,7 @@ pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
 from jaxenstein import SettingError
+from jaxenstein.baselines.runs import foreign
 from jaxenstein.baselines.runs.curves import Curve, curves_of, plot
 from jaxenstein.cli import main
 from tests.baselines.runs.test_plot import write_run
@@ -105,6 +106,7 @@ def test_minutes_are_those_of_the_column_of_seconds(tmp_path: Path) -> None:
         (f'{{"step": {10**400}, "return": 2}}\n', "has no column of steps; it has: return"),
         ('{"step": 1, "a/return": 1, "b/return": 2}\n', "did you mean 'b/return' or 'a/return'"),
         ("[" * 10**5 + "\n", "line 1: each line must be an object"),
+        ('{"step": 1, "return": 4e38}\n', "no column 'return'; it has: step"),
     ],
 )  # fmt: skip
 def test_a_file_in_which_nothing_fits_is_told(tmp_path: Path, text: str, message: str) -> None:
@@ -190,3 +192,10 @@ def test_old_files_of_tensorboard_are_read(tmp_path: Path) -> None:
     (tmp_path / "x.tfevents.2").write_bytes(b"\x10" * 64)
     (again,) = curves_of(tmp_path)
     np.testing.assert_array_equal(again.values, [[0.25]])
+
+
+def test_a_file_without_end_is_no_metrics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(foreign, "LONGEST", 20)
+    (tmp_path / "a.jsonl").write_text('{"step": 1, "return": 2}\n')
+    with pytest.raises(SettingError, match=r"cannot read .*a\.jsonl: it has more than 20 char"):
+        curves_of(tmp_path / "a.jsonl")

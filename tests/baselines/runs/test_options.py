@@ -219,6 +219,13 @@ def test_a_file_gives_options_and_flags_win(tmp_path: Path) -> None:
         ("lerning_rate = 1", "run.toml: unknown option 'lerning_rate', did you mean"),
         ('num_envs = "8"', "run.toml: num_envs must be a whole number >= 1, not '8'"),
         (f"gamma = {10**400}", "run.toml: gamma must be None or a finite number from 0 to 1"),
+        (
+            "settings." + "a . " * 10**5 + "a = 1",
+            "run.toml is not TOML: a key has more than 20 parts",
+        ),
+        (f"[{'a.' * 20}a]", "run.toml is not TOML: a key has more than 20 parts"),
+        ('"a b".' * 20 + "'c' = 1", "run.toml is not TOML: a key has more than 20 parts"),
+        ("#" * 2**20 + "\n", "run.toml: it has more than 1048576 characters"),
     ],
 )
 def test_a_wrong_file_is_told(tmp_path: Path, text: str, message: str) -> None:
@@ -257,6 +264,13 @@ def test_yaml_is_read_where_there_is_pyyaml(
     file.write_text(f"params: {'[' * 100_000}")
     with pytest.raises(SettingError, match="is not YAML: lists and tables are nested more than"):
         read_file(file)
+
+
+def test_dots_in_texts_and_comments_are_no_keys(tmp_path: Path) -> None:
+    dots = ".".join("S" * 40)
+    for quote in ('"', "'", '"""', "'''"):
+        (tmp_path / "run.toml").write_text(f"# {dots} '\nmap = {quote}{dots}{quote}  # {dots}\n")
+        assert read_file(tmp_path / "run.toml") == {"map": dots}
 
 
 def test_numbers_of_numpy_are_written_as_those_of_python() -> None:

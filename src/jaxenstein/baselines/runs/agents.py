@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -125,7 +126,7 @@ def best_run(folder: RunFolder) -> int:
     Ties go to runs that have not diverged, then to the run with the shortest episodes. Updates
     after a divergence do not count. Without metrics, it is the first run.
     """
-    if not (folder.path / METRICS).exists():
+    if not os.path.exists(folder.path / METRICS):
         return 0
     by_run = rows_by_run(read_metrics(folder.path), len(folder.experiment.runs))
     last = max(1, len(by_run[0]) // 10)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import os
+import stat
 from pathlib import Path, PurePath
 
 from ...errors import SettingError, nearest, quoted
@@ -51,9 +53,14 @@ def find_config(given: str | PurePath, folder: Path = Path()) -> Path:
         SettingError: there is neither such a file nor such a config.
     """
     path, known = folder / given, configs()
-    # Not `is_file`, since a pipe can be read, too.
-    if path.exists() and not path.is_dir():
-        return path
+    try:
+        # Not `is_file`, since a pipe can be read, too.
+        if not stat.S_ISDIR(os.stat(path).st_mode):
+            return path
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        pass
+    except OSError:
+        return path  # The reader reports why it cannot be read.
     name = PurePath(given).as_posix()
     if name in known:
         return known[name]

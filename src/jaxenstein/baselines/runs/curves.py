@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import SettingError, nearest, quoted
+from ...errors import SettingError, nearest, one_line, quoted
 from ...files import atomic, check_writable
 from ...intervals import LEVEL, RESAMPLES
 from ..divergence import METRIC
@@ -98,9 +99,9 @@ def curves_of(
         SettingError: there are no metrics, or no such column.
     """
     path, names = Path(path), [metric] if isinstance(metric, str) else list(metric)
-    if path.name == METRICS and (path.parent / CONFIG).exists():
+    if path.name == METRICS and os.path.exists(path.parent / CONFIG):
         path = path.parent
-    if not (path / CONFIG).exists() and is_foreign(path):
+    if not os.path.exists(path / CONFIG) and is_foreign(path):
         found = read_foreign(path, names, steps, over)
         along = "steps" if over == "decisions" else over
         return [
@@ -245,21 +246,29 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
         # A line through a single point would be invisible.
         marker = "o" if np.sum(there) == 1 else ""
         at = curve.at[there]
-        (line,) = axes.plot(at, mean[there], marker=marker, label=f"{curve.label}{count}")
+        (line,) = axes.plot(
+            at, mean[there], marker=marker, label=in_figure(f"{curve.label}{count}")
+        )
         if runs > 1:
             colour = line.get_color()
             axes.fill_between(at, low[there], high[there], color=colour, alpha=0.2, lw=0)
     # Beside a run, steps of other programs count as decisions.
     counted = {curve.over for curve in curves}
     axes.set_xlabel(min(counted))
-    axes.set_ylabel(AXES.get(metric, metric.replace("_", " ")))
-    axes.set_title(title)
+    axes.set_ylabel(in_figure(AXES.get(metric, metric.replace("_", " "))))
+    axes.set_title(in_figure(title))
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False)
     if metric == "success":
         axes.set_ylim(-0.03, 1.03)
     return figure
+
+
+def in_figure(text: str) -> str:
+    """A text as matplotlib draws it: formulas stand between its dollars, and "_" hides a label."""
+    text = one_line(text).replace("$", r"\$")
+    return f" {text}" if text.startswith("_") else text
 
 
 def new_figure(width: float, height: float) -> Figure:

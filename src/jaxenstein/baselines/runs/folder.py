@@ -252,12 +252,12 @@ class RunFolder:
         ours = [self.path / name for name in (CHECKPOINTS, LOCK)]
         for path in (*ours, *self._made):
             with contextlib.suppress(OSError):
-                path.rmdir() if path.is_dir() else path.unlink()
+                path.rmdir() if os.path.isdir(path) else path.unlink()
 
 
 def _no_run(path: Path) -> str:
     """The message that a path has no run; it names runs below the path."""
-    if path.is_file():
+    if os.path.isfile(path):
         return f"{path} is a file, not a run directory"
     below = sorted(place.parent.name for place in path.glob(f"*/{CONFIG}"))
     if below:

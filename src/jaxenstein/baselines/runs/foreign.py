@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ...errors import SettingError, nearest, one_line
-from ...files import reason_of
-from .metrics import EPISODE_MEANS, METRICS, Row
+from ...files import read_text, reason_of
+from .metrics import EPISODE_MEANS, LONGEST, METRICS, Row, is_real
 
 Over = Literal["decisions", "minutes"]
 EVENTS = "*tfevents*"
@@ -45,7 +45,7 @@ class Foreign:
 
 def is_foreign(path: Path) -> bool:
     """Whether a path is a file, or a folder with metrics of another program."""
-    return path.is_file() or (path / METRICS).is_file() or bool(_event_folders(path))
+    return any(map(os.path.isfile, (path, path / METRICS))) or bool(_event_folders(path))
 
 
 def read_foreign(
@@ -54,8 +54,8 @@ def read_foreign(
     """Read JSON Lines, or TensorBoard scalars.
 
     A line is an object with a step column, optionally a column `seed`, and metrics. A metric that
-    is null or not finite is missing at that step. In a TensorBoard folder, every folder with event
-    files is a run.
+    is null or not finite in float32 is missing at that step. In a TensorBoard folder, every folder
+    with event files is a run.
 
     Args:
         path: a file, a folder with `metrics.jsonl`, or a folder with event files at any depth.
@@ -68,11 +68,11 @@ def read_foreign(
     Raises:
         SettingError: the path cannot be read, or has no such column.
     """
-    file = path / METRICS if (path / METRICS).is_file() else path
-    if not file.is_file():
+    file = path / METRICS if os.path.isfile(path / METRICS) else path
+    if not os.path.isfile(file):
         return _read_events(path, metrics, over)
     rows = _read_lines(file)
-    columns = dict.fromkeys(name for row in rows for name, value in row.items() if _real(value))
+    columns = dict.fromkeys(name for row in rows for name, value in row.items() if is_real(value))
     metric = _pick(file, columns, metrics, "--metric")
     if over == "minutes":
         place, scale = _pick(file, columns, SECONDS, None, "of seconds"), 1 / 60
@@ -80,7 +80,7 @@ def read_foreign(
         place, scale = _pick(file, columns, steps or STEPS, "--step", "of steps"), 1
     by_seed: dict[str, list[tuple[float, Row]]] = {}
     for row in rows:
-        if metric in row and _real(row.get(place)):
+        if metric in row and is_real(row.get(place)):
             of_seed = by_seed.setdefault(json.dumps(row.get(SEED)), [])
             of_seed.append((row[place] * scale, _numbers(row, metric)))
     if not by_seed:
@@ -92,7 +92,7 @@ def read_foreign(
 def _read_lines(file: Path) -> list[dict[str, Any]]:
     """Read the objects in the lines of a file; an incomplete last line is skipped."""
     try:
-        lines = file.read_text(encoding="utf-8").split("\n")
+        lines = read_text(file, LONGEST).split("\n")
     except (OSError, UnicodeDecodeError) as error:
         raise SettingError(f"cannot read {file}: {reason_of(error)}") from error
     rows = []
@@ -131,14 +131,7 @@ def _pick(
 def _numbers(row: Mapping[str, Any], metric: str) -> Row:
     """The columns that a curve of the metric needs."""
     names = (metric, "episodes", EPISODE_MEANS.get(metric, metric))
-    return {name: row[name] for name in names if _real(row.get(name))}
-
-
-def _real(value: Any) -> bool:
-    try:
-        return isinstance(value, int | float) and math.isfinite(value)
-    except OverflowError:
-        return False
+    return {name: row[name] for name in names if is_real(row.get(name))}
 
 
 def _foreign(label: str, metric: str, runs: Iterable[list[tuple[float, Row]]]) -> Foreign:
@@ -148,7 +141,9 @@ def _foreign(label: str, metric: str, runs: Iterable[list[tuple[float, Row]]]) -
 
 
 def _event_folders(path: Path) -> list[Path]:
-    return sorted({file.parent for file in path.rglob(EVENTS) if file.is_file()})
+    if not os.path.isdir(path):
+        return []
+    return sorted({file.parent for file in path.rglob(EVENTS) if os.path.isfile(file)})
 
 
 def _read_events(path: Path, metrics: Sequence[str], over: Over) -> Foreign:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-import sys
+import os
 import time
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,8 +18,8 @@ from ...files import append, atomic, read_text, reason_of, writing
 from ..divergence import METRIC, Divergence
 
 METRICS, TIMING, WANDB_ID = "metrics.jsonl", "timing.jsonl", "wandb-id.txt"
-# The largest integer in a row: a count or a seed.
-LARGEST = 2**63 - 1
+# The largest integer in a row, a count or a seed, and the bound of all other numbers.
+LARGEST, BEYOND_FLOAT32 = 2**63 - 1, 2.0**128
 # The maximum number of characters in a file of rows.
 LONGEST = 2**30
 # Columns of integers that every row has.
@@ -156,8 +156,13 @@ def diverged_runs(rows: Sequence[Row], runs: int) -> dict[int, Divergence]:
 
 def _is_number(value: Any) -> bool:
     """Whether a value is None or a number that a run can write: not NaN and not too large."""
-    limit = LARGEST if isinstance(value, int) else sys.float_info.max
-    return value is None or (isinstance(value, int | float) and abs(value) <= limit)
+    whole = isinstance(value, int)
+    return value is None or (abs(value) <= LARGEST if whole else is_real(value))
+
+
+def is_real(value: Any) -> bool:
+    """Whether a value is a number that is finite in float32."""
+    return isinstance(value, int | float) and abs(value) < BEYOND_FLOAT32
 
 
 class Timing:
@@ -172,7 +177,7 @@ class Timing:
         self._path, self._steps = folder / TIMING, steps
         self._update, self._start = update, time.monotonic()
         self._before = self._start
-        if self._path.exists():
+        if os.path.exists(self._path):
             # An interrupted writer may have left an incomplete row.
             with writing(self._path), self._path.open("r+b") as file:
                 file.truncate(file.read().rfind(b"\n") + 1)
@@ -201,7 +206,7 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
         before = total = 0.0
         for row in rows:
             now = float(row["seconds"])
-            if not math.isfinite(now):
+            if not is_real(now):
                 raise ValueError(f"{now} seconds")
             total += now - before if now >= before else now
             done[int(row["update"])], before = total, now
@@ -262,7 +267,7 @@ class WeightsAndBiases:
         self._names = list(names)
         # Folders of different sweeps may have the same name.
         kept = folder / WANDB_ID
-        if not kept.exists():
+        if not os.path.exists(kept):
             with atomic(kept) as temporary:
                 temporary.write_text(f"{folder.absolute().name}-{uuid.uuid4().hex[:8]}\n", "utf-8")
         self._run: Any = wandb.init(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,8 +26,13 @@ from .experiment import Experiment, check_seeds
 
 # The default size of images.
 SIZE = {"height": 64, "width": 64}
-# The maximum depth of nested lists and tables in a YAML file.
-DEEPEST = 20
+# The maximum number of characters in a file, and the maximum depth of nested lists and tables.
+LONGEST, DEEPEST = 2**20, 20
+# Strings and comments of a TOML file, and a key with too many parts.
+_QUOTED = re.compile(
+    r'''"""(?:\\.|[^\\])*?"""|\'{3}.*?\'{3}|"(?:\\.|[^"\\\n])*"|'[^'\n]*'|\#[^\n]*''', re.DOTALL
+)
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 PRESETS, TRAINING, NUMBERS = "presets", "training", "hyperparameters"
 RUNS = (
     Option("seed", "runs", Domain("whole", 0, 2**32 - 1), 0, "the first seed"),
@@ -105,11 +111,11 @@ def read_file(path: Path) -> dict[str, Any]:
         SettingError: the file cannot be read, has another format, or has an unknown option.
     """
     try:
-        text = read_text(path)
+        text = read_text(path, LONGEST)
     except (OSError, UnicodeDecodeError) as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     try:
-        given = _yaml(path, text) if path.suffix in (".yaml", ".yml") else tomllib.loads(text)
+        given = _yaml(path, text) if path.suffix in (".yaml", ".yml") else _toml(text)
     except SettingError:
         raise
     except (ValueError, RecursionError) as error:
@@ -121,6 +127,13 @@ def read_file(path: Path) -> dict[str, Any]:
         return checked(given, all_options())
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None
+
+
+def _toml(text: str) -> Any:
+    # Reading takes the square of the parts of a key.
+    if _LONG_KEY.search(_QUOTED.sub("s", text)):
+        raise ValueError(f"a key has more than {DEEPEST} parts")
+    return tomllib.loads(text)
 
 
 def _yaml(path: Path, text: str) -> Any:

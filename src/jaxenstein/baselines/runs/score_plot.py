@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...scores import Estimate, Profile
-from .curves import new_figure
+from .curves import in_figure, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +33,7 @@ def plot_scores(
     rows: list[Any] = [[*TITLES], ["profile"] * len(TITLES)]
     axes = figure.subplot_mosaic(rows, height_ratios=heights)
     colours = [f"C{number}" for number in range(len(aggregates))]
+    labels = [in_figure(policy) for policy in aggregates]
     for name, title in TITLES.items():
         ends = axes[name]
         for place, (found, colour) in enumerate(zip(aggregates.values(), colours, strict=True)):
@@ -44,14 +45,14 @@ def plot_scores(
         ends.margins(x=0.08)
         ends.locator_params(axis="x", nbins=4)
         ends.set_title(title, fontsize="medium")
-        ends.set_yticks(range(len(aggregates)), aggregates if name == "interquartile_mean" else [])
+        ends.set_yticks(range(len(aggregates)), labels if name == "interquartile_mean" else [])
         ends.set_ylim(len(aggregates) - 0.4, -0.6)
         ends.grid(axis="x", alpha=0.3)
         ends.spines[["top", "right", "left"]].set_visible(False)
         ends.tick_params(left=False)
     below = axes["profile"]
-    for (policy, found), colour in zip(profiles.items(), colours, strict=True):
-        below.step(found.taus, found.fractions, where="post", color=colour, label=policy)
+    for found, label, colour in zip(profiles.values(), labels, colours, strict=True):
+        below.step(found.taus, found.fractions, where="post", color=colour, label=label)
         band = {"step": "post", "color": colour, "alpha": 0.2, "lw": 0}
         below.fill_between(found.taus, found.low, found.high, **band)
     below.set_xlabel("normalised score τ")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import warnings
 import zipfile
 from collections.abc import Mapping
@@ -101,9 +102,9 @@ def load_trained(path: str | Path) -> Trained:
         SettingError: there is no such run or file, or it cannot be read.
     """
     path = Path(path)
-    if path.suffix == SUFFIX and not path.is_dir():
+    if path.suffix == SUFFIX and not os.path.isdir(path):
         return read_trained(path)
-    if path.parent == Path(PRETRAINED) and not path.exists():
+    if path.parent == Path(PRETRAINED) and not os.path.exists(path):
         known = pretrained()
         if path.name not in known:
             raise SettingError(
@@ -111,12 +112,12 @@ def load_trained(path: str | Path) -> Trained:
                 f"there are: {', '.join(known) or 'none'}"
             )
         return read_trained(known[path.name])
-    if not path.exists() and path.name in pretrained():
+    if not os.path.exists(path) and path.name in pretrained():
         raise SettingError(
             f"there is no run in {path}; did you mean the pretrained agent "
             f"{PRETRAINED}/{path.name}?"
         )
-    if path.is_file() or (":" in path.name and not path.exists()):
+    if os.path.isfile(path) or (":" in path.name and not os.path.exists(path)):
         raise SettingError(
             f"{path} is neither a run directory nor a {SUFFIX} file from 'jaxenstein export'; "
             f"{OWN_POLICY}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -118,7 +119,7 @@ def _begin(folder: RunFolder) -> tuple[int, TrainState]:
         for reason in restored.damaged:
             warnings.warn(f"skipped a damaged checkpoint: {reason}", stacklevel=3)
         return restored.update, place(restored.state, folder.experiment.config)
-    if (folder.path / METRICS).exists() and read_metrics(folder.path):
+    if os.path.exists(folder.path / METRICS) and read_metrics(folder.path):
         raise SettingError(f"the run in {folder.path} has metrics but no checkpoint to resume")
     state = folder.experiment.learner.many.init(folder.experiment.keys())
     folder.checkpoints.save(0, state)
