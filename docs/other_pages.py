@@ -59,8 +59,8 @@ These commands train the agents of a row, evaluate them, and write the row.
 RECIPES_OF = """
 ## Recipes
 
-The defaults of the recipe `tuned` that differ from those of `paper`, by algorithm. Any flag overrides
-its default.
+The defaults of the recipe `tuned` that differ from those of `paper`, by algorithm. Any flag
+overrides its default.
 
 {recipes}
 
@@ -171,7 +171,7 @@ def recipes() -> str:
     parts = ("features", "hidden", "head", "convolutions")
     first = {part: options[part].default for part in parts} | {"convolutions": NATURE}
     networks = [
-        [f"`{name}`", *(_shown((first | sizes)[part]) for part in parts)]
+        [f"`{name}`", *(_shown({**first, **sizes}[part]) for part in parts)]
         for name, sizes in NETWORKS.items()
     ]
     flags = ("`--network`", *(f"`--{part}`" for part in parts))
@@ -184,7 +184,9 @@ def _shown(value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, tuple):
         return ", ".join("x".join(map(str, layer)) for layer in value)
-    return "of the task" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    return (
+        "of the task" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    )
 
 
 def _command(name: str, parser: argparse.ArgumentParser) -> str:
