@@ -1,6 +1,6 @@
 """The benchmark: a fixed list of tasks, how agents train on them, and how they are compared.
 
-The page "Benchmark" of the documentation has the protocol, and the reasons for each choice.
+The page "Benchmark" of the documentation has the protocol.
 """
 
 from __future__ import annotations
