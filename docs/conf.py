@@ -16,7 +16,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE.parent / "src")]
 import jax  # noqa: E402
 
 from docs.environment_pages import write_pages  # noqa: E402
-from docs.other_pages import commands_page  # noqa: E402
+from docs.other_pages import commands_page, recipes  # noqa: E402
 from docs.page_parts import turned  # noqa: E402
 from jaxenstein.version import __version__  # noqa: E402
 
@@ -71,7 +71,7 @@ def write_all(app: Any) -> None:
     """Write the generated pages; unchanged files are not touched."""
     del app
     write_pages(HERE / "environments")
-    page, text = HERE / "commands.md", commands_page()
+    page, text = HERE / "commands.md", commands_page() + recipes()
     if not page.exists() or page.read_text("utf-8") != text:
         page.write_text(text, "utf-8")
 

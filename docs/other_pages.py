@@ -56,6 +56,22 @@ These commands train the agents of a row, evaluate them, and write the row.
 [Results](../results.md) has the curves.
 """
 
+RECIPES_OF = """
+## Recipes
+
+The defaults of the recipe `tuned` that differ from those of `paper`, by algorithm. Any flag
+overrides its default.
+
+{recipes}
+
+## Networks
+
+Layers of convolutions are kernel x stride x features. With `paper`, images below 36 pixels have the
+layers of `small`.
+
+{networks}
+"""
+
 
 def scoreboard() -> str:
     """The text of the scoreboard."""
@@ -108,15 +124,15 @@ def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def suite_tasks() -> str:
     """The tasks of the benchmark, for docs/suite.md."""
-    head = ("task", "tests", "why", "frame skip", "split", "random", "expert")
+    head = ("task", "tests", "frame skip", "split", "random", "expert")
     rows = []
     for task in suite.TASKS:
         ends = suite.references()[task.id]
         split = "yes" if task.split else ""
         returns = (f"{value:.4g}" for value in (ends.random, ends.expert))
         name = f"`{task.id}`"
-        rows.append((name, task.ability, task.reason, str(task.frame_skip), split, *returns))
-    return table(head, rows, right=(3, 5, 6))
+        rows.append((name, task.ability, str(task.frame_skip), split, *returns))
+    return table(head, rows, right=(2, 4, 5))
 
 
 def with_suite_tasks(page: str) -> str:
@@ -135,6 +151,42 @@ def commands_page() -> str:
         )  # fmt: skip
         parts = [_command(name, parser) for name, parser in commands.choices.items()]
     return "\n\n".join([INTRODUCTION, *parts]) + "\n"
+
+
+def recipes() -> str:
+    """What the recipe `tuned` and each network set, for the page of the commands."""
+    from jaxenstein.baselines.config import algorithms  # needs the extra baselines
+    from jaxenstein.baselines.networks import NATURE
+    from jaxenstein.baselines.runs.options import NETWORKS, RECIPES, all_options
+
+    options, tuned = all_options(), RECIPES["tuned"]
+    given = {algo: {**tuned["*"], **tuned.get(algo, {})} for algo in algorithms()}
+    rows = []
+    for name in dict.fromkeys(name for values in given.values() for name in values):
+        default = options[name].default
+        values = [default, *(of.get(name, default) for of in given.values())]
+        if len(set(values)) > 1:
+            rows.append([f"`--{name.replace('_', '-')}`", *map(_shown, values)])
+    head = ("flag", "`paper`", *(f"`tuned`, `{algo}`" for algo in given))
+    parts = ("features", "hidden", "head", "convolutions")
+    first = {part: options[part].default for part in parts} | {"convolutions": NATURE}
+    networks = [
+        [f"`{name}`", *(_shown({**first, **sizes}[part]) for part in parts)]
+        for name, sizes in NETWORKS.items()
+    ]
+    flags = ("`--network`", *(f"`--{part}`" for part in parts))
+    return RECIPES_OF.format(recipes=table(head, rows), networks=table(flags, networks))
+
+
+def _shown(value: Any) -> str:
+    """A value of an option in a cell; None is the task's own."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return ", ".join("x".join(map(str, layer)) for layer in value)
+    return (
+        "of the task" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    )
 
 
 def _command(name: str, parser: argparse.ArgumentParser) -> str:

@@ -129,3 +129,12 @@ def test_the_page_of_the_command_line_has_every_command(monkeypatch) -> None:
     assert text.count("\nusage: jaxenstein ") == len(told)
     # As wide as on a page, whatever the terminal is.
     assert max(map(len, text.splitlines())) > 80
+
+
+def test_the_page_of_the_command_line_has_the_recipes() -> None:
+    rows = re.findall(r"^\| `(.+?)` \| (.+) \|$", other_pages.recipes(), re.M)
+    told = {name: values.split(" | ") for name, values in rows}
+    assert told["--contrast"] == ["0", "10", "0", "10", "10"]
+    assert told["--anneal"] == ["yes", "no", "no", "no", "no"]
+    assert "--num-envs" not in told
+    assert told["tiny"] == ["64", "64", "64", "4x4x32"]

@@ -29,7 +29,7 @@ def by_name(value: Path | Sample) -> str:
 
 def test_there_are_samples() -> None:
     assert {"README.md", "start.md", "concepts.md", "tasks.md"} <= {s.page.name for s in SAMPLES}
-    assert {"adapters.md", "faq.md"} == {sample.page.name for sample in WITH_PARTNERS}
+    assert {"adapters.md"} == {sample.page.name for sample in WITH_PARTNERS}
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES[1:] if samples(p)], ids=by_name)
