@@ -4,21 +4,20 @@
 
 Needs the extra `bench`. The exit status is 1 if a map of `tasks/doom/maps` differs from the game's.
 
-A WAD file has a header (kind, number of entries, offset of the directory), lumps, and a directory
-with 16 bytes per entry (offset, size, name). The lump `TEXTMAP` has a map in the Universal Doom Map
-Format: blocks `name { key = value; ... }`; the blocks of a kind are numbered from 0 in their order.
+The lump `TEXTMAP` of a scenario's WAD file has its map in the Universal Doom Map Format: blocks
+`name { key = value; ... }`, each kind numbered from 0 in the order of the text.
 """
 
 from __future__ import annotations
 
 import re
-import struct
 import sys
 from pathlib import Path
 
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import MapError
 from jaxenstein.tasks.doom.maps import DoomMap, Line, MapThing, load_map
+from jaxenstein.tasks.doom.wad import Wad
 
 NAMES = (
     "my-way-home",
@@ -34,23 +33,6 @@ _BLOCK = re.compile(r"(\w+)\s*\{([^{}]*)\}")
 _FIELD = re.compile(r'(\w+)\s*=\s*("[^"]*"|[^;"\s]+)\s*;')
 
 Block = dict[str, str]
-
-
-def read_lump(path: Path, name: str) -> bytes:
-    """Read the first lump with a name from a WAD file.
-
-    Raises:
-        MapError: the file is not a WAD file, or has no such lump.
-    """
-    data = path.read_bytes()
-    if data[:4] not in (b"IWAD", b"PWAD"):
-        raise MapError("not a WAD file: it does not begin with IWAD or PWAD", source=path.name)
-    count, directory = struct.unpack_from("<II", data, 4)
-    entries = data[directory : directory + 16 * count]
-    for offset, size, raw in struct.iter_unpack("<II8s", entries):
-        if raw.rstrip(b"\0") == name.encode():
-            return data[offset : offset + size]
-    raise MapError(f"has no lump {name}", source=path.name)
 
 
 def parse_udmf(text: str, source: str = "TEXTMAP") -> dict[str, list[Block]]:
@@ -116,7 +98,7 @@ def main() -> int:
     folder, differ = Path(load_vizdoom().scenarios_path), False
     for name in NAMES:
         path = folder / f"{name.replace('-', '_')}.wad"
-        same = read_map(read_lump(path, "TEXTMAP").decode(), path.name) == load_map(name)
+        same = read_map(Wad(path).lump("TEXTMAP").decode(), path.name) == load_map(name)
         print(f"{name}: {'the same' if same else 'NOT the same'} as {path.name}")
         differ |= not same
     return int(differ)

@@ -96,7 +96,7 @@ def _episode(game: Any, draw: random.Random, kinds: Sequence[str]) -> Recording:
     _watch(game, kinds, found, 0)
     while not game.is_episode_finished():
         if hold == 0:
-            hold, held = draw.randint(1, LONGEST_HOLD), _pick(draw, count)
+            hold, held = draw.randint(1, LONGEST_HOLD), pick(draw, count)
         hold -= 1
         rewards.append(game.make_action([held >> i & 1 for i in range(count)]))
         buttons.append(held)
@@ -116,7 +116,7 @@ def _episode(game: Any, draw: random.Random, kinds: Sequence[str]) -> Recording:
     )
 
 
-def _pick(draw: random.Random, count: int) -> int:
+def pick(draw: random.Random, count: int) -> int:
     """At most one button, or any combination, as bits."""
     if draw.random() < 0.5:
         return draw.choice([0, *(1 << i for i in range(count))])

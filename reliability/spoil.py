@@ -56,6 +56,16 @@ def spoil_bytes(data: bytes, rng: Rng) -> bytes:
     return data[:start] + new + (data[start + len(old) :] if rng.random() < 0.8 else b"")
 
 
+def flip_bytes(data: bytes, rng: Rng) -> bytes:
+    """A change of one or two bytes, with all others where they were."""
+    spoilt = bytearray(data)
+    for _ in range(rng.choice((1, 1, 2))):
+        if spoilt:
+            place = rng.randrange(len(spoilt))
+            spoilt[place] = rng.choice((0, 1, 127, 128, 255, spoilt[place] ^ 1 << rng.randrange(8)))
+    return bytes(spoilt)
+
+
 def text_spoiler(pattern: str, known: Sequence[str] = ()) -> Spoil:
     """A mutation of one or more parts of a text.
 

@@ -1,4 +1,4 @@
-"""The targets of fuzzing: readers of maps, settings, trajectories, configs and runs."""
+"""The targets of fuzzing: readers of maps, pictures, settings, trajectories, configs and runs."""
 
 from __future__ import annotations
 
@@ -23,9 +23,20 @@ from jaxenstein.maps.map_files import read_map, read_text
 from jaxenstein.maps.reach import problems
 from jaxenstein.maps.symbols import SYMBOLS
 from jaxenstein.spec import spec_of
+from jaxenstein.tasks.doom.wad import Wad
 from tests.reference.labmaps import write_map
+from tests.reference.wads import small_lumps, write_wad
 
-from .spoil import LINES, SIGNS, TOKENS, Case, Target, text_spoiler, tree_spoiler
+from .spoil import (
+    LINES,
+    SIGNS,
+    TOKENS,
+    Case,
+    Target,
+    flip_bytes,
+    text_spoiler,
+    tree_spoiler,
+)
 
 LAB_WORDS = (
     *("classname", "worldspawn", "info_player_start", "goal", "apple_reward", "origin", "light"),
@@ -93,6 +104,26 @@ def lab() -> Target:
     words = text_spoiler(TOKENS, LAB_WORDS)
     ways = {".map": (words, words, text_spoiler(LINES))}
     return Target([case(maze__map=text) for text in texts], read, ways, named=True)
+
+
+def wads() -> Target:
+    """WAD files; every picture is decoded."""
+
+    def read(_: Case) -> None:
+        wad = Wad("small.wad")
+        if wad.names("F"):
+            assert (wad.palette().shape, wad.colormap().shape) == ((256, 3), (34, 256))
+        for name in wad.names("F"):
+            assert wad.flat(name).shape == (64, 64)
+        for name in wad.textures():
+            assert wad.texture(name).ndim == 2
+        for name in wad.names("S"):
+            assert len(wad.sprite(name[:4], name[4:5])) == 8
+
+    whole = [part for part in small_lumps() if part[0] != "TROOB1"]
+    pictures = [part for part in whole if len(part[1]) < 500]
+    seeds = [Case({"small.wad": write_wad(parts)}) for parts in (pictures, pictures, whole)]
+    return Target(seeds, read, {".wad": (flip_bytes,) * 9}, named=True)
 
 
 def trajectories() -> Target:
@@ -286,6 +317,7 @@ def runs() -> Target:
 TARGETS: dict[str, Callable[[], Target]] = {
     "ascii": maps,
     "dmlab": lab,
+    "wad": wads,
     "trajectory": trajectories,
     "results": results,
     "settings": settings,

@@ -18,6 +18,7 @@ from reliability.targets import TARGETS
 
 # Cases of each target, so that all take seconds; the others take longer.
 CASES = {"ascii": 150, "dmlab": 200, "trajectory": 25, "results": 100, "settings": 25, "config": 25}
+CASES |= {"wad": 400}
 SLOW = {"run": 15}
 
 
