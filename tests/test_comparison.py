@@ -1,4 +1,4 @@
-"""Results of files put together by policy and task, and refused where they cannot be compared."""
+"""Results from files, grouped by policy and task, or refused if they cannot be compared."""
 
 from __future__ import annotations
 

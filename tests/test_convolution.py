@@ -1,4 +1,4 @@
-"""The convolution by matrix products against that of `jax.lax`."""
+"""The convolution as matrix products against `jax.lax`."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""One declaration of a field gives its check, its message, its flag and its line of a file."""
+"""One declaration of a field defines its check, message, flag and entry in files."""
 
 from __future__ import annotations
 

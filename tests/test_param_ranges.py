@@ -1,4 +1,4 @@
-"""Params as ranges: what is refused, what is drawn, and what files say of them."""
+"""Params as ranges: errors, draws, and files."""
 
 from __future__ import annotations
 

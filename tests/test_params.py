@@ -1,4 +1,4 @@
-"""Numbers of an environment are checked where they come in; keys and actions are told in words."""
+"""Params are checked on entry; errors for keys and actions are in words."""
 
 import dataclasses
 

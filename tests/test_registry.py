@@ -1,4 +1,4 @@
-"""Ids, settings, and what a wrong one is answered with."""
+"""Ids, settings, and the errors for wrong ones."""
 
 import dataclasses
 from pathlib import Path
@@ -52,7 +52,7 @@ def test_every_id_builds_what_it_names(name):
         assert float(leaf) == pytest.approx(float(default))
 
 
-# The table of the documentation, written out once more.
+# A copy of the table in the documentation.
 @pytest.mark.parametrize(
     ("name", "horizon", "discount", "living"),
     [
@@ -120,7 +120,7 @@ def test_unknown_settings_name_the_nearest():
         make("simple", heigth=3)
     with pytest.raises(jaxenstein.SettingError, match=r"params\.replace\(goal_reward="):
         make("simple", goal_reward=3)
-    # A param of other tasks is none of this one.
+    # A param of other tasks is not a param of this task.
     with pytest.raises(jaxenstein.SettingError, match="unknown setting 'apple_reward'"):
         make("simple", apple_reward=1)
     with pytest.raises(jaxenstein.SettingError, match=r"params\.replace\(apple_reward="):

@@ -1,4 +1,4 @@
-"""Tasks of one's own: ids for them, modules that name them, and every way to use them."""
+"""Users' own tasks: ids, modules, and all ways to use them."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 @pytest.fixture
 def importable(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The same, where Python finds it."""
+    """The same module, where Python finds it."""
     monkeypatch.syspath_prepend(tmp_path)
     return module
 

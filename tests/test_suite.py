@@ -1,4 +1,4 @@
-"""The benchmark: its tasks, their environments, and what counts as a result of it."""
+"""The benchmark: its tasks, their environments, and valid results."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_every_task_exists_in_its_version_and_has_references():
         assert ENTRIES[task.id].version == task.version == rows[task.id]["version"], task.id
         assert rows[task.id]["episodes"] == 1000
         ends = suite.references()[task.id]
-        # A random player far from the expert, beyond the errors of both.
+        # The random player is far from the expert, compared with the errors of both.
         errors = rows[task.id]["random_error"] + rows[task.id]["expert_error"]
         assert ends.expert - ends.random > 10 * errors
 

@@ -65,6 +65,10 @@ class TrajectoryError(JAXensteinError):
     """A trajectory that cannot be saved, read or replayed; the message names file and entry."""
 
 
+class WadError(JAXensteinError):
+    """A WAD file that cannot be read, or lacks something; the message names the file."""
+
+
 class MapWarning(UserWarning):
     """A map that is usable but probably not what its author meant."""
 

@@ -108,6 +108,7 @@ def check_links(folder: str | Path) -> None:
     Raises:
         SettingError: an entry is a link out of the folder, a file with another name elsewhere
             (a hard link), or neither a file nor a folder.
+        OutputError: an entry is in a folder that this user may not search.
     """
     root = Path(folder).resolve()
     for parent, names, files in os.walk(folder):
@@ -116,6 +117,8 @@ def check_links(folder: str | Path) -> None:
                 about = entry.lstat()
             except FileNotFoundError:
                 continue  # the temporary file of another process
+            except OSError as error:
+                raise OutputError(entry, reason_of(error)) from error
             mode = about.st_mode
             inside = Path(os.path.realpath(entry)).is_relative_to(root)
             if (stat.S_ISLNK(mode) and not inside) or (stat.S_ISREG(mode) and about.st_nlink > 1):
@@ -141,13 +144,13 @@ def check_writable(path: str | Path) -> None:
         pass
     except OSError as error:  # A name may be too long even for a lookup.
         raise OutputError(path, reason_of(error)) from error
-    if path.is_dir():
+    if os.path.isdir(path):
         raise OutputError(path, "it is a folder")
-    if path.exists() and not path.is_file():
+    if os.path.exists(path) and not os.path.isfile(path):
         raise OutputError(path, "it is a device or a pipe, which a file would replace")
-    if not folder.exists():
+    if not os.path.exists(folder):
         raise OutputError(path, f"there is no folder {folder}")
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise OutputError(path, f"{folder} is not a folder")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(path, f"no permission to write in {folder}")

@@ -1,6 +1,6 @@
 """The benchmark: a fixed list of tasks, and how agents are trained and compared on them.
 
-The "Benchmark" page of the documentation has the protocol and the reasons for each choice.
+The "Benchmark" page of the documentation has the protocol.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What every adapter must do, beside the native environment."""
+"""The contract of every adapter, against the native environment."""
 
 from __future__ import annotations
 
@@ -202,7 +202,7 @@ def arrays(out: Step) -> list[Any]:
 
 @pytest.mark.parametrize("player", STREAMS)
 def test_what_was_handed_out_never_changes_and_is_never_read(player: Any) -> None:
-    """Not by later steps and resets, and no step reads what the caller writes into it."""
+    """Later steps and resets do not change it, and steps do not read what callers write to it."""
     made = make_corridor()
     written, clean = player(*made, N), player(*made, N)
     held: list[Any] = [*written.reset(3), *clean.reset(3)]
@@ -247,7 +247,7 @@ def test_wrong_actions_are_named_and_do_nothing(player: Any) -> None:
             ours.step(actions)
     for dtype in (np.int64, np.int32, np.int8):
         most = np.iinfo(dtype).max
-        # What a cast to 32 bits would turn into an action.
+        # A number that a cast to 32 bits would turn into an action.
         far = (-1, most, 2**32 + FORWARD, FORWARD - 2**32)[: 4 if dtype is np.int64 else 2]
         for action in far:
             actions = np.full(N, action, dtype)

@@ -116,7 +116,7 @@ def test_every_id_is_made_with_its_spaces(id: str) -> None:
 
 
 def test_warnings_of_gymnasium_are_seen() -> None:
-    """Otherwise the checks above would pass whatever they find."""
+    """Makes sure that the checks above can fail."""
     env = gymnasium.make("jaxenstein/simple-v0", **SMALL)
     env.reset()
     with pytest.warns(UserWarning, match="without a render mode"):

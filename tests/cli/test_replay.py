@@ -32,7 +32,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def edited(saved: Path, path: Path, **changes: Any) -> Path:
-    """A copy of the file in which entries are changed."""
+    """A copy of the file with changed entries."""
     path.write_text(json.dumps(json.loads(saved.read_text()) | changes))
     return path
 
@@ -53,7 +53,7 @@ def test_replay_is_the_same(
     out, _ = capsys.readouterr()
     assert "9 steps" in out
     assert "the same bit for bit" in out
-    # The animation, too, is the one that was recorded.
+    # The animation is also the same as the recorded one.
     assert (tmp_path / "b.gif").read_bytes() == saved.with_suffix(".gif").read_bytes()
     with Image.open(tmp_path / "b.png") as sheet:
         assert sheet.format == "PNG"

@@ -1,4 +1,4 @@
-"""What can be set of an environment is a flag of every command that takes one."""
+"""All options of an environment are flags of every command with an environment."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from jaxenstein.errors import SettingError
 from jaxenstein.settings import changed, given_by, spec_from
 from jaxenstein.tasks.first_person import SEEN, FirstPerson
 
-# Each with what it needs besides, and how it is told the environment.
+# Each command with its other required flags, and the flag for the environment.
 COMMANDS = {
     "play": ["simple"],
     "record": ["simple", "--out", "a.gif"],

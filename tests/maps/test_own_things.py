@@ -205,6 +205,18 @@ def test_what_is_none(changes: dict[str, Any], message: str) -> None:
     assert before == THING_OF
 
 
+def test_an_image_of_another_size_is_not_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unpack(*_: object, **__: object) -> None:
+        raise AssertionError("unpacked")
+
+    Image.new("RGB", (33, 32)).save(tmp_path / "large.png")
+    monkeypatch.setattr(Image.Image, "convert", unpack)
+    with pytest.raises(SettingError, match="must have 32 rows and 32 columns, not 32 and 33"):
+        register_thing("large", 200, tmp_path / "large.png", colour=RED)
+
+
 def test_a_label_of_nothing_has_no_picture_and_no_name() -> None:
     with pytest.raises(SettingError, match=r"no thing has the label 222: .*register_thing"):
         build_theme((222,), doors=False)

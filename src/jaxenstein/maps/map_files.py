@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.resources
+import os
 from pathlib import Path
 
 from .. import files
@@ -30,11 +31,11 @@ def read_map(path: Path) -> dict[str, str]:
     Raises:
         MapError: a file cannot be read, or the sample does not exist.
     """
-    if path.parent.name == "samples" and not path.suffix and not path.exists():
+    if path.parent.name == "samples" and not path.suffix and not os.path.exists(path):
         return {"text": sample_map(path.name)}
     texts = {"text": read_text(path, "map")}
     for kind in ("regions", "faces"):
-        if beside(path, kind).is_file():
+        if os.path.isfile(beside(path, kind)):
             texts[kind] = read_text(beside(path, kind), f"{kind} text")
     return texts
 

@@ -122,11 +122,22 @@ def _read(place: str, path: Path) -> np.ndarray:
 
     try:
         with Image.open(path) as image:
+            # Before it is unpacked, which may take any memory.
+            _check_size(place, image.height, image.width)
             return np.asarray(image.convert("RGBA"))
+    except SettingError:
+        raise
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise SettingError(
             f"{place}: {quoted(str(path))} cannot be read as an image ({error})"
         ) from None
+
+
+def _check_size(place: str, rows: int, columns: int) -> None:
+    if (rows, columns) != (SIZE, SIZE):
+        raise SettingError(
+            f"{place} must have {SIZE} rows and {SIZE} columns, not {rows} and {columns}"
+        )
 
 
 def _array(place: str, picture: Any) -> np.ndarray:
@@ -144,11 +155,7 @@ def _rows(thing: Thing, array: np.ndarray, place: str) -> list[str]:
             f"{place} must be text, the name of an image file, int[{SIZE}, {SIZE}] or "
             f"uint8[{SIZE}, {SIZE}, 3 or 4], not {array.dtype}{list(array.shape)}"
         )
-    if array.shape[:2] != (SIZE, SIZE):
-        rows, columns = array.shape[:2]
-        raise SettingError(
-            f"{place} must have {SIZE} rows and {SIZE} columns, not {rows} and {columns}"
-        )
+    _check_size(place, *array.shape[:2])
     marks = _marks_of(thing, array) if coloured else array.astype(np.int64)
     low, high = marks.min(), marks.max()
     if low < 0 or high >= len(MARKS):

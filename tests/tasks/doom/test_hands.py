@@ -1,4 +1,4 @@
-"""The weapon in the player's hands and the strip below the view, where they are asked for."""
+"""The weapon in the player's hands and the strip below the view, if enabled."""
 
 from __future__ import annotations
 
