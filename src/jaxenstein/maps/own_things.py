@@ -122,7 +122,7 @@ def _read(place: str, path: Path) -> np.ndarray:
 
     try:
         with Image.open(path) as image:
-            # Before it is unpacked, which may take any memory.
+            # Checked before decoding, which may take any amount of memory.
             _check_size(place, image.height, image.width)
             return np.asarray(image.convert("RGBA"))
     except SettingError:

@@ -1,11 +1,12 @@
-"""Pictures out of the WAD files of Doom: palette, light, wall textures, flats and sprites.
+"""Read pictures from Doom's WAD files: palette, light, wall textures, flats and sprites.
 
-A WAD file is a header (kind, number of lumps, place of the directory), the lumps, and a directory
-of 16 bytes a lump (offset, size, name). Lumps between the markers `F_START` and `F_END` are flats,
-those of `S_` sprites, those of `P_` patches, of which `TEXTURE1` composes textures.
+A WAD file has a header (kind, number of lumps, offset of the directory), the lumps, and a directory
+with 16 bytes per lump (offset, size, name). Lumps between the markers `F_START` and `F_END` are
+flats, those between `S_` markers are sprites, and those between `P_` markers are patches.
+`TEXTURE1` composes textures from patches.
 
-No package does this job: omgifol 0.5.1 (MIT, 2023, no dependencies) opens files for writing and
-raises any error for a damaged one, and wadlib needs Python 3.12.
+No package fits: omgifol 0.5.1 (MIT, 2023, no dependencies) opens files for writing and raises
+arbitrary errors for damaged ones, and wadlib needs Python 3.12.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 from ...errors import WadError, nearest, quoted
 from ...files import reason_of
 
-# Doom's own pictures are at most 1024 pixels wide; patches of a texture, of which 64 are the most.
+# The largest side and number of patches; in Doom itself, 1024 pixels and 64 patches per texture.
 LARGEST, MOST_PATCHES = 2048, 256
 ROTATIONS = 8
 _ENTRY = np.dtype([("offset", "<u4"), ("size", "<u4"), ("name", "S8")])
@@ -37,10 +38,10 @@ class Picture:
     """A picture with holes.
 
     Attributes:
-        pixels: int16[height, width], indices of the palette, -1 in holes; a mirrored one is turned.
-        left: columns from the picture's left edge to where the thing stands.
+        pixels: int16[height, width], palette indices, -1 in holes; already mirrored if `mirrored`.
+        left: columns from the picture's left edge to the thing's position.
         top: rows from the picture's upper edge down to the thing's feet.
-        mirrored: whether the file holds the mirror image.
+        mirrored: whether the file has the mirror image.
     """
 
     pixels: np.ndarray
@@ -49,22 +50,22 @@ class Picture:
     mirrored: bool = False
 
     def mirror(self) -> Picture:
-        """The mirror image; it turns about the column in which the thing stands."""
+        """The mirror image about the column of the thing's position."""
         left = self.pixels.shape[1] - self.left - 1
         return Picture(self.pixels[:, ::-1], left, self.top, not self.mirrored)
 
 
 class Wad:
-    """A WAD file. Its lumps are read and decoded one by one, when they are asked for.
+    """A WAD file, whose lumps are read and decoded on demand.
 
-    Names may have small letters. Of several lumps with one name, the last one counts.
+    Names are case-insensitive. If several lumps have the same name, the last one counts.
     """
 
     def __init__(self, path: str | Path) -> None:
         """Read the directory.
 
         Raises:
-            WadError: there is no such file, it is no WAD file, or it is damaged.
+            WadError: the file does not exist, is not a WAD file, or is damaged.
         """
         self.path = Path(path)
         if not os.path.isfile(path):
@@ -92,22 +93,22 @@ class Wad:
                 self._places[section][name] = int(offset), int(size)
 
     def names(self, section: str = "") -> tuple[str, ...]:
-        """Names of the lumps between the markers `F`, `S` or `P`, or of all other lumps."""
+        """The names of the lumps between the markers `F`, `S` or `P`, or of all other lumps."""
         return tuple(self._places[section])
 
     def textures(self) -> tuple[str, ...]:
-        """Names of the wall textures."""
+        """The names of the wall textures."""
         return tuple(self._textures)
 
     def lump(self, name: str, *sections: str) -> bytes:
-        """A lump's bytes.
+        """The bytes of a lump.
 
         Args:
-            name: of the lump.
-            sections: where to look for it, in this order; by default outside of markers.
+            name: the name of the lump.
+            sections: the sections to search, in order; by default, outside of markers.
 
         Raises:
-            WadError: there is none.
+            WadError: the lump does not exist.
         """
         sections, name = sections or ("",), name.upper()
         for section in sections:
@@ -122,20 +123,20 @@ class Wad:
         return self._table("PLAYPAL", 256, 3)
 
     def colormap(self) -> np.ndarray:
-        """uint8[34, 256]: what an index becomes in each light: 32 from bright to dark, 2 others."""
+        """uint8[34, 256]: the palette index under each light: 32 from bright to dark, 2 others."""
         return self._table("COLORMAP", 34, 256)
 
     def flat(self, name: str) -> np.ndarray:
-        """uint8[64, 64]: indices of the palette of a floor or ceiling."""
+        """uint8[64, 64]: the palette indices of a floor or ceiling."""
         data = self.lump(name, "F")
         if len(data) != 64 * 64:
             raise self._error(f"flat {quoted(name)} has {len(data)} bytes, not 4096")
         return np.frombuffer(data, np.uint8).reshape(64, 64)
 
     def texture(self, name: str) -> np.ndarray:
-        """int16[height, width]: indices of the palette of a wall, -1 in holes.
+        """int16[height, width]: the palette indices of a wall texture, -1 in holes.
 
-        As in the game, a flat may cover a wall, too.
+        As in the game, a wall may also have a flat as its texture.
         """
         if name.upper() not in self._textures:
             if name.upper() in self._places["F"]:
@@ -160,18 +161,18 @@ class Wad:
         return canvas
 
     def patch(self, name: str) -> Picture:
-        """A patch, of which textures are made; any other picture may be one, too."""
+        """A patch of textures; any other picture can be a patch too."""
         return self._decode(name, self.lump(name, "P", "", "S"))
 
     def sprite(self, name: str, frame: str) -> tuple[Picture, ...]:
-        """The eight views of a thing, from the front on clockwise as seen from above.
+        """The eight views of a thing, starting at the front, clockwise as seen from above.
 
         Args:
             name: its four letters, such as `"TROO"`.
             frame: the letter of the frame.
 
         Raises:
-            WadError: there is none, or one of its views is missing.
+            WadError: the sprite does not exist, or one of its views is missing.
         """
         views: dict[str, tuple[str, bool]] = {}
         name, frame = name.upper(), frame.upper()
@@ -193,7 +194,7 @@ class Wad:
 
     @cached_property
     def _textures(self) -> dict[str, tuple[bytes, int]]:
-        """The lump and the place in it of each texture's definition."""
+        """For each texture, the lump that defines it and the offset in that lump."""
         found = {}
         for lump in ("TEXTURE1", "TEXTURE2"):
             if lump in self._places[""]:
@@ -211,7 +212,7 @@ class Wad:
         return [_text(names[at : at + 8]) for at in range(0, len(names), 8)]
 
     def _decode(self, name: str, data: bytes) -> Picture:
-        """A picture: columns of runs of pixels (row, length, pixels), each closed by 255."""
+        """Decode a picture: columns of runs of pixels (row, length, pixels), each ended by 255."""
         what = f"picture {quoted(name)}"
         width, height, left, top = self._unpack("<4h", data, 0, what)
         self._check_size(what, width, height)
@@ -270,10 +271,11 @@ def find_iwad(path: str | Path | None = None) -> Path:
     """The WAD file with the game's pictures.
 
     Args:
-        path: a file of one's own, such as DOOM2.WAD; by default Freedoom's, beside ViZDoom.
+        path: a file of your own, such as DOOM2.WAD; by default Freedoom's, which comes with
+            ViZDoom.
 
     Raises:
-        MissingViZDoomError: no path is given, and ViZDoom, which brings the file, is not installed.
+        MissingViZDoomError: no path is given, and ViZDoom, which has the file, is not installed.
     """
     if path is not None:
         return Path(path)
