@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from .fields import Domain, check_value
 
 if TYPE_CHECKING:
     from .environment import AnyEnvironment
+    from .results import Results
     from .spec import Spec
 
 VERSION = 1
@@ -257,3 +258,14 @@ def check_compared(compared: Compared, suite: str) -> Compared:
                 )
         ordered[policy] = {task.id: mine[task.id] for task in TASKS}
     return ordered
+
+
+def departures(results: Iterable[Results]) -> list[str]:
+    """How the results of a policy depart from the protocol, in words; empty if they do not."""
+    rows = list(results)
+    runs, episodes = (min(row.returns.shape[axis] for row in rows) for axis in (0, 1))
+    counts = (runs, SEEDS, "training seeds"), (episodes, EPISODES, "test episodes")
+    found = [f"{have} {name} instead of {wanted}" for have, wanted, name in counts if have < wanted]
+    if any(row.actions == "greedy" for row in rows):
+        found.append("greedy actions instead of sampled ones")
+    return found

@@ -67,6 +67,9 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     assert "expert" in json.dumps(scored)
     shown = capsys.readouterr().out
     assert "IQM" in shown
+    for policy, runs in (("rnd", 2), ("expert", 1)):
+        told = f"{runs} training seeds instead of 5, 2 test episodes instead of 100"
+        assert f"{policy} departs from the protocol: {told}\n" in shown
     # The expert's score of a task is 1 by definition; its IQM over two tasks as well.
     aggregates = shown[shown.index("IQM") :]
     (expert,) = [line.split() for line in aggregates.splitlines() if line.startswith("expert ")]

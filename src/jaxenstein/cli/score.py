@@ -121,17 +121,23 @@ def run(options: argparse.Namespace) -> None:
     chance = _chance(compared, options.seed)
     report = _report(compared, summary, chance, options.seed)
     with written_anyway(options.json, lambda path: write_json(path, report)):
-        _print(compared, summary, chance, options.seed)
+        _print(compared, summary, chance, options.seed, options.suite is not None)
     if options.plot is not None and summary is not None:
         figure = baselines("score_plot").plot_scores(summary.aggregates, summary.profiles)
         baselines("curves").save_figure(figure, [options.plot])
         print(f"wrote {options.plot}")
 
 
-def _print(compared: Compared, summary: Summary | None, chance: Estimate | None, seed: int) -> None:
+def _print(
+    compared: Compared,
+    summary: Summary | None,
+    chance: Estimate | None,
+    seed: int,
+    of_suite: bool,
+) -> None:
     """Print the tables."""
     print(table_of_tasks(compared, summary, seed))
-    print(end=_notes(compared))
+    print(end=_notes(compared, of_suite))
     if summary is not None:
         print(f"\n{table_of_aggregates(summary)}")
     if chance is not None:
@@ -206,8 +212,8 @@ def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> st
     return format_table(rows, right=(2, 3, 4, 5, 6, 7))
 
 
-def _notes(compared: Compared) -> str:
-    """A line for each policy whose intervals do not include the variation between runs."""
+def _notes(compared: Compared, of_suite: bool) -> str:
+    """A line for each policy with a single run, or that departs from the benchmark's protocol."""
     lines = []
     for policy, mine in compared.items():
         single = [task for task, results in mine.items() if len(results.names) == 1]
@@ -217,6 +223,8 @@ def _notes(compared: Compared) -> str:
                 f"{policy} has a single run of {which}: its intervals do not include the variation "
                 "between training runs\n"
             )
+        if of_suite and (departures := suite.departures(mine.values())):
+            lines.append(f"{policy} departs from the protocol: {', '.join(departures)}\n")
     return "".join(lines)
 
 

@@ -272,3 +272,24 @@ def test_what_is_not_there_is_told(folder: RunFolder, tmp_path: Path) -> None:
     env, params = jaxenstein.make("health-gathering", height=12, width=16)
     with pytest.raises(SettingError, match="was trained with the actions turn left, "):
         policy.check(env, params)
+
+
+@pytest.mark.parametrize("command", ["evaluate", "play", "export"])
+def test_the_module_of_an_imported_environment_is_named(
+    command: str, folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(folder.path, run)
+    config = json.loads((run / "config.json").read_text())
+    config["environment"] |= {"id": "my_module:my-task", "map": None}
+    (run / "config.json").write_text(json.dumps(config))
+    out = str(tmp_path / "agent.npz")
+    words = {
+        "evaluate": [str(run)],
+        "play": ["--policy", str(run)],
+        "export": [str(run), "--out", out],
+    }
+    assert main([command, *words[command]]) == 2
+    told = capsys.readouterr().err
+    assert "the module of the environment 'my_module:my-task' has not been imported" in told
+    assert "--import my_module" in told
