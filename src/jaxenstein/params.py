@@ -64,8 +64,8 @@ class Params(PyTreeNode):
     def replace(self, **changes: Any) -> Self:
         """Return a copy with the named fields changed.
 
-        A tuple of two numbers is a range, from which each episode of a training or an evaluation
-        draws a number; see `drawn` for what else takes params.
+        A tuple of two numbers is a range, from which each episode of a training, an evaluation or
+        an adapter draws a number; see `drawn` for what else takes params.
 
         Raises:
             SettingError: there is no such field, or a value that it cannot have.
@@ -115,14 +115,14 @@ T = TypeVar("T")
 def drawn(params: T, seed: int | jax.Array, count: int | None = None) -> T:
     """Params with numbers in the place of their ranges, each number in a range as likely as others.
 
-    Trainings and `jaxenstein.evaluate` draw anew for each episode. Whatever else takes params takes
-    what this returns.
+    Trainings, `jaxenstein.evaluate` and the adapters draw anew for each episode. Whatever else
+    takes params takes what this returns.
 
     Args:
         params: params in which `replace` may have put ranges; others are returned as they are.
         seed: a whole number from 0 to 2**32 - 1, or a random key.
-        count: None for one number in the place of a range, or N for float32[N], as the adapters
-            take them for N environments.
+        count: None for one number in the place of a range, or N for float32[N], one for each of N
+            environments.
 
     Examples:
         >>> params = Params().replace(discount=0.9)

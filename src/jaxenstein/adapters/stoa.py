@@ -22,9 +22,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from .. import registry
+from .. import drawing, registry
 from .. import spaces as own
 from ..environment import AnyEnvironment
+from ..params import split_ranges
 from .functional import check_fit, first_info
 
 try:
@@ -57,7 +58,8 @@ class StoaEnvironment(stoa.Environment):
 
         Args:
             env: the environment, with `autoreset` None or "same-step".
-            params: its params; None for the default ones.
+            params: its params; None for the default ones. Each episode draws a number from a range
+                among them, and states are then `jaxenstein.drawing.Drawn`.
 
         Raises:
             SettingError: it is no environment or resets in the next step, or the params are of
@@ -66,7 +68,7 @@ class StoaEnvironment(stoa.Environment):
         check_fit(env, (None, "same-step"), "Stoa")
         super().__init__()
         self.env = env
-        self.params = env.single_params(params)
+        self.params = drawing.single_params(env, params)
 
     def __repr__(self) -> str:
         """The id, and whether it resets."""
@@ -87,8 +89,8 @@ class StoaEnvironment(stoa.Environment):
         """Begin an episode: a state, and a time step of type FIRST with reward 0, discount 1."""
         params = self._params(env_params)
         reset_key, key = jax.random.split(rng_key)
-        observation, state = self.env.reset(reset_key, params)
-        extras = first_info(self.env, reset_key, state, params)
+        observation, state = drawing.reset(self.env, reset_key, params)
+        extras = first_info(self.env, reset_key, *drawing.undrawn(state, params))
         if self.env.final_observation:
             extras[_LAST] = observation
         first = stoa.TimeStep(
@@ -111,8 +113,8 @@ class StoaEnvironment(stoa.Environment):
             Both 0-dimensional, int8 and float32.
         """
         key, step_key = jax.random.split(state.rng_key)
-        observation, after, reward, terminated, truncated, info = self.env.step(
-            step_key, state.base_env_state, action, self._params(env_params)
+        observation, after, reward, terminated, truncated, info = drawing.step(
+            self.env, step_key, state.base_env_state, action, self._params(env_params)
         )
         extras = dict(info)
         if self.env.final_observation:
@@ -129,7 +131,8 @@ class StoaEnvironment(stoa.Environment):
 
     def observation_space(self, env_params: Any = None) -> stoa.Space:
         """Stoa's `BoundedArraySpace`, or a `DictSpace` for `observation="dict"`."""
-        return _space(self.env.observation_space(self._params(env_params)), "observation")
+        params = split_ranges(self._params(env_params))[0]
+        return _space(self.env.observation_space(params), "observation")
 
     def action_space(self, env_params: Any = None) -> stoa.DiscreteSpace:
         """Stoa's `DiscreteSpace` of int32."""
@@ -145,7 +148,7 @@ class StoaEnvironment(stoa.Environment):
         raise NotImplementedError("states of jaxenstein have no space; observations have one")
 
     def _params(self, params: Any) -> Any:
-        return self.params if params is None else self.env.check_params(params)
+        return self.params if params is None else drawing.check_params(self.env, params)
 
 
 def make(id: str, **settings: Any) -> StoaEnvironment:

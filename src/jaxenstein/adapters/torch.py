@@ -82,8 +82,8 @@ class TorchBatch:
         Args:
             env: the environment, as `jaxenstein.make` returns it; its own `autoreset` and
                 `final_observation` do not matter.
-            params: its params, each one number for all environments or an array with a leading
-                axis N.
+            params: its params, each one number for all environments, an array with a leading
+                axis N, or a range from which each episode draws by its seed.
             num_envs: N, at least 1.
             autoreset: `"same-step"`, `"next-step"` or None, as `jaxenstein.Environment.autoreset`.
 
