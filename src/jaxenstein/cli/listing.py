@@ -113,8 +113,9 @@ def pretrained_agents() -> str:
     from .opening import baselines
 
     trained = baselines("trained")
+    own: list[str] = []
     table: list[tuple[str, ...]] = [
-        ("NAME", "ENVIRONMENT", "ALGO", "STEPS", "RETURN", "SUCCESS", "GREEDY")
+        ("NAME", "ENVIRONMENT", "SKIP", "ALGO", "DECISIONS", "RETURN", "SUCCESS", "GREEDY")
     ]
     for name, file in trained.pretrained().items():
         plain = trained.read_config(file)
@@ -123,12 +124,17 @@ def pretrained_agents() -> str:
         place, algo = plain["environment"]["id"] or "a map", config["algo"]
         earned = f"{score['sampled']['return']['mean']:.3g}"
         rates = [f"{score[way]['success']['mean']:.0%}" for way in ("sampled", "greedy")]
-        table.append((name, place, algo, f"{steps:,}", earned, *rates))
+        skip = str(plain["environment"]["settings"].get("frame_skip", 1))
+        table.append((name, place, skip, algo, f"{steps:,}", earned, *rates))
+        if params := plain["environment"]["params"]:
+            own.append(f"{name}: {', '.join(f'{p}={v:g}' for p, v in params.items())}")
     notes = (
-        "steps of the training; return and success rate of sampled actions, success of greedy ones",
+        "skip: steps of the world in one decision",
+        "return and success rate of sampled actions, success of greedy ones",
+        f"returns count the rewards of the training ({'; '.join(own)})",
         "'jaxenstein play --policy pretrained/NAME' shows one, and with --greedy as it is then",
     )
-    return "\n".join([format_table(table, right=(3, 4, 5, 6)), "", *notes])
+    return "\n".join([format_table(table, right=(2, 4, 5, 6, 7)), "", *notes])
 
 
 def tasks_of(name: str) -> str:
