@@ -110,6 +110,7 @@ def run(options: argparse.Namespace) -> None:
 
 def pretrained_agents() -> str:
     """The trained agents of this package, with what their files say of them."""
+    from ..params import Range
     from .opening import baselines
 
     trained = baselines("trained")
@@ -127,11 +128,12 @@ def pretrained_agents() -> str:
         skip = str(plain["environment"]["settings"].get("frame_skip", 1))
         table.append((name, place, skip, algo, f"{steps:,}", earned, *rates))
         if params := plain["environment"]["params"]:
-            own.append(f"{name}: {', '.join(f'{p}={v:g}' for p, v in params.items())}")
+            told = (f"{p}={Range(*v) if isinstance(v, list) else v}" for p, v in params.items())
+            own.append(f"the return of {name} counts with {', '.join(told)}, as in its training")
     notes = (
         "skip: steps of the world in one decision",
         "return and success rate of sampled actions, success of greedy ones",
-        f"returns count the rewards of the training ({'; '.join(own)})",
+        *own,
         "'jaxenstein play --policy pretrained/NAME' shows one, and with --greedy as it is then",
     )
     return "\n".join([format_table(table, right=(2, 4, 5, 6, 7)), "", *notes])
