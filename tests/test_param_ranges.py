@@ -1,4 +1,4 @@
-"""Params as ranges: what is refused, what is drawn, and what files say of them."""
+"""Params as ranges: errors, draws, and files."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def waiting():
         ("turn_angle", (0.1, np.nan), "turn_angle must be a finite"),
         ("turn_angle", (0.1, None), "turn_angle must be a finite"),
         ("turn_angle", (0.1, 0.2, 0.3), "turn_angle must be one number, or a range"),
-        ("max_steps_in_episode", (1, 5), "must be a whole number from 1 on, not the range"),
+        ("max_steps_in_episode", (1, 5), "must be a whole number >= 1, not the range"),
         ("discount", (0.1, 0.9), "discount must be the same in all episodes, not the range"),
         ("turn_angel", (0.1, 0.9), "no 'turn_angel', did you mean 'turn_angle'"),
     ],
@@ -162,7 +162,7 @@ def test_commands_that_play_say_what_they_drew(tmp_path, monkeypatch, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if "drawn" in line] == [
         f"living_reward {number} drawn from -2:-1 by --seed 4",
-        "living_reward -2:-1, drawn for each episode",
+        "living_reward from -2:-1, drawn for each episode",
     ]
     assert main(["rollout", *place, "--param=turn_angle=0.1:0.2"]) == 2
     assert "--param turn_angle must be one number in this command" in capsys.readouterr().err

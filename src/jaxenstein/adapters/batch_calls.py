@@ -1,4 +1,4 @@
-"""The compiled calls of a batch of environments; what they keep and tell lies in rows of words."""
+"""The compiled functions of a batch; state and results are packed into rows of words."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from ..environment import AnyEnvironment
 
 
 def keys_of(seeds: Sequence[int]) -> jax.Array:
-    """A key for each seed; seeds beyond 32 bits are folded in, without loss."""
+    """A random key for each seed; seeds beyond 32 bits are folded in without loss."""
     words = [(seed & 0xFFFFFFFF, seed >> 32) for seed in seeds]
     low, high = (jnp.asarray(np.array(part, np.uint32)) for part in zip(*words, strict=True))
     return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a), b))(low, high)
 
 
 def mesh_for(num_envs: int) -> Mesh | None:
-    """The cores to spread over, if there are several and they can be given equal shares."""
+    """A mesh over the CPU cores, if there are several and their number divides `num_envs`."""
     count = jax.device_count()
     if jax.default_backend() != "cpu" or count == 1 or num_envs % count:
         return None
@@ -44,7 +44,7 @@ def _apart(
         return function(rows, actions, numbers)
     env = PartitionSpec("env")
     each = env if numbers.ndim == 2 else PartitionSpec()
-    # Nothing is exchanged, so there is nothing to check about what varies along the axis.
+    # Devices exchange nothing, so there is no variation along the axis to check.
     return jax.shard_map(
         function, mesh=mesh, in_specs=(env, env, each), out_specs=env, check_vma=False
     )(rows, actions, numbers)
@@ -60,11 +60,11 @@ def _over(
     """Map a function over the arguments and params of all environments.
 
     Args:
-        function: takes the environment, the arguments of one, and its params.
+        function: takes the environment, the arguments of one environment and then its params.
         env: the environment.
-        layout: of the params of one environment, ranges among them.
-        numbers: the packed params: uint32[words] for all, or uint32[N, words], one row for each.
-        *args: trees with a leading axis N.
+        layout: the layout of the params of one environment, with ranges.
+        numbers: the packed params: uint32[words] for all, or uint32[N, words], a row for each.
+        *args: pytrees with a leading axis N.
     """
 
     def of_one(numbers: jax.Array, *args: Any) -> Any:
@@ -74,7 +74,7 @@ def _over(
 
 
 def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
-    """The layouts of an environment's stream and state, and of a step's outcome; not compiled.
+    """The layouts of an environment's stream and state, and of a step's outcome; traced only.
 
     Args:
         env: the environment.
@@ -96,19 +96,19 @@ def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
 _compiled = functools.partial(jax.jit, static_argnums=(0, 1))
 
 
-# A stream is a key that is split at every reset and at every step: one part is used, the other
-# stays. So an environment samples the same whatever the number of its neighbours, and whether
-# the batch or its caller makes the resets.
+# A stream is a key that is split at every reset and step into a key to use and a key to keep. So
+# the samples of an environment depend neither on the number of environments nor on whether the
+# batch or its caller resets.
 
 
-# The static arguments of a call: the devices, and the layouts of the kept rows, of the outcome of a
+# Static arguments of a call: the mesh, and the layouts of stream and state, of the outcome of a
 # step, and of the params.
 Plan = tuple[Mesh | None, Packing, Packing, Packing]
 
 
 @_compiled
 def reset(env: AnyEnvironment, plan: Plan, keys: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
-    """Begin an episode in each environment: rows, observations, info."""
+    """Start an episode in each environment: rows, observations, info."""
     _, kept, _, layout = plan
     keys, used = _split(keys)
     states = _over(drawing.first_state, env, layout, numbers, used)
@@ -126,7 +126,7 @@ def reset_some(
     mask: jax.Array,
     numbers: jax.Array,
 ) -> tuple[Any, ...]:
-    """Begin an episode where the mask says so: rows, observations, info."""
+    """Start an episode where the mask is true: rows, observations, info."""
     _, kept, _, layout = plan
     after, used = _split(keys)
     fresh = _over(drawing.first_state, env, layout, numbers, used)
@@ -141,13 +141,13 @@ def reset_some(
 def step(
     env: AnyEnvironment, plan: Plan, rows: jax.Array, actions: jax.Array, numbers: jax.Array
 ) -> tuple[Any, ...]:
-    """Step all; where `env.autoreset` is `"next-step"`, reset those whose last step ended."""
+    """Step all; with `env.autoreset` "next-step", reset those whose last step ended."""
     mesh, kept, outcome, layout = plan
 
     def of_rows(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
         keys, states = jax.vmap(kept.unpack)(rows)
         keys, used = _split(keys)
-        # A reset takes the key that `restart` would take, the world's step that of other modes.
+        # With "next-step", steps and resets use the keys that they have in the other modes.
         steps, resets = _split(used)
         used = (steps, used if env.autoreset else resets)
         states, _, *rest = _over(drawing.outcome, env, layout, numbers, *used, states, actions)
@@ -157,7 +157,7 @@ def step(
     return _apart(mesh, of_rows, rows, actions, numbers)
 
 
-# The observations are given away, so that the frames of the others need not be copied.
+# The observations are donated, so that the frames of other environments are not copied.
 @functools.partial(jax.jit, static_argnums=(0, 1), donate_argnums=3)
 def restart(
     env: AnyEnvironment,
@@ -167,7 +167,7 @@ def restart(
     indices: jax.Array,
     numbers: jax.Array,
 ) -> tuple[Any, ...]:
-    """Begin one in the environments `indices`: rows, observations, the last ones, info."""
+    """Start an episode in the environments `indices`: rows, observations, last ones, info."""
     _, kept, _, layout = plan
     if numbers.ndim == 2:
         numbers = numbers[indices]
@@ -190,6 +190,6 @@ def observe(env: AnyEnvironment, layout: Packing, states: Any, numbers: jax.Arra
 
 
 def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """What stays of each stream, and a key of each to use."""
+    """Split each stream into a stream to keep and a key to use."""
     split = jax.vmap(jax.random.split)(keys)
     return split[:, 0], split[:, 1]
