@@ -171,6 +171,7 @@ WRONG: dict[str, tuple[Any, Any, str]] = {
         r"carry\['a'\] starts as float32\[3\], but the policy returns float32\[4\]",
     ),
     "structure": (lambda c, o, k: ((c, c), 0), 0, "must keep its structure"),
+    "no arrays": (lambda c, o, k: (c, 0), "abc", "carry must be a pytree of arrays, not 'abc'"),
     "numpy": (lambda o, k: int(np.asarray(o).sum()), None, "needs the values of arrays"),
 }
 
@@ -192,6 +193,7 @@ def test_wrong_worlds_and_numbers_are_told(world: tuple[Any, Any]) -> None:
         (world, {"episodes": 0}, "episodes must be a whole number >= 1, not 0"),
         (world, {"episodes": 2.5}, "episodes must be a whole number"),
         (world, {"seed": -1}, "a seed must be a whole number from 0"),
+        (world, {"name": "two\nlines"}, "name must be one line of text"),
     ]
     for (env, params), settings, message in cases:
         with pytest.raises(SettingError, match=message):

@@ -21,7 +21,7 @@ from .fields import check_whole
 from .params import split_ranges
 from .players import play, player_of
 from .pytree import PyTreeNode
-from .results import Results
+from .results import Results, check_text
 from .spec import Spec, described
 
 # The errors that JAX raises if a function needs the value of a traced array.
@@ -201,6 +201,7 @@ def evaluate(
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     key = jax.random.key(seed, impl="threefry2x32")
     name = name_of(policy) if name is None else name
+    check_text("name", name)
     carry = check_policy(env, numbers, policy, carry)
     act, remembers = _partial(policy), carry is not None
     longest = np.asarray(env.most_steps(numbers))
@@ -356,7 +357,10 @@ def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], c
     obs, _ = jax.eval_shape(env.reset, key, params)
     remembers = carry is not None
     if remembers:
-        carry = jax.tree.map(jnp.asarray, carry)
+        try:
+            carry = jax.tree.map(jnp.asarray, carry)
+        except TypeError as error:
+            raise SettingError(f"carry must be a pytree of arrays, not {quoted(carry)}") from error
     call = "policy(carry, obs, key)" if remembers else "policy(obs, key)"
     given = (carry, obs, key) if remembers else (obs, key)
     _check_arguments(policy, given, call, remembers)

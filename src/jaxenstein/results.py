@@ -8,6 +8,7 @@ lists with one value per episode.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
@@ -68,26 +69,28 @@ class Results:
 
     def __post_init__(self) -> None:
         """Check all attributes, and convert arrays to their dtypes."""
-        _check_text("policy", self.policy)
+        check_text("policy", self.policy)
         if self.actions not in ACTIONS:
             shown = quoted(self.actions)
             raise SettingError(f"actions must be 'greedy', 'sampled' or None, not {shown}")
         check_whole("seed", self.seed, 0, 2**32 - 1)
         for name in self.names:
-            _check_text("the name of a run", name)
+            check_text("the name of a run", name)
         if len(set(self.names)) != len(self.names):
             raise SettingError(f"two runs have the same name: {', '.join(self.names)}")
-        shape = np.shape(self.returns)
+        arrays = {
+            name: _array(name, getattr(self, name), dtype) for name, _, dtype in PARTS.values()
+        }
+        shape = arrays["returns"].shape
         if len(shape) != 2 or 0 in shape or shape[0] != len(self.names):
             runs = len(self.names)
             raise SettingError(
                 f"returns must have the shape [runs, episodes] with {runs} runs, not {shape}"
             )
-        for attribute, _, dtype in PARTS.values():
-            array = np.asarray(getattr(self, attribute))
+        for attribute, array in arrays.items():
             if array.shape != shape:
                 raise SettingError(f"{attribute} must have the shape {shape}, not {array.shape}")
-            object.__setattr__(self, attribute, array.astype(dtype))
+            object.__setattr__(self, attribute, array)
         with np.errstate(over="ignore"):
             finite = np.isfinite(self.returns.astype(np.float32))
         if not finite.all():
@@ -222,7 +225,7 @@ def _read(path: str | Path, index: int, entry: Any) -> Results:
         runs = _object("'runs'", entry["runs"])
         made_with = _object("'made_with'", entry["made_with"])
         for name, value in made_with.items():
-            _check_text(f"'made_with.{name}'", value)
+            check_text(f"'made_with.{name}'", value)
         for name, run in runs.items():
             _only(_object(f"'runs.{name}'", run), tuple(PARTS), f"runs.{name}.")
         arrays = {
@@ -279,6 +282,18 @@ def _object(label: str, value: Any) -> dict[str, Any]:
     return value
 
 
-def _check_text(label: str, value: Any) -> None:
+def _array(name: str, value: Any, dtype: Any) -> np.ndarray:
+    """Convert a value to an array of a dtype that holds its numbers exactly."""
+    words = {np.float64: "numbers", np.int32: "whole numbers", np.bool_: "truth values"}[dtype]
+    with contextlib.suppress(ValueError), np.errstate(invalid="ignore"):
+        given = np.asarray(value)
+        array = given.astype(dtype) if given.dtype.kind in "biuf" else None
+        if array is not None and (dtype is np.float64 or np.array_equal(array, given)):
+            return array
+    raise SettingError(f"{name} must be an array [runs, episodes] of {words}, not {quoted(value)}")
+
+
+def check_text(label: str, value: Any) -> None:
+    """Raise a `SettingError` unless a value is one line of printable text."""
     if not isinstance(value, str) or not value.isprintable():
         raise SettingError(f"{label} must be one line of text, not {quoted(value)}")

@@ -94,7 +94,7 @@ def test_blanks_are_floor_also_at_the_edge() -> None:
         ("\r\n\n", None, None, "empty"),
         ("\ufeff", None, None, "empty"),
         ("####\n#G.#", None, None, "no spawn"),
-        ("####\n#S.#", None, None, "no goal"),
+        ("####\n#S.#", None, None, "no goal: .* goal_required=False"),
     ],
 )
 def test_errors_name_the_place(
