@@ -49,7 +49,7 @@ def players_of(name: str) -> tuple[str, ...]:
 def rows_of(name: str, episodes: int) -> list[dict[str, Any]]:
     """A row for each player, with the versions of the environment and of JAX."""
     facts = {"version": ENTRIES[name].version, "jax": jax.__version__}
-    rows = [measure(name, player, episodes, None) for player in players_of(name)]
+    rows = [measure(name, player, episodes) for player in players_of(name)]
     return [facts | {key: row[key] for key in row if key != "original"} for row in rows]
 
 

@@ -169,7 +169,8 @@ def returns(name: str) -> str:
         for row in stored
     ]
     head = ("player", "mean return", "range", "steps", "success")
-    measured = f"{stored[0]['episodes']} episodes of version {stored[0]['version']}"
+    rows_of = f"{stored[0]['episodes']} episodes of version {stored[0]['version']}"
+    measured = f"{rows_of}, at frame skip 1 and with the default params"
     listed = table(head, rows, right=(1, 2, 3, 4))
     return f"Returns of {measured}, with the standard error of the mean:\n\n{listed}"
 

@@ -1,6 +1,6 @@
 """Measure scripted players in each task, beside results of the originals.
 
-`python -m fidelity.players [--episodes N] [--ids ...] [--starts N]`
+`python -m fidelity.players [--episodes N] [--ids ...] [--starts N] [--frame-skip N] [--param ...]`
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -82,11 +83,16 @@ def all_starts(env: Any, params: Any, most: int) -> tuple[Any, bool]:
     ), complete
 
 
-def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[str, Any]:
+def measure(
+    name: str,
+    player: str,
+    episodes: int,
+    frame_skip: int = 1,
+    changes: Sequence[tuple[str, float]] = (),
+) -> dict[str, Any]:
     """Measure returns, lengths and successes of a player, and print them as a row."""
-    env, params = make(name, height=8, width=8)
-    if turn is not None:
-        params = params.replace(turn_angle=np.float32(math.radians(turn)))
+    env, params = make(name, height=8, width=8, frame_skip=frame_skip)
+    params = params.replace(**dict(changes))
     states = first_states(env, params, episodes, seed=0)
     chosen = RANDOM_WALK if player == "random_walk" else player_of(env, player)
     result = play(env, chosen, params, jax.random.key(1), states)
@@ -138,13 +144,28 @@ def _players_of(name: str) -> list[str]:
     return ["idle", "random", *walk, env.about().expert]
 
 
+def _changed(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    return name, float(value)
+
+
 def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--episodes", type=int, default=256, help="episodes of each player")
     parser.add_argument("--starts", type=int, default=4096, help="maximum number of starts per id")
     parser.add_argument("--ids", nargs="+", default=list(MAIN_IDS), metavar="ID")
-    parser.add_argument("--turn", type=float, metavar="DEGREES", help="turn angle per step")
+    parser.add_argument(
+        "--frame-skip", type=int, default=1, metavar="N", help="frame skip of the second table"
+    )
+    parser.add_argument(
+        "--param",
+        type=_changed,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="param of the second table; may be given again",
+    )
     options = parser.parse_args()
     began = time.perf_counter()
     print("| id | starts | solved | mean length | longest | horizon |\n" + "|---" * 6 + "|")
@@ -157,7 +178,7 @@ def main() -> None:
     )
     for name in options.ids:
         for player in _players_of(name):
-            measure(name, player, options.episodes, options.turn)
+            measure(name, player, options.episodes, options.frame_skip, options.param)
     print(f"\n{time.perf_counter() - began:.0f} s")
 
 

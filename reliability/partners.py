@@ -41,7 +41,9 @@ PARTNERS: dict[str, Partner] = {
     "rejax": Partner(("rejax>=0.1.3", "gymnax==0.0.9", "six"), _GYMNAX, ("gymnax", "rejax")),
     "stoa": Partner(("stoa-env>=0.1.2",), ("adapters/test_stoa.py", _EVERY), ("stoa",)),
     "equinox": Partner(
-        ("equinox>=0.13", "optax>=0.2.4"), ("examples/test_own_agents.py",), ("equinox",)
+        ("equinox>=0.13", "flax>=0.12", "optax>=0.2.4", "tensorboardX>=2.6", "wandb>=0.20"),
+        ("examples/test_own_agents.py",),
+        ("equinox", "tensorboardX", "wandb"),
     ),
     "vizdoom": Partner(("vizdoom>=1.3",), ("adapters/test_vizdoom.py",), ("vizdoom",)),
     "torch": Partner((_TORCH,), ("adapters/test_torch.py", _EVERY), ("torch",), "3.11"),

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
+import jax
+import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein import suite
+from jaxenstein import evaluation, suite
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.comparison import gather
 from jaxenstein.errors import SettingError
 from jaxenstein.evaluation import evaluate_player
+from jaxenstein.tasks import splits
 from tests.results_of import results_of, write_all
 
 WORLD = "######\n#S  G#\n######"
@@ -106,3 +110,11 @@ def test_scripted_players_are_evaluated(frame_skip):
     assert not idle.successes.any()
     with pytest.raises(SettingError, match="no player 'expart', did you mean 'expert'"):
         evaluate_player(env, params, "expart")
+
+
+def test_scripted_players_play_the_levels_of_the_split():
+    env: Any
+    env, params = jaxenstein.make("key-corridor-s3r1", split="test", height=8, width=8)
+    first = evaluation._first(env, env.single_params(params), jax.random.key(0), 16)
+    levels = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))(first.state)
+    assert all(splits.is_of("test", 0.2, level) for level in np.asarray(levels))

@@ -338,6 +338,7 @@ def outcome_of(
     state: S,
     action: Any,
     params: P | None = None,
+    later: P | None = None,
 ) -> Outcome[S]:
     """`Environment.step` without an observation, but with the state before the reset.
 
@@ -348,18 +349,20 @@ def outcome_of(
         state: one state.
         action: an integer.
         params: the params of the environment.
+        later: the params of the next episode; None for the same.
     """
     params = env.single_params(params)
+    later = params if later is None else env.single_params(later)
     final, reward, terminated, info = env.advance(step_key, state, action, params)
     truncated = env.time_is_up(final, params)
     if env.autoreset is None:
         return Outcome(final, final, reward, terminated, truncated, info)
     if env.autoreset == "same-step":
-        following = env.reset_where(final.done, reset_key, final, params)
+        following = env.reset_where(final.done, reset_key, final, later)
         return Outcome(following, final, reward, terminated, truncated, info)
     over = state.done
-    following = env.reset_where(over, reset_key, final, params)
+    following = env.reset_where(over, reset_key, final, later)
     events = {name: jnp.zeros_like(value) for name, value in info.items()}
-    info = select(over, events | env.describe(following, params), info)
+    info = select(over, events | env.describe(following, later), info)
     reward = jnp.where(over, 0, reward)
     return Outcome(following, final, reward, terminated & ~over, truncated & ~over, info)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from . import drawing
+from .drawing import Drawn
 from .environment import AnyEnvironment, Environment
 from .episodes.session import check_seed
 from .errors import SettingError, quoted
 from .fields import check_whole
-from .params import Range, draw_numbers, split_ranges, with_numbers
+from .params import split_ranges
 from .players import play, player_of
 from .pytree import PyTreeNode
 from .results import Results, check_text
@@ -194,8 +196,8 @@ def evaluate(
         pair = "; jaxenstein.make returns (env, params)" if isinstance(env, tuple) else ""
         raise SettingError(f"env must be an environment from jaxenstein.make, not a {shown}{pair}")
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
-    numbers, ranges = split_ranges(params)
-    numbers = env.single_params(numbers)
+    given = drawing.single_params(env, params)
+    numbers = split_ranges(given)[0]
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     key = jax.random.key(seed, impl="threefry2x32")
     name = name_of(policy) if name is None else name
@@ -204,8 +206,8 @@ def evaluate(
     act, remembers = _partial(policy), carry is not None
     longest = np.asarray(env.most_steps(numbers))
     played = play_out(
-        lambda playing, until: _advance(env, numbers, act, playing, until, remembers=remembers),
-        _begin(env, numbers, ranges, carry, key, episodes=episodes),
+        lambda playing, until: _advance(env, given, act, playing, until, remembers=remembers),
+        _begin(env, given, carry, key, episodes=episodes),
         lambda running, length: notify(episodes_done(running, length, longest)),
     )
     told = played.episode_return, played.episode_length, played.success
@@ -231,11 +233,12 @@ def evaluate_player(
         SettingError: the task has no such player, or a number is out of range.
     """
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
-    params = env.single_params(params)
+    given = drawing.single_params(env, params)
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     player = player_of(env, name)
     reset_key, key = jax.random.split(jax.random.key(seed, impl="threefry2x32"))
-    played = play(env, player, params, key, _first(env, params, reset_key, episodes))
+    first = _first(env, given, reset_key, episodes)
+    played = play(env, player, split_ranges(given)[0], key, first.state, first.numbers)
     told = played.returned, played.length, played.successes > 0
     return _results(described(env, params), name, seed, *told)
 
@@ -262,9 +265,10 @@ def _results(
 
 
 @functools.partial(jax.jit, static_argnums=(0, 3))
-def _first(env: AnyEnvironment, params: Any, key: jax.Array, episodes: int) -> Any:
-    """The first states of the episodes."""
-    return jax.vmap(env.init_state, (0, None))(jax.random.split(key, episodes), params)
+def _first(env: AnyEnvironment, params: Any, key: jax.Array, episodes: int) -> Drawn:
+    """The first states of the episodes, and the params that they draw."""
+    keys = jax.random.split(key, episodes)
+    return jax.vmap(lambda key: drawing.first_state(env, key, params))(keys)
 
 
 def name_of(policy: Any) -> str:
@@ -280,35 +284,25 @@ class _Actors(PyTreeNode):
 
     Attributes:
         key: the random keys of all later steps.
-        state: the environment states.
+        drawn: the environment states, and the params that each episode drew.
         obs: the observations to act on next.
         carry: the carries of the policy, or None.
-        numbers: the params that each episode drew, by name.
     """
 
     key: jax.Array
-    state: Any
+    drawn: Drawn
     obs: Any
     carry: Any
-    numbers: dict[str, jax.Array]
 
 
 @functools.partial(jax.jit, static_argnums=0, static_argnames="episodes")
-def _begin(
-    env: AnyEnvironment,
-    params: Any,
-    ranges: Mapping[str, Range],
-    carry: Any,
-    key: jax.Array,
-    episodes: int,
-) -> Playing:
+def _begin(env: AnyEnvironment, params: Any, carry: Any, key: jax.Array, episodes: int) -> Playing:
     """All episodes before their first step; each key depends only on the episode's number."""
 
     def first(number: jax.Array) -> _Actors:
         reset_key, key_of_steps = jax.random.split(jax.random.fold_in(key, number))
-        numbers, reset_key = draw_numbers(ranges, reset_key)
-        obs, state = env.reset(reset_key, with_numbers(params, numbers))
-        return _Actors(key_of_steps, state, obs, carry, numbers)
+        drawn = drawing.first_state(env, reset_key, params)
+        return _Actors(key_of_steps, drawn, drawing.observe(env, drawn, params), carry)
 
     return unstarted(jax.vmap(first)(jnp.arange(episodes)), (episodes,))
 
@@ -322,10 +316,11 @@ def _advance(
     def step(number: jax.Array, actors: _Actors) -> Taken:
         policy_key, step_key = jax.random.split(jax.random.fold_in(actors.key, number))
         carry, action = _acted(policy, actors.carry, actors.obs, policy_key, remembers)
+        before = actors.drawn
         obs, state, reward, terminated, truncated, info = env.step(
-            step_key, actors.state, action, with_numbers(params, actors.numbers)
+            step_key, before.state, action, before.params(params)
         )
-        after = _Actors(actors.key, state, obs, carry, actors.numbers)
+        after = _Actors(actors.key, before.replace(state=state), obs, carry)
         over = terminated | truncated
         return Taken(after, reward.astype(jnp.float32), info["success"], terminated, over)
 

@@ -64,8 +64,8 @@ class Params(PyTreeNode):
     def replace(self, **changes: Any) -> Self:
         """Return a copy with the named fields changed.
 
-        A tuple of two numbers is a range: each episode of training or evaluation draws a number
-        from it. For other uses, `drawn` replaces ranges by numbers.
+        A tuple of two numbers is a range: each episode of training, evaluation or an adapter draws
+        a number from it. For other uses, `drawn` replaces ranges by numbers.
 
         Raises:
             SettingError: a field does not exist, or its value is out of range.
@@ -115,14 +115,13 @@ T = TypeVar("T")
 def drawn(params: T, seed: int | jax.Array, count: int | None = None) -> T:
     """Params with each range replaced by a number drawn uniformly from it.
 
-    Training and `jaxenstein.evaluate` draw new numbers for each episode. All other code that takes
-    params needs the result of this function.
+    Training, `jaxenstein.evaluate` and the adapters draw new numbers for each episode. All other
+    code that takes params needs the result of this function.
 
     Args:
         params: params, which may hold ranges; params without ranges are returned unchanged.
         seed: a whole number from 0 to 2**32 - 1, or a random key.
-        count: None to draw one number per range, or N to draw float32[N], as the adapters take
-            for N environments.
+        count: None to draw one number per range, or N to draw float32[N] for N environments.
 
     Examples:
         >>> params = Params().replace(discount=0.9)

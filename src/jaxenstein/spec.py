@@ -12,7 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from . import registry, text_maps
+from . import drawing, registry, text_maps
 from .environment import AnyEnvironment
 from .errors import (
     JAXensteinError,
@@ -24,7 +24,7 @@ from .errors import (
     quoted,
 )
 from .fields import Domain, as_tuples, check_value, names_of
-from .params import Range, split_ranges, with_numbers
+from .params import Range, split_ranges
 from .tasks.first_person import RESETTING, SEEN
 from .tasks.navigation import Navigation
 
@@ -48,6 +48,11 @@ class Spec:
     version: int
     settings: Mapping[str, Any]
     params: Mapping[str, bool | int | float | tuple[float, float]]
+
+    @property
+    def ranges(self) -> dict[str, Range]:
+        """The params from whose ranges each episode draws a number."""
+        return {name: Range(*ends) for name, ends in self.params.items() if isinstance(ends, tuple)}
 
     def to_json(self) -> dict[str, Any]:
         """Convert to plain JSON values, which `from_json` reads.
@@ -110,8 +115,7 @@ class Spec:
                 env, params = registry.make_with(self.id, settings)
             else:
                 env, params = text_maps.from_ascii(**settings)
-        plain, ranges = split_ranges(params.replace(**self.params))
-        return env, with_numbers(env.check_params(plain), ranges)
+        return env, drawing.check_params(env, params.replace(**self.params))
 
     def try_out(self) -> tuple[AnyEnvironment, Any]:
         """As `build`, for a spec from an untrusted file: also checks the values of all settings.
@@ -129,11 +133,6 @@ class Spec:
         except (TypeError, ValueError, IndexError, OverflowError, AttributeError) as error:
             raise SettingError(f"a setting is unusable: {one_line(str(error))}") from error
         return env, params
-
-
-def ranges_of(spec: Spec) -> dict[str, Range]:
-    """The params with a range from which each episode draws a number."""
-    return {name: Range(*ends) for name, ends in spec.params.items() if isinstance(ends, tuple)}
 
 
 def spec_of(env: AnyEnvironment, params: Any) -> Spec:

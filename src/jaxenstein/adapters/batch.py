@@ -13,10 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._jax.packing import Packing
+from ..drawing import Drawn
 from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError, quoted
 from ..fields import check_whole, is_whole
-from ..params import differing
+from ..params import differing, ranges_of, split_ranges, with_numbers
 from . import batch_calls
 
 # How many environments whose episode ended are reset and rendered per call.
@@ -103,8 +104,9 @@ class Batch:
 
         Args:
             env: the environment; its own `autoreset` and `final_observation` do not matter.
-            params: its params, each one number for all environments or an array with a leading
-                axis N. Params on another device are moved to that of the environments.
+            params: its params, each one number for all environments, an array with a leading
+                axis N, or a range from which each episode draws by the stream of its environment.
+                Params on another device are moved to that of the environments.
             num_envs: N, at least 1.
             autoreset: `"same-step"`, `"next-step"` or None; see `Environment`.
             spread: whether to spread the environments over several CPU cores, if
@@ -123,26 +125,33 @@ class Batch:
         self.autoreset = autoreset
         self.num_envs = num_envs
         self._mesh = batch_calls.mesh_for(num_envs) if spread else None
-        self.params = params
         # A packed row per environment with its stream and state, and the layouts of rows.
         self._kept: jax.Array | None = None
         self._layouts: tuple[Packing, Packing] | None = None
+        self.params = params
 
     @property
     def params(self) -> Any:
-        """The params, with a leading axis N where they differ between environments."""
+        """The params: numbers, ranges, and arrays [N] where environments differ."""
         return self._params
 
     @params.setter
     def params(self, params: Any) -> None:
-        params = self.env.check_params(params)
-        own = differing(params, self.env.default_params, self.num_envs, self.env.name)
-        params = self._in_place(params)
-        leaves, tree = jax.tree.flatten(params)
+        plain, ranges = split_ranges(params)
+        plain = self.env.check_params(plain)
+        changed = set(ranges) ^ set(ranges_of(self._params)) if self.begun else set()
+        if changed:
+            raise SettingError(
+                f"{', '.join(sorted(changed))}: after the first reset a range can only replace a "
+                "range, and a number a number"
+            )
+        own = differing(plain, self.env.default_params, self.num_envs, self.env.name)
+        plain = self._in_place(plain)
+        leaves, tree = jax.tree.flatten(plain)
         axes = tree.unflatten([0 if mapped else None for mapped in own])
         one = tree.unflatten([leaf[0] if m else leaf for leaf, m in zip(leaves, own, strict=True)])
-        self._params = params
-        self._numbers = Packing(lambda: one)
+        self._params = params = with_numbers(plain, ranges)
+        self._numbers = Packing(lambda: with_numbers(one, ranges))
         pack = self._numbers.pack
         self._packed_params = jax.vmap(pack, (axes,))(params) if any(own) else pack(params)
 
@@ -161,10 +170,18 @@ class Batch:
     @property
     def states(self) -> Any:
         """The states with a leading axis N, unpacked; None before the first reset."""
-        return None if self._kept is None else self._streams()[1]
+        return None if self._kept is None else self._streams()[1].state
 
-    def _streams(self) -> tuple[jax.Array, Any]:
-        """The keys and the states."""
+    @property
+    def drawn_params(self) -> Any:
+        """The params of the current episodes: float32[N] in the place of ranges.
+
+        Before the first reset they are `params`.
+        """
+        return self._params if self._kept is None else self._streams()[1].params(self._params)
+
+    def _streams(self) -> tuple[jax.Array, Drawn]:
+        """The keys, and the states with the numbers that their episodes drew."""
         assert self._kept is not None
         return jax.vmap(self._layout[0].unpack)(self._kept)
 
@@ -248,7 +265,8 @@ class Batch:
 
     def observe(self, env: AnyEnvironment) -> Any:
         """The observations of the current states by `env`; needs a reset first."""
-        return batch_calls.observe(env, self._numbers, self.states, self._packed_params)
+        states = self._streams()[1]
+        return batch_calls.observe(env, self._numbers, states, self._packed_params)
 
     def _restart(self, stepped: Stepped[np.ndarray], indices: np.ndarray) -> Stepped[np.ndarray]:
         """Reset the environments `indices` after a step that ended their episodes."""

@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
+from .. import drawing
 from .._jax.batching import select
 from .._jax.packing import Packing
-from ..environment import AnyEnvironment, outcome_of
+from ..environment import AnyEnvironment
 
 
 def keys_of(seeds: Sequence[int]) -> jax.Array:
@@ -49,18 +50,25 @@ def _apart(
     )(rows, actions, numbers)
 
 
-def _over(function: Callable[..., Any], layout: Packing, numbers: jax.Array, *args: Any) -> Any:
+def _over(
+    function: Callable[..., Any],
+    env: AnyEnvironment,
+    layout: Packing,
+    numbers: jax.Array,
+    *args: Any,
+) -> Any:
     """Map a function over the arguments and params of all environments.
 
     Args:
-        function: takes the arguments of one environment and then its params.
-        layout: the layout of the params of one environment.
+        function: takes the environment, the arguments of one environment and then its params.
+        env: the environment.
+        layout: the layout of the params of one environment, with ranges.
         numbers: the packed params: uint32[words] for all, or uint32[N, words], a row for each.
         *args: pytrees with a leading axis N.
     """
 
     def of_one(numbers: jax.Array, *args: Any) -> Any:
-        return function(*args, layout.unpack(numbers))
+        return function(env, *args, layout.unpack(numbers))
 
     return jax.vmap(of_one, (0 if numbers.ndim == 2 else None, *(0 for _ in args)))(numbers, *args)
 
@@ -77,10 +85,10 @@ def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
         return numbers.unpack(jnp.zeros(numbers.words, jnp.uint32))
 
     def kept() -> Any:
-        return jax.random.key(0), env.first_state(jax.random.key(0), params())
+        return jax.random.key(0), drawing.first_state(env, jax.random.key(0), params())
 
-    def outcome(key: jax.Array, state: Any) -> Any:
-        return outcome_of(env, key, key, state, jnp.int32(0), params())[2:]
+    def outcome(key: jax.Array, drawn: Any) -> Any:
+        return drawing.outcome(env, key, key, drawn, jnp.int32(0), params())[2:]
 
     return Packing(kept), Packing(lambda: outcome(*kept()))
 
@@ -103,8 +111,9 @@ def reset(env: AnyEnvironment, plan: Plan, keys: jax.Array, numbers: jax.Array) 
     """Start an episode in each environment: rows, observations, info."""
     _, kept, _, layout = plan
     keys, used = _split(keys)
-    observation, states = _over(env.reset, layout, numbers, used)
-    info = _over(env.describe, layout, numbers, states)
+    states = _over(drawing.first_state, env, layout, numbers, used)
+    observation = _over(drawing.observe, env, layout, numbers, states)
+    info = _over(drawing.describe, env, layout, numbers, states)
     return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
@@ -120,11 +129,11 @@ def reset_some(
     """Start an episode where the mask is true: rows, observations, info."""
     _, kept, _, layout = plan
     after, used = _split(keys)
-    fresh = _over(env.first_state, layout, numbers, used)
+    fresh = _over(drawing.first_state, env, layout, numbers, used)
     keys = jnp.where(mask, after, keys)
     states = jax.vmap(select)(mask, fresh, states)
-    observation = _over(env.observe, layout, numbers, states)
-    info = _over(env.describe, layout, numbers, states)
+    observation = _over(drawing.observe, env, layout, numbers, states)
+    info = _over(drawing.describe, env, layout, numbers, states)
     return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
@@ -141,9 +150,8 @@ def step(
         # With "next-step", steps and resets use the keys that they have in the other modes.
         steps, resets = _split(used)
         used = (steps, used if env.autoreset else resets)
-        step = functools.partial(outcome_of, env)
-        states, _, *rest = _over(step, layout, numbers, *used, states, actions)
-        observation = _over(env.observe, layout, numbers, states)
+        states, _, *rest = _over(drawing.outcome, env, layout, numbers, *used, states, actions)
+        observation = _over(drawing.observe, env, layout, numbers, states)
         return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(outcome.pack)(tuple(rest))
 
     return _apart(mesh, of_rows, rows, actions, numbers)
@@ -165,19 +173,20 @@ def restart(
         numbers = numbers[indices]
     final = jax.tree.map(lambda leaf: leaf[indices], observation)
     after, used = _split(jax.vmap(kept.unpack)(rows[indices])[0])
-    first, fresh = _over(env.reset, layout, numbers, used)
+    fresh = _over(drawing.first_state, env, layout, numbers, used)
+    first = _over(drawing.observe, env, layout, numbers, fresh)
     rows, observation = jax.tree.map(
         lambda every, some: every.at[indices].set(some),
         (rows, observation),
         (jax.vmap(kept.pack)((after, fresh)), first),
     )
-    return rows, observation, final, _over(env.describe, layout, numbers, fresh)
+    return rows, observation, final, _over(drawing.describe, env, layout, numbers, fresh)
 
 
 @_compiled
 def observe(env: AnyEnvironment, layout: Packing, states: Any, numbers: jax.Array) -> Any:
     """The observation of each environment."""
-    return _over(env.observe, layout, numbers, states)
+    return _over(drawing.observe, env, layout, numbers, states)
 
 
 def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:

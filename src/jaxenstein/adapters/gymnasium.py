@@ -11,9 +11,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from .. import spaces
+from .. import drawing, spaces
 from ..environment import AnyEnvironment, Environment
 from ..errors import SettingError, nearest, quoted
+from ..params import split_ranges
 from ..registry import find, import_module_of, make
 from ..tasks.first_person import FirstPerson
 from .batch import Batch, check_process, checked_seed
@@ -63,7 +64,8 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
 
         Args:
             env: an environment, or an id for `jaxenstein.make`.
-            params: its params; None for the default params.
+            params: its params; None for the default params. From a range each episode draws a
+                number.
             render_mode: `"rgb_array"`: `render` returns uint8[height, width, 3], whatever the
                 kind of observation; `"human"`: a window shows every reset and step (needs the
                 extra `play`).
@@ -75,7 +77,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
             UnknownEnvironmentError: the id does not exist.
         """
         env, params = resolve(env, params, settings)
-        params = env.single_params(params)
+        params = drawing.single_params(env, params)
         check_render_mode(env, render_mode, self.metadata["render_modes"])
         self._batch = Batch(env, params, autoreset=None)
         self.env, self.params = self._batch.env, self._batch.params
@@ -169,7 +171,7 @@ def resolve(
                 f"settings ({', '.join(settings)}) need an id: for an environment, pass settings "
                 "to make, and change params with params.replace(...)"
             )
-        return env, env.check_params(params)
+        return env, drawing.check_params(env, params)
     for name in ("autoreset", "final_observation"):
         if name in settings:
             raise SettingError(
@@ -184,7 +186,7 @@ def resolve(
     made, default = make(env, **{key: settings[key] for key in settings if key in static})
     numbers = {key: value for key, value in settings.items() if key not in static}
     _check_names(numbers, made.name, [field.name for field in dataclasses.fields(default)], static)
-    return made, made.check_params(params).replace(**numbers)
+    return made, drawing.check_params(made, params).replace(**numbers)
 
 
 def _check_names(names: Iterable[str], owner: str, params: list[str], settings: set[str]) -> None:
@@ -202,7 +204,7 @@ def gymnasium_space(env: AnyEnvironment, params: Any) -> gymnasium.Space[Any]:
     far = math.inf
     if isinstance(env, FirstPerson) and env.observation == "depth":
         far = math.hypot(*env.map_size)
-    return _space(env.observation_space(params), far)
+    return _space(env.observation_space(split_ranges(params)[0]), far)
 
 
 def _space(space: spaces.Space, far: float) -> gymnasium.Space[Any]:

@@ -69,8 +69,8 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
 
         Args:
             env: an environment, or an id for `jaxenstein.make`.
-            params: the params, each one number for all environments or an array with a leading
-                axis N; None for the default params.
+            params: the params, each one number for all environments, an array with a leading axis
+                N, or a range from which each episode draws; None for the default params.
             num_envs: N, at least 1.
             autoreset_mode: one of Gymnasium's modes, or its name. `"NextStep"`: the step after
                 the end of an episode resets, ignores its action and has reward 0. `"SameStep"`:

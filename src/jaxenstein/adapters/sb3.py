@@ -17,6 +17,7 @@ import numpy as np
 from ..environment import AnyEnvironment
 from ..errors import SettingError, nearest, quoted
 from ..fields import names_of
+from ..params import ranges_of
 from .batch import Batch, Ended
 
 try:
@@ -64,8 +65,8 @@ class SB3VecEnv(VecEnv):
         Args:
             env: an environment, whose own `autoreset` and `final_observation` do not matter, or
                 an id for `jaxenstein.make`.
-            params: the params, each one number for all environments or an array with a leading
-                axis N; None for the default params.
+            params: the params, each one number for all environments, an array with a leading axis
+                N, or a range from which each episode draws; None for the default params.
             num_envs: N, at least 1.
             render_mode: `"rgb_array"` for `render` and `get_images`, or None.
             **settings: settings of `make` and params by name, such as `max_steps_in_episode`;
@@ -127,6 +128,8 @@ class SB3VecEnv(VecEnv):
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
         """An attribute of the environment or one of its params, once for each index.
 
+        Of a param with a range it is what the current episodes drew; before a reset, the range.
+
         Raises:
             AttributeError: there is no such attribute or param.
             SettingError: an index is out of range.
@@ -135,6 +138,8 @@ class SB3VecEnv(VecEnv):
         if attr_name == "render_mode":
             return [self.render_mode] * len(chosen)
         if attr_name in names_of(self.batch.params):
+            if not self.batch.begun and attr_name in ranges_of(self.batch.params):
+                return [getattr(self.batch.params, attr_name)] * len(chosen)
             return self._param(attr_name)[chosen].tolist()
         if hasattr(self.batch.env, attr_name):
             return [getattr(self.batch.env, attr_name)] * len(chosen)
@@ -143,9 +148,12 @@ class SB3VecEnv(VecEnv):
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
         """Set a param of all or some environments, starting with the next step.
 
+        A range (low, high) is for all environments. A new one of a param that has had one counts
+        from the next episodes on.
+
         Raises:
             SettingError: the param does not exist, the value is invalid, or an index is out of
-                range.
+                range; or a param would get or lose a range after the first reset.
         """
         params = self.batch.params
         names = names_of(params)
@@ -158,6 +166,8 @@ class SB3VecEnv(VecEnv):
         changed = params.replace(**{attr_name: value})
         chosen = self._chosen(indices)
         if len(set(chosen)) < self.num_envs:
+            if attr_name in ranges_of(params) | ranges_of(changed):
+                raise SettingError(f"{attr_name} can have a range in all environments, not in some")
             numbers = self._param(attr_name)
             numbers[chosen] = value
             changed = params.replace(**{attr_name: numbers})
@@ -210,7 +220,7 @@ class SB3VecEnv(VecEnv):
 
     def _param(self, name: str) -> np.ndarray:
         """[N, ...]: a param for each environment."""
-        value = np.asarray(getattr(self.batch.params, name))
+        value = np.asarray(getattr(self.batch.drawn_params, name))
         usual = np.shape(getattr(self.batch.env.default_params, name))
         return np.array(np.broadcast_to(value, (self.num_envs, *usual)))
 

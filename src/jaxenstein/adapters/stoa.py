@@ -22,9 +22,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from .. import registry
+from .. import drawing, registry
 from .. import spaces as own
 from ..environment import AnyEnvironment
+from ..params import split_ranges
 from .functional import check_fit, first_info
 
 try:
@@ -58,7 +59,8 @@ class StoaEnvironment(stoa.Environment):
 
         Args:
             env: the environment, with `autoreset` None or "same-step".
-            params: its params; None for the default params.
+            params: its params; None for the default params. From a range each episode draws a
+                number, and states are then `jaxenstein.drawing.Drawn`.
 
         Raises:
             SettingError: `env` is not an environment, its `autoreset` is "next-step", or the
@@ -67,7 +69,7 @@ class StoaEnvironment(stoa.Environment):
         check_fit(env, (None, "same-step"), "Stoa")
         super().__init__()
         self.env = env
-        self.params = env.single_params(params)
+        self.params = drawing.single_params(env, params)
 
     def __repr__(self) -> str:
         """The id and `autoreset`."""
@@ -88,8 +90,8 @@ class StoaEnvironment(stoa.Environment):
         """Start an episode: a state, and a time step of type FIRST with reward 0, discount 1."""
         params = self._params(env_params)
         reset_key, key = jax.random.split(rng_key)
-        observation, state = self.env.reset(reset_key, params)
-        extras = first_info(self.env, reset_key, state, params)
+        observation, state = drawing.reset(self.env, reset_key, params)
+        extras = first_info(self.env, reset_key, *drawing.undrawn(state, params))
         if self.env.final_observation:
             extras[_LAST] = observation
         first = stoa.TimeStep(
@@ -112,8 +114,8 @@ class StoaEnvironment(stoa.Environment):
             otherwise MID. Step type int8[], discount float32[].
         """
         key, step_key = jax.random.split(state.rng_key)
-        observation, after, reward, terminated, truncated, info = self.env.step(
-            step_key, state.base_env_state, action, self._params(env_params)
+        observation, after, reward, terminated, truncated, info = drawing.step(
+            self.env, step_key, state.base_env_state, action, self._params(env_params)
         )
         extras = dict(info)
         if self.env.final_observation:
@@ -130,7 +132,8 @@ class StoaEnvironment(stoa.Environment):
 
     def observation_space(self, env_params: Any = None) -> stoa.Space:
         """Stoa's `BoundedArraySpace`, or a `DictSpace` for `observation="dict"`."""
-        return _space(self.env.observation_space(self._params(env_params)), "observation")
+        params = split_ranges(self._params(env_params))[0]
+        return _space(self.env.observation_space(params), "observation")
 
     def action_space(self, env_params: Any = None) -> stoa.DiscreteSpace:
         """Stoa's `DiscreteSpace` of int32."""
@@ -146,7 +149,7 @@ class StoaEnvironment(stoa.Environment):
         raise NotImplementedError("states of jaxenstein have no space; observations have one")
 
     def _params(self, params: Any) -> Any:
-        return self.params if params is None else self.env.check_params(params)
+        return self.params if params is None else drawing.check_params(self.env, params)
 
 
 def make(id: str, **settings: Any) -> StoaEnvironment:

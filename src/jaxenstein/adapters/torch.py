@@ -81,8 +81,8 @@ class TorchBatch:
         Args:
             env: the environment from `jaxenstein.make`; its own `autoreset` and
                 `final_observation` do not matter.
-            params: its params, each one number for all environments or an array with a leading
-                axis N.
+            params: its params, each one number for all environments, an array with a leading
+                axis N, or a range from which each episode draws by its seed.
             num_envs: N, at least 1.
             autoreset: `"same-step"`, `"next-step"` or None; see `jaxenstein.Environment`.
 

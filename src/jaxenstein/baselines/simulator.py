@@ -8,16 +8,17 @@ is kept instead of a frame. Other environments use gymnax' interface: `step` ret
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .. import drawing
+from ..drawing import Drawn
 from ..environment import Environment, outcome_of
 from ..errors import SettingError
-from ..params import Range, draw_numbers, split_ranges, with_numbers
+from ..params import ranges_of, split_ranges
 from ..pytree import PyTreeNode
 
 
@@ -81,7 +82,7 @@ class OwnSimulator:
 
     def reset(self, keys: jax.Array) -> tuple[Any, Any]:
         """The first observations and states, for keys[N]."""
-        return jax.vmap(lambda key: self._env.reset(key, self._params))(keys)
+        return jax.vmap(lambda key: drawing.reset(self._env, key, self._params))(keys)
 
     def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
         """Like `Environment.step` with `"same-step"` and the same keys; `final` holds states."""
@@ -104,72 +105,26 @@ class OwnSimulator:
         return jax.vmap(lambda state: self._env.observe(state, params))(final)
 
 
-class Drawn(PyTreeNode):
-    """A state, and the params drawn for its episode.
+class DrawingSimulator(OwnSimulator):
+    """Each episode draws some params from ranges; states are `Drawn`.
 
-    Attributes:
-        state: state of the environment.
-        numbers: params by name, float32[] each.
+    The key of a reset draws the numbers of the episode that it begins.
     """
 
-    state: Any
-    numbers: dict[str, jax.Array]
+    def __init__(self, env: Environment[Any, Any], params: Any) -> None:
+        """As `OwnSimulator`, for params with ranges."""
+        super().__init__(env, split_ranges(params)[0])
+        self._params = drawing.single_params(env, params)
 
-
-class DrawingSimulator:
-    """Like `OwnSimulator`, but each episode draws some params from ranges; states are `Drawn`."""
-
-    def __init__(
-        self, env: Environment[Any, Any], params: Any, ranges: Mapping[str, Range]
-    ) -> None:
-        """Take an environment, its params with a number instead of each range, and the ranges.
-
-        Raises:
-            SettingError: the params have a batch axis.
-        """
-        self.num_actions, self.frame_skip = env.num_actions, env.frame_skip
-        self._env = dataclasses.replace(env, autoreset=None, final_observation=False)
-        self._params, self._ranges = env.single_params(params), ranges
-
-    def reset(self, keys: jax.Array) -> tuple[Any, Any]:
-        """As `OwnSimulator.reset`."""
-
-        def first(key: jax.Array) -> tuple[Any, Drawn]:
-            numbers, key = draw_numbers(self._ranges, key)
-            obs, state = self._env.reset(key, with_numbers(self._params, numbers))
-            return obs, Drawn(state, numbers)
-
-        return jax.vmap(first)(keys)
-
-    def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
-        """Step; the reset key draws the params of a new episode."""
-        return jax.vmap(self._step)(keys, state, action)
-
-    def _step(self, key: jax.Array, before: Drawn, action: jax.Array) -> Outcome:
-        env, old = self._env, before.numbers
+    def _step(self, key: jax.Array, state: Drawn, action: jax.Array) -> Outcome:
         step_key, reset_key = jax.random.split(key)
-        new, reset_key = draw_numbers(self._ranges, reset_key)
-        params = with_numbers(self._params, old)
-        out = outcome_of(env, step_key, reset_key, before.state, action, params)
-        over = out.final.done
-        numbers = jax.tree.map(lambda drawn, kept: jnp.where(over, drawn, kept), new, old)
-        following = with_numbers(self._params, numbers)
-        state = env.reset_where(over, reset_key, out.final, following)
-        after, final = Drawn(state, numbers), Drawn(out.final, old)
-        return _told(out, env.observe(state, following), after, final)
-
-    def final_of(self, obs: Any, state: Any) -> Any:
-        """As `OwnSimulator.final_of`."""
-        del obs
-        return state
+        out = drawing.outcome(self._resetting, step_key, reset_key, state, action, self._params)
+        obs = drawing.observe(self._env, out.state, self._params)
+        return _told(out, obs, out.state, out.final)
 
     def final_observation(self, final: Any) -> Any:
         """As `OwnSimulator.final_observation`."""
-
-        def observe(drawn: Drawn) -> Any:
-            return self._env.observe(drawn.state, with_numbers(self._params, drawn.numbers))
-
-        return jax.vmap(observe)(final)
+        return jax.vmap(lambda drawn: drawing.observe(self._env, drawn, self._params))(final)
 
 
 def _told(out: Any, obs: Any, state: Any, final: Any) -> Outcome:
@@ -258,7 +213,7 @@ def _reached(info: Any, terminated: jax.Array, reward: jax.Array) -> jax.Array:
     return terminated & (reward > 0)
 
 
-Simulator = OwnSimulator | DrawingSimulator | GymnaxSimulator
+Simulator = OwnSimulator | GymnaxSimulator
 
 
 def make_simulator(env: Any, params: Any) -> Simulator:
@@ -268,8 +223,7 @@ def make_simulator(env: Any, params: Any) -> Simulator:
         SettingError: actions are not discrete, or a method is missing.
     """
     if isinstance(env, Environment):
-        plain, ranges = split_ranges(params)
-        return DrawingSimulator(env, plain, ranges) if ranges else OwnSimulator(env, params)
+        return (DrawingSimulator if ranges_of(params) else OwnSimulator)(env, params)
     for name in ("reset", "step", "action_space", "observation_space"):
         if not callable(getattr(env, name, None)):
             raise SettingError(

@@ -190,15 +190,15 @@ def _own(options: argparse.Namespace) -> Evaluated:
     from ..params import drawn
     from ..players import player_of
 
-    given, by_own = named(given_options(options), "evaluate"), is_own(options.policy)
-    env, params, where = open_environment(given, ranges=by_own)
+    given = named(given_options(options), "evaluate")
+    env, params, where = open_environment(given, ranges=True)
     heading = f"{options.policy} in {where}: {options.episodes} episodes"
-    if not by_own:
-        results = evaluate_player(env, params, options.policy, options.episodes, options.seed)
-        scripted = Scripted(player_of(env, options.policy), env, params, options.policy)
-        return Evaluated(heading, env, {"its own": results}, lambda: scripted)
-    # These params serve the film; `evaluate` draws its own for each episode.
+    # These params serve the film; the evaluation draws its own for each episode.
     shown = drawn(params, options.seed) if options.gif is None else drawn_by(params, options.seed)
+    if not is_own(options.policy):
+        results = evaluate_player(env, params, options.policy, options.episodes, options.seed)
+        scripted = Scripted(player_of(env, options.policy), env, shown, options.policy)
+        return Evaluated(heading, env, {"its own": results}, lambda: scripted)
     own = load_own(options.policy, env, shown)
     with Progress(options.episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate(
@@ -284,9 +284,7 @@ def _split_of(env: Any) -> str:
 
 def _ranges_of(results: dict[str, Results]) -> str:
     """A line for each param that episodes draw from a range; "" if there is none."""
-    from ..spec import ranges_of
-
-    ranges = ranges_of(next(iter(results.values())).environment)
+    ranges = next(iter(results.values())).environment.ranges
     return "".join(f"{name} from {ends}, drawn for each episode\n" for name, ends in ranges.items())
 
 

@@ -109,11 +109,13 @@ def run(options: argparse.Namespace) -> None:
 
 def pretrained_agents() -> str:
     """A table of the pretrained agents and their scores."""
+    from ..params import Range
     from .opening import baselines
 
     trained = baselines("trained")
+    own: list[str] = []
     table: list[tuple[str, ...]] = [
-        ("NAME", "ENVIRONMENT", "ALGO", "STEPS", "RETURN", "SUCCESS", "GREEDY")
+        ("NAME", "ENVIRONMENT", "SKIP", "ALGO", "DECISIONS", "RETURN", "SUCCESS", "GREEDY")
     ]
     for name, file in trained.pretrained().items():
         plain = trained.read_config(file)
@@ -122,12 +124,18 @@ def pretrained_agents() -> str:
         place, algo = plain["environment"]["id"] or "a map", config["algo"]
         earned = f"{score['sampled']['return']['mean']:.3g}"
         rates = [f"{score[way]['success']['mean']:.0%}" for way in ("sampled", "greedy")]
-        table.append((name, place, algo, f"{steps:,}", earned, *rates))
+        skip = str(plain["environment"]["settings"].get("frame_skip", 1))
+        table.append((name, place, skip, algo, f"{steps:,}", earned, *rates))
+        if params := plain["environment"]["params"]:
+            told = (f"{p}={Range(*v) if isinstance(v, list) else v}" for p, v in params.items())
+            own.append(f"the return of {name} counts with {', '.join(told)}, as in its training")
     notes = (
+        "skip: world steps per decision",
         "return, success: with sampled actions; greedy: success rate with the most likely actions",
+        *own,
         "'jaxenstein play --policy pretrained/NAME' plays one (--greedy: its most likely actions)",
     )
-    return "\n".join([format_table(table, right=(3, 4, 5, 6)), "", *notes])
+    return "\n".join([format_table(table, right=(2, 4, 5, 6, 7)), "", *notes])
 
 
 def tasks_of(name: str) -> str:

@@ -93,7 +93,6 @@ def open_spec(
 ) -> tuple[Spec, str]:
     """The spec of the environment of `open_environment`, and its name for files."""
     from ..settings import changed, spec_from
-    from ..spec import ranges_of
 
     named = len({"env", "map_file"} & set(given))
     if named == 2 or (named == 0 and instead_of is None):
@@ -106,7 +105,7 @@ def open_spec(
     with telling_warnings():
         options = with_map(given)
         spec = changed(instead_of, options) if instead_of else spec_from(options)
-    for param, range in ranges_of(spec).items() if not ranges else ():
+    for param, range in spec.ranges.items() if not ranges else ():
         raise UsageError(
             f"jaxenstein: --param {param} must be one number in this command, not the range {range}"
         )

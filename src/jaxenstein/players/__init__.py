@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from .._jax.batching import select, varying
 from ..about import Choose, Player
 from ..errors import SettingError, nearest, quoted
+from ..params import with_numbers
 from ..pytree import PyTreeNode
 from .chance import IDLE, UNIFORM
 
@@ -64,7 +65,14 @@ class Played(PyTreeNode):
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
-def play(env: AnyEnvironment, player: Player, params: Any, key: jax.Array, states: Any) -> Played:
+def play(
+    env: AnyEnvironment,
+    player: Player,
+    params: Any,
+    key: jax.Array,
+    states: Any,
+    numbers: dict[str, jax.Array] | None = None,
+) -> Played:
     """Play one episode from each state to its end.
 
     Args:
@@ -73,21 +81,25 @@ def play(env: AnyEnvironment, player: Player, params: Any, key: jax.Array, state
         params: the params of the environment.
         key: the random key of all steps.
         states: B first states, each leaf with a leading axis B.
+        numbers: params of each episode by name, [B] each, instead of those in `params`.
     """
-    choose = player(env, params)
-    batch = states.done.shape[0]
+    batch, numbers = states.done.shape[0], numbers or {}
+    of_all = None if numbers else player(env, params)
 
-    def advance(key: jax.Array, state: Any) -> tuple[Any, jax.Array, jax.Array]:
+    def advance(key: jax.Array, state: Any, numbers: Any) -> tuple[Any, jax.Array, jax.Array]:
         policy_key, step_key = jax.random.split(key)
+        own = with_numbers(params, numbers)
+        choose = of_all or player(env, own)
         action = choose(policy_key, state)
-        after, _, terminated, info = env.advance(step_key, state, action, params)
+        after, _, terminated, info = env.advance(step_key, state, action, own)
         success = (info["success"] & ~state.done).astype(jnp.int32)
         return select(state.done, state, after), terminated & ~state.done, success
 
     def body(carry: tuple[Any, ...]) -> tuple[Any, ...]:
         key, states, terminated, successes = carry
         key, step_key = jax.random.split(key)
-        states, ended, reached = jax.vmap(advance)(jax.random.split(step_key, batch), states)
+        keys = jax.random.split(step_key, batch)
+        states, ended, reached = jax.vmap(advance)(keys, states, numbers)
         return key, states, terminated | ended, successes + reached
 
     start = key, states, jnp.zeros(batch, bool), jnp.zeros(batch, jnp.int32)

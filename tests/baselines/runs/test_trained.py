@@ -101,7 +101,9 @@ def test_pretrained_agents_are_known_by_name(
     assert "did you mean 'tiny'" in capsys.readouterr().err
     assert main(["list", "--pretrained"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[1].split()[:5] == ["tiny", "a", "map", "ppo", "0"]
+    assert lines[1].split()[:6] == ["tiny", "a", "map", "1", "ppo", "0"]
+    counted = "the return of tiny counts with max_steps_in_episode=10, as in its training"
+    assert counted in lines
     # A run directory of that path is meant where there is one.
     (tmp_path / "pretrained").mkdir()
     (tmp_path / "pretrained" / "tiny").symlink_to(folder.path)
