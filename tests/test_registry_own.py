@@ -221,7 +221,7 @@ def test_every_command_takes_a_task_of_ones_own(
     assert f"--import {module}" in capsys.readouterr().err
     assert main(["replay", "a.json", "--import", module]) == 0
     assert main(["replay", "a.json", "--import", "no_such_module"]) == 2
-    assert "no module 'no_such_module'" in capsys.readouterr().err
+    assert "no module named 'no_such_module'" in capsys.readouterr().err
 
 
 @pytest.mark.slow
