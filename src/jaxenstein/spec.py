@@ -24,6 +24,7 @@ from .errors import (
     quoted,
 )
 from .fields import Domain, as_tuples, check_value, names_of
+from .images import Images
 from .params import Range, split_ranges, with_numbers
 from .tasks.first_person import RESETTING, SEEN
 from .tasks.navigation import Navigation
@@ -62,7 +63,7 @@ class Spec:
             "params": dict(self.params),
         }
         try:
-            return json.loads(json.dumps(plain, allow_nan=False))
+            return json.loads(json.dumps(plain, allow_nan=False, default=_refuse))
         except (TypeError, ValueError) as error:
             raise SettingError(
                 f"a setting of {self.id or 'the map'} cannot be written as JSON: {error}"
@@ -129,6 +130,13 @@ class Spec:
         except (TypeError, ValueError, IndexError, OverflowError, AttributeError) as error:
             raise SettingError(f"a setting is unusable: {one_line(str(error))}") from error
         return env, params
+
+
+def _refuse(value: Any) -> Any:
+    """Tell what is no value of JSON."""
+    if isinstance(value, Images):
+        raise TypeError("textures are arrays; keep them as files, and give their folder")
+    raise TypeError(f"{quoted(value)} is a {type(value).__name__}")
 
 
 def ranges_of(spec: Spec) -> dict[str, Range]:

@@ -78,7 +78,7 @@ def reader(domain: Domain) -> Callable[[str], Any]:
     """An argument type: the values of a field, which are checked as those of a file are."""
 
     def read(text: str) -> Any:
-        value: Any = text if domain.form in ("text", "choice") else plain_value(text)
+        value: Any = text if domain.form in ("text", "choice", "images") else plain_value(text)
         if domain.form == "layers" and re.fullmatch(r"\d+x\d+x\d+(,\d+x\d+x\d+)*", text.lower()):
             value = [[int(n) for n in part.split("x")] for part in text.lower().split(",")]
         value = domain.converted(value)
@@ -112,7 +112,7 @@ def size(text: str) -> tuple[int, int]:
 # What the help calls a value of each form.
 METAVARS = {
     "whole": "N", "number": "X", "choice": "NAME", "text": "TEXT", "layers": "KxSxF,...",
-    "angle": "DEGREES", "seeds": "FIRST,STOP",
+    "angle": "DEGREES", "seeds": "FIRST,STOP", "images": "FOLDER",
 }  # fmt: skip
 # Flags of options that are tables, and what one entry looks like; other names of others.
 TABLES = {

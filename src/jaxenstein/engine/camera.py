@@ -27,6 +27,8 @@ class Camera:
         row_focal_share: None if pixels are square. Else what the focal length down the rows would
             be at a field of view of 90 degrees, as a share of the image's height: the image is
             that of a screen of one shape, squeezed or stretched to any size.
+        column: where rays pass a pixel, from 0 at its left edge to 1 at its right one.
+        row: likewise from its upper edge to its lower one.
     """
 
     height: int = 64
@@ -36,6 +38,8 @@ class Camera:
     eye: float = 0.5
     wall: float = 1.0
     row_focal_share: float | None = None
+    column: float = 0.5
+    row: float = 0.5
 
     @property
     def half_plane(self) -> float:
@@ -59,20 +63,24 @@ class Camera:
         """How far the middle of a wall is below the eye, in halves of the wall."""
         return 2 * self.eye / self.wall - 1
 
+    def at(self, place: tuple[float, float]) -> Camera:
+        """The camera with rays through another place of its pixels, (column, row)."""
+        return dataclasses.replace(self, column=place[0], row=place[1])
+
     def widened(self) -> Camera:
         """The camera with as many extra columns as fill the last vector of a row."""
         return dataclasses.replace(self, extra=-self.width % LANES)
 
     def column_slopes(self) -> np.ndarray:
-        """float32[width + extra]: sideways offset of each column's centre at distance one."""
+        """float32[width + extra]: sideways offset of each column at distance one."""
         centres = (
-            2 * (np.arange(self.width + self.extra) + 0.5) / self.width - 1
+            2 * (np.arange(self.width + self.extra) + self.column) / self.width - 1
         ) * self.half_plane
         return centres.astype(np.float32)
 
     def row_offsets(self) -> np.ndarray:
-        """float32[height]: pixels of each row's centre below the horizon."""
-        return (np.arange(self.height) + 0.5 - self.height / 2).astype(np.float32)
+        """float32[height]: pixels of each row below the horizon."""
+        return (np.arange(self.height) + self.row - self.height / 2).astype(np.float32)
 
     def row_distances(self, lift: Any = None) -> Any:
         """float32[height]: depth in tiles at which floor or ceiling shows in each row.

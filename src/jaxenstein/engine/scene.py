@@ -7,6 +7,7 @@ import jax
 from ..pytree import PyTreeNode, static
 from .level import Array, Level
 from .shade import Light
+from .textures import Textures
 
 # Labels of what is neither wall nor sprite.
 CEILING = 0
@@ -38,6 +39,8 @@ class Theme(PyTreeNode):
             greatest, is that of the i-th of 32 stripes across two tiles, along x and along y; it
             is where one of the two is set. None for a checker of tiles.
         light: how bright they are.
+        textures: pictures for colours and greys in the place of these tables, or None. Labels and
+            depth stay as they are.
     """
 
     wall_colours: Array
@@ -54,6 +57,7 @@ class Theme(PyTreeNode):
     panel_reach: Array | None = None
     floor_words: Array | None = None
     light: Light = static(default=Light())
+    textures: Textures | None = None
 
     def __repr__(self) -> str:
         """Short: JAX asks for the words of every function that it traces, and of its tables."""
@@ -81,7 +85,8 @@ class Scene(PyTreeNode):
         level: the geometry.
         closed: bool[D], which doors of the level are closed.
         position: float32[2], (x, y) of the eye in tiles.
-        heading: float32[], radians, 0 along +x, growing clockwise on the map.
+        heading: float32[], radians, 0 along +x, growing clockwise on the map; or float32[2], the
+            cosine and the sine of it.
         sprites: the billboards.
         theme: how everything looks.
         lift: float32[], tiles by which the eye is higher than the camera's, within the room; None

@@ -19,6 +19,7 @@ from .._jax.staging import repeat, staged
 from ..pytree import PyTreeNode
 from .camera import Camera
 from .level import WORD, Array
+from .raycast import direction
 from .scene import Sprites, Theme
 from .shade import ImageKind, pack_rgb, tone
 
@@ -185,7 +186,7 @@ def _words(spots: Spots, wall_depth: jax.Array, *, theme: Theme, camera: Camera)
 
 def _spot(position: jax.Array, heading: jax.Array, sprites: Sprites, *, theme: Theme) -> Spots:
     """Where N billboards are, [N]."""
-    cos, sin = jnp.cos(heading), jnp.sin(heading)
+    cos, sin = direction(heading)
     offset = sprites.position - position[None]
     depth = offset[:, 0] * cos + offset[:, 1] * sin
     side = offset[:, 1] * cos - offset[:, 0] * sin
