@@ -390,7 +390,8 @@ def attributes(cls: type) -> dict[str, str]:
 def as_tuples(value: Any) -> Any:
     """The value with tuples for lists and ranges of seeds, at every depth, in types of Python.
 
-    Images become the path of their folder, if they have one. Numpy's numbers and truth values become those of Python, which files can keep.
+    Images become the path of their folder, if they have one. Numpy's numbers and truth values
+    become those of Python, which files can keep.
     """
     if isinstance(value, np.generic):
         return value.item()

@@ -103,8 +103,8 @@ def read_images(given: Any) -> Images:
         where = None
     else:
         raise SettingError(
-            "textures must be a folder of images, or a table of names with arrays, not "
-            f"{quoted(given)}"
+            "textures must be a folder of images, or a table of names with arrays, not a "
+            f"{type(given).__name__}"
         )
     if not pictures:
         raise SettingError(
@@ -171,7 +171,7 @@ def _array(name: str, given: Any) -> np.ndarray:
             f"textures: the image {quoted(name)} must be an array uint8[height, width, 3 or 4], "
             f"not {what}"
         )
-    _check_size(*array.shape[:2], f"the image {quoted(name)}")
+    _check_size(array.shape[0], array.shape[1], f"the image {quoted(name)}")
     if array.shape[-1] == 4:
         return array
     return np.concatenate([array, np.full((*array.shape[:2], 1), 255, np.uint8)], axis=-1)

@@ -62,7 +62,7 @@ class Looks:
 def draw(
     looks: Looks,
     world: World,
-    things: tuple[np.ndarray, np.ndarray, np.ndarray],
+    things: tuple[np.ndarray, ...],
     camera: Camera,
     places: Sampling,
     layers: int,
@@ -72,7 +72,7 @@ def draw(
     Args:
         looks: the pictures.
         world: a bordered map and its first pose.
-        things: of billboards, float[N, 2], int[N] rows of `looks.things`, bool[N] if visible.
+        things: of billboards: float[N, 2], int[N] rows of `looks.things`, bool[N] if visible.
         camera: size, field of view, and heights.
         places: where in a pixel rays look.
         layers: how many billboards a column shows.
@@ -175,7 +175,7 @@ def _flat(looks, eye, ray, row, camera, places):
 
 
 def _things(looks, things, eye, heading, slope, wall, camera, places, layers):
-    """(row, colour or None, certainty) of pixels near billboards in a column, the farthest first."""
+    """(row, colour or None, certainty) of a column's pixels near billboards, the farthest first."""
     forward = np.array([np.cos(heading), np.sin(heading)])
     right = np.array([-forward[1], forward[0]])
     crossed = []

@@ -20,8 +20,8 @@ from jax import lax
 
 from .._jax.batching import by_most, by_own
 from .._jax.staging import staged
-from .camera import Camera
 from . import textured
+from .camera import Camera
 from .image_columns import prepare
 from .pixels import paint, paint_rows
 from .raycast import cast

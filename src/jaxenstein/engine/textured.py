@@ -289,4 +289,5 @@ def colours(index: jax.Array, theme: Theme, camera: Camera, kind: ImageKind) -> 
 
 
 def _fetched(index: jax.Array, *, atlas: np.ndarray) -> Any:
-    return jnp.asarray(atlas).at[index].get(mode="promise_in_bounds")
+    # As numbers without a sign, which need no look whether they count from the end.
+    return jnp.asarray(atlas).at[index.astype(jnp.uint32)].get(mode="promise_in_bounds")

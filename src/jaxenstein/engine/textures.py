@@ -1,4 +1,4 @@
-"""Pictures on walls, floor, ceiling and billboards: one atlas of texels, and tables of what is where.
+"""Pictures on walls, floor, ceiling and billboards: an atlas of texels, and tables of its parts.
 
 The atlas holds every texel in every shade, so a pixel is one word fetched from it. A picture's
 texels lie column by column, each from top to bottom.
