@@ -182,3 +182,25 @@ def test_textures_change_neither_depth_nor_labels(kind: str) -> None:
     looks, table = draw_looks(2, 1.0, of_face=False)
     with_textures = theme.replace(textures=textures_of(looks, table, DOOM))
     assert traced(with_textures, kind) == traced(theme, kind)
+
+
+def test_two_samples_are_the_mean_of_an_image_twice_as_wide() -> None:
+    """Rounded down; square pixels stay as high as they were."""
+    camera = Camera(12, 10, 70)
+    twice = dataclasses.replace(
+        camera, width=20, row_focal_share=camera.row_focal * camera.half_plane / 12
+    )
+    looks, table = draw_looks(3, 1.0, of_face=False)
+    world, sprites = draw_scene(4, 3)
+    images = []
+    for view, samples in ((camera, 2), (twice, 1)):
+        textures = textures_of(looks, table, Sampling(samples=samples))
+        theme = scenes.plain_theme().replace(textures=textures)
+        scene = scenes.scene_of(world, sprites, theme)
+        images.append(
+            np.asarray(
+                jax.jit(lambda p, s=scene, v=view: render(s.replace(position=p), v))(scene.position)
+            )
+        )
+    pairs = images[1].astype(int).reshape(12, 10, 2, 3)
+    np.testing.assert_array_equal(images[0], pairs.sum(axis=2) // 2)

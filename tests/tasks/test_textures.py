@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from jaxenstein.engine.shade import Light, brightness
+from jaxenstein.engine.textures import shade_of
 from jaxenstein.maps.symbols import CEILING, FLOOR, WALL_LABELS
+from jaxenstein.tasks.dressing import depth_of_shades, smoothed
 
 # Walls are red, the floor is green and the ceiling blue, in noise; nothing else is of one channel.
 SIDE = 16
@@ -57,3 +60,27 @@ def test_pixels_show_what_the_labels_say(id: str, settings: dict[str, bool]) -> 
         assert len(np.unique(rgb[here], axis=0)) > 20
     assert not np.isin(shown[others], (1, 2, 4)).all()
     assert others.any()
+
+
+def test_smoothing_is_the_mean_of_the_texels_around() -> None:
+    """Of a picture that repeats; over an odd number of texels, or over all."""
+    picture = np.random.default_rng(1).integers(0, 256, (8, 16, 3), dtype=np.uint8)
+    around = [
+        np.roll(picture.astype(np.float64), (row, column), (0, 1))
+        for row in (-1, 0, 1)
+        for column in range(-2, 3)
+    ]
+    np.testing.assert_allclose(smoothed(picture, 5.4, 2.6), np.mean(around, axis=0))
+    np.testing.assert_array_equal(smoothed(picture, 1.9, 0), picture)
+    whole = np.broadcast_to(picture.mean(axis=(0, 1)), picture.shape)
+    np.testing.assert_allclose(smoothed(picture, 17, np.inf), whole)
+
+
+def test_shades_stand_for_depths() -> None:
+    """A plane at the depth of a shade has that shade; those that none has are infinitely far."""
+    depths = depth_of_shades(Light())
+    reached = np.isfinite(depths)
+    np.testing.assert_array_equal(shade_of(brightness(depths[reached])), np.flatnonzero(reached))
+    assert (np.diff(depths[reached]) > 0).all()
+    # The least light is 0.22, so the darkest of 32 shades is the 25th.
+    assert reached.sum() == 26

@@ -67,6 +67,11 @@ class Camera:
         """The camera with rays through another place of its pixels, (column, row)."""
         return dataclasses.replace(self, column=place[0], row=place[1])
 
+    def halved(self) -> Camera:
+        """The camera with two columns for each."""
+        share = self.row_focal * self.half_plane / self.height
+        return dataclasses.replace(self, width=2 * self.width, row_focal_share=share)
+
     def widened(self) -> Camera:
         """The camera with as many extra columns as fill the last vector of a row."""
         return dataclasses.replace(self, extra=-self.width % LANES)

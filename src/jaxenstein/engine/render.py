@@ -48,7 +48,6 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
             `"labels"` uint8[height, width], what each pixel shows (see `scene.Theme`).
         layers: how many billboards one column can show behind each other.
     """
-    camera = camera.widened()
     # Rays end where they hit, by loops and conditionals that cannot be differentiated.
     scene = scene.replace(
         position=lax.stop_gradient(scene.position),
@@ -58,9 +57,10 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     )
     textures = scene.theme.textures if kind in ("rgb", "gray") else None
     if textures is None:
-        return _draw(scene, camera, kind, layers, Sampling(), _COLOURED)
+        return _draw(scene, camera.widened(), kind, layers, Sampling(), _COLOURED)
     sized = scene.replace(theme=textured.sized(scene.theme))
-    index = _draw(sized, camera, kind, layers, textures.sampling, _TEXTURED)
+    view = camera.halved() if textures.sampling.samples == 2 else camera
+    index = _draw(sized, view.widened(), kind, layers, textures.sampling, _TEXTURED)
     return textured.colours(index, scene.theme, camera, kind)
 
 

@@ -27,6 +27,8 @@ from .shade import ImageKind, pack_rgb, tone
 NEAREST = 0.05
 # Billboards are looked through in a loop of blocks of this size, to bound the program.
 BLOCK = 8
+# Of more pictures than this, what differs between them is fetched.
+MOST_SELECTS = 64
 _NONE = 0xFFFFFFFF
 
 
@@ -200,8 +202,10 @@ def _spot(position: jax.Array, heading: jax.Array, sprites: Sprites, *, theme: T
 
 
 def _of_picture(table: Array, picture: jax.Array) -> jax.Array:
-    """table[picture] for a table [s], without a gather: there are few pictures."""
+    """table[picture] for a table [s], without a gather where there are few pictures."""
     values = np.asarray(table)
+    if len(values) > MOST_SELECTS:
+        return jnp.asarray(values).at[picture].get(mode="promise_in_bounds")
     chosen = jnp.full(picture.shape, values[0])
     for i in range(1, len(values)):
         chosen = jnp.where(picture == i, values[i], chosen)

@@ -281,8 +281,13 @@ def _billboards(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> j
 
 def colours(index: jax.Array, theme: Theme, camera: Camera, kind: ImageKind) -> jax.Array:
     """The image of the indices: uint8[height, width, 3], or uint8[height, width] of greys."""
-    atlas = textures_of(theme).atlas
-    words = staged(partial(_fetched, atlas=atlas))(index)[:, : camera.width]
+    textures = textures_of(theme)
+    samples = textures.sampling.samples
+    words = staged(partial(_fetched, atlas=textures.atlas))(index)[:, : samples * camera.width]
+    if samples == 2:
+        left, right = words[:, 0::2], words[:, 1::2]
+        # Half of what differs, without its lowest bits, which would fall into another channel.
+        words = (left & right) + ((left ^ right) >> 1 & jnp.uint32(0x7F7F7F))
     if kind == "gray":
         return luma(words).astype(jnp.uint8)
     return lax.bitcast_convert_type(words, jnp.uint8)[..., :3]

@@ -33,12 +33,15 @@ class Sampling:
         plane: of floor and ceiling.
         thing: of billboards.
         light_row: row at which the light of floor and ceiling is taken.
+        samples: 1, or 2 for the mean of two halves of each pixel, left and right, of which the
+            columns above are places.
     """
 
     wall: Place = CENTRE
     plane: Place = CENTRE
     thing: Place = CENTRE
     light_row: float = 0.5
+    samples: int = 1
 
 
 class Materials(PyTreeNode):
@@ -138,10 +141,10 @@ class Textures(PyTreeNode):
         return f"Textures({self.size} texels)"
 
 
-def darkened(colours: np.ndarray, shade: int) -> np.ndarray:
-    """uint32[n]: packed colours of uint8[n, 3] in a shade: the usual law, a factor."""
+def darkened(picture: np.ndarray, shade: int) -> np.ndarray:
+    """uint32[height, width]: packed colours of [height, width, 3] in a shade: a factor."""
     light = np.float32(1 - shade / SHADES)
-    return pack_rgb(list(np.moveaxis(colours, -1, 0).astype(np.float32)), light)
+    return pack_rgb(list(np.moveaxis(picture, -1, 0).astype(np.float32)), light)
 
 
 def build_atlas(
@@ -150,19 +153,18 @@ def build_atlas(
     """The atlas of some pictures, and int32[pictures], the first texel of each.
 
     Args:
-        pictures: [height, width, ...] each, of what `paint` takes; equal objects are kept once.
-        paint: a function of (texels [n, ...], shade) that gives uint32[n] words 0x00BBGGRR.
+        pictures: [height, width, ...] each, of what `paint` takes; the atlas keeps one object once.
+        paint: a function of (picture, shade) that gives uint32[height, width] of words 0x00BBGGRR.
     """
     places: dict[int, int] = {}
     parts, size = [], 0
     for picture in pictures:
         if id(picture) not in places:
             places[id(picture)] = size
-            height, width = picture.shape[:2]
-            parts.append(picture.swapaxes(0, 1).reshape(height * width, *picture.shape[2:]))
-            size += height * width
-    texels = np.concatenate(parts)
-    atlas = np.concatenate([paint(texels, shade) for shade in range(SHADES)])
+            shades = np.stack([paint(picture, shade).T for shade in range(SHADES)])
+            parts.append(shades.reshape(SHADES, -1))
+            size += parts[-1].shape[1]
+    atlas = np.concatenate(parts, axis=1).reshape(-1)
     return atlas, np.array([places[id(picture)] for picture in pictures], np.int32)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..engine.art import SIZE
@@ -10,12 +12,25 @@ from ..engine.camera import Camera
 from ..engine.image_columns import PANEL_SHADOW
 from ..engine.scene import CEILING, FLOOR, Theme
 from ..engine.shade import SEAM_SHADE, Light
-from ..engine.textures import Cutouts, Flats, Materials, Textures, build_atlas, pack_opaque
+from ..engine.textures import (
+    SHADES,
+    Cutouts,
+    Flats,
+    Materials,
+    Textures,
+    build_atlas,
+    darkened,
+    pack_opaque,
+    shade_of,
+)
 from ..errors import SettingError
 from ..images import Images, Picture, power_of_two
 
 MOST_TEXELS = 1 << 20
 """Texels of all images together: 128 MiB in all shades."""
+# Of the depth at which floor and ceiling have a shade, what a wall in it is at least: its direction
+# may have made it darker.
+WALL_SHARE = 0.5
 
 
 def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
@@ -26,6 +41,9 @@ def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
     floor and ceiling an image covers a square as wide. On a thing it is as high as the thing's own
     picture; alpha below 128 is transparent.
 
+    Images are smoothed for what is far: a shade has the texels of a pixel at the depth that it
+    stands for.
+
     Raises:
         SettingError: the images have more than `MOST_TEXELS` together.
     """
@@ -33,37 +51,77 @@ def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
     span = power_of_two(camera.wall)
     count = len(theme.wall_colours)
     walls = [_wall(theme, label, own.get(label)) for label in range(count)]
-    floor, ceiling = _floor(theme, own.get(FLOOR)), _ceiling(theme, own.get(CEILING))
+    flats = [_ceiling(theme, own.get(CEILING)), _floor(theme, own.get(FLOOR))]
     things = [_thing(theme, i, own.get(int(label))) for i, label in enumerate(theme.sprite_labels)]
-    pictures = [*walls, ceiling, floor, *(rgba[..., :3] for rgba in things)]
-    pictures = _shared(pictures)
+    pictures = _shared([*walls, *flats, *(rgba[..., :3] for rgba in things)])
     texels = sum({id(p): p.shape[0] * p.shape[1] for p in pictures}.values())
     if texels > MOST_TEXELS:
         raise SettingError(
             f"textures have {texels:,} texels together, more than {MOST_TEXELS:,}: give fewer or "
             "smaller images"
         )
-    atlas, first = build_atlas(pictures)
     across = [_across(own.get(label), camera.wall, wall) for label, wall in enumerate(walls)]
+    down = [len(wall) / camera.wall for wall in walls]
+    scales = np.stack(
+        [
+            _scale(label, flat, own, span)
+            for label, flat in zip((CEILING, FLOOR), flats, strict=True)
+        ]
+    )
+    depths = depth_of_shades(theme.light)
+    near = WALL_SHARE * depths / camera.row_focal
+    # Floor and ceiling are seen at a slant, which makes a pixel on them the longer.
+    far = depths / camera.row_focal * np.sqrt(np.maximum(depths / camera.eye, 1))
+    sizes = [*(np.outer(near, rates) for rates in zip(across, down, strict=True))]
+    sizes += [np.outer(far, scale) for scale in scales]
+    covered = {id(p): size for p, size in zip(pictures[: count + 2], sizes, strict=True)}
+
+    def paint(picture: np.ndarray, shade: int) -> np.ndarray:
+        size = covered.get(id(picture))
+        return darkened(picture if size is None else smoothed(picture, *size[shade]), shade)
+
+    atlas, first = build_atlas(pictures, paint)
     textures = Textures(
         atlas=atlas,
         walls=Materials(
             first[:count],
             *_sides(walls),
             np.array(across, np.int32),
-            np.array([len(wall) / camera.wall for wall in walls], np.float32),
+            np.array(down, np.float32),
             np.zeros(count, np.int32),
         ),
         of_wall=np.arange(count, dtype=np.int32),
-        flats=Flats(
-            first[count : count + 2],
-            *_sides([ceiling, floor]),
-            np.array([_scale(CEILING, ceiling, own, span), _scale(FLOOR, floor, own, span)]),
-            np.zeros((2, 2), np.float32),
-        ),
+        flats=Flats(first[count : count + 2], *_sides(flats), scales, np.zeros((2, 2), np.float32)),
         cutouts=_cutouts(theme, things, first[count + 2 :], own),
     )
     return theme.replace(textures=textures)
+
+
+def depth_of_shades(light: Light) -> np.ndarray:
+    """float[32]: the depth in tiles at which floor and ceiling have each shade; inf if none."""
+    depth = np.geomspace(0.01, 256, 4096, dtype=np.float32)
+    shades = shade_of(light.plain(depth))
+    first = np.searchsorted(np.maximum.accumulate(shades), np.arange(SHADES))
+    return np.append(depth, np.float32(np.inf))[first]
+
+
+def smoothed(picture: np.ndarray, across: float, down: float) -> np.ndarray:
+    """float[height, width, 3]: the mean of so many texels around each; the picture repeats."""
+    image = picture.astype(np.float64)
+    for axis, wanted in ((0, down), (1, across)):
+        length = picture.shape[axis]
+        # An odd number of them, or all.
+        count = length if wanted >= length else 2 * round((max(wanted, 1) - 1) / 2) + 1
+        if count >= length:
+            image = np.broadcast_to(image.mean(axis=axis, keepdims=True), picture.shape)
+        elif count > 1:
+            reach = count // 2
+            rows = np.arange(-reach - 1, length + reach) % length
+            sums = np.take(image, rows, axis=axis).cumsum(axis=axis)
+            ends = (np.arange(length) + start for start in (count, 0))
+            last, before = (np.take(sums, end, axis=axis) for end in ends)
+            image = (last - before) / count
+    return image
 
 
 def _sides(pictures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -86,7 +144,7 @@ def _across(own: Picture | None, wall: float, picture: np.ndarray) -> int:
     return max(1, int(width / power_of_two(own.shape * wall)))
 
 
-def _scale(label: int, flat: np.ndarray, own: dict[int, Picture], span: float) -> np.ndarray:
+def _scale(label: int, flat: np.ndarray, own: Mapping[int, Picture], span: float) -> np.ndarray:
     """float32[2]: texels a tile along x and y."""
     tiles = span if label in own else 2
     return np.array([flat.shape[1] / tiles, flat.shape[0] / tiles], np.float32)
@@ -153,7 +211,7 @@ def _thing(theme: Theme, picture: int, own: Picture | None) -> np.ndarray:
 
 
 def _cutouts(
-    theme: Theme, things: list[np.ndarray], first: np.ndarray, own: dict[int, Picture]
+    theme: Theme, things: list[np.ndarray], first: np.ndarray, own: Mapping[int, Picture]
 ) -> Cutouts:
     labels = np.asarray(theme.sprite_labels).tolist()
     shapes = [own[label].shape if label in own else 1.0 for label in labels]
