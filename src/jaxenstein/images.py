@@ -124,7 +124,8 @@ def _files(folder: Path) -> list[Path]:
         raise SettingError(
             f"textures must be a folder of images, not {quoted(str(folder))}, which {reason}"
         ) from None
-    return [f for f in files if f.suffix.lower() in SUFFIXES and not f.name.startswith(".")]
+    images = [f for f in files if f.suffix.lower() in SUFFIXES and not f.name.startswith(".")]
+    return [file for file in images if file.is_file()]
 
 
 def _known(name: Any, where: str) -> str:
@@ -164,14 +165,16 @@ def _read(file: Path) -> np.ndarray:
 
 def _array(name: str, given: Any) -> np.ndarray:
     """uint8[height, width, 4]: the image of an array."""
-    array = given if isinstance(given, np.ndarray) else np.zeros(0)
+    found = hasattr(given, "__array__")
+    array: np.ndarray = np.asarray(given) if found else np.zeros(0)
     if array.ndim != 3 or array.shape[-1] not in (3, 4) or array.dtype != np.uint8:
-        what = f"{array.dtype}{list(array.shape)}" if array is given else quoted(given)
+        what = f"{array.dtype}{list(array.shape)}" if found else quoted(given)
         raise SettingError(
             f"textures: the image {quoted(name)} must be an array uint8[height, width, 3 or 4], "
             f"not {what}"
         )
-    _check_size(array.shape[0], array.shape[1], f"the image {quoted(name)}")
+    height, width, _ = array.shape
+    _check_size(height, width, f"the image {quoted(name)}")
     if array.shape[-1] == 4:
         return array
     return np.concatenate([array, np.full((*array.shape[:2], 1), 255, np.uint8)], axis=-1)

@@ -1,5 +1,7 @@
 """Environments with images of the user's own: each pixel shows what the labels say."""
 
+from typing import Any
+
 import jax
 import numpy as np
 import pytest
@@ -34,6 +36,7 @@ def images() -> dict[str, np.ndarray]:
     ],
 )
 def test_pixels_show_what_the_labels_say(id: str, settings: dict[str, bool]) -> None:
+    env: Any
     env, params = jaxenstein.make(id, height=24, width=32, textures=images(), **settings)
     lanes, steps = 4, 6
 
