@@ -3,22 +3,22 @@
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := demo
-# The peers of the benchmarks, the name of this machine in its results, and where those go.
+# Folder for the environments of benchmark peers, name of this machine, folder for its results.
 BENCH := .venv-bench
 NAME ?= here
 RESULTS = $(if $(QUICK),build/benchmarks,benchmarks/results/$(NAME))
 
-# The first interpreter that runs (a name on the path may be a shim that does not), is new enough
-# and can make virtual environments. Looked for only when $(VENV) has to be made.
+# The first interpreter that works (a name on the path may be a broken shim), is new enough and can
+# create virtual environments. Evaluated only when $(VENV) has to be created.
 PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 	"$$python" -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' \
 		>/dev/null 2>&1 && { echo "$$python"; break; }; \
 	done)
 
-# Each worker takes whole files, whose tests share what they compile.
+# Each worker runs whole files, since the tests of a file share compiled programs.
 PYTEST = $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
-# On a terminal pip shows its progress bars; in a log it keeps quiet.
+# pip shows progress bars on a terminal, and is quiet in a log.
 PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || echo --quiet)
 
 .DEFAULT_GOAL := help
@@ -31,80 +31,80 @@ help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
 	@echo "  PYTHON=/path/to/python chooses the interpreter for a new $(VENV), ARGS=... adds arguments"
 
-setup: $(VENV)/.dev ## make .venv with everything that tests and checks need
+setup: $(VENV)/.dev ## create .venv with everything for tests and checks
 
-test: $(VENV)/.dev ## run the tests that every change needs: all modules and rules, some environments
+test: $(VENV)/.dev ## run the tests for every change, in a few minutes
 	$(PYTEST) --quick $(ARGS)
 
-test-all: $(VENV)/.dev ## run all tests, on every environment; those that train agents are left out
+test-all: $(VENV)/.dev ## run all tests on every environment, except those that train agents
 	$(PYTEST) --quick -m "variant or not (slow or training)" $(ARGS)
 	$(PYTEST) -m "(slow or optimised) and not (variant or training)" $(ARGS)
 
 trainings: $(VENV)/.dev ## run the tests that train agents
 	$(PYTEST) -m training $(ARGS)
 
-coverage: $(VENV)/.dev ## lines and branches of src that no test reaches; LINES=1: lines alone, faster
+coverage: $(VENV)/.dev ## show lines and branches that no test reaches; LINES=1: only lines, faster
 	$(if $(LINES),COVERAGE_CORE=sysmon) $(PYTEST) --quick --cov --cov-report=term-missing \
 		$(if $(LINES),,--cov-branch) $(ARGS)
 
-check: $(VENV)/.dev ## lint, formatting and types
+check: $(VENV)/.dev ## check style, formatting and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 
-docs: $(VENV)/.docs ## build the documentation site: docs/_build/html/index.html
+docs: $(VENV)/.docs ## build the documentation in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -q -d docs/_build/cache docs docs/_build/html $(ARGS)
 
-demo: $(VENV)/.baselines ## train an agent in about 3 minutes: its curve and a GIF in demo/
+demo: $(VENV)/.baselines ## train an agent in about 3 minutes; its curve and a GIF go to demo/
 	@rm -rf $(DEMO)/run && mkdir -p $(DEMO)
 	$(BIN)/jaxenstein train --config examples/demo.toml --out $(DEMO)/run
 	$(BIN)/jaxenstein plot $(DEMO)/run --metric success --out $(DEMO)/learning_curve.png
 	$(BIN)/jaxenstein evaluate $(DEMO)/run --gif $(DEMO)/agent.gif
 
-bench: ## measure all beside its peers, write docs/benchmarks.md (an hour; QUICK=1: some minutes)
+bench: ## run all benchmarks and write docs/benchmarks.md (1 hour; QUICK=1: a few minutes)
 	@$(MAKE) --no-print-directory VENV=$(BENCH)/main $(BENCH)/main/.bench
 	$(BENCH)/main/bin/python -m benchmarks.install
 	$(BENCH)/main/bin/python -m benchmarks --json $(RESULTS) $(if $(QUICK),--quick) $(ARGS)
 	$(BENCH)/main/bin/python -m benchmarks.report $(RESULTS) \
 		$(if $(QUICK),--out $(RESULTS)/pages)
 
-compare: $(VENV)/.bench ## measure beside ViZDoom from the package index, on one core
+compare: $(VENV)/.bench ## compare the speed with ViZDoom, on one core
 	$(BIN)/python -m benchmarks peers --only vizdoom-gymnasium vizdoom-raw loop scan $(ARGS)
 
-partners: $(VENV)/.dev ## run adapters and examples beside their partners, each in an environment of its own
+partners: $(VENV)/.dev ## test adapters and examples with their packages, each in its own environment
 	$(BIN)/python -m nox -t partners $(ARGS)
 
-lanes: $(VENV)/.dev ## run the tests with each Python, the oldest and newest JAX, and the wheel
+lanes: $(VENV)/.dev ## test every Python, the oldest and newest JAX, and the wheel
 	$(BIN)/python -m nox -t lanes $(ARGS)
 
-fuzz: $(VENV)/.dev ## try spoilt maps and files; ARGS="--minutes 60 --target ascii"
+fuzz: $(VENV)/.dev ## fuzz maps and files; ARGS="--minutes 60 --target ascii"
 	$(BIN)/python -m reliability.fuzz $(ARGS)
 
-endurance: $(VENV)/.dev ## play millions of steps and look at every state; ARGS="--steps 10_000_000"
+endurance: $(VENV)/.dev ## check every state of millions of steps; ARGS="--steps 10_000_000"
 	$(BIN)/python -m reliability.endurance $(ARGS)
 
-clean: ## remove .venv and everything generated
+clean: ## remove .venv and all generated files
 	rm -rf $(VENV) .nox $(BENCH) $(DEMO) fuzz docs/_build docs/environments docs/commands.md build dist .coverage .pytest_cache .ruff_cache .hypothesis
 	find src tests benchmarks docs fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# A stamp is written only after its step has succeeded, so an interrupted one is done again.
-# An environment that is there already and has a working pip is kept.
+# A stamp is written only after its step has succeeded, so an interrupted step runs again.
+# An existing environment with a working pip is kept.
 $(VENV)/.created:
 	@[ -n "$(PYTHON)" ] || \
-		{ echo "no Python 3.11 or newer with venv on the path; set PYTHON=..." >&2; exit 1; }
+		{ echo "found no Python 3.11 or newer with venv; set PYTHON=..." >&2; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "$(PYTHON) is not a working Python 3.11 or newer" >&2; exit 1; }
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || \
-		{ echo "Making $(VENV) with $(PYTHON) ..." && $(PYTHON) -m venv --clear $(VENV); }
+		{ echo "Creating $(VENV) with $(PYTHON) ..." && $(PYTHON) -m venv --clear $(VENV); }
 	@touch $@
 
 $(VENV)/.core: pyproject.toml src/jaxenstein/version.py $(VENV)/.created
-	@echo "Installing jaxenstein with jax, numpy and pillow (a download of about 150 MB) ..."
+	@echo "Installing jaxenstein with jax, numpy and pillow (about 150 MB) ..."
 	@$(PIP) --editable .
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.core
-	@echo "Installing the tools for tests and checks ..."
+	@echo "Installing tools for tests and checks ..."
 	@$(PIP) --editable '.[dev]'
 	@touch $@
 
@@ -119,6 +119,6 @@ $(VENV)/.baselines: $(VENV)/.core
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.core
-	@echo "Installing ViZDoom, Gymnasium, OpenCV and what the baselines need ..."
+	@echo "Installing ViZDoom, Gymnasium, OpenCV, flax and optax ..."
 	@$(PIP) --editable '.[bench,baselines]'
 	@touch $@

@@ -1,12 +1,12 @@
-"""The tests beside other versions, each in a virtual environment of its own below `.nox`.
+"""Run the tests with other versions, each in its own virtual environment in `.nox`.
 
-    make lanes       each Python with the oldest and newest JAX and with extras, and the wheel
-    make partners    the tests of adapters and examples beside the packages that they are for
+    make lanes       every Python with the oldest and newest JAX and with extras, and the wheel
+    make partners    the tests of adapters and examples with their packages
 
-`ARGS="-p 3.12"` or `ARGS="-k gymnax"` runs some of them, `ARGS="-- -k maps"` some tests of each,
-`ARGS=--list` tells all. An interpreter that is not there is left out. Environments are kept: `-R`
-does not even look for new requirements in them, and removing `.nox` begins again. Where pyenv has
-the interpreters, `PYENV_VERSION=3.11.7:3.12.1:3.13.0` (what `pyenv versions` lists) shows them.
+`ARGS="-p 3.12"` or `ARGS="-k gymnax"` runs some sessions, `ARGS="-- -k maps"` some tests of each,
+and `ARGS=--list` lists the sessions. Missing interpreters are skipped. Environments are kept; `-R`
+also skips the installation, and removing `.nox` starts from scratch. For interpreters of pyenv, set
+`PYENV_VERSION=3.11.7:3.12.1:3.13.0` to versions from `pyenv versions`.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ nox.options.error_on_missing_interpreters = False
 PYTHONS = ("3.11", "3.12", "3.13")
 HERE = f"{sys.version_info.major}.{sys.version_info.minor}"
 TOOLS = ("pytest >= 8.3", "hypothesis >= 6.130", "pytest-xdist >= 3.6")
-# Extras that install beside each other with any Python, and what they must make importable.
+# Extras that install together with any Python, and modules that must then be importable.
 EXTRAS = ".[baselines,gymnasium,minigrid,play,video,dev]"
 MODULES = ("flax", "gymnasium", "matplotlib", "minigrid")
-# What is worth running where 64-bit numbers are on.
+# The tests to run with 64-bit numbers.
 RULES = ("tests/contract", "tests/engine", "tests/tasks")
 
 
 def lower_bounds(python: str) -> list[str]:
-    """The oldest versions that the package takes, for pip."""
+    """The oldest supported versions, as requirements for pip."""
     project = nox.project.load_toml(Path(__file__).with_name("pyproject.toml"))["project"]
     oldest = [line.replace(">=", "==") for line in project["dependencies"]]
-    # Of the oldest numpy there are wheels for the oldest Python alone.
+    # The oldest numpy has wheels only for the oldest Python.
     return [line for line in oldest if python == PYTHONS[0] or line.startswith("jax ")]
 
 
 def run_tests(
     session: nox.Session, *tests: str, modules: tuple[str, ...] = (), trainings: bool = False
 ) -> None:
-    """Run some tests, after making sure that none is skipped for want of a module."""
+    """Run some tests; fail first if a module is missing, so that no test is skipped."""
     chosen = () if trainings else ("-m", "not (slow or variant or training)")
     session.run("python", "-c", f"import {', '.join(('jax', *modules))}; print(jax.__version__)")
     session.run(
@@ -60,7 +60,7 @@ def run_tests(
 @nox.session(python=PYTHONS, tags=["lanes"])
 @nox.parametrize("versions", ["oldest", "newest", "extras"], ids=["oldest", "newest", "extras"])
 def lane(session: nox.Session, versions: str) -> None:
-    """The tests with the oldest or the newest JAX, or with everything that is optional."""
+    """The tests with the oldest or newest JAX, or with all extras."""
     oldest = lower_bounds(str(session.python)) if versions == "oldest" else []
     extras = versions == "extras"
     session.install("--editable", EXTRAS if extras else ".", *TOOLS, *oldest)
@@ -69,7 +69,7 @@ def lane(session: nox.Session, versions: str) -> None:
 
 @nox.session(python=PYTHONS[-1], tags=["lanes"])
 def x64(session: nox.Session) -> None:
-    """Engine, rules and contract where JAX has 64-bit numbers switched on."""
+    """Engine, rules and contract with 64-bit numbers enabled in JAX."""
     session.install("--editable", ".", *TOOLS)
     session.env["JAX_ENABLE_X64"] = "1"
     run_tests(session, *RULES)
@@ -77,7 +77,7 @@ def x64(session: nox.Session) -> None:
 
 @nox.session(python=PYTHONS[-1], tags=["lanes"])
 def wheel(session: nox.Session) -> None:
-    """The tests of the source archive, without its sources, on the wheel built of it."""
+    """The tests from the source archive, without its sources, on the wheel."""
     session.install("build", *TOOLS)
     folder = Path(session.create_tmp())
     shutil.rmtree(folder / "tree", ignore_errors=True)
@@ -99,7 +99,7 @@ def wheel(session: nox.Session) -> None:
     ids=list(PARTNERS),
 )
 def partners(session: nox.Session, partner: str) -> None:
-    """The tests of adapters and examples beside a package, its trainings among them."""
+    """The tests of adapters and examples with a package, including trainings."""
     chosen = PARTNERS[partner]
     session.install("--editable", ".", *TOOLS, *chosen.requirements)
     tests = (f"{TESTS}/{test}" for test in chosen.tests)

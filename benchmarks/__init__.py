@@ -1,1 +1,1 @@
-"""Measurements of the project and of others beside it. Not part of the installed package."""
+"""Benchmarks of this project and its peers; not part of the installed package."""

@@ -19,12 +19,12 @@ from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import OutputError, atomic, check_writable, make_folder
 from jaxenstein.machine import describe_machine
 
-# Rounds and seconds of a chunk: of a run for the record, and of a quick one.
+# Number of rounds and seconds per chunk, for a full and for a quick run.
 FULL_RUN, QUICK_RUN = (7, 1.0), (1, 0.05)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Measure the parts that the command line names and whose files are not there yet."""
+    """Measure the named parts whose files do not exist yet."""
     parser = _parser()
     options = parser.parse_args(argv)
     if unknown := [name for name in options.parts if name not in PARTS]:
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         if file:
             check_writable(file)
         if file and not options.again and is_there(file, settings):
-            print(f"{name}: {file} is there already (--again measures it anew)")
+            print(f"{name}: {file} already exists (--again measures it again)")
             continue
         groups = PARTS[name](QUICK if settings.quick else Plan())
         report = {"part": name, **measure(chosen(groups, settings.only), settings)}
@@ -52,10 +52,10 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def is_there(file: Path, settings: Settings) -> bool:
-    """Whether a file has a part that was measured here with these settings.
+    """Whether a file has a part that was measured on this machine with these settings.
 
     Raises:
-        OutputError: it is of something else, of another machine or of other settings.
+        OutputError: the file is something else, or from another machine or other settings.
     """
     if not file.exists():
         return False
@@ -65,17 +65,17 @@ def is_there(file: Path, settings: Settings) -> bool:
         report = json.loads(file.read_text())
         before: Mapping[str, Any] = {name: report[name] for name in now}
     except (ValueError, KeyError, TypeError) as error:
-        raise OutputError(file, "it is there and no result of this command") from error
+        raise OutputError(file, "it exists and is not a result of this command") from error
     for name, value in now.items():
         if before[name] != value:
             raise OutputError(
-                file, f"it has {name} {before[name]}, not {value}; choose another place"
+                file, f"it has {name} {before[name]}, not {value}; choose another folder"
             )
     return True
 
 
 def chosen(groups: Groups, only: Sequence[str] | None) -> Groups:
-    """The subjects whose names begin with one of these words, and what they are compared to."""
+    """The subjects whose names start with one of these words, and the subjects they refer to."""
     if not only:
         return groups
     kept = []
@@ -91,10 +91,10 @@ def _settings(options: argparse.Namespace, parser: argparse.ArgumentParser) -> S
     core = None
     if hasattr(os, "sched_getaffinity"):
         allowed = sorted(os.sched_getaffinity(0))
-        # The last one: the first has most of the system's own work.
+        # The last core, since the system uses the first one most.
         core = allowed[-1] if options.core is None else options.core
         if core not in allowed:
-            parser.error(f"--core: there is no core {core}, only {allowed}")
+            parser.error(f"--core: there is no core {core}; available: {allowed}")
     rounds, seconds = options.rounds or rounds, options.seconds or seconds
     return Settings(core, rounds, seconds, options.quick, options.only)
 
@@ -102,21 +102,21 @@ def _settings(options: argparse.Namespace, parser: argparse.ArgumentParser) -> S
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
-        description="Measure this project and its peers in turn on one core, a file a part.",
-        epilog="A part whose file is there is left out, so the same command goes on.",
+        description="Measure this project and its peers in turn on one core, with a file per part.",
+        epilog="Parts with a file are skipped, so repeating the command continues.",
     )
     add = parser.add_argument
     usual = ", ".join(name for name in PARTS if name not in NAMED)
     named = f"{usual} (default: all of these); {', '.join(NAMED)}"
     add("parts", nargs="*", metavar="PART", help=named)
-    add("--json", type=Path, metavar="DIR", help="folder for the results (default: only shown)")
-    add("--quick", action="store_true", help="tiny sizes, only to see it work")
+    add("--json", type=Path, metavar="DIR", help="folder for results (default: only print)")
+    add("--quick", action="store_true", help="tiny sizes, to test that everything works")
     add("--core", type=int, metavar="N", help="core to use (default: the last)")
     add("--rounds", type=whole(), metavar="N", help="rounds (default 7)")
     add("--seconds", type=float, metavar="S", help="length of a chunk (default 1)")
-    only = "of a part only subjects whose names begin so, such as scan-64, and what stands beside"
+    only = "only subjects whose names start with NAME, such as scan-64, and their references"
     add("--only", nargs="+", metavar="NAME", help=only)
-    add("--again", action="store_true", help="measure parts that are there anew")
+    add("--again", action="store_true", help="measure existing parts again")
     return parser
 
 
@@ -126,5 +126,5 @@ if __name__ == "__main__":
     except JAXensteinError as error:
         raise SystemExit(f"benchmarks: {error}") from error
     except KeyboardInterrupt:
-        print("\nstopped: the same command goes on", file=sys.stderr)
+        print("\nstopped: repeat the command to continue", file=sys.stderr)
         raise SystemExit(130) from None

@@ -1,11 +1,11 @@
-"""What an accelerator does: every environment at many batch sizes, against what memory allows.
+"""Measure every environment on an accelerator at many batch sizes, against the memory bandwidth.
 
     python -m benchmarks.device [--json FILE]
 
-For each environment, batch and image size: whole random-policy steps a second, frames alone a
-second, seconds to compile and memory of the compiled program. The limit is what a copy of memory
-reaches here: a frame must at least be written. On a CPU the same program runs, with tiny sizes:
-`--batches 4 --sizes 16x16 --copy-bytes 65536`.
+For each environment, batch and image size, it measures steps per second with a random policy,
+frames per second without steps, compile time, and memory of the compiled program. The limit is the
+measured bandwidth of a memory copy, since a frame must at least be written. To try it on a CPU, use
+tiny sizes: `--batches 4 --sizes 16x16 --copy-bytes 65536`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from jaxenstein.speed.random_rollout import make_random_rollout
 
 BATCHES = (64, 256, 1024, 4096, 16384, 65536)
 SIZES = ((64, 64), (84, 84))
-# Steps of one call: about so many frames, within these bounds.
+# A call draws about FRAMES_A_CALL frames, in a number of steps within STEPS.
 FRAMES_A_CALL = 2**18
 STEPS = (4, 256)
 COLUMNS = (
@@ -51,7 +51,7 @@ COLUMNS = (
 def measure_case(
     name: str, batch: int, size: tuple[int, int], options: argparse.Namespace
 ) -> dict[str, Any]:
-    """Measure one environment with one batch and image size; a failure is told in the result."""
+    """Measure one environment with one batch and image size; the result tells a failure."""
     height, width = size
     case = {"id": name, "batch": batch, "image": f"{width}x{height}"}
     env, params = jaxenstein.make(name, height=height, width=width)
@@ -83,7 +83,7 @@ def measure_case(
 
 
 def _program_bytes(compiled: Any) -> int | None:
-    """Bytes that a compiled program holds while it runs, its carry included."""
+    """The memory in bytes of a running compiled program, including its carry."""
     found = compiled.memory_analysis()
     if found is None:
         return None
@@ -92,7 +92,7 @@ def _program_bytes(compiled: Any) -> int | None:
 
 
 def copy_bandwidth(size: int) -> float:
-    """Bytes a second, those read and those written, of adding 1 to a large array in place."""
+    """Bytes read and written per second when adding 1 to a large array in place."""
     words = jnp.zeros(size // 4, jnp.uint32)
     add = jax.jit(lambda array: array + np.uint32(1), donate_argnums=0)
     taken = [each for _, each in timed_calls(add, add(words), 9, 0.05)]
@@ -100,7 +100,7 @@ def copy_bandwidth(size: int) -> float:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Measure all cases and print them as they come."""
+    """Measure all cases, and print each at once."""
     options = _parser().parse_args(argv)
     if options.json is not None:
         check_writable(options.json)
@@ -133,11 +133,17 @@ def _parser() -> argparse.ArgumentParser:
     add("--ids", nargs="+", default=list(MAIN_IDS), choices=ids, metavar="ID")
     add("--batches", type=_list(whole()), default=list(BATCHES), metavar="N,...")
     add("--sizes", type=_list(image_size), default=list(SIZES), metavar="WxH,...")
-    add("--seconds", type=float, default=0.3, help="of a repeat (default 0.3)")
-    add("--repeats", type=whole(), default=5, help="(default 5)")
-    add("--steps", type=whole(), metavar="T", help="most steps in one call")
-    add("--copy-bytes", type=whole(), default=2**30, metavar="N", help="of a copy (default 1 GiB)")
-    add("--json", type=Path, metavar="FILE", help="write every repeat here")
+    add("--seconds", type=float, default=0.3, help="seconds per repeat (default 0.3)")
+    add("--repeats", type=whole(), default=5, help="repeats (default 5)")
+    add("--steps", type=whole(), metavar="T", help="maximum number of steps per call")
+    add(
+        "--copy-bytes",
+        type=whole(),
+        default=2**30,
+        metavar="N",
+        help="bytes of a copy (default 1 GiB)",
+    )
+    add("--json", type=Path, metavar="FILE", help="also write all repeats as JSON")
     return parser
 
 

@@ -1,8 +1,8 @@
-"""Environments with the peers in them: `python -m benchmarks.install [NAME ...]`.
+"""Install the peers of the benchmarks: `python -m benchmarks.install [NAME ...]`.
 
-Each gets a virtual environment of its own in `.venv-bench/`, since some exclude each other. One
-that cannot be installed stops no other; the tables then say so. An environment that is there is
-kept (remove it to install anew), and what this interpreter has needs none.
+Each peer gets its own virtual environment in `.venv-bench/`, since some exclude each other. If a
+peer cannot be installed, the tables say so. Existing environments are kept; remove one to reinstall
+it. A peer that this interpreter already has needs no environment.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ FOLDER = Path(__file__).resolve().parents[1] / ".venv-bench"
 
 
 class Peer(NamedTuple):
-    """What one environment holds: pip's requirements, and what must be importable."""
+    """A peer: requirements for pip, and modules that must be importable."""
 
     requirements: tuple[str, ...]
     modules: tuple[str, ...]
 
 
 class Found(NamedTuple):
-    """Where a peer is: the interpreter that has it, or why there is none."""
+    """The interpreter that has a peer, or the reason why there is none."""
 
     python: str = ""
     problem: str = ""
 
 
-# What this project needs, to be measured through Gymnasium.
+# The requirements of this project, to measure it through Gymnasium.
 _CORE = ("jax>=0.7", "numpy>=2.0", "pillow>=10.1")
 _OPENCV, _VIZDOOM, _GYMNASIUM = "opencv-python-headless>=4.11", "vizdoom>=1.3", "gymnasium>=1.1"
 _TRAINING = ("torch>=2.6", "stable-baselines3>=2.4", "sb3-contrib>=2.4")
@@ -49,12 +49,12 @@ PEERS: dict[str, Peer] = {
         ("torch", "stable_baselines3", "sb3_contrib", "vizdoom", "gymnasium", "cv2"),
     ),
 }
-# Installed where nothing is named. PyTorch is large.
+# Peers to install by default; PyTorch is large.
 USUAL = tuple(name for name in PEERS if name != "training")
 
 
 def find(name: str) -> Found:
-    """The interpreter that has a peer: its own environment's, or else this one if it has it."""
+    """Find the interpreter that has a peer: that of its own environment, or else this one."""
     python = FOLDER / name / "bin" / "python"
     if name and python.exists():
         return Found(str(python))
@@ -64,7 +64,7 @@ def find(name: str) -> Found:
 
 
 def install(name: str) -> bool:
-    """Make the environment of a peer if need be; whether it can import what it is for."""
+    """Create the environment of a peer if needed; return whether its modules can be imported."""
     if not find(name).problem:
         return True
     home, peer = FOLDER / name, PEERS[name]
@@ -72,7 +72,7 @@ def install(name: str) -> bool:
     hidden = ("PYTHONPATH", "VIRTUAL_ENV", "PYTHONHOME")
     environment = {name: value for name, value in os.environ.items() if name not in hidden}
     pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    # Modules are looked for, not imported: some open a display when they are.
+    # Find modules without importing them, since some open a display.
     look = "import importlib.util as u, sys; assert all(map(u.find_spec, sys.argv[1:]))"
     for command in (
         [sys.executable, "-m", "venv", "--clear", str(home)],
@@ -86,8 +86,8 @@ def install(name: str) -> bool:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Install what the command line names, and print what came of each."""
-    parser = argparse.ArgumentParser(description="Install the peers, each apart.")
+    """Install the named peers, and print the result of each."""
+    parser = argparse.ArgumentParser(description="Install the peers of the benchmarks.")
     known = f"{', '.join(PEERS)} (default: all but training)"
     parser.add_argument("names", nargs="*", metavar="NAME", help=known)
     options = parser.parse_args(argv)

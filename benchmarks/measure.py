@@ -1,4 +1,4 @@
-"""Subjects measured in turn, each in a process of its own, so that all see the same machine."""
+"""Measures subjects in turn, each in its own process, so that all see the same machine load."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from jaxenstein.speed.measuring import ONE_THREAD, summarise
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = ("-m", "benchmarks.subjects")
-# Seconds after which a subject that has not started, or a chunk that is not over, counts as hung.
+# Seconds after which a start or a chunk counts as hung.
 LIMIT = 600.0
 FORMAT = 1
 
@@ -35,13 +35,13 @@ class Subject:
     """One thing to measure: a row of a table.
 
     Attributes:
-        name: what `benchmarks/subjects` builds; unique within its group.
-        title: for people.
-        axes: what distinguishes it, for tables and plots, such as `{"batch": 64}`.
-        references: names of subjects of its group to divide by, with a heading for each ratio.
-        peer: of `benchmarks.install`, whose interpreter runs it; "" for this one.
-        pinned: whether it may use one core only.
-        flags: XLA's; None for a subject that does without this project.
+        name: name for `benchmarks/subjects`; unique within its group.
+        title: name for people.
+        axes: what distinguishes it in tables and plots, such as `{"batch": 64}`.
+        references: headings of ratios, with the subject of the group to divide by.
+        peer: a peer of `benchmarks.install`, whose interpreter runs it; "" for this interpreter.
+        pinned: whether it may use only one core.
+        flags: XLA flags; None for a subject without this project.
     """
 
     name: str
@@ -61,11 +61,11 @@ class Settings:
     """How to measure.
 
     Attributes:
-        core: the core that pinned subjects share; None where the system cannot pin.
-        rounds: rounds that count, after one that does not.
+        core: the core that pinned subjects share; None if the system cannot pin processes.
+        rounds: number of rounds, after one that does not count.
         seconds: length of a chunk.
-        quick: whether the sizes are tiny ones, only to see the suite work.
-        only: how the names of the subjects begin; None for all of them.
+        quick: whether sizes are tiny, to test that everything works.
+        only: prefixes of the names of subjects; None for all subjects.
     """
 
     core: int | None
@@ -76,21 +76,21 @@ class Settings:
 
 
 class SubjectError(RuntimeError):
-    """A subject could not be started, or ended, or hung; the message says why."""
+    """A subject could not be started, ended, or hung; the message says why."""
 
 
 class Worker:
-    """A subject in a process of its own, which steps only when asked to.
+    """A subject in its own process, which steps only on request.
 
     Attributes:
-        description: what the subject said of itself: `versions`, `notes`, `ready_seconds`.
+        description: `versions`, `notes` and `ready_seconds` from the subject.
     """
 
     def __init__(self, subject: Subject, core: int | None) -> None:
-        """Start a subject on a core, or on all of them.
+        """Start a subject on one core or on all cores.
 
         Raises:
-            SubjectError: it cannot be started.
+            SubjectError: the subject cannot be started.
         """
         found = find(subject.peer)
         if found.problem:
@@ -122,13 +122,13 @@ class Worker:
             raise
 
     def measure(self, seconds: float) -> float:
-        """Let the subject step for about `seconds`; return its steps a second.
+        """Let the subject step for about `seconds`; return steps per second.
 
         Raises:
             SubjectError: the subject ended, or did not answer.
         """
         assert self._process.stdin is not None
-        # Where the process has ended, reading says so better than writing.
+        # If the process has ended, reading gives the better error.
         with contextlib.suppress(OSError):
             self._process.stdin.write(json.dumps({"seconds": seconds}) + "\n")
             self._process.stdin.flush()
@@ -136,7 +136,7 @@ class Worker:
         return reply["steps"] / reply["seconds"]
 
     def close(self) -> None:
-        """End the process and those that it started."""
+        """End the process and its children."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         with contextlib.suppress(OSError):
@@ -159,13 +159,13 @@ class Worker:
         return json.loads(line)
 
     def _last_words(self) -> str:
-        """The last line of the error output, without folders of this machine."""
+        """The last line of stderr, without paths of this machine."""
         lines = self._errors.read_text(errors="replace").split("\n")
-        said = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+        said = next((line.strip() for line in reversed(lines) if line.strip()), "no output")
         return said.replace(self._folder.name, "").replace(str(ROOT), "")
 
     def _kill(self) -> None:
-        """End the process and its children, which share a group of their own."""
+        """Kill the process group of the subject."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
@@ -175,8 +175,8 @@ def measure(groups: Groups, settings: Settings) -> dict[str, Any]:
     """Measure groups one after another.
 
     Returns:
-        What goes into a part's file but for its name: `format`, `began` (UTC), `versions`,
-        `hardware`, `settings`, `load` (what else ran at the start) and `groups`, lists with a
+        The content of a part's file without its name: `format`, `began` (UTC), `versions`,
+        `hardware`, `settings`, `load` (system load at the start), and `groups`, lists with a
         dictionary for each subject.
     """
     began = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
@@ -191,10 +191,10 @@ def measure(groups: Groups, settings: Settings) -> dict[str, Any]:
 
 
 def measure_group(subjects: Sequence[Subject], settings: Settings) -> list[dict[str, Any]]:
-    """Measure subjects in turn; one that cannot be started, or ends, stops no other.
+    """Measure subjects in turn; the failure of one does not affect the others.
 
     Returns:
-        For each subject its name, title, axes and references, and either `failed`, the reason,
+        For each subject its name, title, axes and references, and either `failed` (the reason)
         or `versions`, `notes`, `ready_seconds` and `steps_per_second`.
     """
     failed: dict[str, str] = {}
@@ -225,7 +225,7 @@ def measure_group(subjects: Sequence[Subject], settings: Settings) -> list[dict[
 def run_rounds(
     workers: Mapping[str, Worker], settings: Settings, failed: dict[str, str]
 ) -> dict[str, list[float]]:
-    """Give every worker one chunk a round; note one that fails, and leave it out from then on."""
+    """Give every worker one chunk per round; leave out workers after a failure."""
     rates: dict[str, list[float]] = {name: [] for name in workers}
     for number in range(settings.rounds + 1):
         for name in list(rates):
@@ -240,15 +240,15 @@ def run_rounds(
 
 
 def tell(message: str) -> None:
-    """Show what is going on in one line of a terminal, overwritten each time; nothing in a log."""
+    """Show a message on the last line of a terminal; print nothing in a log."""
     if sys.stderr.isatty():
         print(f"\r\x1b[K{message}", end="", file=sys.stderr, flush=True)
 
 
 def median_ratio(values: Sequence[float], others: Sequence[float]) -> float:
-    """Median over the rounds of the ratio of two subjects within a round.
+    """The median over rounds of the ratio of two subjects.
 
-    Some older results were not measured in turn: there it is the ratio of the medians.
+    For results without equal rounds, it is the ratio of the medians.
     """
     if len(values) != len(others):
         return statistics.median(values) / statistics.median(others)

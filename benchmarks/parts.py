@@ -1,4 +1,4 @@
-"""What the suite measures: its parts, and the subjects of each. A further subject is a row here."""
+"""The parts of the suite and their subjects; to add a subject, add a row here."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchmarks.subjects.common import SHOOTING
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.machine import cores_allowed
 
-# Processes alive at once, each of which takes some 400 MB.
+# Processes to run at the same time; each takes about 400 MB.
 GROUP = 8
 OWN, TRAINED = "JAXenstein", "RecurrentPPO, ViZDoom"
 RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
@@ -19,12 +19,12 @@ RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """Sizes of everything: of the parts that have them in the plural, and `batch` of the others."""
+    """The sizes of all parts; `batch` is for parts without their own."""
 
     batches: tuple[int, ...] = (1, 8, 64, 256, 1024, 4096)
     batch: int = 256
     ids: tuple[str, ...] = MAIN_IDS
-    # Those that the other parts take.
+    # The environments of the other parts.
     tasks: tuple[str, ...] = ("my-way-home", "health-gathering")
     sizes: tuple[str, ...] = ("64x64", "84x84", "160x120", "320x240")
     observations: tuple[str, ...] = ("rgb", "gray", "depth", "labels", "dict")
@@ -35,7 +35,7 @@ class Plan:
     )  # fmt: skip
 
 
-# Sizes to see the suite work with, not to learn anything from.
+# Sizes to test that the suite works; the results mean nothing.
 QUICK = Plan(
     batches=(1, 16),
     batch=16,
@@ -50,7 +50,7 @@ QUICK = Plan(
 
 
 def peers(plan: Plan) -> Groups:
-    """Everybody on one core."""
+    """This project and its peers on one core."""
     viz, health = "ViZDoom MyWayHome", "ViZDoom HealthGathering"
     gathering = "scenario=health-gathering"
     rows = [
@@ -72,7 +72,7 @@ def peers(plan: Plan) -> Groups:
 
 
 def scenarios(plan: Plan) -> Groups:
-    """ViZDoom's scenarios with weapons or enemies, each beside the environment of its name."""
+    """ViZDoom's scenarios with weapons or enemies, beside the same environments here."""
     groups = []
     for name in SHOOTING:
         words, own = f" scenario={name}", f"doom-{name}"
@@ -86,7 +86,7 @@ def scenarios(plan: Plan) -> Groups:
 
 
 def cores(plan: Plan) -> Groups:
-    """All cores together, this project and EnvPool."""
+    """This project and EnvPool on all cores."""
     many, batch = cores_allowed(), plan.batch
     rows = [
         Subject(f"scan-{batch}", f"{OWN}, {batch} environments, scan, one core"),
@@ -111,7 +111,7 @@ def cores(plan: Plan) -> Groups:
 
 
 def batches(plan: Plan) -> Groups:
-    """From one environment to thousands."""
+    """Batches from one environment to thousands."""
     return [[_own(batch, name, id=name) for batch in plan.batches] for name in plan.tasks]
 
 
@@ -135,7 +135,7 @@ def environments(plan: Plan) -> Groups:
 
 
 def resolutions(plan: Plan) -> Groups:
-    """Image sizes, with ViZDoom's game at the two that it has."""
+    """Image sizes, with the two sizes of ViZDoom's game."""
     rows = [
         _own(_fitting(plan.batch, size), name, id=name, size=size)
         for name in plan.tasks
@@ -148,13 +148,13 @@ def resolutions(plan: Plan) -> Groups:
 
 
 def observations(plan: Plan) -> Groups:
-    """Observations of every sort."""
+    """All kinds of observations."""
     pairs = [(name, observation) for name in plan.tasks for observation in plan.observations]
     return _beside(plan, [_own(plan.batch, n, id=n, observation=seen) for n, seen in pairs])
 
 
 def adapters(plan: Plan) -> Groups:
-    """Gymnasium's adapters, each beside as many native environments, called once a step."""
+    """Gymnasium's adapters, beside a loop over native environments."""
     group = []
     for batch in (*plan.adapted, 1):
         loop = f"adapter-loop-{batch}"
@@ -174,7 +174,7 @@ def adapters(plan: Plan) -> Groups:
 
 
 def convolutions(plan: Plan) -> Groups:
-    """Updates of image networks with this project's convolution, beside flax' own."""
+    """Updates of image networks with this project's convolution and with flax's."""
     groups = []
     for network, size in plan.networks:
         words, axes = f" network={network} size={size}", {"network": network, "size": size}
@@ -204,12 +204,12 @@ def _compared(rows: Iterable[Subject], references: Mapping[str, str]) -> list[Su
 
 
 def _beside_vizdoom(rows: Iterable[Subject], words: str = "") -> list[Subject]:
-    """Compared to ViZDoom resized and raw, whose names go on with these words."""
+    """Compare rows with ViZDoom resized and raw; `words` end their names."""
     return _compared(rows, {"x resized": RESIZED + words, "x raw": RAW + words})
 
 
 def _beside(plan: Plan, rows: Sequence[Subject]) -> Groups:
-    """Groups of a few subjects, in each of which my-way-home is measured as well."""
+    """Split rows into groups, each with my-way-home as the reference."""
     base = f"scan-{plan.batch}"
     reference = Subject(base, f"my-way-home, 64x64, scan, {plan.batch} environments")
     return [
@@ -219,7 +219,7 @@ def _beside(plan: Plan, rows: Sequence[Subject]) -> Groups:
 
 
 def _fitting(batch: int, size: str) -> int:
-    """Fewer environments for larger images, so that frames fit into caches alike."""
+    """Fewer environments for larger images, so that frames fit into the cache."""
     width, _, height = size.partition("x")
     while batch > 1 and batch * int(width) * int(height) > 256 * 160 * 120:
         batch //= 2
@@ -238,5 +238,5 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "training-compare": training,
     "convolutions": convolutions,
 }
-# Measured only where they are named: PyTorch is large, and no page shows convolutions.
+# Measured only by name: PyTorch is large, and no page shows convolutions.
 NAMED = ("training-compare", "convolutions")

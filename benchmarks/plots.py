@@ -14,12 +14,12 @@ STEPS = "steps a second"
 
 
 def bars(rows: Sequence[Row], label: str, note: str = "") -> Any:
-    """Horizontal bars, one a row, in the rows' order.
+    """Horizontal bars, one per row.
 
     Args:
-        rows: with `rates`; others are left out.
-        label: the key of what stands beside a bar.
-        note: the key of what stands behind its figure, if anything.
+        rows: the rows; those without `rates` are left out.
+        label: the key of the label of a bar.
+        note: the key of a note behind the number of a bar.
     """
     rows = [row for row in rows if "rates" in row]
     figure, axes = _figure(0.9 + 0.27 * len(rows))
@@ -44,7 +44,7 @@ def _figure(height: float) -> tuple[Any, Any]:
     except ImportError as error:
         raise SettingError(f"plots need matplotlib ({error}): pip install '.[bench]'") from error
     with warnings.catch_warnings():
-        # Some versions of its dependencies warn where they are used for the first time.
+        # Some versions of its dependencies warn on first use.
         warnings.simplefilter("ignore")
         figure = Figure(figsize=(7.2, height), layout="constrained")
     axes = figure.subplots()

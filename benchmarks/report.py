@@ -1,9 +1,9 @@
-"""Fills the figures of `docs/benchmarks.md` and the pages below it from results alone.
+"""Fill the numbers of `docs/benchmarks.md` and the pages below it from results.
 
     python -m benchmarks.report DIR [--out FOLDER]
 
-Every figure and plot stands between `<!-- WHAT -->` and `<!-- end -->` in a page and comes from
-the files of DIR, which `python -m benchmarks --json DIR` writes. Other words are the pages' own.
+Every table and plot between `<!-- WHAT -->` and `<!-- end -->` in a page comes from the files of
+DIR, which `python -m benchmarks --json DIR` writes. The rest of a page is not changed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from jaxenstein.files import atomic, check_writable, make_folder
 DOCS = ROOT / "docs"
 IMAGES = "images/benchmarks"
 BLOCK = re.compile(r"(<!-- (\w+)(?: (\S+))? -->\n).*?(<!-- end -->)", re.DOTALL)
-# Of the summary: subjects of the part `peers`, and what to call them.
+# Subjects of the part `peers` in the summary, and their names.
 PEERS = {
     "vizdoom-gymnasium": "ViZDoom, resized to 64x64",
     "vizdoom-raw": "ViZDoom, raw game, 160x120",
@@ -36,14 +36,14 @@ PEERS = {
 
 
 class Result(NamedTuple):
-    """A file of results: all of it, and the rows that were measured or failed."""
+    """A file of results, and its rows."""
 
     report: Mapping[str, Any]
     rows: Sequence[Row]
 
 
 Results = Mapping[str, Result]
-# Plots by name: the part that each is of, and what draws its figure from the part's rows.
+# Plots by name: the part, and a function that draws its rows.
 PLOTS: Mapping[str, tuple[str, Callable[[Sequence[Row]], Any]]] = {
     "speed": ("peers", lambda rows: bars(headline(rows), "called", "ahead")),
     "cores": ("cores", lambda rows: bars(rows, "title")),
@@ -52,10 +52,10 @@ PLOTS: Mapping[str, tuple[str, Callable[[Sequence[Row]], Any]]] = {
 
 
 def read_results(folder: Path) -> dict[str, Result]:
-    """The results that a folder has, by part.
+    """Read the results in a folder, by part.
 
     Raises:
-        SettingError: there is none, or a file is not what its name says.
+        SettingError: there are no results, or a file is not a result of its part.
     """
     found = {}
     for name in PARTS:
@@ -67,20 +67,20 @@ def read_results(folder: Path) -> dict[str, Result]:
             same = (report["part"], report["format"]) == (name, FORMAT)
             found[name] = Result(report, rows_of(report) if same else [])
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise SettingError(f"{file} is no result of this suite: {error}") from error
+            raise SettingError(f"{file} is not a result of this suite: {error}") from error
         if not found[name].rows:
-            raise SettingError(f"{file} is no result of what writes files of this name")
+            raise SettingError(f"{file} is not a result of part {name}")
     if not found:
         raise SettingError(f"{folder} has no results: python -m benchmarks --json {folder}")
     return found
 
 
 def pages(results: Results, folder: Path) -> dict[str, str]:
-    """The text of each page with its figures, by its path below `docs/`.
+    """The text of each page with its numbers, by its path below `docs/`.
 
     Args:
-        results: what to fill in.
-        folder: where they lie, for the commands.
+        results: the results to fill in.
+        folder: their folder, for the commands.
     """
     makers: Mapping[str, Callable[..., str]] = {
         "table": lambda name: table(name, results.get(name), folder),
@@ -99,20 +99,20 @@ def pages(results: Results, folder: Path) -> dict[str, str]:
 
 
 def table(name: str, result: Result | None, folder: Path) -> str:
-    """A part's table, what failed and why, what subjects said of themselves, the command."""
+    """The table of a part, its failures, the notes of its subjects, and the command."""
     if result is None:
         return f"Not measured here: `python -m benchmarks {name}`."
     texts = [markdown(COLUMNS[name], shown(name, result.rows))]
-    for key, start in (("failed", "Not measured, and why:\n\n"), ("notes", "")):
+    for key, start in (("failed", "Failed:\n\n"), ("notes", "")):
         if told := _told(result.rows, key):
             texts.append(start + "\n".join(f"- {'; '.join(w)}: {s}" for s, w in told.items()))
     return "\n\n".join([*texts, f"`{command(name, result, folder)}`"])
 
 
 def command(name: str, result: Result, folder: Path) -> str:
-    """The command that makes a file of results."""
+    """The command that writes a file of results."""
     folder, settings = folder.resolve(), result.report["settings"]
-    # Without the folders of this machine.
+    # Without paths of this machine.
     where = (folder.relative_to(ROOT) if ROOT in folder.parents else Path(folder.name)).as_posix()
     words = [f"python -m benchmarks {name} --json {where}", *["--quick"] * settings["quick"]]
     words += [] if settings["core"] is None else [f"--core {settings['core']}"]
@@ -120,7 +120,7 @@ def command(name: str, result: Result, folder: Path) -> str:
 
 
 def headline(rows: Sequence[Row]) -> list[Row]:
-    """Of the part `peers` those of the summary, and last this project's fastest scan."""
+    """The rows of the summary, and last this project's fastest scan."""
     named = {row["name"]: row for row in rows if "rates" in row}
     scans = [row for row in named.values() if row["name"].startswith("scan-") and "id" not in row]
     if not scans:
@@ -134,7 +134,7 @@ def headline(rows: Sequence[Row]) -> list[Row]:
 
 
 def summary(results: Results) -> str:
-    """How far ahead the fastest rollout of my-way-home is of ViZDoom, and the table of it."""
+    """The speed of the fastest rollout of my-way-home compared with ViZDoom, and a table."""
     rows = headline(results["peers"].rows) if "peers" in results else []
     if not rows:
         return "Not measured here: `python -m benchmarks peers`."
@@ -151,30 +151,30 @@ def summary(results: Results) -> str:
         column("steps/s", "rates", "median", form=WHOLE), ratio("x resized"), ratio("x raw"),
     ]  # fmt: skip
     return (
-        f"On one core, {best['batch']} environments of `my-way-home` in a scan, at 64x64, make "
-        f"**{best['rates']['median']:,.0f} steps a second**"
+        f"On one core, a scan of {best['batch']} environments of `my-way-home` at 64x64 makes "
+        f"**{best['rates']['median']:,.0f} steps per second**"
         + (": " + ", and ".join(ahead) if ahead else "")
-        + f".\n\n![Steps a second]({IMAGES}/speed.png)\n\n{markdown(columns, rows)}"
+        + f".\n\n![Steps per second]({IMAGES}/speed.png)\n\n{markdown(columns, rows)}"
     )
 
 
 def machine(results: Results) -> str:
-    """Where the suite was run, and when if not all at once."""
+    """The machine and the dates of the results."""
     reports = [result.report for result in results.values()]
     hardware = reports[0]["hardware"]
     days = sorted(report["began"][:10] for report in reports)
     quick = any(report["settings"]["quick"] for report in reports)
     return (
         f"Measured on {hardware['cpu']}, {hardware['cores_allowed'] or hardware['cores']} cores, "
-        f"{hardware['platform']}, from {days[0]} to {days[-1]}, each part with the project as it "
-        "was then ([dates](benchmarks/method.md))."
-        + " **These are figures of a quick run (`--quick`): they mean nothing.**"
+        f"{hardware['platform']}, from {days[0]} to {days[-1]}, each part with the current version "
+        "at that time ([dates](benchmarks/method.md))."
+        + " **These are results of a quick run (`--quick`): they mean nothing.**"
         * quick
     )
 
 
 def circumstances(results: Results) -> str:
-    """When and with what each part was measured."""
+    """The date, versions and settings of each part."""
     rows = []
     for name, (report, measured) in results.items():
         settings, found = report["settings"], {}
@@ -192,7 +192,7 @@ def circumstances(results: Results) -> str:
 
 
 def _told(rows: Iterable[Row], key: str) -> dict[str, list[str]]:
-    """What rows say under a key, each with the titles of those that do."""
+    """The texts that rows have under a key, each with the titles of its rows."""
     told: dict[str, list[str]] = {}
     for row in rows:
         said = row.get(key) or {}
@@ -205,18 +205,18 @@ def _told(rows: Iterable[Row], key: str) -> dict[str, list[str]]:
 def main(argv: Sequence[str] | None = None) -> None:
     """Write the pages and their plots."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.report", description="Write the pages of figures from results."
+        prog="python -m benchmarks.report", description="Write the benchmark pages from results."
     )
-    parser.add_argument("folder", type=Path, metavar="DIR", help="what --json DIR was")
-    told = "where the pages go (default docs)"
+    parser.add_argument("folder", type=Path, metavar="DIR", help="the folder given as --json DIR")
+    told = "folder for the pages (default docs)"
     parser.add_argument("--out", type=Path, default=DOCS, metavar="FOLDER", help=told)
     options = parser.parse_args(argv)
     results, out = read_results(options.folder), options.out
     quick = [name for name, result in results.items() if result.report["settings"]["quick"]]
     if quick and out.resolve() == DOCS:
         raise SettingError(
-            f"{', '.join(quick)} are of a quick run, whose figures mean nothing: they do not go "
-            "into docs; --out FOLDER writes them elsewhere"
+            f"{', '.join(quick)} are results of a quick run, which mean nothing, so they cannot "
+            "go into docs; --out FOLDER writes them elsewhere"
         )
     for name, text in pages(results, options.folder).items():
         make_folder((out / name).parent)
@@ -228,7 +228,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         if part in results:
             figure = draw(shown(part, results[part].rows))
             with atomic(images / f"{name}.png") as path:
-                # Without the date and versions, equal plots are equal files.
+                # No date and versions, so that equal plots give equal files.
                 figure.savefig(path, format="png", dpi=150, metadata={"Software": None})
     print(f"wrote {out / 'benchmarks.md'}, the pages below it and the plots")
 

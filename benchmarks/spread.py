@@ -1,12 +1,12 @@
-"""A random policy over several devices, or several machines: steps a second of each number of them.
+"""Measure a random policy on several devices or machines: steps per second for each number.
 
-    python -m benchmarks.spread                                  # 1, 2, 4, ... of the devices here
+    python -m benchmarks.spread                                  # 1, 2, 4, ... local devices
     python -m benchmarks.spread --cpu-devices 4                  # the same, simulated on a CPU
     python -m benchmarks.spread --coordinator HOST:PORT --processes 2 --process 0   # on each host
 
-Environments are spread along their axis with `jax.shard_map`, so a device draws, steps and resets
-its own and none waits for another. Each environment has random keys of its own: what happens in
-it does not depend on how many devices there are.
+`jax.shard_map` spreads the environments over the devices. Each device steps, resets and draws its
+own environments, and none waits for another. Each environment has its own random keys, so results
+do not depend on the number of devices.
 """
 
 from __future__ import annotations
@@ -39,26 +39,26 @@ COLUMNS = (
 
 
 def make_mesh(devices: Sequence[Any]) -> Mesh:
-    """A mesh of these devices with the one axis `"env"`."""
+    """A mesh of devices with the single axis `"env"`."""
     return jax.make_mesh((len(devices),), (AXIS,), axis_types=(AxisType.Auto,), devices=devices)
 
 
 def make_spread_rollout(
     env: Any, params: Any, batch: int, steps: int, mesh: Mesh
 ) -> tuple[jax.stages.Wrapped, jax.stages.Wrapped]:
-    """A rollout of a uniform random policy whose environments lie on the devices of a mesh.
+    """A rollout of a uniform random policy, with environments spread over a mesh.
 
     Args:
         env: an environment whose `autoreset` is not `None`.
-        params: its parameters, the same everywhere.
-        batch: environments of all devices together, a multiple of the number of devices.
-        steps: steps of each environment in one call.
-        mesh: with the axis `"env"`; it may have the devices of several processes.
+        params: its params, the same for all environments.
+        batch: number of environments on all devices together, a multiple of the number of devices.
+        steps: steps in each environment per call.
+        mesh: a mesh with the axis `"env"`; its devices may belong to several processes.
 
     Returns:
-        `(rollout, start)`. `start(seed)`, of a whole number, gives a `RolloutCarry` all of whose
-        leaves, the key too, have a leading axis of environments that lies on the devices;
-        `rollout(carry)` plays on, and uses the carry's buffers up.
+        `(rollout, start)`. `start(seed)` takes an integer and returns a `RolloutCarry`. All its
+        leaves, including the key, have a leading axis of environments, spread over the devices.
+        `rollout(carry)` plays `steps` steps, and reuses the memory of the carry.
 
     Raises:
         SettingError: the environments do not divide evenly, or `env` does not reset itself.
@@ -68,12 +68,12 @@ def make_spread_rollout(
             f"batch must be a multiple of the {mesh.size} devices and steps at least 1, not "
             f"{batch} and {steps}"
         )
-    # One environment, so that it does not depend on how many there are beside it.
+    # A rollout of one environment, which does not depend on the number of others.
     play, first = make_random_rollout(env, params, 1, steps)
     apart = PartitionSpec(AXIS)
 
     def spread(function: Any) -> Any:
-        # Nothing is exchanged, so there is nothing to check about what varies along the axis.
+        # Devices exchange nothing, so `check_vma` has nothing to check.
         return jax.shard_map(function, mesh=mesh, in_specs=apart, out_specs=apart, check_vma=False)
 
     def start(seed: Any) -> RolloutCarry:
@@ -85,13 +85,13 @@ def make_spread_rollout(
 
 
 def measure_spread(devices: Sequence[Any], options: argparse.Namespace) -> dict[str, Any]:
-    """Steps a second of `options.batch` environments on each of these devices."""
+    """Steps per second with `options.batch` environments on each device."""
     height, width = options.size
     env, params = jaxenstein.make(options.id, height=height, width=width)
     batch = options.batch * len(devices)
     rollout, start = make_spread_rollout(env, params, batch, options.steps, make_mesh(devices))
     carry = jax.block_until_ready(rollout(start(np.uint32(0))))
-    # One call a repeat, however long it takes: all processes must make the same calls.
+    # One call per repeat, since all processes must make the same calls.
     taken = [each for _, each in timed_calls(rollout, carry, options.repeats)]
     rates = summarise(options.steps * batch / np.array(taken))
     return {"devices": len(devices), "batch": batch, "steps_per_second": rates}
@@ -103,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     together = (options.coordinator, options.processes, options.process)
     if any(given is not None for given in together) and None in together:
-        parser.error("--coordinator, --processes and --process belong together")
+        parser.error("give --coordinator, --processes and --process together")
     if options.json is not None:
         check_writable(options.json)
     if options.cpu_devices is not None:
@@ -131,19 +131,19 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        description="Steps a second over 1, 2, 4, ... devices, each with the same work."
+        description="Steps per second on 1, 2, 4, ... devices, each with the same work."
     )
     add = parser.add_argument
-    add("--id", default="my-way-home", help="(default my-way-home)")
+    add("--id", default="my-way-home", help="environment (default my-way-home)")
     add("--batch", type=whole(), default=256, help="environments on each device (default 256)")
     add("--size", type=size, default=(64, 64), metavar="WxH")
-    add("--steps", type=whole(), default=1024, help="in one call (default 1024)")
+    add("--steps", type=whole(), default=1024, help="steps per call (default 1024)")
     add("--repeats", type=whole(), default=7, help="calls (default 7)")
-    add("--cpu-devices", type=whole(), metavar="N", help="simulate N devices on the processor")
-    add("--coordinator", metavar="HOST:PORT", help="of several processes, number 0")
-    add("--processes", type=whole(), metavar="N", help="how many there are")
-    add("--process", type=whole(0), metavar="I", help="which one this is, from 0")
-    add("--json", type=Path, metavar="FILE", help="write every repeat here")
+    add("--cpu-devices", type=whole(), metavar="N", help="simulate N devices on the CPU")
+    add("--coordinator", metavar="HOST:PORT", help="address of process 0")
+    add("--processes", type=whole(), metavar="N", help="number of processes")
+    add("--process", type=whole(0), metavar="I", help="number of this process, from 0")
+    add("--json", type=Path, metavar="FILE", help="also write all repeats as JSON")
     return parser
 
 

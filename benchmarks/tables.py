@@ -1,4 +1,4 @@
-"""Rows of results with their ratios, and the columns that the table of each part has."""
+"""The rows of results with their ratios, and the columns of each table."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 from benchmarks.measure import median_ratio
 
 Row = Mapping[str, Any]
-"""What a file says of a subject, its axes too, with `rates` (steps a second) and `ratios`; without
-rates where there is `failed`, the reason."""
+"""A subject in a file of results, with its axes, `rates` (steps per second) and `ratios`. A subject
+that failed has the reason in `failed`, and no rates."""
 
 
 class Column(NamedTuple):
     """A column of a table.
 
     Attributes:
-        heading: its first line.
-        show: the cell of a row; a row that lacks what it takes has an empty one.
-        left: whether it is aligned to the left.
+        heading: the heading.
+        show: returns the cell of a row; if a key is missing, the cell is empty.
+        left: whether to align the column to the left.
     """
 
     heading: str
@@ -51,14 +51,14 @@ def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> str:
 
 def _cell(column: Column, row: Row) -> str:
     try:
-        # A bar inside a cell would end it.
+        # A bar would end the cell.
         return column.show(row).replace("|", "/")
     except (KeyError, TypeError):
         return ""
 
 
 def number(value: float) -> str:
-    """A figure with three digits that count, in full from 100 on."""
+    """Format a number with three significant digits, or as an integer from 100."""
     if value >= 99.5:
         return f"{value:,.0f}"
     if value >= 9.95:
@@ -69,7 +69,7 @@ def number(value: float) -> str:
 def column(
     heading: str, *path: str, form: Callable[[Any], str] = str, unit: float = 0, left: bool = False
 ) -> Column:
-    """A column of what lies in the rows under these keys (the heading), one inside the other."""
+    """A column of the values at a path of keys in the rows; the default path is the heading."""
 
     def show(row: Any) -> str:
         for key in path or (heading,):
@@ -80,7 +80,7 @@ def column(
 
 
 def ratio(heading: str) -> Column:
-    """How many times as fast as another subject."""
+    """A column with the ratio to another subject."""
     return column(heading, "ratios", heading, form=number)
 
 
@@ -93,9 +93,9 @@ def _steps(row: Row) -> str:
 
 
 def shown(part: str, rows: Sequence[Row]) -> Sequence[Row]:
-    """The rows that the table and the plots of a part have."""
+    """The rows of the table and the plots of a part."""
     if part in ("environments", "resolutions", "observations"):
-        # Without the subject that each group was measured beside, which has nothing of its own.
+        # Without the reference subject of each group, which has no axes.
         return [row for row in rows if row["axes"]]
     return rows
 

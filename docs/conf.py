@@ -9,18 +9,18 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
-# Reading the registry needs no accelerator, and should not reserve the memory of one.
+# The site needs no accelerator, and should not reserve its memory.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "src")]
 
 import jax  # noqa: E402
 
 from docs.environment_pages import write_pages  # noqa: E402
-from docs.other_pages import commands_page  # noqa: E402
+from docs.other_pages import commands_page, recipes  # noqa: E402
 from docs.page_parts import turned  # noqa: E402
 from jaxenstein.version import __version__  # noqa: E402
 
-# Attributes are shown with their types; JAX tells where it keeps this one instead of its name.
+# Attributes are shown with their types; use the public name of this one.
 jax.Array.__module__, jax.Array.__qualname__ = "jax", "Array"
 
 project = "JAXenstein"
@@ -37,7 +37,7 @@ highlight_language = "text"
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 PROJECT = tomllib.loads((HERE.parent / "pyproject.toml").read_text("utf-8"))["project"]
-# `[words](repository:)` leads to the project's own address.
+# `[words](repository:)` links to the repository.
 myst_url_schemes = {
     "http": None,
     "https": None,
@@ -45,7 +45,7 @@ myst_url_schemes = {
 }
 
 autodoc_member_order = "bysource"
-# The docstrings say types, shapes and units.
+# The docstrings state types, shapes and units.
 autodoc_typehints = "none"
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
@@ -61,17 +61,17 @@ html_theme_options = {"navigation_with_keys": True}
 
 
 def turn_links(app: Any, page: str, source: list[str]) -> None:
-    """Keep links of the pages inside of the site."""
+    """Point links to files outside docs at the pages that show them."""
     del app
     if "/" not in page:
         source[0] = turned(source[0])
 
 
 def write_all(app: Any) -> None:
-    """Write the pages that are generated; those that stay the same are left alone."""
+    """Write the generated pages; unchanged files are not touched."""
     del app
     write_pages(HERE / "environments")
-    page, text = HERE / "commands.md", commands_page()
+    page, text = HERE / "commands.md", commands_page() + recipes()
     if not page.exists() or page.read_text("utf-8") != text:
         page.write_text(text, "utf-8")
 

@@ -1,8 +1,8 @@
-"""The pictures of docs/architecture.md, drawn from what the engine really computes.
+"""The pictures of docs/architecture.md, drawn from results of the engine.
 
     python -m docs.pictures engine     # writes docs/images/engine/*.png
 
-Each is drawn twice, for light and for dark pages.
+Each picture is drawn twice, for light and for dark pages.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from jaxenstein.maps.ascii import parse_ascii
 from jaxenstein.maps.things import GOAL, KEY
 from jaxenstein.tasks.appearance import build_theme
 
-# The small world of the pictures.
+# The map of the pictures.
 WORLD = """
 ############
 #....2.....#
@@ -50,7 +50,7 @@ TILES = [list(row) for row in MAP.tiles]
 for door in MAP.doors:
     TILES[door.row][door.column] = 0
 ROWS, COLUMNS = len(TILES), len(TILES[0])
-# The eye looks through the open door, at the goal behind it.
+# The eye looks through the open door at the goal.
 EYE, HEADING = (1.8, 1.9), 0.4
 SPRITE = (7.5, 4.5)
 DOTS = 130
@@ -79,17 +79,17 @@ INKS = {
 
 
 class View:
-    """An image of the world, and the rays that it is made of."""
+    """An image of the map, and its rays."""
 
     def __init__(self, *, width: int, height: int) -> None:
-        """Choose the size."""
+        """Choose the size of the image."""
         self.camera = Camera(height, width, 60.0)
         self.eye, self.heading = jnp.array(EYE, jnp.float32), jnp.float32(HEADING)
         self.closed = jnp.array([False])
 
     @functools.cached_property
     def hits(self) -> Any:
-        """What the rays hit."""
+        """The hits of the rays."""
         found = cast(self.eye, self.heading, self.closed, LEVEL, self.camera)
         return jax.tree.map(np.asarray, found)
 
@@ -112,10 +112,10 @@ class View:
         return np.asarray(render(scene, self.camera, kind))
 
     def crossings(self, column: int) -> tuple[list[Any], list[Any]]:
-        """Where a ray crosses vertical and horizontal lines: ((x, y, depth), whether solid).
+        """The crossings of a ray with vertical and horizontal lines: ((x, y, depth), solid).
 
-        Worked out from the ray by geometry; the engine's words say what is solid. Up to the first
-        solid crossing of each kind.
+        Computed by geometry; the occupancy words of the engine tell which are solid. The lists end
+        with the first solid crossing.
         """
         direction, eye = self.directions()[:, column], np.asarray(self.eye)
         words = [np.asarray(part)[:, 0] for part in occupancy(LEVEL, self.closed)]
@@ -128,7 +128,7 @@ class View:
                 place = eye + depth * direction
                 entered = int(grid) if step > 0 else int(grid) - 1
                 across = int(np.floor(place[1 - kind]))
-                # Past the map's edge everything is solid.
+                # Everything outside the map is solid.
                 inside = 0 <= entered < len(words[kind])
                 solid = not inside or bool(words[kind][entered] >> across & 1)
                 line.append(((*place.tolist(), float(depth)), solid))
@@ -137,7 +137,7 @@ class View:
 
 
 def rays(ink: Ink) -> Figure:
-    """One ray a column, and the image that comes of it."""
+    """One ray per column, and the resulting image."""
     view = View(width=32, height=24)
     figure, (above, seen) = _figure(ink, 2, (9.4, 3.6), ratios=(1.35, 1))
     _ground(above, ink)
@@ -147,7 +147,7 @@ def rays(ink: Ink) -> Figure:
         above.plot((EYE[0], end[0]), (EYE[1], end[1]), color=colour, lw=0.7)
     above.scatter(*ends.T, c=colours, s=9, zorder=3)
     _eye(above, ink)
-    above.set_title("32 rays, one for each column", color=ink.text)
+    above.set_title("32 rays, one per column", color=ink.text)
     seen.imshow(view.image(), interpolation="nearest", extent=(0, 32, 24, 0))
     half = 0.5 * view.camera.focal / view.hits.depth
     centres = np.arange(32) + 0.5
@@ -164,7 +164,7 @@ def lines(ink: Ink) -> Figure:
     column = 27
     figure, panels = _figure(ink, 2, (9.4, 3.3))
     crossed = view.crossings(column)
-    titles = "vertical lines: one word a column", "horizontal lines: one word a row"
+    titles = "vertical lines: one word per column", "horizontal lines: one word per row"
     nearest = min(next(place for place, solid in line if solid)[2] for line in crossed)
     for panel, line, title, kind in zip(panels, crossed, titles, (0, 1), strict=True):
         colour = (ink.vertical, ink.crosswise)[kind]
@@ -189,14 +189,14 @@ def lines(ink: Ink) -> Figure:
 
 
 def layers(ink: Ink) -> Figure:
-    """What the stages of painting add, from real images."""
+    """The stages of painting."""
     view = View(width=96, height=72)
     figure, panels = _figure(ink, 4, (9.4, 2.1))
     bare, full = view.image(things=False), view.image()
     labels = view.image(kind="labels", things=False)
     ground = np.dstack([bare, np.where(labels <= 1, 255, 0).astype(np.uint8)])
     depth = 1 / view.image(kind="depth")
-    titles = "floor and ceiling", "and walls", "and things", "depth, of the same rays"
+    titles = "floor and ceiling", "and walls", "and things", "depth, from the same rays"
     for panel, image, title in zip(panels, (ground, bare, full, depth), titles, strict=True):
         panel.imshow(image, interpolation="nearest", cmap="magma", extent=(0, 96, 72, 0))
         panel.set_title(title, color=ink.text, fontsize=9)
@@ -213,7 +213,7 @@ PICTURES: dict[str, Callable[[Ink], Figure]] = {
 def _figure(
     ink: Ink, panels: int, size: tuple[float, float], ratios: tuple[float, ...] | None = None
 ) -> tuple[Figure, Any]:
-    """A figure with panels side by side that have no axes."""
+    """A figure with panels side by side, without axes."""
     figure = Figure(figsize=size, dpi=DOTS, facecolor=ink.page, layout="constrained")
     axes = figure.subplots(1, panels, width_ratios=ratios)
     for panel in axes:
@@ -248,7 +248,7 @@ def _eye(panel: Any, ink: Ink) -> None:
 
 
 def draw_all(folder: Path) -> None:
-    """Draw all of them into a folder."""
+    """Draw all pictures into a folder."""
     mpl.rcParams.update({"font.size": 9.5, "axes.titlesize": 10})
     for name, draw in PICTURES.items():
         for page, ink in INKS.items():

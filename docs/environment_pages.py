@@ -1,10 +1,10 @@
-"""The pages of the environments, written from the registry each time the site is built.
+"""The pages of the environments, generated from the catalogue in every build of the site.
 
     python -m docs.environment_pages     # writes docs/environments/*.md
 
-Numbers come from the environments themselves, differences to the originals from docs/originals,
-changes from CHANGELOG.md, returns and trained agents from docs/returns.json and docs/agents.json
-(`python -m docs.measured`), pictures and animations from `python -m docs.pictures`.
+Numbers come from the environments, differences from the originals from docs/originals, changes from
+CHANGELOG.md, returns and trained agents from docs/returns.json and docs/agents.json (`python -m
+docs.measured`), and pictures and animations from `python -m docs.pictures`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ EPISODES, LOOKS = HERE / "_static" / "episodes", HERE / "images" / "looks"
 
 
 def write_pages(folder: Path = OUT) -> list[Path]:
-    """Write the overview and a page for each family; files that stay the same are left alone."""
+    """Write the overview and a page for each family; unchanged files are not touched."""
     folder.mkdir(exist_ok=True)
     pages = {family.name: page(family) for family in FAMILIES}
     pages |= {"index": overview(), "scoreboard": scoreboard()}
@@ -56,7 +56,7 @@ def write_pages(folder: Path = OUT) -> list[Path]:
 
 
 def overview() -> str:
-    """All environments at a glance, as cards that move, and as a table."""
+    """The overview of all environments, as animated cards and as a table."""
     cards = "\n".join(_card(name) for name in MAIN_IDS)
     head = ("id", "map", "reward", "horizon", "discount")
     rows = table(head, [_overview_row(name) for name in ENTRIES], right=(3, 4))
@@ -64,8 +64,8 @@ def overview() -> str:
     pages = "\n".join(family.name for family in FAMILIES)
     return f"""# Environments
 
-Each card leads to the rules and shows an episode, or the beginning of a long one. It is played by
-the scripted player that knows the way. An agent sees only the picture on the left.
+Each card links to the rules and shows the start of an episode of the scripted expert. An agent sees
+only the picture on the left.
 
 <div class="gallery">
 {cards}
@@ -73,8 +73,8 @@ the scripted player that knows the way. An agent sees only the picture on the le
 
 {rows}
 
-Maps are columns x rows in tiles; {GENERATED} marks those that are generated at every reset. Other
-names: {aliases}.
+Maps are columns x rows in tiles; {GENERATED} marks maps that every reset generates. Other names:
+{aliases}.
 
 ```{{toctree}}
 :hidden:
@@ -85,12 +85,12 @@ names: {aliases}.
 
 
 def page_of(name: str) -> str:
-    """The page that an environment is on."""
+    """The page of an environment."""
     return ENTRIES[name].family
 
 
 def page(family: Family) -> str:
-    """The page of a family: what all have in common, then a section for each id."""
+    """The page of a family: common parts, and a section for each id."""
     env, params = built(family.ids[0])
     named = ", ".join(f"{i} {name}" for i, name in enumerate(env.action_names))
     sections = "\n".join(section(name) for name in family.ids)
@@ -98,16 +98,16 @@ def page(family: Family) -> str:
 
 {family.text.strip()}
 
-Actions: {named}. Any other number does nothing, and the step takes its time.
+Actions: {named}. Any other number does nothing for a step.
 
 {sections}
-{variants(family)}{looks(family)}## What a step tells
+{variants(family)}{looks(family)}## Info
 
 {info_table(env, params)}
 
 ## Params
 
-`params.replace(...)` changes these numbers. `jax.vmap` takes arrays of them.
+`params.replace(...)` changes these numbers. Under `jax.vmap`, each can be an array.
 
 {params_table(family)}
 
@@ -117,7 +117,7 @@ Actions: {named}. Any other number does nothing, and the step takes its time.
 
 
 def variants(family: Family) -> str:
-    """The environments that differ from those with sections in sizes and numbers alone."""
+    """A table of variants, which differ from the other environments only in sizes and numbers."""
     if not family.variants:
         return ""
     rows = [
@@ -135,17 +135,17 @@ def variants(family: Family) -> str:
 
 
 def looks(family: Family) -> str:
-    """The looks of the first environment, if they are drawn."""
+    """The looks of the first environment, if there is a picture of them."""
     name = family.ids[0]
     if not (LOOKS / f"{name}.png").is_file():
         return ""
     return f"""## Looks
 
-`{name}` plain, with `look="patterned"`, and twice with `look="random"`
-([what they are for](../concepts.md#looks)):
+`{name}` with `look="plain"`, `"patterned"`, and twice `"random"`
+([concepts](../concepts.md#looks)):
 
 ```{{image}} ../images/looks/{name}.png
-:alt: A view of {name} in one colour a wall, with patterns, and in drawn colours and patterns
+:alt: A view of {name} in plain colours, with patterns, and with random colours and patterns
 :class: recorded
 ```
 
@@ -164,7 +164,7 @@ def section(name: str) -> str:
 
 {table(("", ""), facts(name))}
 
-Six views beside the map at the time of the first view, and the map at the start of an episode:
+Six views beside the map, and the map at the start of an episode:
 
 ```{{image}} {picture}.png
 :alt: The map of {name} and six views of it
@@ -181,7 +181,7 @@ Six views beside the map at the time of the first view, and the map at the start
 
 
 def agent(name: str) -> str:
-    """The trained agent that comes with the package; nothing if there is none of this name."""
+    """The pretrained agent with this name; "" if there is none."""
     if name not in pretrained():
         return ""
     plain = read_config(pretrained()[name])
@@ -192,15 +192,15 @@ def agent(name: str) -> str:
 A trained agent and its view: {plain["config"]["algo"].upper()} on {sees} with frame skip
 {settings.get("frame_skip", 1)}, {decisions:,} decisions, success in
 {score["success"]["mean"]:.0%} of {score["episodes"]} episodes.
-`jaxenstein play --policy pretrained/{name}` shows it. The [scoreboard](scoreboard.md) has the
-agents that were trained with it.
+`jaxenstein play --policy pretrained/{name}` plays it. The [scoreboard](scoreboard.md) lists all
+agents of its training.
 
 {moving(f"{name}-agent")}
 """
 
 
 def facts(name: str) -> list[tuple[str, str]]:
-    """What there is to know of an environment, in pairs."""
+    """The facts about an environment, as pairs."""
     env, params = built(name)
     seen = env.observation_space(params)
     aliases = [f"`{alias}`" for alias, target in ALIASES.items() if target == name]
@@ -219,7 +219,7 @@ def facts(name: str) -> list[tuple[str, str]]:
 
 
 def rewards(name: str) -> str:
-    """What the numbers of an environment pay."""
+    """The rewards of an environment."""
     env, params = built(name)
     words = env.about().rewards
     paid = {field: float(getattr(params, field)) for field in words}
@@ -229,13 +229,13 @@ def rewards(name: str) -> str:
 def ending(name: str) -> str:
     """When an episode terminates and when it is truncated."""
     ends = built(name)[0].about().ends
-    return f"terminated {ends}, truncated where time is up" if ends else "by time alone"
+    return f"terminated {ends}, truncated at the time limit" if ends else "only at the time limit"
 
 
 def params_table(family: Family) -> str:
-    """The params of a family: their meanings, and their values."""
+    """A table of the params of a family."""
     values = [built(name)[1] for name in family.ids]
-    # The params of one may have more than those of another.
+    # Environments of a family may have different params.
     options: dict[str, Option] = {}
     for params in values:
         options = {option.name: option for option in options_of(type(params), "")} | options
@@ -248,7 +248,7 @@ def params_table(family: Family) -> str:
 
 
 def own_settings(name: str) -> str:
-    """The settings that only these environments take."""
+    """The settings that only these environments have."""
     own = [setting for setting in ENTRIES[name].settings if setting not in SETTINGS]
     if not own:
         return ""
@@ -258,13 +258,12 @@ def own_settings(name: str) -> str:
         for option in options_of(type(env), "", own)
     ]
     listed = table(("setting", "default", "values", "meaning"), rows)
-    return (
-        f"## Settings\n\nBeside [those of all](../concepts.md#settings-and-params):\n\n{listed}\n"
-    )
+    common = "[common settings](../concepts.md#settings-and-params)"
+    return f"## Settings\n\nBesides the {common}:\n\n{listed}\n"
 
 
 def moving(name: str) -> str:
-    """The animated episode, which stands still for readers who prefer less motion."""
+    """An animated episode, or a still for readers who prefer reduced motion."""
     place = f"../_static/episodes/{name}"
     with Image.open(EPISODES / f"{name}.webp") as picture:
         width, height = picture.size

@@ -1,7 +1,6 @@
-"""What an agent sees in an environment, and the map from above: blocks of a contact sheet.
+"""Blocks of a contact sheet: views of an environment, and its map from above.
 
-The views come from episodes of a simple player. Of all that it sees, those are taken that show
-most of what there is to see.
+The views come from episodes of a simple player. The blocks show those views that show most things.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from jaxenstein.tasks.levels import closed_doors
 from jaxenstein.view.recording import BACKGROUND, FAINT, TEXT
 from jaxenstein.view.topdown import draw_map
 
-# Episodes played of each environment, their steps, and how many steps lie between two candidates.
+# Episodes of each environment, their steps, and the steps between two candidate views.
 EPISODES, STEPS, EVERY = 24, 400, 8
-# Views of each environment: columns, rows, and pixels of each; drawn at this size, not enlarged.
+# Columns and rows of views, and their size in pixels; they are drawn at this size.
 ACROSS, DOWN, VIEW = 3, 2, (136, 102)
 # Candidates are judged by label images of this size.
 GLANCE = (32, 24)
-# Blocks side by side; pixels around them, within them, and for their titles.
+# Columns of blocks; margins around blocks, gaps within them, and the height of titles.
 COLUMNS, MARGIN, GAP, TITLE = 2, 24, 4, 40
 MAP_SIDE = DOWN * VIEW[1] + (DOWN - 1) * GAP
 
@@ -38,11 +37,11 @@ Env = FirstPerson[Any, Any]
 
 
 class Walk(NamedTuple):
-    """A player that walks on, and turns by a random angle where it is blocked.
+    """The state of a player that walks straight on, and turns by a random angle if blocked.
 
     Attributes:
-        turns: int32[], turns still to take, negative to the left.
-        position: float32[2], where the last step forward began.
+        turns: int32[], remaining turns, negative to the left.
+        position: float32[2], position before the last action.
         walked: bool[], whether the last action was a step forward.
     """
 
@@ -52,10 +51,10 @@ class Walk(NamedTuple):
 
 
 def walk_on(walk: Walk, key: jax.Array, state: Any, num_actions: int) -> tuple[Walk, jax.Array]:
-    """The next action: 0 turns left, 1 right, 2 goes forward, 4 interacts."""
+    """The next action: 0 left, 1 right, 2 forward, 4 interact."""
     turn_key, side_key, hand_key = jax.random.split(key, 3)
     stuck = walk.walked & jnp.all(walk.position == state.position)
-    # Now and then it turns without need, which brings it around.
+    # A turn now and then, even if not blocked, lets it explore more.
     drift = jax.random.uniform(hand_key) < 0.03
     angle = jax.random.randint(turn_key, (), 1, 9, jnp.int32)
     side = jnp.where(jax.random.bernoulli(side_key), 1, -1).astype(jnp.int32)
@@ -69,11 +68,11 @@ def walk_on(walk: Walk, key: jax.Array, state: Any, num_actions: int) -> tuple[W
 
 
 def play(env: Env, params: Any, seed: int) -> tuple[Any, np.ndarray]:
-    """Play episodes side by side, each with a seed of its own.
+    """Play episodes in parallel, each with its own seed.
 
     Returns:
-        The states at regular times, stacked: [EPISODES, STEPS // EVERY, ...], and the label
-        images of them, uint8[EPISODES, STEPS // EVERY, h, w].
+        States at regular times, [EPISODES, STEPS // EVERY, ...], and their label images,
+        uint8[EPISODES, STEPS // EVERY, h, w].
     """
 
     def step(carry: Any, key: jax.Array) -> tuple[Any, None]:
@@ -100,7 +99,7 @@ def play(env: Env, params: Any, seed: int) -> tuple[Any, np.ndarray]:
 
 
 def interest() -> np.ndarray:
-    """float64[labels]: how much a view gains by showing a thing for the first time."""
+    """float64[labels]: the value of showing each label for the first time."""
     worth = np.zeros(len(LABEL_NAMES))
     worth[list(WALL_LABELS)] = 0.6
     worth[list(DECAL_LABELS)] = 1.2
@@ -110,14 +109,14 @@ def interest() -> np.ndarray:
 
 
 def choose(images: np.ndarray, count: int) -> list[tuple[int, int]]:
-    """The (episode, time) of views that together show much, one of an episode at most.
+    """The (episode, time) of views that together show many things; at most one per episode.
 
     Args:
         images: uint8[episodes, times, h, w], label images.
-        count: of views.
+        count: number of views.
     """
     shares = np.stack([(images == label).mean((2, 3)) for label in range(len(LABEL_NAMES))], -1)
-    # A few percent of the image suffice to be seen well; views along the floor beat walls close by.
+    # A few percent of the image are enough to see a thing. Views with much floor beat close walls.
     shown = np.minimum(shares / 0.04, 1.0)
     open_view = np.minimum(shares[..., FLOOR] / 0.2, 1.0)
     worth, chosen = interest(), []
@@ -127,7 +126,7 @@ def choose(images: np.ndarray, count: int) -> list[tuple[int, int]]:
             score[episode] = -1.0
         episode, time = divmod(int(score.argmax()), images.shape[1])
         chosen.append((episode, time))
-        # What has been shown counts less from now on.
+        # Labels already shown count less.
         worth = worth * (1.0 - 0.6 * shown[episode, time])
     return chosen
 
@@ -161,7 +160,7 @@ def block_size() -> tuple[int, int]:
 
 
 def map_picture(env: Env, params: Any, state: Any) -> Image.Image:
-    """The map of a state with all that is there, and the agent."""
+    """The map of a state, with all things and the agent."""
     tilemap, seen = env.tilemap_of(state), snapshots(env, params)(state)
     picture = draw_map(tilemap, size=MAP_SIDE).state(
         pose=(seen["positions"], float(seen["headings"])),

@@ -1,14 +1,14 @@
-"""The figures of the site's pages of environments, of its scoreboard, and of the benchmark.
+"""Measures the numbers on the pages of environments, the scoreboard and the benchmark.
 
     python -m docs.measured returns [--episodes N] [ID ...]
     python -m docs.measured agent CONFIG RUN [--episodes N]
     python -m docs.measured suite [--episodes N]
 
-The first writes docs/returns.json: returns of the scripted players, and the versions of
-environments and JAX; with ids, only their rows are measured anew. The second plays whole episodes
-with the agents of RUN, which `jaxenstein train --config CONFIG --out RUN` made, and puts their
-means into docs/agents.json. A configuration has one row. The third writes the reference returns of
-the benchmark, which come with the package, and the table of docs/suite.md.
+`returns` writes the returns of scripted players to docs/returns.json, with the versions of the
+environments and of JAX; with ids, it measures only their rows again. `agent` plays whole episodes
+with the agents of RUN, from `jaxenstein train --config CONFIG --out RUN`, and writes their means to
+docs/agents.json, with one row per config. `suite` writes the reference returns of the benchmark,
+which are part of the package, and the table in docs/suite.md.
 """
 
 from __future__ import annotations
@@ -42,24 +42,24 @@ PLAYED, TRIED, REFERRED = 256, 100, 1000
 
 
 def players_of(name: str) -> tuple[str, ...]:
-    """The players that play an environment: chance, and the one that knows the way."""
+    """The scripted players to measure: random and expert."""
     return "random", jaxenstein.make(name)[0].about().expert
 
 
 def rows_of(name: str, episodes: int) -> list[dict[str, Any]]:
-    """A row for each player, with the versions that it is true of."""
+    """A row for each player, with the versions of the environment and of JAX."""
     facts = {"version": ENTRIES[name].version, "jax": jax.__version__}
-    rows = [measure(name, player, episodes, None) for player in players_of(name)]
+    rows = [measure(name, player, episodes) for player in players_of(name)]
     return [facts | {key: row[key] for key in row if key != "original"} for row in rows]
 
 
 def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
-    """What was trained, how long, and what its agents get, over seeds and episodes."""
+    """The row of a run: its training, and the means of its agents over seeds and episodes."""
     trained, told = load_trained(run), resolve(read_file(find_config(config)))
     about = trained.experiment
     for part in ("environment", "config", "hparams", "seeds", "grid"):
         if getattr(about, part) != getattr(told, part):
-            raise SystemExit(f"{run} was not trained by {config}: its {part} is another")
+            raise SystemExit(f"{run} was not trained with {config}: its {part} differs")
     seeds, env = len(about.seeds), about.learner.env
     with Progress(2 * seeds * episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate_both(trained, episodes=episodes, seed=0, notify=progress.update)
@@ -104,7 +104,7 @@ def measure_agent(options: argparse.Namespace) -> None:
 
 
 def measure_suite(options: argparse.Namespace) -> None:
-    """Measure the random player and the expert of every task of the benchmark."""
+    """Measure the random player and the expert in every task of the benchmark."""
     check_writable(suite.REFERENCES)
     rows = {}
     for task in each([task.id for task in suite.TASKS], "playing"):
@@ -119,14 +119,14 @@ def measure_suite(options: argparse.Namespace) -> None:
 
 
 def write(file: Path, content: Any) -> None:
-    """Write a file of figures."""
+    """Write a file of results."""
     with atomic(file) as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
     print(f"wrote {file}")
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Measure what the command line names."""
+    """Run the chosen measurement."""
     parser = argparse.ArgumentParser(prog="python -m docs.measured", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     what = parser.add_subparsers(required=True, metavar="WHAT")

@@ -1,4 +1,4 @@
-"""Generated pages and tables of no single environment: scoreboard, benchmark, command line."""
+"""Generated pages and tables besides the environments: scoreboard, benchmark, command line."""
 
 from __future__ import annotations
 
@@ -17,48 +17,64 @@ from jaxenstein.cli import build_parser
 INTRODUCTION = """\
 # Command line
 
-`jaxenstein COMMAND --help` prints the text of this page. The exit status is 2 for wrong arguments,
-and the message says what would be right. It is 1 if something cannot be written or run, or if a
+`jaxenstein COMMAND --help` prints the text of this page. `python -m jaxenstein` is the same
+command. The exit status is 2 for wrong arguments, 1 if something cannot be written or run or if a
 replay differs, and 3 if all runs of a training diverge.
 
-Commands keep the programs that JAX compiles in `~/.cache/jaxenstein` (or below `XDG_CACHE_HOME`),
-at most about 1 GiB, so a second call begins at once. `--no-cache` leaves the folder alone.
-`JAX_COMPILATION_CACHE_DIR` names another folder."""
+Commands cache compiled programs in `~/.cache/jaxenstein` (or below `XDG_CACHE_HOME`), at most about
+1 GiB, so that later calls start at once. `--no-cache` turns the cache off.
+`JAX_COMPILATION_CACHE_DIR` sets another folder."""
 
-BESIDE = ("id", "random player", "player that knows the way", "best agents")
-TRAINED = ("id", "frame skip", "sees", "algorithm", "seeds", "decisions a seed", "minutes of all",
-           "sampled", "greedy", "configuration")  # fmt: skip
+BESIDE = ("id", "random player", "expert player", "best agents")
+TRAINED = ("id", "frame skip", "sees", "algorithm", "seeds", "decisions per seed",
+           "minutes, all seeds", "sampled", "greedy", "config")  # fmt: skip
 SCOREBOARD = """# Scoreboard
 
-This table compares trained agents with a random player and with a player that knows the way and
-sees the whole state. Players: mean return, and in brackets success, over {played} episodes each;
-the pages of the environments have the standard errors. Agents: success of the best ones below, or
-their return where a task has no success.
+This table compares trained agents with a random player and with a scripted expert, which sees the
+whole state. Players: mean return and, in brackets, success rate over {played} episodes; the pages
+of the environments have standard errors. Agents: success rate of the best agents below, or their
+return if the task has no success.
 
 {beside}
 
 ## Agents
 
-Success, or return where a task has no success, over all seeds and {episodes} episodes of each, with
-95 % bootstrap intervals. "Greedy" takes the most likely action, "sampled" samples one. Minutes are
-for all seeds side by side on one core, with compiling. The players above act at frame skip 1; a
-frame skip changes what a random player gets, too.
+Success rate, or return if the task has no success, over all seeds and {episodes} episodes each,
+with 95 % bootstrap intervals. "Greedy" takes the most likely action, "sampled" samples one. Minutes
+are for all seeds in parallel on one core, including compilation. The players above use frame skip
+1; a frame skip also changes the return of a random player.
 
 {trained}
 
 ```
-jaxenstein train --config CONFIGURATION --out RUN
+jaxenstein train --config CONFIG --out RUN
 jaxenstein evaluate RUN
-python -m docs.measured agent CONFIGURATION RUN
+python -m docs.measured agent CONFIG RUN
 ```
 
 These commands train the agents of a row, evaluate them, and write the row.
-[Results](../results.md) has the curves, the failures and the machines.
+[Results](../results.md) has the curves.
+"""
+
+RECIPES_OF = """
+## Recipes
+
+The defaults of the recipe `tuned` that differ from those of `paper`, by algorithm. Any flag
+overrides its default.
+
+{recipes}
+
+## Networks
+
+Layers of convolutions are kernel x stride x features. With `paper`, images below 36 pixels have the
+layers of `small`.
+
+{networks}
 """
 
 
 def scoreboard() -> str:
-    """The page's text."""
+    """The text of the scoreboard."""
     agents = stored_agents()
     beside = []
     for name in MAIN_IDS:
@@ -79,12 +95,12 @@ def _best(row: Mapping[str, Any]) -> tuple[float, str]:
 
 
 def _measure(row: Mapping[str, Any]) -> str:
-    """What tells how agents do: nobody succeeds in a task that has no success."""
+    """The measure of an agent: success, or return if the task has no success."""
     return "success" if any(of["mean"] for of in row["success"].values()) else "return"
 
 
 def _reached(row: Mapping[str, Any], way: str) -> str:
-    """What agents get, with its interval: success in percent."""
+    """The measure of an agent with its interval; success in percent."""
     ends = [row[_measure(row)][way][end] for end in ("mean", "low", "high")]
     if _measure(row) == "return":
         return "{:.4g} ({:.4g} to {:.4g})".format(*ends)
@@ -108,15 +124,15 @@ def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def suite_tasks() -> str:
     """The tasks of the benchmark, for docs/suite.md."""
-    head = ("task", "tests", "why", "frame skip", "split", "random", "expert")
+    head = ("task", "tests", "frame skip", "split", "random", "expert")
     rows = []
     for task in suite.TASKS:
         ends = suite.references()[task.id]
         split = "yes" if task.split else ""
         returns = (f"{value:.4g}" for value in (ends.random, ends.expert))
         name = f"`{task.id}`"
-        rows.append((name, task.ability, task.reason, str(task.frame_skip), split, *returns))
-    return table(head, rows, right=(3, 5, 6))
+        rows.append((name, task.ability, str(task.frame_skip), split, *returns))
+    return table(head, rows, right=(2, 4, 5))
 
 
 def with_suite_tasks(page: str) -> str:
@@ -126,8 +142,8 @@ def with_suite_tasks(page: str) -> str:
 
 
 def commands_page() -> str:
-    """The commands with what they do and all of their options."""
-    # As in a terminal of this width, without colours.
+    """The help texts of all commands."""
+    # Format as in a terminal of this width, without colours.
     with mock.patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"}):
         (commands,) = (
             action for action in build_parser()._actions
@@ -135,6 +151,42 @@ def commands_page() -> str:
         )  # fmt: skip
         parts = [_command(name, parser) for name, parser in commands.choices.items()]
     return "\n\n".join([INTRODUCTION, *parts]) + "\n"
+
+
+def recipes() -> str:
+    """What the recipe `tuned` and each network set, for the page of the commands."""
+    from jaxenstein.baselines.config import algorithms  # needs the extra baselines
+    from jaxenstein.baselines.networks import NATURE
+    from jaxenstein.baselines.runs.options import NETWORKS, RECIPES, all_options
+
+    options, tuned = all_options(), RECIPES["tuned"]
+    given = {algo: {**tuned["*"], **tuned.get(algo, {})} for algo in algorithms()}
+    rows = []
+    for name in dict.fromkeys(name for values in given.values() for name in values):
+        default = options[name].default
+        values = [default, *(of.get(name, default) for of in given.values())]
+        if len(set(values)) > 1:
+            rows.append([f"`--{name.replace('_', '-')}`", *map(_shown, values)])
+    head = ("flag", "`paper`", *(f"`tuned`, `{algo}`" for algo in given))
+    parts = ("features", "hidden", "head", "convolutions")
+    first = {part: options[part].default for part in parts} | {"convolutions": NATURE}
+    networks = [
+        [f"`{name}`", *(_shown({**first, **sizes}[part]) for part in parts)]
+        for name, sizes in NETWORKS.items()
+    ]
+    flags = ("`--network`", *(f"`--{part}`" for part in parts))
+    return RECIPES_OF.format(recipes=table(head, rows), networks=table(flags, networks))
+
+
+def _shown(value: Any) -> str:
+    """A value of an option in a cell; None is the task's own."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return ", ".join("x".join(map(str, layer)) for layer in value)
+    return (
+        "of the task" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    )
 
 
 def _command(name: str, parser: argparse.ArgumentParser) -> str:

@@ -1,4 +1,4 @@
-"""Pieces of the pages of the environments: tables, and what other files say of them."""
+"""Parts of the pages of environments: tables, and content from other files."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ OF_ALL = {
     "episode_return": "undiscounted sum of the rewards since the reset",
     "episode_length": "steps since the reset",
 }
-"""What the entries of `info` say that every task has."""
+"""The entries of `info` that every task has."""
 
 SHOWN = {
     "../CHANGELOG.md": "changelog.md",
     "../CONTRIBUTING.md": "contributing.md",
 }
-"""Files outside of docs that pages of it show."""
+"""Files outside docs, and the pages that show them."""
 
 
 class Family(NamedTuple):
     """Environments that are sizes or variants of one task.
 
     Attributes:
-        name: of the page.
-        title: its heading.
-        original: the stem of the file in docs/originals that compares the task with its original.
-        text: what they are, in Markdown.
+        name: name of the page.
+        title: heading of the page.
+        original: stem of the file in docs/originals that compares the task with its original.
+        text: introduction in Markdown.
     """
 
     name: str
@@ -54,23 +54,23 @@ class Family(NamedTuple):
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """The environments but variants of others, in the order of the catalogue."""
+        """The environments without variants, in the order of the catalogue."""
         return tuple(name for name in MAIN_IDS if ENTRIES[name].family == self.name)
 
     @property
     def variants(self) -> tuple[str, ...]:
-        """The variants among them."""
+        """The variants of the family."""
         every = (name for name, entry in ENTRIES.items() if entry.family == self.name)
         return tuple(name for name in every if ENTRIES[name].variant_of)
 
 
 _LISTED = tomllib.loads((HERE / "families.toml").read_text("utf-8"))
 FAMILIES = tuple(Family(name=name, **said) for name, said in _LISTED.items())
-"""Which environments share a page; what it says first is in families.toml."""
+"""The families, each with its page; families.toml has the introductions."""
 
 
 def each(ids: Sequence[str], doing: str) -> Iterator[str]:
-    """The ids one after another, or all but variants, with a progress bar."""
+    """Iterate over ids, or all environments without variants, with a progress bar."""
     names = ids or MAIN_IDS
     with Progress(len(names), doing, unit="environments") as progress:
         for i, name in enumerate(names, 1):
@@ -100,7 +100,7 @@ def link_to(name: str) -> str:
 
 
 def turned(text: str) -> str:
-    """A page whose links to Markdown outside of docs lead to the page that shows it, or nowhere."""
+    """Point links to Markdown outside docs at the page that shows it, or remove the link."""
 
     def turn(match: re.Match[str]) -> str:
         words, target, anchor = match.groups(default="")
@@ -119,11 +119,11 @@ def info_table(env: Any, params: Any) -> str:
         (f"`{name}`", f"{leaf.dtype}{list(leaf.shape)}", meanings[name])
         for name, leaf in info.items()
     ]
-    return table(("`info`", "type", "what it says"), rows)
+    return table(("`info`", "type", "meaning"), rows)
 
 
 def meanings_of(env: Any) -> dict[str, str]:
-    """What each entry of `info` says."""
+    """The meaning of each entry of `info`."""
     about = env.about()
     events = {
         name: f"how often the agent {event.one} in this step"
@@ -136,18 +136,18 @@ def meanings_of(env: Any) -> dict[str, str]:
 
 @functools.cache
 def stored_returns() -> dict[str, Any]:
-    """What `docs.measured returns` has measured."""
+    """The results of `docs.measured returns`."""
     return json.loads(RETURNS.read_text("utf-8"))
 
 
 def stored_rows(name: str) -> list[dict[str, Any]]:
-    """What was measured of an environment: chance first, then the player that knows the way."""
+    """The measured rows of an environment: the random player first, then the expert."""
     return [row for row in stored_returns()["players"] if row["id"] == name]
 
 
 @functools.cache
 def stored_agents() -> list[dict[str, Any]]:
-    """What `docs.measured agent` has measured, in the order of the registry."""
+    """The results of `docs.measured agent`, in the order of the catalogue."""
     rows = json.loads(AGENTS.read_text("utf-8"))
     return sorted(rows, key=lambda row: list(ENTRIES).index(row["id"]))
 
@@ -156,7 +156,7 @@ def returns(name: str) -> str:
     """The returns of the scripted players as a table."""
     stored = stored_rows(name)
     if not stored:
-        return f"Returns are not measured yet: `python -m docs.measured returns {name}`."
+        return f"No returns measured yet: run `python -m docs.measured returns {name}`."
     players = players_of(jaxenstein.make(name)[0])
     rows = [
         (
@@ -168,41 +168,42 @@ def returns(name: str) -> str:
         )
         for row in stored
     ]
-    head = ("player", "mean return", "from, to", "steps", "success")
-    measured = f"{stored[0]['episodes']} episodes of version {stored[0]['version']}"
+    head = ("player", "mean return", "range", "steps", "success")
+    rows_of = f"{stored[0]['episodes']} episodes of version {stored[0]['version']}"
+    measured = f"{rows_of}, at frame skip 1 and with the default params"
     listed = table(head, rows, right=(1, 2, 3, 4))
     return f"Returns of {measured}, with the standard error of the mean:\n\n{listed}"
 
 
 def fidelity(family: Family) -> str:
-    """The family's file in docs/originals, whose links are as far from docs as the page's own."""
+    """The family's file in docs/originals; its links are relative to a folder below docs, too."""
     text = (HERE / "originals" / f"{family.original}.md").read_text("utf-8")
     return f"{text}\n[Fidelity](../fidelity.md) compares all environments.\n"
 
 
 def history(family: Family) -> str:
-    """The versions now, and the changes whose text names one of the ids."""
+    """The current versions, and the changes that name one of the ids."""
     versions = sorted({ENTRIES[name].version for name in family.ids})
     rows = [
         (release, " ".join(entry.split()))
         for release, body in _parts((HERE.parent / "CHANGELOG.md").read_text("utf-8"))
-        for entry in re.split(r"^- ", body, flags=re.MULTILINE)[1:]
+        for entry in re.split(r"^(?:- |### .*)", body, flags=re.MULTILINE)
         if any(_names(entry, name) for name in (*family.ids, *family.variants))
     ]
     return (
-        "## Versions\n\nResults are comparable only between equal versions of an environment; "
-        f"{'this is' if len(versions) == 1 else 'these are'} now version "
+        "## Versions\n\nResults are comparable only between equal versions of an environment. The "
+        f"current version{' is' if len(versions) == 1 else 's are'} "
         f"{', '.join(map(str, versions))}.\n\n{table(('release', 'change'), rows)}\n"
     )
 
 
 def _parts(text: str) -> list[tuple[str, str]]:
-    """The parts of a Markdown file below its headings of the second level: title, body."""
+    """The sections of a Markdown file, from its second-level headings: (title, body)."""
     parts = re.split(r"^## +(.+)$", text, flags=re.MULTILINE)
     return [(title, body.strip()) for title, body in zip(parts[1::2], parts[2::2], strict=True)]
 
 
 def _names(text: str, name: str) -> bool:
-    """Whether a text has an id in backticks, perhaps with a star for several."""
+    """Whether a text has an id in backticks, or a pattern with `*` that matches it."""
     words = re.findall(r"`([a-z0-9*-]+)`", text)
     return any(re.fullmatch(re.escape(word).replace(r"\*", ".*"), name) for word in words)

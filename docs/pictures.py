@@ -1,17 +1,16 @@
 """The pictures of the site: `python -m docs.pictures WHAT [ID ...]`.
 
-- `episodes`: docs/_static/episodes/ID.webp, an animated episode of the player that knows the way, a
-  still of it for readers who prefer less motion, and docs/images/environments/ID-map.png. Where a
-  trained agent `pretrained/ID` comes with the package, ID-agent.webp and its still show that one,
-  and what it sees;
-- `sheets`: docs/images/environments/ID.png, what an agent sees in each and the map from above, and
-  all of them on one sheet, docs/images/environments.png (`docs/gallery.py`);
-- `looks`: docs/images/looks/ID.png, the first environment of each family in its looks;
-- `film`: docs/_static/episodes/doom-both.webp, a pretrained agent here and in the running ViZDoom
-  (needs the extras `baselines` and `vizdoom`);
-- `engine`: docs/images/engine, what the engine computes (`docs/engine_pictures.py`).
+- `episodes`: docs/_static/episodes/ID.webp, an animated episode of the expert, a still for readers
+  who prefer reduced motion, and docs/images/environments/ID-map.png. If the package has an agent
+  `pretrained/ID`, ID-agent.webp and its still show the agent and its view;
+- `sheets`: docs/images/environments/ID.png, views of an environment and its map, and a sheet of all
+  environments, docs/images/environments.png (`docs/gallery.py`);
+- `looks`: docs/images/looks/ID.png, the looks of the first environment of each family;
+- `film`: docs/_static/episodes/doom-both.webp, a pretrained agent here and in ViZDoom (needs the
+  extras `baselines` and `vizdoom`);
+- `engine`: docs/images/engine, results of the engine (`docs/engine_pictures.py`).
 
-The same versions of JAX, Pillow and this code draw the same files.
+Equal versions of JAX, Pillow and this code draw equal files.
 """
 
 from __future__ import annotations
@@ -40,36 +39,36 @@ from jaxenstein.view.topdown import draw_map
 HERE = Path(__file__).parent
 EPISODES = HERE / "_static" / "episodes"
 IMAGES = HERE / "images"
-# The view in pixels, height first, and the longer side of the map beside it.
+# (height, width) of the view, and the longer side of the map beside it.
 VIEW, BESIDE = (168, 224), 180
-# The map by itself.
+# The longer side of the map on its own.
 MAP_SIZE = 560
-# Long episodes are shown up to this step, in this many pictures at most.
+# The last step shown of long episodes, the maximum number of pictures, and their rate.
 MOST_STEPS, PICTURES, FRAMES_A_SECOND = 480, 60, 10
-# WebP's 0 to 100; edges of walls and pixels of sprites stay clean from about here on.
+# WebP quality, 0 to 100; from about 60 on, edges of walls and sprites are clean.
 QUALITY = 60
-# Of looks: width and height of a view, pixels between two, and from how many starts one is chosen.
+# For looks: (width, height) of a view, the gap between views, and the number of candidate starts.
 LOOK, GAP, STARTS = (136, 102), 4, 48
-# Of the film: whom it shows. Its episode begins in the dead end, far from the goal; every second
-# decision is shown.
+# For the film: the agent, the seed of an episode that starts far from the goal, and the steps per
+# picture.
 AGENT, SEED, EVERY = "pretrained/doom-my-way-home", 16, 2
 
 
 def play(name: str, seed: int = 1) -> Episode:
-    """The episode of an environment that is shown."""
+    """The episode to show of an environment."""
     height, width = VIEW
     env, params = jaxenstein.make(name, height=height, width=width)
     return jaxenstein.record(env, params, "expert", seed=seed, steps=MOST_STEPS)
 
 
 def play_agent(name: str, seed: int = 1) -> Episode:
-    """An episode of the package's trained agent of that name."""
+    """An episode of the pretrained agent with this name."""
     policy = load_policy(f"pretrained/{name}")
     return jaxenstein.record(policy.env, policy.params, policy, seed=seed, steps=MOST_STEPS)
 
 
 def save_webp(pictures: Sequence[np.ndarray], path: Path) -> None:
-    """Write an animation that repeats for ever, whole or not at all; its last picture stays."""
+    """Write an animation that repeats forever and pauses at its last picture."""
     first, *others = map(Image.fromarray, pictures)
     pause = 1000 // FRAMES_A_SECOND
     with atomic(path) as temporary:
@@ -98,7 +97,7 @@ def animate(episode: Episode, name: str, scale: int = 1) -> int:
 def draw_episode(name: str) -> int:
     """Write the files of an environment; returns the bytes of its animations."""
     episode = play(name)
-    # Of a class ("examples.custom_shooter:Outpost") the files have the last part.
+    # For a class such as examples.custom_shooter:Outpost, file names use the last part.
     name = name.rpartition(":")[2].lower()
     size = animate(episode, name)
     if name in pretrained():
@@ -115,7 +114,7 @@ def draw_episode(name: str) -> int:
 
 
 def has_looks(name: str) -> bool:
-    """Whether an environment has other looks than the plain one."""
+    """Whether an environment has looks other than plain."""
     try:
         jaxenstein.make(name, look="random")
     except SettingError:
@@ -128,9 +127,9 @@ WITH_LOOKS = tuple(family.ids[0] for family in FAMILIES if has_looks(family.ids[
 
 
 def strip(name: str) -> np.ndarray:
-    """uint8[height, width, 3]: a start of an environment plain, patterned, and in two random looks.
+    """uint8[height, width, 3]: a start with a plain, a patterned and two random looks.
 
-    The start is the one, of some, from which most can be seen.
+    The start is the one with the most to see.
     """
     width, height = LOOK
     env, params = jaxenstein.make(name, look="random", height=height, width=width)
@@ -162,7 +161,7 @@ def _side_by_side(frames: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def draw_episodes(ids: Sequence[str]) -> None:
-    """The animations and the maps."""
+    """Draw the animations and the maps."""
     make_folder(EPISODES)
     make_folder(IMAGES / "environments")
     sizes = [draw_episode(name) for name in each(ids, "recording")]
@@ -170,7 +169,7 @@ def draw_episodes(ids: Sequence[str]) -> None:
 
 
 def draw_sheets(ids: Sequence[str]) -> None:
-    """The pictures of each environment, and where no ids are given the sheet of all."""
+    """Draw the pictures of environments and, without ids, the sheet of all environments."""
     folder, blocks = make_folder(IMAGES / "environments"), []
     for name in each(ids, "drawing"):
         blocks.append(gallery.block(name))
@@ -180,14 +179,14 @@ def draw_sheets(ids: Sequence[str]) -> None:
 
 
 def draw_looks(ids: Sequence[str]) -> None:
-    """The strips of looks."""
+    """Draw the strips of looks."""
     folder = make_folder(IMAGES / "looks")
     for name in each(ids or WITH_LOOKS, "drawing"):
         save_png(strip(name), folder / f"{name}.png")
 
 
 def draw_film(ids: Sequence[str]) -> None:
-    """The agent here and in the game."""
+    """Draw the film of an agent here and in ViZDoom."""
     from jaxenstein.cli.beside_vizdoom import film
 
     del ids
@@ -197,7 +196,7 @@ def draw_film(ids: Sequence[str]) -> None:
 
 
 def draw_engine(ids: Sequence[str]) -> None:
-    """The pictures of the engine in docs/architecture.md."""
+    """Draw the pictures of the engine in docs/architecture.md."""
     from docs.engine_pictures import draw_all
 
     del ids
@@ -214,7 +213,7 @@ DRAWN: Mapping[str, Callable[[Sequence[str]], None]] = {
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Draw what the command line names."""
+    """Draw the chosen pictures."""
     parser = argparse.ArgumentParser(prog="python -m docs.pictures", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("what", choices=DRAWN, metavar="WHAT", help=", ".join(DRAWN))

@@ -1,1 +1,1 @@
-"""Examples, each a program of its own: see README.md."""
+"""Example programs; README.md lists them."""

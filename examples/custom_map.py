@@ -1,8 +1,8 @@
-"""A map of your own: draw it in characters, walk through it, look at pictures of both.
+"""Your own map: draw it in characters, walk through it, and look at pictures.
 
     python examples/custom_map.py [--out FOLDER]
 
-writes `map.png`, the map from above, and `walk.gif`, what the agent sees beside its path.
+writes `map.png`, the map from above, and `walk.gif`, the view of the agent beside its path.
 `jaxenstein list --symbols` explains the characters.
 """
 
@@ -20,7 +20,7 @@ from jaxenstein.files import make_folder
 from jaxenstein.view.recording import save_png
 from jaxenstein.view.topdown import draw_map
 
-# The key `b` opens the blue door `B`; walls of the right room look different, in `2`.
+# The key `b` opens the blue door `B`; walls `2` have another colour.
 MAP = """
 ##########
 #S..#2222#
@@ -29,8 +29,8 @@ MAP = """
 ##########
 """
 LEFT, RIGHT, FORWARD, INTERACT = 0, 1, 2, 4
-# South to the key, back to the middle row, east to the door, open it, and on to the goal. A turn
-# is 15 degrees and a step forward 0.15 tile.
+# South to the key, back to the middle row, east to the door, open it, and on to the goal. A turn is
+# 15 degrees, and a step forward is 0.15 tiles.
 WALK = (
     [RIGHT] * 6
     + [FORWARD] * 13
@@ -44,7 +44,7 @@ WALK = (
 
 
 def main(argv: Sequence[str] | None = None) -> float:
-    """Walk and write the pictures; returns the return of the episode."""
+    """Walk and write the pictures; return the return of the episode."""
     parser = argparse.ArgumentParser(description="Walk through a map of your own.")
     parser.add_argument("--out", type=Path, default=Path("demo"), help="folder for the pictures")
     options = parser.parse_args(argv)

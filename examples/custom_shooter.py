@@ -1,9 +1,9 @@
-"""A shooter of your own: find the chief of an outpost, shoot him, and get out again.
+"""Your own shooter: find the chief of an outpost, shoot him, and get out again.
 
     python examples/custom_shooter.py [--out outpost.gif]
 
-The map is drawn in characters, its guards, medkits and ammunition among them; the rifle, the chief
-and the aim are this file's own. A player that hunts the guards plays beside one that stands still.
+The map is drawn in characters, with guards, medkits and ammunition. This file defines the rifle,
+the chief and the aim, and compares a player that hunts the guards with one that stands still.
 """
 
 from __future__ import annotations
@@ -53,17 +53,17 @@ CHIEF = dataclasses.replace(KINDS["c"], health=120)
 
 
 def chief_lives(env: Shooter, state: ShooterState) -> jax.Array:
-    """bool[]: whether there is something left to do here."""
+    """bool[]: whether the chief is alive."""
     return state.monsters.living[env.horde.place_of(CHIEF)]
 
 
 def won(env: Shooter, state: ShooterState) -> jax.Array:
-    """bool[]: whether the player is at the exit and the chief is dead; the others may live."""
+    """bool[]: whether the player is at the exit and the chief is dead; other guards may live."""
     return reached_aim(env, state) & ~chief_lives(env, state)
 
 
 def destination(env: Shooter, state: ShooterState) -> jax.Array:
-    """bool[rows, columns]: where the scripted player goes: to the chief, then to the exit."""
+    """bool[rows, columns]: the target of the scripted player: first the chief, then the exit."""
     is_chief = env.horde.kind_of == env.horde.kinds.index(CHIEF)
     to_chief = tiles_of(env, state.monsters.position, is_chief)
     return jnp.where(chief_lives(env, state), to_chief, toward_aim(env, state))
@@ -83,10 +83,10 @@ Outpost = functools.partial(
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, float]:
-    """Play 64 episodes by each player; returns the share of those that each wins."""
+    """Play episodes with each player; return the share that each wins."""
     parser = argparse.ArgumentParser(description="Play a shooter of your own.")
     parser.add_argument("--episodes", type=int, default=64, help="episodes of each player")
-    parser.add_argument("--out", type=Path, help="film of one episode, a .gif")
+    parser.add_argument("--out", type=Path, help="write a film of one episode, .gif")
     options = parser.parse_args(argv)
     env = Outpost(name="outpost", height=80, width=120)
     params = env.check_params()

@@ -1,8 +1,8 @@
-"""A task with rules of your own: walk to the apple, not to the key.
+"""A task with your own rules: walk to the apple, not to the key.
 
     python examples/custom_task.py
 
-plays many episodes of an agent that always walks to the place in the west.
+plays many episodes with an agent that always walks to the western place.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ NO_DOORS = jnp.zeros(0, bool)
 
 
 class FruitParams(SteeringParams):
-    """Numbers, which may differ within a batch: how near is near enough, in tiles."""
+    """Params, which may differ within a batch; `reach` is the distance that counts, in tiles."""
 
     max_steps_in_episode: Any = 100
     reach: Any = 0.5
 
 
 class FruitState(jaxenstein.State):
-    """What the task keeps beside position, heading and time: the apple's place, int32[]."""
+    """The state, with the place of the apple, int32[]."""
 
     apple: jax.Array
 
@@ -56,7 +56,7 @@ class Fruit(FirstPerson[FruitState, FruitParams]):
         return FruitState(position=centres(MAP.spawns)[0], heading=north, apple=apple)
 
     def transition(self, key: jax.Array, state: FruitState, action: jax.Array, params: FruitParams):
-        """Move, and look whether a place is reached: next state, reward, terminated, events."""
+        """Move and check the places; return next state, reward, terminated and events."""
         position, heading = steer(LEVEL, NO_DOORS, state.position, state.heading, action, params)
         there = jnp.hypot(*(centres(MAP.goals) - position[None]).T) < params.reach
         reward = jnp.where(jnp.any(there), jnp.where(there[state.apple], 1.0, -1.0), 0.0)
@@ -69,7 +69,7 @@ class Fruit(FirstPerson[FruitState, FruitParams]):
         return Scene(LEVEL, NO_DOORS, state.position, state.heading, things, THEME)
 
     def tilemap_of(self, state: FruitState):
-        """The map, for pictures from above."""
+        """Return the map, for pictures from above."""
         return MAP
 
 
@@ -78,4 +78,4 @@ if __name__ == "__main__":
     _, states = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), 64))
     walk = jax.vmap(lambda state: jax.lax.scan(lambda s, a: env.step(jax.random.key(1), s, a)[1:3],
                                                state, west)[1].sum())  # fmt: skip
-    print(f"mean return of who always goes west: {walk(states).mean():+.2f}")
+    print(f"mean return of always going west: {walk(states).mean():+.2f}")

@@ -2,7 +2,8 @@
 
     python examples/custom_thing.py
 
-plays one episode with the scripted player, and prints the share of the first frame that it covers.
+plays one episode with the scripted player, and prints how much of the first frame the mushroom
+covers.
 """
 
 from __future__ import annotations

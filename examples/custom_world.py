@@ -1,8 +1,8 @@
-"""A world of your own in MiniGrid's manner: fetch a ball from behind a locked door.
+"""Your own world in the style of MiniGrid: fetch a ball from behind a locked door.
 
     python examples/custom_world.py
 
-The player that solves every such world plays it, without having been told of this one.
+The general scripted player for such worlds plays it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from jaxenstein.tasks.minigrid.world import GridWorld
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BringBack(GridWorld):
-    """Bring the ball that is asked for into the first room."""
+    """Bring the requested ball into the first room."""
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
     asks: ClassVar[bool] = True
@@ -47,12 +47,12 @@ class BringBack(GridWorld):
         return sketch.start_room((0, 0)).state(asked=(BALL_KIND, colours[sketch.number(0, 3)]))
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """Whether it lies in the first room; no end is a failure."""
+        """Return whether the ball lies in the first room, and False: the task cannot be failed."""
         there = self.tiles_of(step.after, self.asked_for(step.after))[:, :5]
         return jnp.any(there), jnp.bool_(False)
 
     def subgoal(self, state: GridState) -> Subgoal:
-        """Fetch it, and drop it on any tile of the first room."""
+        """Fetch the ball, then drop it on any tile of the first room."""
         held = jnp.any(state.things.held & self.asked_for(state))
         floor = (jnp.asarray(state.level.walls)[0] == 0) & (jnp.arange(11) < 5)[None]
         free = floor & ~self.tiles_of(state, state.things.lying)

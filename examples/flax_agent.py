@@ -1,11 +1,11 @@
-"""An agent with a memory in flax: PPO in one compiled program, checkpoints, evaluation.
+"""An agent with memory in flax: PPO in one compiled program, checkpoints, evaluation.
 
     python -m examples.flax_agent                      learns `miniworld-hallway` on a CPU
     jaxenstein score runs/own/flax_agent.json
 
-The network is here; `recurrent_ppo.py` has the algorithm, `own_training.py` the flags, the logs
-and the evaluation. Needs pip install 'jaxenstein[baselines]'; TensorBoard (tensorboardX) and
-Weights & Biases (offline) are written where they are installed.
+This file defines the network; `recurrent_ppo.py` has the algorithm, `own_training.py` flags, logs
+and evaluation. Needs pip install 'jaxenstein[baselines]'. Also logs to TensorBoard (tensorboardX)
+and Weights & Biases (offline) if they are installed.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ from jaxenstein.baselines import PatchConvolution
 
 
 class Cell(nn.Module):
-    """A GRU whose memory is empty where an episode begins."""
+    """A GRU that clears its memory at the start of an episode."""
 
     hidden: int
 
     @nn.compact
     def __call__(self, memory: jax.Array, seen: tuple[jax.Array, jax.Array]) -> Any:
-        """The next memory float32[N, hidden], twice, of features [N, F] and bool[N]."""
+        """The next memory float32[N, hidden], twice, from features [N, F] and bool[N]."""
         features, first = seen
         memory = jnp.where(first[:, None], 0.0, memory)
         return nn.GRUCell(self.hidden)(memory, features)
 
 
 class Network(nn.Module):
-    """Patches of the image, a GRU, a policy and a value."""
+    """Image patches, a GRU, a policy and a value."""
 
     actions: int
     hidden: int
 
     @nn.compact
     def __call__(self, memory: jax.Array, images: jax.Array, first: jax.Array) -> Any:
-        """As `examples.recurrent_ppo.Network`, of images uint8[T, N, H, W, C]."""
-        # Frames are alike: most of a pixel is what all of them share.
+        """See `examples.recurrent_ppo.Network`; images are uint8[T, N, H, W, C]."""
+        # Subtract the mean of all frames and increase the contrast.
         x = 10 * (images.astype(jnp.float32) / 255 - 0.3)
-        # `nn.Conv` here would take many times as long on a CPU (docs/faq.md).
+        # `nn.Conv` takes many times as long on a CPU (docs/faq.md).
         x = nn.relu(PatchConvolution(32, kernel_size=4, strides=4)(x))
         x = nn.relu(nn.Dense(self.hidden)(x.reshape(*x.shape[:2], -1)))
         core = nn.scan(Cell, variable_broadcast="params", split_rngs={"params": False})
@@ -65,12 +65,12 @@ def save(path: Path, weights: Any) -> None:
 
 
 def load(path: Path, like: Any) -> Any:
-    """Read a checkpoint of weights of the structure of others."""
+    """Read a checkpoint with the structure of `like`."""
     return flax.serialization.from_bytes(like, path.with_suffix(".msgpack").read_bytes())
 
 
 def make_network(env: Any, params: Any, hidden: int, key: jax.Array) -> tuple[Any, Any]:
-    """The network of an environment as a function, and its first weights."""
+    """The network of an environment as a function, and its initial weights."""
     module = Network(env.num_actions, hidden)
     obs, _ = jax.eval_shape(env.reset, key, params)
     blank = jnp.zeros((1, hidden)), jnp.zeros((1, 1, *obs.shape)), jnp.ones((1, 1), bool)
@@ -78,7 +78,7 @@ def make_network(env: Any, params: Any, hidden: int, key: jax.Array) -> tuple[An
 
 
 def main(argv: Sequence[str] | None = None) -> tuple[Any, jaxenstein.Results]:
-    """Train and evaluate; returns the weights and the results."""
+    """Train and evaluate; return the weights and the results."""
     options = parse("A recurrent agent in flax.", argv)
     env, params = make_env(options)
     network, weights = make_network(env, params, options.hidden, jax.random.key(options.seed))

@@ -1,10 +1,10 @@
-"""PPO on Gymnasium's interface: NumPy collects, network and update are those of `ppo.py`.
+"""PPO on Gymnasium's vector interface, with the network and the update of `ppo.py`.
 
     python -m examples.gymnasium_ppo
     python -m examples.gymnasium_ppo --id jaxenstein/key-door-v0 --updates 500
 
-It runs on any vector environment of images and discrete actions that resets in the next step,
-which is what `gymnasium.make_vec` makes; `jaxenstein` is imported for its ids alone.
+It runs on any vector environment with images, discrete actions and next-step reset, the default of
+`gymnasium.make_vec`. `jaxenstein` is imported only to register its ids.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from examples.ppo import (
 
 DISCOUNT = 0.99
 Last = tuple[np.ndarray, np.ndarray]
-"""The newest observations, and bool[N], where they are the last ones of an episode."""
+"""The newest observations, and bool[N], whether they are the last ones of an episode."""
 
 
 @jax.jit
 def act(weights: Any, observation: jax.Array, key: jax.Array) -> tuple[jax.Array, ...]:
-    """Actions, their log-probabilities, and values, each [N]."""
+    """Actions, their log-probabilities and values, each [N]."""
     logits, value = apply_network(weights, observation)
     action = jax.random.categorical(key, logits)
     log_prob = jnp.take_along_axis(jax.nn.log_softmax(logits), action[:, None], 1)[:, 0]
@@ -57,7 +57,7 @@ def collect(
     observation, over = last
     for step_key in jax.random.split(key, steps):
         action, log_prob, value = map(np.asarray, act(weights, observation, step_key))
-        # After an end this step resets: it ignores the action and is nothing to learn from.
+        # After an episode has ended, this step resets and ignores the action: do not learn from it.
         chosen = ~over
         after, reward, terminated, truncated, infos = envs.step(action)
         over = terminated | truncated
@@ -84,7 +84,7 @@ def improve(
 def train(
     envs: Any, settings: Settings, seed: int = 0, report: Callable[[str], None] = print
 ) -> tuple[Any, list[list[float]]]:
-    """Train: the weights of the network, and the returns of the episodes of each update."""
+    """Train; return the weights, and the returns of the episodes in each update."""
     assert envs.metadata["autoreset_mode"] == gymnasium.vector.AutoresetMode.NEXT_STEP
     key, network_key = jax.random.split(jax.random.key(seed))
     shape = envs.single_observation_space.shape
@@ -115,7 +115,7 @@ def main() -> None:
     parser.add_argument("--updates", type=int, default=120)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    # Long steps and quarter turns, as in a grid world, so that a minute of training is enough.
+    # Long steps and quarter turns, as in a grid world, so that a minute of training suffices.
     envs = gymnasium.make_vec(
         options.id,
         num_envs=options.envs,

@@ -1,4 +1,4 @@
-"""An agent of your own, with a memory, and what it gets in the T-maze.
+"""Your own agent with memory, and its score in the T-maze.
 
 python examples/own_policy.py
 jaxenstein evaluate --policy examples.own_policy:agent --env t-maze
@@ -14,7 +14,7 @@ JUNCTION, QUARTER = 33, 6  # steps to the end of the corridor, and turns that ma
 
 
 def agent(env, params):
-    """A policy and its memory at the start of an episode: the balance of colours, and the time."""
+    """Return a policy and its initial memory: the balance of colours, and the time."""
     left, right, forward = map(env.index_of, ("turn left", "turn right", "forward"))
 
     def policy(carry, obs, key):
@@ -29,7 +29,7 @@ def agent(env, params):
 
 
 def main(episodes=100):
-    """Evaluate it; returns the `jaxenstein.Results`."""
+    """Evaluate the agent; return the `jaxenstein.Results`."""
     env, params = jaxenstein.make("t-maze")
     results = jaxenstein.evaluate(env, params, *agent(env, params), episodes, name="own_policy")
     print(results.summary())

@@ -1,4 +1,4 @@
-"""Around a training of one's own: flags, logs, checkpoints, evaluation, a file of results.
+"""What surrounds a training: flags, logs, checkpoints, evaluation, and a file of results.
 
 `flax_agent.py` and `equinox_agent.py` share this.
 """
@@ -29,9 +29,9 @@ def parse(description: str, argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--env", default="miniworld-hallway", help="an id (default %(default)s)")
     numbers = {"size": (16, "pixels a side"), "hidden": (64, "size of the memory"),
-               "envs": (32, "environments"), "steps": (64, "steps of a rollout"),
-               "updates": (60, "updates"), "every": (10, "updates between two checkpoints"),
-               "episodes": (100, "episodes of the evaluation"), "seed": (0, "seed")}  # fmt: skip
+               "envs": (32, "environments"), "steps": (64, "steps per rollout"),
+               "updates": (60, "updates"), "every": (10, "updates between checkpoints"),
+               "episodes": (100, "episodes of evaluation"), "seed": (0, "seed")}  # fmt: skip
     for name, (default, told) in numbers.items():
         help = f"{told} (default {default})"
         parser.add_argument(f"--{name}", type=int, default=default, help=help)
@@ -40,14 +40,14 @@ def parse(description: str, argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def make_env(options: argparse.Namespace) -> tuple[Any, Any]:
-    """The environment; a step that ends an episode shows its last frame, the next one resets."""
+    """Make the environment; the step after the end of an episode resets it."""
     size = {"height": options.size, "width": options.size}
     return jaxenstein.make(options.env, autoreset="next-step", **size)
 
 
 @contextlib.contextmanager
 def logs(out: Path, config: Mapping[str, Any]) -> Iterator[list[Log]]:
-    """What a row is told to: the screen, TensorBoard and Weights & Biases where installed."""
+    """The loggers: screen, and TensorBoard and Weights & Biases if they are installed."""
     found: list[Log] = [show]
     with contextlib.ExitStack() as stack:
         if importlib.util.find_spec("tensorboardX"):
@@ -59,7 +59,7 @@ def logs(out: Path, config: Mapping[str, Any]) -> Iterator[list[Log]]:
             )
         if importlib.util.find_spec("wandb"):
             wandb: Any = importlib.import_module("wandb")
-            # Nothing is sent; `wandb sync` sends the folder later.
+            # Offline; `wandb sync` uploads the folder later.
             run = wandb.init(project="jaxenstein", mode="offline", dir=out, config=dict(config))
             stack.callback(run.finish)
             found.append(lambda steps, row: run.log(dict(row), step=steps))
@@ -79,18 +79,18 @@ def run(
     save: Callable[[Path, Any], object],
     name: str,
 ) -> tuple[Any, jaxenstein.Results]:
-    """Train, log every update, save the weights now and then, and evaluate the last ones.
+    """Train, log every update, save checkpoints, and evaluate the final weights.
 
     Args:
-        options: those of `parse`.
-        world: an environment and its params, as `make_env` returns them.
-        network: with `options.hidden` numbers in its memory.
-        weights: the first ones.
-        save: writes weights into a file.
-        name: of the agent in the results, and of the files.
+        options: the result of `parse`.
+        world: an environment and its params, from `make_env`.
+        network: the network, with a memory of size `options.hidden`.
+        weights: the initial weights.
+        save: writes weights to a file.
+        name: name of the agent and of its files.
 
     Returns:
-        The weights and the results, which NAME.json has for `jaxenstein score`.
+        The weights and the results; NAME.json has the results for `jaxenstein score`.
     """
     options.out.mkdir(parents=True, exist_ok=True)
     settings = Settings(envs=options.envs, steps=options.steps, epochs=2, minibatches=4)
@@ -106,7 +106,7 @@ def run(
             training, report = trainer.run(training, min(options.every, options.updates - done))
             for row in zip(*jax.device_get(report), strict=True):
                 done += 1
-                # Where no episode ended there is no mean.
+                # Means are NaN if no episode ended.
                 shown = {k: float(v) for k, v in zip(named, row, strict=True) if v == v}
                 for log in told:
                     log(done * options.envs * options.steps, shown)

@@ -1,11 +1,11 @@
-"""PPO on the native API: collecting, learning and resetting are one compiled program.
+"""PPO with the JAX interface: rollouts, resets and updates are one compiled program.
 
     python examples/ppo.py                            a small room, about a minute on two cores
     python examples/ppo.py --env simple --updates 300
 
-It needs nothing but jax: the network and Adam are written out. In the manner of PureJaxRL (Lu et
-al., "Discovered Policy Optimisation", 2022), with PPO as of Schulman et al. (arXiv:1707.06347) and
-generalised advantage estimation (arXiv:1506.02438).
+It needs only jax and jaxenstein; the network and Adam are in this file. The style is that of
+PureJaxRL (Lu et al., "Discovered Policy Optimisation", 2022), the algorithm PPO (Schulman et al.,
+arXiv:1707.06347) with generalised advantage estimation (arXiv:1506.02438).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import jax.numpy as jnp
 
 import jaxenstein
 
-# The agent starts anywhere, facing anywhere, and has to find the goal in the corner by looking.
+# The agent starts anywhere with any heading, and has to find the goal in the corner.
 ROOM = """
 #######
 #SSSSS#
@@ -33,7 +33,7 @@ ROOM = """
 
 
 class Settings(NamedTuple):
-    """The numbers of the algorithm."""
+    """Hyperparameters."""
 
     envs: int = 32
     steps: int = 128
@@ -49,7 +49,7 @@ class Settings(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """What one step of N environments was, or of a trajectory with leading axes [T, N]."""
+    """A step of N environments, or a trajectory with leading axes [T, N]."""
 
     observation: jax.Array
     action: jax.Array
@@ -62,7 +62,7 @@ class Transition(NamedTuple):
 
 
 class Report(NamedTuple):
-    """Of the episodes that ended in an update, float32[updates]; NaN where none did."""
+    """Statistics of the episodes that ended in each update; means are NaN if none ended."""
 
     episodes: jax.Array
     mean_return: jax.Array
@@ -70,7 +70,7 @@ class Report(NamedTuple):
 
 
 def init_network(key: jax.Array, shape: Sequence[int], num_actions: int) -> dict[str, jax.Array]:
-    """Orthogonal weights of a small convolutional network with a policy and a value."""
+    """Orthogonal initial weights of a small convolutional network with policy and value."""
     height, width, channels = shape
     layers = {
         "conv1": (4, 4, channels, 16, 2**0.5),
@@ -88,7 +88,7 @@ def init_network(key: jax.Array, shape: Sequence[int], num_actions: int) -> dict
 
 
 def apply_network(weights: dict[str, jax.Array], images: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Logits float32[B, actions] and values float32[B] of images uint8[B, H, W, C]."""
+    """Map images uint8[B, H, W, C] to logits float32[B, actions] and values float32[B]."""
 
     def dense(name: str, x: jax.Array) -> jax.Array:
         return x @ weights[name] + weights[f"{name}_bias"]
@@ -98,8 +98,8 @@ def apply_network(weights: dict[str, jax.Array], images: jax.Array) -> tuple[jax
         return x + weights[f"{name}_bias"]
 
     x = images.astype(jnp.float32) / 255
-    # In a compiled training on a CPU the gradients of `jax.lax.conv` and of the layers of flax and
-    # equinox that call it take many times as long (docs/faq.md).
+    # In compiled training on a CPU, gradients of `jax.lax.conv`, and of the layers of flax and
+    # equinox that call it, take many times as long (docs/faq.md).
     x = jax.nn.relu(convolution("conv1", x, 4))
     x = jax.nn.relu(convolution("conv2", x, 2))
     x = jax.nn.relu(dense("dense", x.reshape(len(x), -1)))
@@ -117,16 +117,16 @@ def advantages(
     """Generalised advantage estimates float32[T, N].
 
     Args:
-        values: float32[T + 1, N], of the observations before each step and after the last one.
-            After the end of an episode they must be those of its last observation.
+        values: float32[T + 1, N], values of the observations before each step and after the last
+            one. At the end of an episode, the value must be that of its last observation.
         reward: float32[T, N].
-        terminated: bool[T, N], the task's own ends: nothing is worth anything afterwards.
-        ended: bool[T, N], those and the time limit's: nothing afterwards belongs to the episode.
+        terminated: bool[T, N], whether the task ended the episode.
+        ended: bool[T, N], whether the task or the time limit ended the episode.
         discount: the discount factor.
-        gae_lambda: the weight of longer estimates.
+        gae_lambda: lambda of generalised advantage estimation.
     """
-    # An episode that the time limit cuts off would have gone on, so the value of its last
-    # observation counts; only where the task itself ended is there nothing more to come.
+    # After a truncation, the value of the last observation stands for the rest of the episode.
+    # After a termination, there are no more rewards.
     errors = reward + discount * values[1:] * ~terminated - values[:-1]
 
     def back(later: jax.Array, step: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
@@ -140,7 +140,7 @@ def advantages(
 def loss(
     weights: dict[str, jax.Array], batch: tuple[Transition, jax.Array], settings: Settings
 ) -> jax.Array:
-    """PPO's clipped loss of a batch of transitions and their advantages."""
+    """PPO's clipped loss for a batch of transitions and their advantages."""
     past, advantage = batch
     logits, value = apply_network(weights, past.observation)
     log_probs = jax.nn.log_softmax(logits)
@@ -148,7 +148,7 @@ def loss(
     entropy = -jnp.sum(jnp.exp(log_probs) * log_probs, axis=1)
 
     def mean(x: jax.Array) -> jax.Array:
-        # The steps that only reset an environment were not the policy's choice.
+        # Leave out steps that only reset: their action had no effect.
         return jnp.sum(x * past.chosen) / jnp.maximum(jnp.sum(past.chosen), 1)
 
     centred = advantage - mean(advantage)
@@ -169,7 +169,7 @@ class Adam(NamedTuple):
 
 
 def descend(weights: Any, adam: Adam, gradient: Any, settings: Settings) -> tuple[Any, Adam]:
-    """One step of Adam along a gradient whose norm is cut to `largest_gradient`."""
+    """One step of Adam, with the gradient clipped to the norm `largest_gradient`."""
     norm = jnp.sqrt(sum(jnp.sum(g**2) for g in jax.tree.leaves(gradient)))
     scale = jnp.minimum(1, settings.largest_gradient / (norm + 1e-6))
     gradient = jax.tree.map(lambda g: g * scale, gradient)
@@ -186,10 +186,10 @@ def descend(weights: Any, adam: Adam, gradient: Any, settings: Settings) -> tupl
 def collect(
     env: Any, params: Any, settings: Settings, weights: Any, start: tuple, key: jax.Array
 ) -> tuple[tuple, tuple[Transition, dict[str, jax.Array]]]:
-    """Let the policy act for `settings.steps` steps from `start`, the observations and states.
+    """Let the policy act for `settings.steps` steps from `start`, (observations, states).
 
     Returns:
-        The observations and states afterwards, the trajectory, and the infos [T, N].
+        The new `start`, the trajectory, and the infos [T, N].
     """
 
     def act(start: tuple, key: jax.Array) -> tuple[tuple, tuple]:
@@ -211,7 +211,7 @@ def collect(
 def learn(
     settings: Settings, weights: Any, adam: Adam, data: tuple[Transition, jax.Array], key: jax.Array
 ) -> tuple[Any, Adam]:
-    """Go through transitions and their advantages [T, N] some epochs long, in minibatches."""
+    """Train for some epochs on transitions and advantages [T, N], in minibatches."""
     data = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), data)
 
     def descend_once(carry: tuple, rows: jax.Array) -> tuple[tuple, None]:
@@ -231,11 +231,11 @@ def make_train(
     """The whole training as one function of a random key.
 
     Args:
-        env: an environment with `autoreset="next-step"`: the step that ends an episode shows its
-            last observation, whose value is needed, and the step after it resets. With
-            `"same-step"` that observation would have to be drawn besides the next episode's.
-        params: its params.
-        settings: of the algorithm.
+        env: an environment with `autoreset="next-step"`. The step that ends an episode then
+            returns its last observation, whose value is needed, and the next step resets. With
+            `"same-step"`, that observation would have to be drawn in addition.
+        params: the params.
+        settings: the hyperparameters.
         show: called on the host with the number of each update and its `Report`.
     """
 
@@ -271,7 +271,7 @@ def make_train(
 
 
 def main(argv: Sequence[str] | None = None) -> tuple[Any, Report]:
-    """Train and print the mean return of each update; returns the weights and the curve."""
+    """Train, print the mean return of each update, and return the weights and the curve."""
     parser = argparse.ArgumentParser(description="PPO in one compiled program.")
     parser.add_argument("--env", help="an id of `jaxenstein list` (default: a small room)")
     parser.add_argument("--size", type=int, default=32, help="pixels a side (default 32)")
@@ -284,7 +284,7 @@ def main(argv: Sequence[str] | None = None) -> tuple[Any, Report]:
     camera = {"height": options.size, "width": options.size, "autoreset": "next-step"}
     if options.env is None:
         env, params = jaxenstein.from_ascii(ROOM, **camera)
-        # Strides twice as long as usual, so that chance finds the goal now and then.
+        # Twice the usual stride, so that a random policy sometimes finds the goal.
         params = params.replace(max_steps_in_episode=100, move_distance=0.3, turn_angle=math.pi / 6)
     else:
         env, params = jaxenstein.make(options.env, **camera)

@@ -1,8 +1,8 @@
-"""PPO with a memory, around any network: what `flax_agent.py` and `equinox_agent.py` share.
+"""Recurrent PPO for any network; `flax_agent.py` and `equinox_agent.py` use it.
 
-Collecting, learning and resetting are one compiled program, as in `ppo.py`, whose advantages and
-settings this takes. A minibatch is some of the environments over all steps, so that gradients go
-back through the memory.
+Rollouts, resets and updates are one compiled program, as in `ppo.py`, which also defines advantages
+and settings. A minibatch has all steps of some environments, so that gradients flow through the
+memory.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ import optax
 
 from examples.ppo import Report, Settings, advantages
 
-# A network takes weights, a memory float32[N, H], images [T, N, ...] and bool[T, N], where an
-# episode begins, and returns the next memory, logits [T, N, actions] and values [T, N].
+# A network takes weights, a memory float32[N, H], images [T, N, ...] and bool[T, N], whether an
+# image is the first of an episode. It returns the next memory, logits [T, N, actions] and values
+# [T, N].
 Network = Callable[[Any, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array, jax.Array]]
 
 
 class Rollout(NamedTuple):
-    """Steps of N environments, all [T, N]; `chosen`: the step was the policy's, not a reset."""
+    """Steps of N environments, all [T, N]; `chosen` is false for steps that only reset."""
 
     observation: jax.Array
     first: jax.Array
@@ -38,7 +39,7 @@ class Rollout(NamedTuple):
 
 
 class Training(NamedTuple):
-    """A training between two updates."""
+    """The state of training between two updates."""
 
     key: jax.Array
     weights: Any
@@ -51,7 +52,7 @@ class Training(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Trainer:
-    """What does not change during a training."""
+    """The constants of a training."""
 
     env: Any
     params: Any
@@ -60,7 +61,7 @@ class Trainer:
     settings: Settings
 
     def begin(self, key: jax.Array, weights: Any, hidden: int) -> Training:
-        """The training before its first update, with a memory of `hidden` numbers."""
+        """The training state before the first update, with a memory of size `hidden`."""
         key, reset_key = jax.random.split(key)
         count = self.settings.envs
         keys = jax.random.split(reset_key, count)
@@ -71,7 +72,7 @@ class Trainer:
 
     @functools.partial(jax.jit, static_argnums=(0, 2))
     def run(self, training: Training, updates: int) -> tuple[Training, Report]:
-        """Some updates, and what the episodes of each earned."""
+        """Run some updates; return the new state and a report for each update."""
         return jax.lax.scan(lambda t, _: self.update(t), training, None, updates)
 
     def update(self, training: Training) -> tuple[Training, Report]:
@@ -93,7 +94,7 @@ class Trainer:
         return training._replace(weights=weights, optimiser=optimiser), report
 
     def look(self, training: Training) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The next memory, and the logits [N, actions] and values [N] of what is seen now."""
+        """The next memory, and the logits [N, actions] and values [N] of the current images."""
         seen = training.observation[None], training.first[None]
         memory, logits, value = self.network(training.weights, training.memory, *seen)
         return memory, logits[0], value[0]
@@ -108,7 +109,7 @@ class Trainer:
         observation, state, reward, terminated, truncated, info = jax.vmap(
             self.env.step, (0, 0, 0, None)
         )(keys, training.state, action, self.params)
-        # After the end of an episode a step only resets: what it shows is the next one's first.
+        # After the end of an episode, a step only resets, and its image is the first of an episode.
         chosen = ~training.state.done
         past = Rollout(
             training.observation, training.first, action, log_prob, value, reward, terminated,
@@ -122,7 +123,7 @@ class Trainer:
     def learn(
         self, training: Training, memory: jax.Array, past: Rollout, advantage: Any, key: Any
     ) -> tuple[Any, Any]:
-        """Some epochs over the environments in minibatches; `memory` is that before the rollout."""
+        """Train for some epochs; `memory` is the memory before the rollout."""
 
         def descend(carry: tuple[Any, Any], rows: jax.Array) -> tuple[tuple[Any, Any], None]:
             weights, optimiser = carry
@@ -137,7 +138,7 @@ class Trainer:
         return jax.lax.scan(descend, (training.weights, training.optimiser), rows)[0]
 
     def loss(self, weights: Any, memory: Any, past: Rollout, advantage: jax.Array) -> jax.Array:
-        """PPO's clipped loss of whole sequences."""
+        """PPO's clipped loss for whole sequences."""
         _, logits, value = self.network(weights, memory, past.observation, past.first)
         log_probs, s = jax.nn.log_softmax(logits), self.settings
         log_prob = jnp.take_along_axis(log_probs, past.action[..., None], -1)[..., 0]
@@ -153,12 +154,12 @@ class Trainer:
 
 
 def policy_of(network: Network, weights: Any) -> Any:
-    """The policy with such weights as `jaxenstein.evaluate` takes one, with a memory (h, first)."""
+    """A policy for `jaxenstein.evaluate`, with the memory (h, first)."""
 
     def policy(weights: Any, carry: Any, obs: jax.Array, key: jax.Array) -> tuple[Any, jax.Array]:
         memory, first = carry
         memory, logits, _ = network(weights, memory[None], obs[None, None], first[None, None])
         return (memory[0], jnp.zeros_like(first)), jax.random.categorical(key, logits[0, 0])
 
-    # Weights in a Partial are arguments of the compiled program, not constants in it.
+    # Weights in a Partial become arguments of the compiled program, not constants.
     return jax.tree_util.Partial(policy, weights)

@@ -1,8 +1,8 @@
-"""An actor-critic in PyTorch; the environments draw straight into its tensors.
+"""An actor-critic in PyTorch, which shares memory with the environments.
 
     python examples/torch_loop.py [--updates N]        needs pip install 'jaxenstein[torch]'
 
-On a GPU the frames never leave it: JAX hands them to torch by DLPack, without a copy.
+JAX passes frames to torch with DLPack, without a copy; on a GPU they never leave the device.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ ROOM = """
 
 
 class Policy(nn.Module):
-    """Logits and a value of images uint8[N, H, W, 3]."""
+    """Maps images uint8[N, H, W, 3] to logits and values."""
 
     def __init__(self, height: int, width: int, num_actions: int) -> None:
-        """Make the layers."""
+        """Create the layers."""
         super().__init__()
         self.body = nn.Sequential(
             nn.Flatten(),
@@ -52,7 +52,7 @@ class Policy(nn.Module):
 def roll_out(
     envs: TorchBatch, policy: Policy, observation: torch.Tensor, steps: int, discount: float
 ) -> tuple[torch.Tensor, torch.Tensor, list[float]]:
-    """Act for some steps: observations after them, the loss, and returns of ended episodes."""
+    """Act for some steps; return the next observations, the loss, and returns of ended episodes."""
     choices, rewards, keeps, returns = [], [], [], []
     for _ in range(steps):
         logits, value = policy(observation)
@@ -62,7 +62,7 @@ def roll_out(
         reward = out.reward.clone()
         if out.ended is not None:
             returns += out.ended.info["episode_return"].tolist()
-            # Where only time was up, the episode would have gone on from its last observation.
+            # After a truncation, bootstrap from the value of the last observation.
             with torch.no_grad():
                 beyond = discount * policy(out.ended.observation)[1]
             i = out.ended.indices
@@ -84,14 +84,14 @@ def roll_out(
 
 
 def main(argv: Sequence[str] | None = None) -> list[float]:
-    """Train; returns the mean return of the last 200 episodes after each update."""
+    """Train; return the mean return of the last 200 episodes after each update."""
     parser = argparse.ArgumentParser(description="An actor-critic in PyTorch.")
     parser.add_argument("--updates", type=int, default=250)
     parser.add_argument("--envs", type=int, default=64)
-    parser.add_argument("--steps", type=int, default=8, help="steps in an update")
+    parser.add_argument("--steps", type=int, default=8, help="steps per update")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(argv)
-    # A loop that waits for every frame only loses by handing the work to another thread.
+    # Dispatch to another thread only costs time, since the loop waits for every frame.
     jax.config.update("jax_cpu_enable_async_dispatch", False)
     torch.manual_seed(options.seed)
     env, params = jaxenstein.from_ascii(ROOM, heading=0.0, height=16, width=16)

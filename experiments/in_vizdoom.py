@@ -1,13 +1,13 @@
-"""Train in ViZDoom itself, with the same trainer and configuration, for as long as one likes.
+"""Train in ViZDoom itself, with the same trainer and config, for a given time.
 
     python -m experiments.in_vizdoom CONFIG --out FILE [--minutes M] [--seed N] ...
 
-CONFIG is what `jaxenstein train --config` takes, about a `doom-` environment. Every decision is
-asked of games that run beside (`jaxenstein.adapters.vizdoom.GameSession`), as many as `num_envs`
-says; all else is what `jaxenstein train` does. FILE gets a row of metrics after each update. The
-game's rewards are its own: where CONFIG trains on a hundredth of them, it takes `--scale 0.01`. On
-a core that other work shares, `--clock cpu` counts what this program and its games have had of it
-(on Linux). Needs the extras `baselines` and `vizdoom`.
+CONFIG is a config for `jaxenstein train --config` with a `doom-` environment. Instead of that
+environment, the program steps `num_envs` ViZDoom games
+(`jaxenstein.adapters.vizdoom.GameSession`); everything else is the same as in `jaxenstein train`.
+FILE gets a row of metrics after each update. Rewards are those of the game; if CONFIG divides them
+by 100, add `--scale 0.01`. If other programs share the core, use `--clock cpu` (Linux), which
+counts the CPU time of this program and its games. Needs the extras `baselines` and `vizdoom`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from jaxenstein.pytree import PyTreeNode
 
 
 class GameState(PyTreeNode):
-    """Which of the games it is, and the steps taken in it, so that no step can be left out.
+    """The number of a game and of its steps, which forces JAX to execute every step.
 
     Attributes:
         game: int32[].
@@ -51,12 +51,12 @@ class GameState(PyTreeNode):
 
 
 class Games:
-    """Games by gymnax' contract, reset in the step that ends an episode; only for `jax.vmap`."""
+    """Games with gymnax' interface, reset in the step that ends an episode; only for `jax.vmap`."""
 
     def __init__(
         self, env: Environment[Any, Any], params: Any, number: int, scale: float = 1.0
     ) -> None:
-        """Start so many games, whose rewards are multiplied by `scale`."""
+        """Start `number` games; rewards are multiplied by `scale`."""
         self._scale, self.frame_skip = scale, env.frame_skip
         self.action_space, self.observation_space = env.action_space, env.observation_space
         self._sessions = [GameSession(env, params, seed) for seed in range(number)]
@@ -65,7 +65,7 @@ class Games:
         self._seen = jax.ShapeDtypeStruct(first.shape, first.dtype)
 
     def reset(self, key: jax.Array, params: Any) -> tuple[jax.Array, GameState]:
-        """The next game that has not been handed out, at the start of an episode."""
+        """The first game not yet in use, at the start of an episode."""
         del params
         shapes = (self._seen, jax.ShapeDtypeStruct((), np.int32))
         obs, game = io_callback(self._begin, shapes, jax.random.bits(key))
@@ -74,7 +74,7 @@ class Games:
     def step(
         self, key: jax.Array, state: GameState, action: jax.Array, params: Any
     ) -> tuple[jax.Array, GameState, jax.Array, jax.Array, jax.Array, dict[str, Any]]:
-        """Hold an action in its game; `final_observation` is the last that the game showed."""
+        """Take an action in a game; `final_observation` is the last frame before a reset."""
         del params
         flag = jax.ShapeDtypeStruct((), np.bool_)
         shapes = (
@@ -108,12 +108,12 @@ class Games:
 
 
 def cpu_seconds() -> float:
-    """What this program and its games have had of the processor so far."""
+    """The CPU time of this program and its games so far."""
     own, tick = str(os.getpid()), os.sysconf("SC_CLK_TCK")
     total = 0.0
     for path in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):  # it has ended meanwhile
-            # After the name in brackets: state, parent, ..., user and system time.
+        with contextlib.suppress(OSError):  # the process may have ended
+            # Fields after the name in brackets: state, parent, ..., user and system time.
             fields = path.read_text().rpartition(")")[2].split()
             if own in (path.parent.name, fields[1]):
                 total += (int(fields[11]) + int(fields[12])) / tick
@@ -127,7 +127,7 @@ def train(
     clock: Callable[[], float] = time.perf_counter,
     scale: float = 1.0,
 ) -> Iterator[dict[str, float]]:
-    """Train one run in the game, for so many minutes of a clock; a row for each update."""
+    """Train one run in the game for some minutes of a clock; yield a row for each update."""
     experiment = resolve({**read_file(find_config(config)), "seed": seed, "seeds": 1})
     env, params = experiment.environment.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
@@ -145,7 +145,7 @@ def _train(
         row = {name: float(values[0]) for name, values in jax.device_get(metrics).items()}
         updates += 1
         steps = updates * experiment.config.steps_per_update
-        # The first update is compiled; time counts from there on.
+        # Time counts from the end of the first update, which includes compilation.
         begin = begin or clock()
         seconds = clock() - begin
         print(
@@ -159,21 +159,21 @@ def _train(
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Train, and write each row as it comes."""
+    """Train, and write each row at once."""
     parser = argparse.ArgumentParser(description="Train in ViZDoom itself.")
     parser.add_argument("config")
-    parser.add_argument("--out", required=True, help="a file of JSON lines")
+    parser.add_argument("--out", required=True, help="a JSON Lines file")
     parser.add_argument("--minutes", type=float, default=8.0)
     parser.add_argument("--clock", choices=("wall", "cpu"), default="wall")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--scale", type=float, default=1.0, help="of rewards (default 1)")
+    parser.add_argument("--scale", type=float, default=1.0, help="factor on rewards (default 1)")
     arguments = parser.parse_args(argv)
     check_writable(arguments.out)
     clock = cpu_seconds if arguments.clock == "cpu" else time.perf_counter
     rows = train(arguments.config, arguments.minutes, arguments.seed, clock, arguments.scale)
     for number, row in enumerate(rows):
         if number == 0:
-            # What was there stays until there is something in its place.
+            # An old file stays until the first row replaces it.
             Path(arguments.out).unlink(missing_ok=True)
         append(Path(arguments.out), json.dumps(row) + "\n")
 

@@ -1,12 +1,12 @@
-"""Train sb3-contrib's RecurrentPPO on ViZDoom's My Way Home, for as long as one likes.
+"""Train sb3-contrib's RecurrentPPO on ViZDoom's My Way Home for a given time.
 
     python -m experiments.sb3_in_vizdoom --out FILE [--minutes M] [--seed N] [--envs 16]
 
-The network and numbers are those of `benchmarks/subjects/sb3.py`, the paper's, but for what the
-tuned recipe has found for this map: a discount of 0.99 a decision and a constant learning rate;
-frames of 64x64, frame skip 4. FILE gets a row after each rollout, as `experiments.in_vizdoom`
-writes them. Its interpreter is that of `python -m benchmarks.install training`; nothing of
-this project's environments is used.
+Network and hyperparameters are those of the paper (`benchmarks/subjects/sb3.py`), except for two
+that the tuned recipe found better on this map: a discount of 0.99 and a constant learning rate.
+Frames are 64x64, with frame skip 4. FILE gets a row after each rollout, like those of
+`experiments.in_vizdoom`. Run it with the interpreter of `python -m benchmarks.install training`. It
+uses no environment of this project.
 """
 
 # pyright: reportMissingImports=false
@@ -24,7 +24,7 @@ from typing import Any
 from benchmarks.subjects.sb3 import make_model, make_vector
 
 FRAME_SKIP = 4
-# More than any training here makes.
+# More steps than any training takes.
 ENDLESS = 10**9
 
 
@@ -63,13 +63,13 @@ def train(out: Path, minutes: float, seed: int, envs: int) -> None:
 def main(argv: Sequence[str] | None = None) -> None:
     """Read the command line and train."""
     parser = argparse.ArgumentParser(description="Train RecurrentPPO in ViZDoom.")
-    parser.add_argument("--out", required=True, type=Path, help="a file of JSON lines, not there")
+    parser.add_argument("--out", required=True, type=Path, help="a new JSON Lines file")
     parser.add_argument("--minutes", type=float, default=15.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--envs", type=int, default=16)
     options = parser.parse_args(argv)
     if options.out.exists():
-        parser.error(f"{options.out} is there already")
+        parser.error(f"{options.out} already exists")
     options.out.touch()
     train(options.out, options.minutes, options.seed, options.envs)
 

@@ -1,17 +1,19 @@
-"""Which numbers learn fastest on the clock: variants of one training, and a table of them.
+"""Compare variants of one training by the time that they need to learn.
 
     python -m experiments.study STUDY --out DIR
     python -m experiments.study STUDY --out DIR --only "1 epoch" "4 epochs"
 
-STUDY is a TOML file: `base` is what `jaxenstein train --config` takes, a path relative to the file
-or the name of a configuration of this package; `[shared]` has options in which all differ from it,
-every line of `[variants]` is a name with those in which that one does besides, and `reach` is the
-success rate to be reached. Each is trained into a run directory below DIR, all its seeds side by
-side; the same command goes on with what is not finished. With `--only` several cores can share the
-variants, and the first command then has the table. The table has the decisions and the seconds
-after which the median seed and the last one reached it, over three updates, and the success over
-the last tenth of the training, seed by seed. Seconds are of all seeds together and without
-compiling, which a cache may have done.
+STUDY is a TOML file. `base` is a config for `jaxenstein train --config`: a path relative to STUDY,
+or the name of a config of this package. `[shared]` changes options for all variants, each line of
+`[variants]` changes options for one variant, and `reach` is the success rate to reach.
+
+Every variant is trained in a run directory below DIR, with all seeds in parallel. Run the same
+command again to continue. To use several cores, give each core some variants with `--only`; then
+run the command without it for the table.
+
+The table shows the decisions and the seconds until the median seed and the last seed reached the
+success rate, over three updates, and the success rate of every seed over the last tenth of
+training. Seconds are for all seeds together, without compilation.
 """
 
 from __future__ import annotations
@@ -32,17 +34,17 @@ from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.baselines.runs.training import train
 from jaxenstein.progress import Progress
 
-# Updates whose episodes are pooled, and the fewest episodes in them: where all begin together,
-# those that end early are the successful ones.
+# Number of updates to pool, and the minimum number of episodes in them. A minimum is needed since
+# the first episodes to end are the successful ones.
 POOLED, FEWEST = 3, 20
 HEAD = (
     "| variant | solved | at the end, % | decisions: median, last | seconds: median, last | "
-    "decisions a second |"
+    "decisions per second |"
 )
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Train what is not trained yet, and print the table."""
+    """Train the variants that are not finished, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m experiments.study", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("study", type=Path, metavar="STUDY")
@@ -64,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """A study's file."""
+    """Read the file of a study."""
     return tomllib.loads(path.read_text("utf-8"))
 
 
@@ -74,10 +76,10 @@ def folder_name(name: str) -> str:
 
 
 def trained(path: Path, given: dict[str, Any], name: str) -> RunFolder:
-    """The run directory, trained to its end.
+    """Train to the end, and return the run directory.
 
     Raises:
-        SettingError: it is there and was made with other options.
+        SettingError: the directory has a run with other options.
     """
     experiment = resolve(given)
     folder = RunFolder.open_or_create(path, experiment)
@@ -87,7 +89,7 @@ def trained(path: Path, given: dict[str, Any], name: str) -> RunFolder:
 
 
 def row_of(name: str, folder: RunFolder, reach: float) -> str:
-    """A line of the table."""
+    """A row of the table."""
     runs, steps = len(folder.experiment.runs), folder.experiment.config.steps_per_update
     by_run = rows_by_run(read_metrics(folder.path), runs)
     first = np.array([solved_at(rows, reach) for rows in by_run])
@@ -102,19 +104,19 @@ def row_of(name: str, folder: RunFolder, reach: float) -> str:
 
 
 def told(numbers: Sequence[float]) -> str:
-    """Whole numbers, or `never`."""
+    """Format numbers; infinite ones are `never`."""
     return ", ".join(f"{number:,.0f}" if np.isfinite(number) else "never" for number in numbers)
 
 
 def at_the_end(rows: Sequence[dict[str, Any]]) -> float:
-    """The success rate over the last tenth of the updates; not a number without an episode."""
+    """The success rate over the last tenth of the updates; NaN without episodes."""
     last = rows[-max(1, len(rows) // 10) :]
     episodes = sum(row["episodes"] for row in last)
     return sum(row["successes"] for row in last) / episodes if episodes else np.nan
 
 
 def solved_at(rows: Sequence[dict[str, Any]], reach: float) -> float:
-    """The first update after which `POOLED` updates together have such a success rate; or inf."""
+    """The first update at which the last `POOLED` updates reach a success rate, or inf."""
     counts = np.array([[row["successes"], row["episodes"]] for row in rows], np.float64)
     sums = np.cumsum(counts, axis=0)
     sums[POOLED:] -= sums[:-POOLED].copy()

@@ -1,1 +1,1 @@
-"""Comparisons of the environments with the tasks they are ports of."""
+"""Comparisons of environments with their originals."""

@@ -1,12 +1,12 @@
-"""How monsters fight in Doom's scenarios, here and in the game, beyond what players get.
+"""Compare how monsters fight in Doom's scenarios here and in the game.
 
     python -m fidelity.doom_fights [--episodes N] [--seed N] [ID ...]
 
-Needs the extra `vizdoom`. Episodes of scripted players are watched tic by tic in both: when the
-first damage comes, how often the player is hit and how much that takes, how fast monsters come
-near, how often imps throw, and which of the player's bullets hit by distance. Means with standard
-errors; those that are more than two of them apart are marked, and so are distributions of damage
-that are less alike than by chance one time in twenty.
+Needs the extra `vizdoom`. It follows episodes of scripted players tic by tic in both, and compares
+the time of the first damage, the rate and the damage of hits, the speed of monsters, the rate of
+fireballs, and the hit rate of the player's shots by distance. It prints means with standard errors,
+and marks means that differ by more than two standard errors, and distributions of damage that
+differ significantly (p < 0.05).
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ from jaxenstein.players import players_of
 from jaxenstein.tasks.doom.fixed import ONE
 
 UNLIKELY = 0.05
-"""Distributions that are less alike than this are marked."""
-# Tics of an episode that are watched.
+"""The p-value below which distributions are marked."""
+# Tics to follow in an episode.
 _TICS = 400
-# A fireball flies so many map units a tic, and is known again by them within so many.
+# Speed of a fireball in map units per tic, and the tolerance to recognise it in the next tic.
 _FLIES, _SLACK = 10, 0.5
-# Where imps and demons have come after so many tics; shots from up to each of these distances.
+# The tic at which distances of monsters are compared, and the bounds of shot distances.
 _AFTER = 100
 _NEAR = (0, 150, 400, 800)
 
 
 class Seen(NamedTuple):
-    """What is watched of a state; in a trace all have a leading axis of tics.
+    """The observed part of a state; in a trace, all fields have a leading axis of tics.
 
     Attributes:
-        health: of the player.
-        ammo: shots left.
-        player: float[2], map units.
-        angle: uint32, 2**32 a circle.
-        places: float[N, 2], of the monsters.
+        health: health of the player.
+        ammo: remaining shots.
+        player: float[2], position of the player in map units.
+        angle: uint32, heading of the player; 2**32 is a full turn.
+        places: float[N, 2], positions of monsters.
         living: bool[N].
-        balls: float[M, 2], of fireballs, M may be 0.
+        balls: float[M, 2], positions of fireballs; M may be 0.
         flies: bool[M].
     """
 
@@ -64,15 +64,15 @@ class Seen(NamedTuple):
 
 
 class Measure(NamedTuple):
-    """A figure of both.
+    """A measured quantity here and in the game.
 
     Attributes:
         scenario: id of the environment.
-        player: who played.
-        what: in words.
-        here: mean and error.
-        there: likewise in the game.
-        chance: how likely distributions differ as much by chance; None if only means are held up.
+        player: name of the scripted player.
+        what: description of the quantity.
+        here: mean and standard error here.
+        there: mean and standard error in the game.
+        chance: p-value of the difference of the distributions; None to compare only means.
     """
 
     scenario: str
@@ -84,7 +84,7 @@ class Measure(NamedTuple):
 
 
 def seen(state: Any) -> Seen:
-    """What is watched of one of our states."""
+    """The observed part of one of our states."""
     fire = hasattr(state, "fireballs")
     none = jnp.zeros((0, 2), jnp.int32)
     return Seen(
@@ -100,7 +100,7 @@ def seen(state: Any) -> Seen:
 
 
 def in_units(trace: Seen) -> Seen:
-    """The trace with places in map units."""
+    """A trace with positions in map units."""
     return trace._replace(
         player=np.asarray(trace.player) / ONE,
         places=np.asarray(trace.places) / ONE,
@@ -109,7 +109,7 @@ def in_units(trace: Seen) -> Seen:
 
 
 def traces_here(env: Any, params: Any, name: str, episodes: int, seed: int) -> list[Seen]:
-    """What is seen of episodes in our environment, up to their ends."""
+    """Traces of episodes in our environment."""
     choose = players_of(env)[name](env, params)
 
     def play(key: jax.Array) -> tuple[Seen, jax.Array]:
@@ -132,7 +132,7 @@ def traces_here(env: Any, params: Any, name: str, episodes: int, seed: int) -> l
 
 
 def traces_there(env: Any, params: Any, name: str, episodes: int, seed: int) -> list[Seen]:
-    """What is seen of the player's episodes in the game."""
+    """Traces of episodes in the game."""
     rows: list[list[Seen]] = [[] for _ in range(episodes)]
 
     def watch(number: int, session: GameSession) -> None:
@@ -144,25 +144,25 @@ def traces_there(env: Any, params: Any, name: str, episodes: int, seed: int) -> 
 
 
 def first_damage(trace: Seen) -> list[float]:
-    """The tic after which health is lower for the first time, if that was watched."""
+    """The tic of the first damage, if there is any."""
     lost = np.flatnonzero(np.diff(trace.health) < 0)
     return [float(lost[0] + 1)] if len(lost) else []
 
 
 def damage(trace: Seen) -> list[float]:
-    """What each tic with damage took, but for the last one of a life."""
+    """The damage of each tic with damage, except for the last tic of a life."""
     change = -np.diff(trace.health)
     return change[change > 0].astype(float).tolist()
 
 
 def distances(trace: Seen) -> np.ndarray:
-    """float[T, N]: from the player to the monsters; infinite to those who do not live."""
+    """float[T, N]: distances from the player to monsters; infinite for dead monsters."""
     gap = trace.places - trace.player[:, None]
     return np.where(trace.living, np.hypot(gap[..., 0], gap[..., 1]), np.inf)
 
 
 def thrown(trace: Seen) -> np.ndarray:
-    """int[T - 1]: fireballs that appear in each tic: those that do not come from where one was."""
+    """int[T - 1]: new fireballs in each tic, which do not continue an earlier one."""
     counts = []
     for before, after in itertools.pairwise(range(len(trace.balls))):
         old = trace.balls[before][trace.flies[before]]
@@ -174,7 +174,7 @@ def thrown(trace: Seen) -> np.ndarray:
 
 
 def shots(trace: Seen) -> np.ndarray:
-    """float[S, 2]: of each shot the distance of whom it is aimed at, and whether somebody died."""
+    """float[S, 2]: for each shot, the distance of its target, and whether a monster died."""
     far = distances(trace)
     gap = trace.places - trace.player[:, None]
     bearing = np.arctan2(gap[..., 1], gap[..., 0])
@@ -186,12 +186,12 @@ def shots(trace: Seen) -> np.ndarray:
 
 
 def likeness(here: Sequence[float], there: Sequence[float]) -> float:
-    """How likely two samples of one distribution differ as much as these (chi-square)."""
+    """The p-value of the difference of two samples (chi-square test)."""
     from scipy import stats
 
     values = np.unique(np.concatenate([here, there]))
     table = np.array([[np.sum(np.equal(side, v)) for v in values] for side in (here, there)])
-    # Rare values count together.
+    # Pool rare values.
     common = table.sum(axis=0) >= 10
     table = np.column_stack([table[:, common], table[:, ~common].sum(axis=1)])
     table = table[:, table.sum(axis=0) > 0]
@@ -202,7 +202,7 @@ def likeness(here: Sequence[float], there: Sequence[float]) -> float:
 
 
 def measure(id: str, episodes: int, seed: int) -> list[Measure]:
-    """All figures of a scenario."""
+    """All measured quantities of a scenario."""
     env: Any
     env, params = jaxenstein.make(id, **UNSEEN)
     params, name = env.check_params(params), "idle"
@@ -244,12 +244,12 @@ def _all(figures: Any, traces: Sequence[Seen]) -> list[float]:
 
 
 def _hit_rate(trace: Seen) -> list[float]:
-    """Tics with damage in 100 tics of an episode: how often monsters strike, and do not miss."""
+    """Tics with damage per 100 tics of an episode."""
     return [100.0 * len(damage(trace)) / (len(trace.health) - 1)]
 
 
 def _rate(trace: Seen) -> list[float]:
-    """Fireballs in 100 tics of an episode."""
+    """Fireballs per 100 tics of an episode."""
     return [100.0 * thrown(trace).sum() / (len(trace.health) - 1)]
 
 
@@ -263,19 +263,23 @@ def in_words(row: Measure) -> str:
 
 
 def differs(row: Measure) -> bool:
-    """Whether the figures are farther apart than by chance."""
+    """Whether the difference is larger than chance explains."""
     alike = row.chance is None or row.chance >= UNLIKELY
     return apart(row.here, row.there) > APART or not alike
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Play, print the table; 1 if a difference is beyond the noise."""
+    """Play and print the table; return 1 if a difference is larger than chance explains."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
     ids = [f"doom-{name}" for name in ("defend-the-center", "defend-the-line", "take-cover")]
     ids.append("doom-deadly-corridor")
-    parser.add_argument("ids", nargs="*", metavar="ID", default=ids, help="(default: all of them)")
-    parser.add_argument("--episodes", type=int, default=200, help="in each (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the draws (default %(default)s)")
+    parser.add_argument(
+        "ids", nargs="*", metavar="ID", default=ids, help="scenarios (default: all)"
+    )
+    parser.add_argument(
+        "--episodes", type=int, default=200, help="episodes in each (default %(default)s)"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="random seed (default %(default)s)")
     options = parser.parse_args(argv)
     rows: list[Measure] = []
     for id in options.ids:

@@ -1,10 +1,10 @@
-"""What Doom's scenarios show here and in the game, from the poses of random episodes.
+"""Compare frames of Doom's scenarios here and in the game, from the poses of random episodes.
 
     python -m fidelity.doom_frames [--frames N] [--seed N] [--picture FILE.png]
 
-Needs the extra `vizdoom`. The game plays; from each of its states, with its pose and its things,
-our frame is drawn beside its own: the share of pixels whose label agrees, the error of depth where
-the game can tell it, and the difference of the colours, whose textures are one colour here.
+Needs the extra `vizdoom`. The game plays, and our frame is drawn from each of its states. It
+compares the share of pixels with equal labels, the error of depth within the range of the game, and
+the difference of colours; textures are a single colour here.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from jaxenstein.view.recording import mosaic, save_png
 
 IDS = ("doom-my-way-home", "doom-health-gathering", "doom-health-gathering-supreme")
 SIZE = {"height": 120, "width": 160}
-# Decisions between two frames that are compared; an action is held for four tics.
+# Decisions between two compared frames; an action lasts four tics.
 APART, HOLD = 5, 4
-# Beyond this many map units the game's walls all have the depth's value 63.
+# Beyond this distance in map units, the game's depth is constant.
 FARTHEST = 450
 PICTURES = 4
 
@@ -34,7 +34,7 @@ Pairs = list[tuple[np.ndarray, np.ndarray]]
 
 
 def collect(id: str, kind: str, frames: int, seed: int) -> Pairs:
-    """Frames here and in the game, `frames` of them, from the states of random episodes."""
+    """`frames` frames here and in the game, from the states of random episodes."""
     env, params = jaxenstein.make(id, observation=kind, frame_skip=HOLD, **SIZE)
     draw, random, pairs = jax.jit(env.observe), np.random.default_rng(seed), []
     with GameSession(env, params, seed) as session:
@@ -50,7 +50,7 @@ def collect(id: str, kind: str, frames: int, seed: int) -> Pairs:
 
 
 def compare(id: str, frames: int, seed: int) -> tuple[dict[str, Any], Pairs]:
-    """The figures of a scenario, and its pairs of pictures."""
+    """The results of a scenario, and its pairs of pictures."""
     labels = collect(id, "labels", frames, seed)
     depths = collect(id, "depth", frames, seed)
     pictures = collect(id, "rgb", frames, seed)
@@ -70,11 +70,15 @@ def compare(id: str, frames: int, seed: int) -> tuple[dict[str, Any], Pairs]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Play, compare, print and write."""
+    """Compare all scenarios, print the results, and write pictures."""
     parser = argparse.ArgumentParser(description="Compare frames here and in the game.")
-    parser.add_argument("--frames", type=int, default=100, help="of each (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="some pairs, ours above")
+    parser.add_argument(
+        "--frames", type=int, default=100, help="frames of each (default %(default)s)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE", help="write some pairs, ours on top"
+    )
     options = parser.parse_args(argv)
     if options.picture:
         check_writable(options.picture)

@@ -1,24 +1,23 @@
-"""Maps of ViZDoom's scenarios, read from the installed package and held up against ours.
+"""Compare the maps of ViZDoom's scenarios with ours.
 
     python -m fidelity.doom_map
 
-Needs the extra `bench`; the exit status is 1 if a map of `tasks/doom/maps` is not the game's.
+Needs the extra `bench`. The exit status is 1 if a map of `tasks/doom/maps` differs from the game's.
 
-A WAD file is a header (kind, number of entries, offset of the directory), lumps, and a directory
-of 16 bytes an entry (offset, size, name). The lump `TEXTMAP` has a map in the Universal Doom Map
-Format: blocks `name { key = value; ... }`, each kind numbered from 0 in the order of the text.
+The lump `TEXTMAP` of a scenario's WAD file has its map in the Universal Doom Map Format: blocks
+`name { key = value; ... }`, each kind numbered from 0 in the order of the text.
 """
 
 from __future__ import annotations
 
 import re
-import struct
 import sys
 from pathlib import Path
 
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import MapError
 from jaxenstein.tasks.doom.maps import DoomMap, Line, MapThing, load_map
+from jaxenstein.tasks.doom.wad import Wad
 
 NAMES = (
     "my-way-home",
@@ -36,28 +35,11 @@ _FIELD = re.compile(r'(\w+)\s*=\s*("[^"]*"|[^;"\s]+)\s*;')
 Block = dict[str, str]
 
 
-def read_lump(path: Path, name: str) -> bytes:
-    """The first lump of a WAD file with a name.
-
-    Raises:
-        MapError: if the file is no WAD file or lacks the lump.
-    """
-    data = path.read_bytes()
-    if data[:4] not in (b"IWAD", b"PWAD"):
-        raise MapError("not a WAD file: it does not begin with IWAD or PWAD", source=path.name)
-    count, directory = struct.unpack_from("<II", data, 4)
-    entries = data[directory : directory + 16 * count]
-    for offset, size, raw in struct.iter_unpack("<II8s", entries):
-        if raw.rstrip(b"\0") == name.encode():
-            return data[offset : offset + size]
-    raise MapError(f"has no lump {name}", source=path.name)
-
-
 def parse_udmf(text: str, source: str = "TEXTMAP") -> dict[str, list[Block]]:
-    """The blocks of a UDMF text by kind, all names in lower case; global fields are skipped.
+    """Parse the blocks of a UDMF text by kind, with lower-case names; global fields are skipped.
 
     Raises:
-        MapError: something of the text is neither a block nor a field.
+        MapError: a part of the text is neither a block nor a field.
     """
     text, blocks = _COMMENT.sub("", text), dict[str, list[Block]]()
     left = [_FIELD.sub("", _BLOCK.sub("", text))]
@@ -74,8 +56,8 @@ def read_map(text: str, source: str = "TEXTMAP") -> DoomMap:
     """Read a UDMF text.
 
     Raises:
-        MapError: the text is malformed, or the map is none that we have: floors or ceilings of
-            several heights, walls along no axis, lines that block without being walls.
+        MapError: the text is malformed, or the map is not supported: it has several heights of
+            floors or ceilings, oblique walls, or blocking lines that are not walls.
     """
     blocks = parse_udmf(text, source)
     walls = []
@@ -112,11 +94,11 @@ def _common(sectors: list[Block], key: str, default: float, source: str) -> floa
 
 
 def main() -> int:
-    """Compare all maps; the exit code."""
+    """Compare all maps; return the exit code."""
     folder, differ = Path(load_vizdoom().scenarios_path), False
     for name in NAMES:
         path = folder / f"{name.replace('-', '_')}.wad"
-        same = read_map(read_lump(path, "TEXTMAP").decode(), path.name) == load_map(name)
+        same = read_map(Wad(path).lump("TEXTMAP").decode(), path.name) == load_map(name)
         print(f"{name}: {'the same' if same else 'NOT the same'} as {path.name}")
         differ |= not same
     return int(differ)

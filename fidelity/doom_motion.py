@@ -1,9 +1,9 @@
-"""Doom's motion here and in the game, tic by tic: every position, angle and velocity compared.
+"""Compare Doom's motion here and in the game, tic by tic: positions, angles and velocities.
 
     python -m fidelity.doom_motion [--episodes N] [--seed N]
 
-Needs the extra `bench`. Random buttons are recorded in the game and then given to our motion
-from the game's first pose. What is printed is how many tics differ in any bit: none should.
+Needs the extra `bench`. It plays random buttons in the game, and replays them with our motion from
+the same first pose. It prints the number of tics that differ in any bit, which should be 0.
 """
 
 from __future__ import annotations
@@ -30,19 +30,21 @@ BUTTONS = {scenario.room.map_name: scenario.button_names for scenario in SCENARI
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Record, compare, print the table, return the exit code: 1 if anything differs."""
+    """Record, compare and print the table; return 1 if anything differs."""
     parser = argparse.ArgumentParser(description="Compare Doom's motion here and in the game.")
-    parser.add_argument("--episodes", type=int, default=100, help="of each scenario (default 100)")
-    parser.add_argument("--seed", type=int, default=0, help="of game and buttons (default 0)")
+    parser.add_argument(
+        "--episodes", type=int, default=100, help="episodes of each scenario (default 100)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of game and buttons (default 0)")
     options = parser.parse_args(argv)
     rows = [compare(name, options.episodes, options.seed) for name in BUTTONS]
     return int(any(row["tics_that_differ"] for row in rows))
 
 
 def compare(name: str, episodes: int, seed: int) -> dict[str, Any]:
-    """Record episodes of a scenario, replay them, print a line and return its figures."""
+    """Record episodes of a scenario, replay them, print a line and return its numbers."""
     scenario = name.replace("-", "_")
-    # Nobody dies of the acid, so that all episodes have their whole length.
+    # The player cannot die, so that all episodes have their full length.
     recordings = list(record(scenario, episodes, seed=seed, unhurt=name != "my-way-home"))
     differ, slid = replay(name, recordings)
     row = {
@@ -58,11 +60,11 @@ def compare(name: str, episodes: int, seed: int) -> dict[str, Any]:
 
 
 def replay(name: str, recordings: Sequence[Recording]) -> tuple[np.ndarray, np.ndarray]:
-    """Give the buttons of recordings to our motion, from their first poses on.
+    """Replay the buttons of recordings with our motion, from their first poses.
 
     Returns:
-        bool[T, B] twice, T tics of the longest of B episodes: which differ from the recording in
-        any bit, and in which a wall was in the way.
+        bool[T, B] twice, for T tics of the longest of B episodes: whether the tic differs from the
+        recording in any bit, and whether a wall was in the way.
     """
     longest = max(len(recording.position) - 1 for recording in recordings)
     lengths = np.array([len(recording.position) - 1 for recording in recordings])

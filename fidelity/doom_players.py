@@ -1,10 +1,10 @@
-"""What players get in Doom's scenarios, here and in the game: mean returns and lengths.
+"""Compare the returns of scripted players in Doom's scenarios here and in the game.
 
     python -m fidelity.doom_players [--episodes N] [--seed N] [ID ...]
 
-Needs the extra `vizdoom`. The same rules act in both: in the game a scripted player sees our state
-of what it shows, the places of its things and its variables. A difference of means that is more
-than two of its standard errors is marked.
+Needs the extra `vizdoom`. The same players act in both: in the game, they see our state, filled
+from the objects and the variables of the game. It prints mean returns and lengths, and marks
+differences of more than two standard errors.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ IDS = (
     "doom-predict-position",
     "doom-take-cover",
 )
-# Players of any scenario, and the tics for which they keep an action; its own keep theirs for one.
+# Players for all scenarios, with the tics that an action lasts; other players use one tic.
 PLAYERS = (("idle", 1), ("random", 1), ("random", 4))
-# Nobody looks: the smallest image that there is.
+# The smallest image, since players do not use it.
 UNSEEN = {"height": 1, "width": 1, "observation": "depth"}
 GAMES = 16
 
 Watch = Callable[[int, GameSession], object]
-"""Is called with an episode's number in each of its states but the last."""
+"""Called with the number of an episode in each of its states except the last."""
 APART = 2
-"""Standard errors of a difference of means that count as more than chance."""
+"""The number of standard errors from which a difference is marked."""
 
 Mean = tuple[float, float]
 """A mean and its standard error."""
@@ -56,12 +56,12 @@ class Row(NamedTuple):
 
     Attributes:
         scenario: id of the environment.
-        player: its name.
-        frame_skip: tics for which it keeps an action.
-        episodes: in each of the two.
-        returns: means of the returns, here and in the game.
-        lengths: of the decisions that episodes took, likewise.
-        successes: shares of episodes with success, likewise.
+        player: name of the player.
+        frame_skip: tics per action.
+        episodes: number of episodes, here and in the game each.
+        returns: mean returns, here and in the game.
+        lengths: mean numbers of decisions, here and in the game.
+        successes: success rates, here and in the game.
     """
 
     scenario: str
@@ -74,7 +74,7 @@ class Row(NamedTuple):
 
 
 def apart(here: Mean, there: Mean) -> float:
-    """How many standard errors of their difference two means are apart; `inf` if there is none."""
+    """The difference of two means in standard errors; `inf` if the error is 0."""
     # Rewards are summed as float32.
     if math.isclose(here[0], there[0], rel_tol=1e-4):
         return 0.0
@@ -83,7 +83,7 @@ def apart(here: Mean, there: Mean) -> float:
 
 
 def compare(id: str, name: str, frame_skip: int, episodes: int, seed: int) -> Row:
-    """Play a player's episodes in both."""
+    """Play the episodes of a player here and in the game."""
     env, params = jaxenstein.make(id, frame_skip=frame_skip, **UNSEEN)
     params = env.check_params(params)
     here = play_here(env, params, name, episodes, seed)
@@ -100,7 +100,7 @@ def compare(id: str, name: str, frame_skip: int, episodes: int, seed: int) -> Ro
 
 
 def play_here(env: Any, params: Any, name: str, episodes: int, seed: int) -> Played:
-    """Episodes of a player of `players_of` in our environment; their lengths are decisions."""
+    """Play episodes in our environment; lengths count decisions."""
     keys = jax.random.split(jax.random.key(seed), episodes)
     states = jax.vmap(lambda key: env.init_state(key, params))(keys)
     player = players_of(env)[name]
@@ -108,7 +108,7 @@ def play_here(env: Any, params: Any, name: str, episodes: int, seed: int) -> Pla
 
 
 def ignore(number: int, session: GameSession) -> None:
-    """Watch nothing."""
+    """Do nothing."""
 
 
 def play_games(
@@ -124,13 +124,13 @@ def play_games(
     """Play whole episodes of a player in the game.
 
     Args:
-        env: a scenario that comes with ViZDoom.
-        params: of the environment.
-        name: of the player, one of `players_of(env)`.
-        episodes: how many.
-        seed: of the first episode; the others have the numbers after it.
-        games: how many are played side by side.
-        watch: looks at the games as they go.
+        env: an environment with a ViZDoom scenario.
+        params: params of the environment.
+        name: name of the player, from `players_of(env)`.
+        episodes: number of episodes.
+        seed: seed of the first episode; the next episodes have the next seeds.
+        games: number of parallel games.
+        watch: called in every state.
     """
     returns, lengths = np.zeros(episodes, np.float32), np.zeros(episodes, np.int32)
     successes = np.zeros(episodes, bool)
@@ -165,7 +165,7 @@ def play_games(
 
 
 def _chooser(env: Any, params: Any, name: str) -> Callable[[jax.Array, list[Any]], list[int]]:
-    """A function of a key and of what at most as many games tell as there were first."""
+    """A function that maps a key and the states of some games to actions."""
     player = players_of(env)[name]
     choose = player(env, params)
     most = 0
@@ -181,7 +181,7 @@ def _chooser(env: Any, params: Any, name: str) -> Callable[[jax.Array, list[Any]
     def ask(key: jax.Array, told: list[Any]) -> list[int]:
         nonlocal most
         most = max(most, len(told))
-        # Always of one shape, so that it is compiled once.
+        # Always the same shape, so that it is compiled once.
         filled = told + told[:1] * (most - len(told))
         actions = chosen(key, jax.tree.map(lambda *leaves: np.stack(leaves), *filled))
         return np.asarray(actions)[: len(told)].tolist()
@@ -201,12 +201,14 @@ def in_words(row: Row) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Play, print the table; 1 if a difference is beyond the noise."""
+    """Play and print the table; return 1 if a difference is larger than chance explains."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
-    parser.add_argument("ids", nargs="*", metavar="ID", default=IDS, help="(default: all of them)")
-    parser.add_argument("--episodes", type=int, default=200, help="in each (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the draws (default %(default)s)")
-    parser.add_argument("--only", nargs="+", metavar="PLAYER", help="these players alone")
+    parser.add_argument(
+        "ids", nargs="*", metavar="ID", default=IDS, help="scenarios (default: all)"
+    )
+    parser.add_argument("--episodes", type=int, default=200, help="episodes (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
+    parser.add_argument("--only", nargs="+", metavar="PLAYER", help="only these players")
     options = parser.parse_args(argv)
     rows: list[Row] = []
     for id in options.ids:

@@ -1,8 +1,8 @@
-"""Episodes of ViZDoom's own scenarios, recorded tic by tic as the integers that the game holds.
+"""Record episodes of ViZDoom's scenarios tic by tic, as the integers inside the game.
 
-The game reports places as numbers of map units and angles in degrees, both exact enough that the
-integers behind them follow. After the tic that ends an episode it still reports those before it,
-so that tic is left out but for its reward.
+The game reports positions in map units and angles in degrees, precisely enough to recover its
+integers. After the last tic of an episode it still reports the values before that tic, so only its
+reward is recorded.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from jaxenstein.tasks.doom.fixed import to_fixed
 
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "VELOCITY_X", "VELOCITY_Y", "HEALTH")
 LONGEST_HOLD = 13
-"""Buttons are held for 1 to so many tics."""
+"""Buttons are held for 1 to LONGEST_HOLD tics."""
 
 
-# What is kept in files as differences from one tic to the next.
+# Fields that files store as differences between tics.
 _SMOOTH = ("position", "velocity", "angle")
 
 
@@ -33,16 +33,16 @@ class Recording:
     """One episode of T tics.
 
     Attributes:
-        buttons: uint8[T], the buttons held in each tic: bit i for the scenario's button i.
-        position: int32[T, 2], before the first tic and after each but the last, 16.16 map units.
-        velocity: int32[T, 2], likewise.
-        angle: uint32[T], 2**32 a circle.
-        health: int16[T].
-        reward: float32[T], of each tic.
+        buttons: uint8[T], the buttons held in each tic; bit i is button i of the scenario.
+        position: int32[T, 2], 16.16 map units, before the first tic and after all but the last.
+        velocity: int32[T, 2], at the same times.
+        angle: uint32[T], at the same times; 2**32 is a full turn.
+        health: int16[T], at the same times.
+        reward: float32[T], the reward of each tic.
         finished: bool[], whether the last tic ended the episode.
-        things: int32[M, 6]: kind (index into the names asked for), number in the game, x and y in
-            16.16 map units, the first entry of the arrays above with which it is there, and the
-            first without it (T if there is none).
+        things: int32[M, 6]: kind (index into the requested names), id in the game, x and y in 16.16
+            map units, the first index of the arrays above at which the thing exists, and the first
+            index after that at which it does not (T if there is none).
     """
 
     buttons: np.ndarray
@@ -66,13 +66,13 @@ def record(
     things: Sequence[str] = (),
     unhurt: bool = False,
 ) -> Iterable[Recording]:
-    """Play a scenario with random buttons, single ones and any combination of them.
+    """Play a scenario with random buttons and combinations of buttons.
 
     Args:
-        scenario: its name, such as `"my_way_home"`.
-        episodes: how many.
-        seed: of the game and the buttons.
-        things: names of the kinds of things to write down.
+        scenario: name of the scenario, such as `"my_way_home"`.
+        episodes: number of episodes.
+        seed: seed of the game and the buttons.
+        things: names of the kinds of things to record.
         unhurt: whether the player cannot be hurt, so that no episode ends early.
     """
     draw = random.Random(seed)
@@ -96,7 +96,7 @@ def _episode(game: Any, draw: random.Random, kinds: Sequence[str]) -> Recording:
     _watch(game, kinds, found, 0)
     while not game.is_episode_finished():
         if hold == 0:
-            hold, held = draw.randint(1, LONGEST_HOLD), _pick(draw, count)
+            hold, held = draw.randint(1, LONGEST_HOLD), pick(draw, count)
         hold -= 1
         rewards.append(game.make_action([held >> i & 1 for i in range(count)]))
         buttons.append(held)
@@ -116,7 +116,7 @@ def _episode(game: Any, draw: random.Random, kinds: Sequence[str]) -> Recording:
     )
 
 
-def _pick(draw: random.Random, count: int) -> int:
+def pick(draw: random.Random, count: int) -> int:
     """At most one button, or any combination, as bits."""
     if draw.random() < 0.5:
         return draw.choice([0, *(1 << i for i in range(count))])
@@ -128,13 +128,13 @@ def _variables(game: Any) -> list[int]:
     x, y, angle, dx, dy, health = (
         float(game.get_game_variable(getattr(vizdoom.GameVariable, name))) for name in VARIABLES
     )
-    # The game divides by the greatest angle there is, not by the circle.
+    # The game divides by the largest angle, 2**32 - 1.
     turns = round(angle / 360 * (2**32 - 1)) % 2**32
     return [to_fixed(x), to_fixed(y), turns, to_fixed(dx), to_fixed(dy), round(health)]
 
 
 def _watch(game: Any, kinds: Sequence[str], found: dict[int, list[int]], time: int) -> None:
-    """Note which things are there; each is expected to be gone next time until it is not."""
+    """Record the existing things; each counts as gone at the next time until it is seen again."""
     if not kinds:
         return
     for thing in game.get_state().objects:
@@ -145,7 +145,7 @@ def _watch(game: Any, kinds: Sequence[str], found: dict[int, list[int]], time: i
 
 
 def save(path: Path, recordings: Sequence[Recording]) -> None:
-    """Write recordings to a file for `load`; differences, which pack better than values."""
+    """Write recordings to a file for `load`, as differences, which compress better."""
     arrays = {}
     for number, recording in enumerate(recordings):
         for name, value in dataclasses.asdict(recording).items():
@@ -157,7 +157,7 @@ def save(path: Path, recordings: Sequence[Recording]) -> None:
 
 
 def load(path: Path) -> list[Recording]:
-    """The recordings of a file."""
+    """Read the recordings of a file."""
     with np.load(path) as arrays:
         count = len({name.split(".")[0] for name in arrays})
         return [_unpack({f: arrays[f"{i}.{f}"] for f in _FIELDS}) for i in range(count)]

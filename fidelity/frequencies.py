@@ -1,9 +1,9 @@
-"""Two samples of random things, compared by how often each shows what.
+"""A permutation test that compares the frequencies of categories in two samples.
 
-A sample is a list of observations, one for each thing: for every table, the categories that it
-adds one to. A thing may add to several categories of a table (the doors of a layout) or none. So
-no textbook distribution holds for the sums; what chance does is found by dealing the pooled things
-into two samples anew, many times.
+A sample is a list of observations. An observation lists, for each table, the categories that it
+counts for; these may be several (the doors of a layout) or none. So no standard distribution
+applies to the sums. Instead, the pooled observations are split at random into two samples many
+times.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ import numpy as np
 
 Observation = dict[str, list[str]]
 DEALS = 5000
-"""How often the things are dealt anew: no chance can be below 1 / 5001."""
+"""The number of permutations: no p-value can be below 1 / 5001."""
 
 
 def chances(
     first: Sequence[Observation], second: Sequence[Observation], seed: int = 0
 ) -> dict[str, float]:
-    """For each table, how likely samples of the same things differ as much as these do.
+    """The p-value of the difference of the samples, for each table.
 
-    What counts is the sum over the categories of the squared differences of the means over their
-    variance, which is that of the pooled things.
+    The statistic is the sum over categories of the squared difference of means, divided by the
+    variance of the pooled observations.
     """
     pooled = [*first, *second]
     weights = np.repeat([1 / len(first), -1 / len(second)], [len(first), len(second)])
     rng = np.random.default_rng(seed)
-    # The first row is that of the samples as they are, the others are those of chance.
+    # The first row is the actual split, the other rows are random splits.
     deals = np.stack([weights, *(rng.permutation(weights) for _ in range(DEALS))])
     found = {}
     for table in dict.fromkeys(table for observation in pooled for table in observation):

@@ -1,11 +1,11 @@
-"""Random mazes, labmaze's and ours, compared by their statistics.
+"""Compare the statistics of labmaze's random mazes and ours.
 
     python -m fidelity.labmaze_layouts [--mazes N] [--plans memory-9 ...]
 
-Needs the package labmaze. Every maze of ours is also looked at by itself: rooms are rectangles of
-the sizes asked for, all cells hang together, and each room has its start and its object. `--null`
-compares labmaze with itself under another seed. The status is 1 if a maze of ours breaks a rule, or
-if a table differs by more than chance explains (5 % for all tables together).
+Needs the package labmaze. It also checks the rules in each of our mazes: rooms are rectangles of
+allowed sizes, and all cells are connected. `--null` compares labmaze with itself with another seed.
+The exit status is 1 if one of our mazes breaks a rule, or if a table differs by more than chance
+explains (5 % for all tables together).
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ PLANS = {
     "memory-15": MazePlan(17, 9, most=3),
     "explore-small": MazePlan(11, 4),
 }
-"""Memory Maze's sizes, and the small one of DeepMind Lab; its large one is that of memory-15."""
+"""Memory Maze's sizes, and the small size of DeepMind Lab; its large size is memory-15."""
 SIGNIFICANCE = 0.05
 Maze = tuple[np.ndarray, np.ndarray]
-"""bool[N, N], the open cells; int[N, N], the number of each cell's room or 0."""
+"""bool[N, N], open cells; int[N, N], the room number of each cell, or 0."""
 Draw = Callable[[MazePlan, int, int], list[Maze]]
 
 
@@ -68,7 +68,7 @@ def our_mazes(plan: MazePlan, count: int, seed: int) -> list[Maze]:
 
 
 def broken_rules(maze: Maze, plan: MazePlan) -> list[str]:
-    """What is wrong with a maze."""
+    """The rules that a maze breaks."""
     paved, room = maze
     border = np.concatenate([paved[0], paved[-1], paved[:, 0], paved[:, -1]])
     broken = ["open border"] if border.any() else []
@@ -91,7 +91,7 @@ def broken_rules(maze: Maze, plan: MazePlan) -> list[str]:
 
 
 def observe(maze: Maze) -> Observation:
-    """What a maze adds to each table."""
+    """The categories of a maze in each table."""
     paved, room = maze
     wide = np.pad(paved, 1)
     rolled = [np.roll(wide, s, a)[1:-1, 1:-1] for s in (1, -1) for a in (0, 1)]
@@ -122,7 +122,7 @@ def observe(maze: Maze) -> Observation:
 
 
 def _detours(corridor: np.ndarray) -> int:
-    """How many walls one cell wide have corridors around three of their sides."""
+    """The number of wall cells with corridors around three of their sides."""
     wide = np.pad(corridor, 1)
     count = 0
     for turns in range(4):
@@ -133,7 +133,7 @@ def _detours(corridor: np.ndarray) -> int:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Compare and print; returns the exit status."""
+    """Compare and print; return the exit status."""
     arguments = _parser().parse_args(argv)
     title, draw = ("labmaze again", labmaze_mazes) if arguments.null else ("ours", our_mazes)
     failed = False
@@ -145,7 +145,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"\n## {name}: labmaze and {title}, {count} each\n")
         for side, mazes in (("labmaze", theirs), (title, ours)):
             print(f"{side}: {_summary(mazes)}")
-        print("\n| table | chance of such a difference |\n|---|---:|")
+        print("\n| table | p-value |\n|---|---:|")
         print("\n".join(f"| {table} | {chance:.3f} |" for table, chance in found.items()))
         broken = Counter(rule for maze in ours for rule in broken_rules(maze, plan))
         print(f"\nrules broken by {title}: {dict(broken) or 'none'}")
@@ -157,7 +157,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _summary(mazes: list[Maze]) -> str:
-    """Means over mazes, and how many have fewer rooms than Memory Maze's size asks for."""
+    """Mean numbers of rooms and open cells, and the distribution of the number of rooms."""
     rooms = np.array([room.max() for _, room in mazes])
     cells = np.mean([paved.sum() for paved, _ in mazes])
     counts = ", ".join(f"{n}: {(rooms == n).mean():.1%}" for n in np.unique(rooms))
@@ -166,10 +166,12 @@ def _summary(mazes: list[Maze]) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description="Compare random mazes with labmaze's.")
-    parser.add_argument("--mazes", type=int, default=1000, help="mazes a side (default 1000)")
+    parser.add_argument("--mazes", type=int, default=1000, help="mazes of each (default 1000)")
     parser.add_argument("--plans", nargs="+", choices=PLANS, default=list(PLANS), metavar="PLAN")
-    parser.add_argument("--seed", type=int, default=0, help="of labmaze; the other takes the next")
-    parser.add_argument("--null", action="store_true", help="labmaze against itself")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of labmaze; the other uses the next seed"
+    )
+    parser.add_argument("--null", action="store_true", help="compare labmaze with itself")
     return parser
 
 

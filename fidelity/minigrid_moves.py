@@ -1,8 +1,8 @@
-"""How many of MiniGrid's moves solve one of its levels, or one of ours, at the least.
+"""The minimum number of MiniGrid's moves to solve one of its levels, or one of ours.
 
-Of levels with one locked door at most. A move is a turn by 90 degrees, a step, or what the hand
-does. A door costs one more wherever it is passed, and who carries a key lays it down in one move
-before picking something else up, wherever that is: both sides are counted alike.
+Levels may have at most one locked door. A move is a turn by 90 degrees, a step, or a hand action.
+Passing a door always costs one more move, and an agent that carries a key always needs one move to
+drop it before it picks up something else. MiniGrid's levels and ours are counted in the same way.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from jaxenstein.catalogue import ENTRIES
 PREFIX = "minigrid-"
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 Cell = tuple[int, int]
-# What ends the worlds that are counted, by their sources: a goal to stand on, a thing to pick up,
-# or a locked door to open.
+# The end of the supported worlds, by their sources: a goal to stand on, a thing to pick up, or a
+# locked door to open.
 ENDS = {
     "open_rooms:Empty": "goal",
     "open_rooms:FourRooms": "goal",
@@ -35,7 +35,7 @@ ENDS = {
 
 
 class Place(NamedTuple):
-    """Where a player is: its cell, its heading in quarter turns, and whether it has the key."""
+    """The cell of a player, its heading in quarter turns, and whether it has the key."""
 
     cell: Cell
     heading: int
@@ -43,23 +43,23 @@ class Place(NamedTuple):
 
 
 def source_of(name: str) -> str:
-    """The module and class of a world; without the prefix of the id."""
+    """The module and class of a world; `name` has no prefix."""
     return str(ENTRIES[PREFIX + name].source).removeprefix("minigrid.")
 
 
 def end_of(name: str) -> str:
-    """What ends a world, "" if it is not counted; without the prefix of the id."""
-    # Nothing is counted that has to be moved out of the way.
+    """The end of a world, "" if it is not supported; `name` has no prefix."""
+    # Worlds with things to move out of the way are not supported.
     blocked = ENTRIES[PREFIX + name].fixed.get("blocked", False)
     return "" if blocked else ENDS.get(source_of(name), "")
 
 
 def fewest_moves(found: Observation, end: str) -> int:
-    """The fewest moves that solve a level, or -1 if none do.
+    """The minimum number of moves that solve a level, or -1 if it cannot be solved.
 
     Args:
-        found: what the level shows (`minigrid_worlds`).
-        end: the kind of what ends it.
+        found: the content of the level (`minigrid_worlds`).
+        end: the kind of its end.
     """
     things = {_cell(place): kind for kind, place in map(str.split, found["things"])}
     things |= {_cell(place): kind for kind, place in map(str.split, found["doors"])}
@@ -90,7 +90,7 @@ def _front(place: Place) -> Cell:
 
 
 def _last(place: Place, things: dict[Cell, str], end: str) -> int:
-    """Moves from a place to the end if it is at hand, else -1."""
+    """The moves from a place to the end if it is in reach, else -1."""
     if end == "goal":
         return 0 if things.get(place.cell) == end else -1
     if things.get(_front(place)) != end:
@@ -101,7 +101,7 @@ def _last(place: Place, things: dict[Cell, str], end: str) -> int:
 
 
 def _ways(place: Place, things: dict[Cell, str]) -> list[tuple[int, Place]]:
-    """What one may do, with what it costs."""
+    """The possible moves with their costs."""
     found = [(1, place._replace(heading=(place.heading + way) % 4)) for way in (1, 3)]
     front = _front(place)
     kind = things.get(front, "floor")

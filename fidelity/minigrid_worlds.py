@@ -1,13 +1,13 @@
-"""Worlds of the `minigrid-*` ids, MiniGrid's and ours, compared by their statistics.
+"""Compare the statistics of MiniGrid's worlds and ours.
 
     python -m fidelity.minigrid_worlds [ID ...] [--resets N] [--episodes N] [--plans N]
 
-Needs the `minigrid` extra. Tables are of where walls, doors, things and the start are, of their
-colours, of what is asked for, and of the fewest moves that solve a level where `minigrid_moves`
-counts them. The status is 1 if one differs by more than chance explains (5 % for all tables of all
-ids together). With `--episodes`, players who draw every action play as many in both, until the time
-is up: the share that solves them. With `--plans`, our planner plays as many levels: its steps
-beside what the fewest moves of the same levels are at 1 / 0.15 steps a move, as in the time limits.
+Needs the extra `minigrid`. Tables count the places of walls, doors, things and starts, colours,
+instructions, and, if `minigrid_moves` supports the world, the minimum number of moves. The exit
+status is 1 if a table differs by more than chance explains (5 % for all tables of all ids
+together). `--episodes` plays that many episodes with a random policy in both.
+`--plans` plays that many of our levels with our planner, and compares its steps with the minimum
+number of moves, converted at 1 / 0.15 steps per move, as in the time limits.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from jaxenstein.maps.things import COLOUR_NAMES
 from jaxenstein.players import UNIFORM, play, player_of
 
 SIGNIFICANCE = 0.05
-# What MiniGrid calls them, by our kinds of things.
+# MiniGrid's names of our kinds of things.
 KINDS = ("key", "ball", "box", "goal", "lava")
-# Worlds with an instruction, and the attributes in which MiniGrid keeps it.
+# Worlds with an instruction, and the attributes of MiniGrid that hold it.
 ASKED = {
     "instructions:Fetch": (("targetColor", "targetType"),),
     "instructions:GoToDoor": (("target_color", None),),
@@ -43,7 +43,7 @@ ASKED = {
 
 
 def original_id(name: str, registered: Sequence[str]) -> str:
-    """MiniGrid's id of one of ours, without the prefix: the latest version of the same letters."""
+    """MiniGrid's id for one of ours (without prefix): the latest version with the same letters."""
 
     def letters(text: str) -> str:
         return re.sub(r"^MiniGrid-|-v\d+$|-", "", text).lower()
@@ -52,7 +52,7 @@ def original_id(name: str, registered: Sequence[str]) -> str:
 
 
 def from_minigrid(env: Any, name: str) -> Observation:
-    """What one of MiniGrid's levels shows."""
+    """The content of one of MiniGrid's levels."""
     found: Observation = {"walls": [], "doors": [], "things": [], "colours": [], "asked": []}
     grid = env.grid
     for row in range(grid.height):
@@ -78,10 +78,10 @@ def from_minigrid(env: Any, name: str) -> Observation:
 
 
 def from_ours(state: Any, name: str) -> Observation:
-    """What one of our first states shows."""
+    """The content of one of our first states."""
     found: Observation = {"walls": [], "doors": [], "things": [], "colours": [], "asked": []}
     walls = np.asarray(state.level.walls)[0]
-    # Doors of GoToDoor do not stand on the map's border, which it has for that.
+    # GoToDoor has an additional border, since doors cannot be on the border of a map.
     shift = 1 if source_of(name) == "instructions:GoToDoor" else 0
     for row, column in np.argwhere(walls != 0).tolist():
         label = int(walls[row, column])
@@ -118,7 +118,7 @@ def _add(found: Observation, table: str, place: str, kind: str, colour: str) -> 
 
 
 def samples(name: str, resets: int) -> tuple[list[Observation], list[Observation]]:
-    """Levels of MiniGrid and of ours."""
+    """Samples of MiniGrid's levels and ours."""
     env = original(name)
     theirs = []
     for reset in range(resets):
@@ -142,16 +142,16 @@ def original(name: str) -> Any:
 
 
 def first_states(name: str, count: int) -> tuple[Any, Any, Any]:
-    """Our environment, its params, and first states on the host."""
+    """Our environment, its params, and first states as NumPy arrays."""
     env, params = jaxenstein.make(f"minigrid-{name}", height=8, width=8)
     params = env.check_params(params)
     return env, params, jax.device_get(players.first_states(env, params, count, seed=1))
 
 
 def by_chance(name: str, episodes: int) -> tuple[float, float]:
-    """The share of episodes that players who draw every action solve, in MiniGrid and here."""
+    """The success rate of a random policy in MiniGrid and here."""
     env, rng, solved = original(name), np.random.default_rng(0), 0
-    # Nobody looks at the picture.
+    # The policy does not use observations.
     env.gen_obs = lambda: {}
     for episode in range(episodes):
         env.reset(seed=0 if episode == 0 else None)
@@ -166,7 +166,7 @@ def by_chance(name: str, episodes: int) -> tuple[float, float]:
 
 
 def by_plan(name: str, levels: int) -> str:
-    """What the planner needs in our levels, told."""
+    """A text with the steps of the planner in our levels."""
     env, params, states = first_states(name, levels)
     steps = np.asarray(play(env, player_of(env), params, jax.random.key(0), states).length)
     told = f"{steps.mean():.1f} steps, at most {steps.max() / int(params.max_steps_in_episode):.3f}"
@@ -184,11 +184,11 @@ def by_plan(name: str, levels: int) -> str:
 
 
 def compared(name: str, resets: int, ids: int) -> bool:
-    """Compare the levels of one of several ids, and print how; whether a table is beyond chance."""
+    """Compare levels and print the result; return whether a table differs significantly."""
     both = samples(name, resets)
     found = chances(*both)
     if source_of(name) in ("multi_room:MultiRoom", "instructions:GoToDoor"):
-        del found["walls"]  # what lies outside of the rooms is solid here
+        del found["walls"]  # everything outside the rooms is solid here
     beyond = [table for table, chance in found.items() if chance < SIGNIFICANCE / len(found) / ids]
     shown = ", ".join(f"{table} {chance:.3f}" for table, chance in found.items())
     moves = [np.mean([int(one["moves"][0]) for one in side]) for side in both if "moves" in found]
@@ -198,20 +198,20 @@ def compared(name: str, resets: int, ids: int) -> bool:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Compare and print; returns the exit status."""
+    """Compare and print; return the exit status."""
     every = [name.removeprefix(PREFIX) for name in ENTRIES if name.startswith(PREFIX)]
     parser = argparse.ArgumentParser(description="Compare worlds with MiniGrid's.")
     parser.add_argument("ids", nargs="*", default=every, metavar="ID", help="without minigrid-")
-    parser.add_argument("--resets", type=int, default=1000, help="levels a side (default 1000)")
-    parser.add_argument("--episodes", type=int, default=0, help="of players who act by chance")
-    parser.add_argument("--plans", type=int, default=0, help="levels that the planner plays")
+    parser.add_argument("--resets", type=int, default=1000, help="levels of each (default 1000)")
+    parser.add_argument("--episodes", type=int, default=0, help="episodes with a random policy")
+    parser.add_argument("--plans", type=int, default=0, help="levels to play with the planner")
     options = parser.parse_args(argv)
     failed = [
         compared(name, options.resets, len(options.ids)) for name in options.ids if options.resets
     ]
     for name in options.ids if options.episodes else ():
         theirs, ours = by_chance(name, options.episodes)
-        print(f"{name}: by chance {theirs:.1%} in MiniGrid, {ours:.1%} here", flush=True)
+        print(f"{name}: random policy {theirs:.1%} in MiniGrid, {ours:.1%} here", flush=True)
     for name in options.ids if options.plans else ():
         print(f"{name}: planner {by_plan(name, options.plans)}", flush=True)
     return int(any(failed))

@@ -1,14 +1,13 @@
-"""MiniWorld's environments and ours, compared by their first states and by what chance gets.
+"""Compare first states and random policies in MiniWorld's environments and ours.
 
     python -m fidelity.miniworld_places FOLDER [ID ...] [--resets N] [--episodes N]
 
-FOLDER holds MiniWorld's package, `miniworld` (`pip download --no-deps miniworld`, unpacked); its
-drawing, which needs OpenGL, is left out. Needs the `gymnasium` extra. Tables are the largest
-distances between the cumulated frequencies of one number in both (Kolmogorov and Smirnov's test):
-places of starts and boxes; in mazes their cells, the cells with one exit and with three or four,
-and the cells on the way to the box; where there are several things, lengths of the shortest ways.
-The status is 1 if one is beyond what chance explains (5 % for all tables of all ids together).
-With `--episodes`, players who draw every action play as many in both, until the time is up.
+FOLDER has MiniWorld's package `miniworld` (unpacked from `pip download --no-deps miniworld`). Its
+rendering is disabled, since it needs OpenGL. Needs the extra `gymnasium`. It compares distributions
+with Kolmogorov-Smirnov tests: positions of starts and boxes; in mazes their cells, the number of
+dead ends and forks, and the distance to the box; with several things, the length of the shortest
+path. The exit status is 1 if one differs by more than chance explains (5 % for all tests of all ids
+together). `--episodes` plays that many episodes with a random policy in both.
 """
 
 from __future__ import annotations
@@ -35,9 +34,9 @@ from jaxenstein.tasks.miniworld.collect_health import CollectHealthState
 from jaxenstein.tasks.miniworld.rooms import BoxState
 
 SIGNIFICANCE = 0.05
-# Metres and tiles from one cell of a maze to the next.
+# The distance between cells of a maze, in metres and in tiles.
 PITCHES = 3.25, 4
-# Module and class, arguments, and what is to be added to x and z to get our columns and rows.
+# Module and class, arguments, and the shift from x and z to our columns and rows.
 ROOMS: dict[str, tuple[str, str, dict[str, Any], tuple[float, float]]] = {
     "one-room": ("oneroom", "OneRoom", {"size": 10}, (1, 1)),
     "one-room-s6": ("oneroom", "OneRoomS6", {"size": 6}, (1, 1)),
@@ -59,13 +58,13 @@ ROOMS: dict[str, tuple[str, str, dict[str, Any], tuple[float, float]]] = {
 
 
 class First(NamedTuple):
-    """A first state: float[2] places in tiles, or in cells of a maze, and what leads where.
+    """A first state, with positions float[2] in tiles, or in cells of a maze.
 
     Attributes:
-        start: where the agent is.
+        start: position of the agent.
         heading: radians clockwise from east.
-        things: float[n, 2], what is to be reached or taken.
-        ways: pairs of cells of a maze between which is no wall, each once.
+        things: float[n, 2], positions of the things to reach or take.
+        ways: pairs of connected cells of a maze.
     """
 
     start: np.ndarray
@@ -75,7 +74,7 @@ class First(NamedTuple):
 
 
 def load(folder: Path) -> None:
-    """Make the package importable, with nothing behind what draws."""
+    """Make the package importable without its rendering."""
     for name in ("pyglet", "pyglet.gl", "pyglet.window", "miniworld.opengl"):
         sys.modules[name] = MagicMock()
     for name in ("miniworld", "miniworld.envs"):
@@ -97,9 +96,9 @@ def original(name: str) -> Any:
 
 
 def restart(env: Any) -> None:
-    """Begin an episode that is not over at once, as none of ours is."""
+    """Start an episode that is not over at once; ours never are."""
     while True:
-        # Which of the things Sign asks for is an argument there.
+        # In MiniWorld, the goal of Sign is an argument.
         env._color_index, env._goal = (int(env.np_random.integers(n)) for n in (3, 2))
         env.reset()
         put = (env.red_box, env.yellow_box) if hasattr(env, "red_box") else None
@@ -109,7 +108,7 @@ def restart(env: Any) -> None:
 
 
 def from_miniworld(name: str, resets: int) -> list[First]:
-    """Its first states."""
+    """First states of MiniWorld."""
     env, shift, found = original(name), np.array(ROOMS[name][3]), []
     maze = ROOMS[name][0] == "maze"
     for _ in range(resets):
@@ -118,7 +117,8 @@ def from_miniworld(name: str, resets: int) -> list[First]:
         things = boxes or [e for e in env.entities if e is not env.agent and not e.is_static]
         places = np.array([(e.pos[0], e.pos[2]) for e in (env.agent, *things)]) + shift
         if name == "wall-gap":
-            # Yards are half a metre shorter there: 0.4 m is kept from walls, or 0.57 by the box.
+            # MiniWorld's yards are half a metre shorter; margins to walls are 0.4 m, or 0.57 m for
+            # the box.
             middles, spans = np.array([13.75, 5.25]), np.array([7.2 / 6.7, 6.869 / 6.369])
             places[:, 1] = (places[:, 1] - middles) * spans + (14, 5)
         ways = set()
@@ -134,7 +134,7 @@ def from_miniworld(name: str, resets: int) -> list[First]:
 
 
 def from_ours(name: str, resets: int) -> list[First]:
-    """Ours."""
+    """Our first states."""
     _, _, states = first_states(name, resets)
     found = []
     for i in range(resets):
@@ -151,7 +151,7 @@ def from_ours(name: str, resets: int) -> list[First]:
         if isinstance(states, BoxMazeState):
             start, things = ((place - 1) // PITCHES[1] for place in (start, things))
             free = states.level.walls[i][0] == 0
-            # The tile in the middle of a wall between two cells.
+            # Look at the middle tile between two cells.
             for row, column in np.argwhere(free[:, 4::4]).tolist():
                 if row % 4 == 2:
                     ways.append(((column, row // 4), (column + 1, row // 4)))
@@ -163,17 +163,17 @@ def from_ours(name: str, resets: int) -> list[First]:
 
 
 def first_states(name: str, count: int) -> tuple[Any, Any, Any]:
-    """Our environment, its params, and first states on the host."""
+    """Our environment, its params, and first states as NumPy arrays."""
     env, params = jaxenstein.make(f"miniworld-{name}", height=8, width=8)
     return env, params, jax.device_get(players.first_states(env, params, count, seed=0))
 
 
 def numbers(name: str, first: First) -> dict[str, float]:
-    """What is compared of a first state, by the names of the tables."""
+    """The numbers of a first state to compare, by name."""
     start, heading, things, ways = first
     found = {"start x": start[0], "start y": start[1], "heading": heading % (2 * math.pi)}
     if name in ("pickup-objects", "put-next"):
-        # Things lie in the middle of tiles here.
+        # Our things lie in the middle of tiles.
         del found["start x"], found["start y"]
         orders = itertools.permutations(things)
         return {**found, "way": min(_length([start, *order]) for order in orders)}
@@ -194,7 +194,7 @@ def numbers(name: str, first: First) -> dict[str, float]:
 
 
 def _spread(steps: dict[Any, int], ways: list[Any]) -> Any:
-    """Cells that are not in `steps` yet and how many steps away, the nearer ones first."""
+    """Yield the cells not in `steps` with their distances, nearest first."""
     queue = list(steps)
     for cell in queue:
         for one, other in (*ways, *((b, a) for a, b in ways)):
@@ -208,14 +208,14 @@ def _length(places: Sequence[np.ndarray]) -> float:
 
 
 def distance(one: np.ndarray, other: np.ndarray) -> float:
-    """The largest distance between the cumulated frequencies of two samples."""
+    """The Kolmogorov-Smirnov distance of two samples."""
     every = np.concatenate([one, other])
     shares = [np.searchsorted(np.sort(some), every, "right") / len(some) for some in (one, other)]
     return float(np.abs(shares[0] - shares[1]).max())
 
 
 def compared(name: str, resets: int, ids: int) -> bool:
-    """Compare first states of one of several ids, and print how; whether a table is beyond."""
+    """Compare first states and print the result; return whether a test is significant."""
     sides = from_miniworld(name, resets), from_ours(name, resets)
     tables = [[numbers(name, first) for first in side] for side in sides]
     chance = SIGNIFICANCE / len(tables[0][0]) / ids
@@ -231,7 +231,7 @@ def compared(name: str, resets: int, ids: int) -> bool:
 
 
 def by_chance(name: str, episodes: int) -> str:
-    """Share of solved episodes and mean return of players who draw every action, told for both."""
+    """A text with success rate and mean return of a random policy in both."""
     ours, params, states = first_states(name, episodes)
     played = play(ours, UNIFORM, params, jax.random.key(2), states)
     env, rng, theirs = original(name), np.random.default_rng(0), []
@@ -239,7 +239,7 @@ def by_chance(name: str, episodes: int) -> str:
         restart(env)
         total, over, reward, terminated = 0.0, False, 0.0, False
         while not over:
-            # The same actions as here: some of MiniWorld's eight do nothing.
+            # Only the actions that we have; the others of MiniWorld's eight do nothing.
             _, reward, terminated, truncated, _ = env.step(rng.integers(ours.num_actions))
             total, over = total + reward, terminated or truncated
         theirs.append((terminated and reward > 0, total))
@@ -254,18 +254,18 @@ def by_chance(name: str, episodes: int) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Compare and print; returns the exit status."""
+    """Compare and print; return the exit status."""
     parser = argparse.ArgumentParser(description="Compare first states with MiniWorld's.")
-    parser.add_argument("folder", type=Path, help="where the folder miniworld is")
+    parser.add_argument("folder", type=Path, help="the folder that contains miniworld")
     parser.add_argument("ids", nargs="*", default=list(ROOMS), help="without miniworld-")
-    parser.add_argument("--resets", type=int, default=1000, help="first states a side")
-    parser.add_argument("--episodes", type=int, default=0, help="of players who act by chance")
+    parser.add_argument("--resets", type=int, default=1000, help="first states of each")
+    parser.add_argument("--episodes", type=int, default=0, help="episodes with a random policy")
     options = parser.parse_args(argv)
     load(options.folder)
     ids = options.ids
     failed = [compared(name, options.resets, len(ids)) for name in ids if options.resets]
     for name in ids if options.episodes else ():
-        print(f"{name}: by chance {by_chance(name, options.episodes)}", flush=True)
+        print(f"{name}: random policy: {by_chance(name, options.episodes)}", flush=True)
     return int(any(failed))
 
 

@@ -1,6 +1,6 @@
-"""What scripted players get in each task, beside the figures of the originals.
+"""Measure scripted players in each task, beside results of the originals.
 
-`python -m fidelity.players [--episodes N] [--ids ...] [--starts N]`
+`python -m fidelity.players [--episodes N] [--ids ...] [--starts N] [--frame-skip N] [--param ...]`
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -22,7 +23,7 @@ from jaxenstein.tasks.maze import Maze, far_starts
 from jaxenstein.tasks.navigation import MapGoalTask
 from jaxenstein.tasks.steering import centres, sample_heading
 
-# Measured with ViZDoom 1.3.2; skip 4 repeats each action four times, which players here do not.
+# Measured with ViZDoom 1.3.2; with skip 4, the game repeats each action four times.
 ORIGINALS = {
     ("health-gathering", "idle"): "284 exactly, dead after 384 steps",
     ("health-gathering", "random"): "351.2 +- 4.3 (284 to 572); skip 4: 393.8 +- 7.3",
@@ -33,14 +34,14 @@ _HEADINGS = 4
 
 
 def mean_and_error(values: Any) -> tuple[float, float]:
-    """Mean and its standard error (nan for fewer than two values)."""
+    """The mean and its standard error; NaN for fewer than two values."""
     values = np.asarray(values, np.float64)
     error = values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan
     return float(values.mean()), float(error)
 
 
 def random_walk(env: Environment[Any, Any], params: Any) -> Choose:
-    """Draw turn left, turn right or forward: the buttons of the originals, without backward."""
+    """Random turns and steps forward, the buttons of the originals."""
     del env, params
 
     def choose(key: jax.Array, state: Any) -> jax.Array:
@@ -60,9 +61,9 @@ def first_states(env: Any, params: Any, count: int, seed: int) -> Any:
 
 
 def all_starts(env: Any, params: Any, most: int) -> tuple[Any, bool]:
-    """First states for each goal, each spawn allowed with it and 4 headings; and whether all.
+    """First states for every goal, start and 4 headings, and whether they are complete.
 
-    More than `most` of them are thinned out to a random sample. Generated layouts: `most` seeds.
+    If there are more than `most`, take a random sample. For generated levels, take `most` seeds.
     """
     if not isinstance(env, MapGoalTask):
         return first_states(env, params, most, seed=2), False
@@ -82,11 +83,16 @@ def all_starts(env: Any, params: Any, most: int) -> tuple[Any, bool]:
     ), complete
 
 
-def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[str, Any]:
-    """Returns, lengths and successes of a player in an environment, and print them as a row."""
-    env, params = make(name, height=8, width=8)
-    if turn is not None:
-        params = params.replace(turn_angle=np.float32(math.radians(turn)))
+def measure(
+    name: str,
+    player: str,
+    episodes: int,
+    frame_skip: int = 1,
+    changes: Sequence[tuple[str, float]] = (),
+) -> dict[str, Any]:
+    """Measure returns, lengths and successes of a player, and print them as a row."""
+    env, params = make(name, height=8, width=8, frame_skip=frame_skip)
+    params = params.replace(**dict(changes))
     states = first_states(env, params, episodes, seed=0)
     chosen = RANDOM_WALK if player == "random_walk" else player_of(env, player)
     result = play(env, chosen, params, jax.random.key(1), states)
@@ -115,7 +121,7 @@ def measure(name: str, player: str, episodes: int, turn: float | None) -> dict[s
 
 
 def solve(name: str, most: int) -> None:
-    """Walk the shortest path from every start, and print the longest walk as a row."""
+    """Walk the shortest path from every start, and print a row."""
     env, params = make(name, height=8, width=8)
     states, complete = all_starts(env, params, most)
     result = play(env, player_of(env, "shortest_path"), params, jax.random.key(1), states)
@@ -127,7 +133,7 @@ def solve(name: str, most: int) -> None:
 
 
 def _ends_at_a_goal(name: str) -> bool:
-    """With respawns the episode goes on after the goal: its walk is that of the id without."""
+    """Whether an episode ends at a goal, which `shortest_path` walks to."""
     env = make(name)[0]
     return "shortest_path" in players_of(env) and bool(env.about().ends)
 
@@ -138,13 +144,28 @@ def _players_of(name: str) -> list[str]:
     return ["idle", "random", *walk, env.about().expert]
 
 
+def _changed(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    return name, float(value)
+
+
 def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--episodes", type=int, default=256, help="episodes of each player")
-    parser.add_argument("--starts", type=int, default=4096, help="most starts to solve an id from")
+    parser.add_argument("--starts", type=int, default=4096, help="maximum number of starts per id")
     parser.add_argument("--ids", nargs="+", default=list(MAIN_IDS), metavar="ID")
-    parser.add_argument("--turn", type=float, metavar="DEGREES", help="another turn a step")
+    parser.add_argument(
+        "--frame-skip", type=int, default=1, metavar="N", help="frame skip of the second table"
+    )
+    parser.add_argument(
+        "--param",
+        type=_changed,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="param of the second table; may be given again",
+    )
     options = parser.parse_args()
     began = time.perf_counter()
     print("| id | starts | solved | mean length | longest | horizon |\n" + "|---" * 6 + "|")
@@ -157,7 +178,7 @@ def main() -> None:
     )
     for name in options.ids:
         for player in _players_of(name):
-            measure(name, player, options.episodes, options.turn)
+            measure(name, player, options.episodes, options.frame_skip, options.param)
     print(f"\n{time.perf_counter() - began:.0f} s")
 
 

@@ -1,10 +1,10 @@
-"""What the ports of ViZDoom's tasks claim of the rules, measured on the real games.
+"""Measure the rules of ViZDoom's tasks in the game.
 
     python -m fidelity.vizdoom_rules [--only health|home] [--seed N]
 
-Needs the extra `bench`. Each line of the table says of how many episodes, steps or things it is.
-The games run with the settings of their own configuration files except for the size of the
-screen. `make_action` is called once a decision; a frame skip of 4 is Doom's own repetition.
+Needs the extra `bench`. Each row of the table has the number of episodes, steps or things. The
+games use their own config files, except for the size of the screen. Each decision calls
+`make_action` once; with frame skip 4, the game repeats the action.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from jaxenstein.tasks.doom.maps import MAP_SPOT, load_map
 
 VARIABLES = ("HEALTH", "POSITION_X", "POSITION_Y", "ANGLE")
 MEDKIT = "Medikit"
-# Where medkits may lie in a room of 1216 units a side, and sectors in which headings are counted.
+# The range of positions of medkits in a room of 1216 units, and the number of sectors of headings.
 EXTENT = (20.0, 1196.0)
 HEADINGS = 16
 TURN_LEFT, TURN_RIGHT, FORWARD = range(3)
@@ -34,7 +34,7 @@ TURN_LEFT, TURN_RIGHT, FORWARD = range(3)
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One state of the game; the places of medkits by their numbers in the game."""
+    """One state of the game; `medkits` has positions by the ids of the game."""
 
     health: float
     x: float
@@ -47,12 +47,12 @@ Choose = Callable[[Snapshot], list[int]]
 
 
 def row(what: str, value: object, n: int, note: str = "") -> None:
-    """Print a line of the table: what was measured, of how many things."""
+    """Print a row of the table; `n` is the number of measured things."""
     print(f"| {what} | {value} | {n} | {note} |", flush=True)
 
 
 def single_buttons(count: int, *, idle: bool) -> list[list[int]]:
-    """The actions that press at most one of `count` buttons; the first presses none if `idle`."""
+    """Actions that press one of `count` buttons; with `idle`, the first presses none."""
     pressed = [[int(i == j) for j in range(count)] for i in range(count)]
     return [[0] * count, *pressed] if idle else pressed
 
@@ -60,7 +60,7 @@ def single_buttons(count: int, *, idle: bool) -> list[list[int]]:
 def episodes_of(
     scenario: str, choose: Choose, episodes: int, seed: int, skip: int = 1
 ) -> Iterator[tuple[list[Snapshot], float]]:
-    """The states of each episode of a player, but for that of its end, and its return."""
+    """Yield the states of each episode, without the last, and its return."""
 
     def prepare(game: Any) -> None:
         game.set_objects_info_enabled(True)
@@ -84,7 +84,7 @@ def episodes_of(
 
 
 def idle_player(episodes: int, seed: int) -> None:
-    """Length, return, damage and arrivals of medkits while nobody moves."""
+    """Length, return, damage and new medkits without any action."""
     runs: Counter[tuple[Any, ...]] = Counter()
     places: list[tuple[float, float]] = []
     for seen, total in episodes_of("health_gathering", lambda _: [0, 0, 0], episodes, seed):
@@ -110,7 +110,7 @@ def idle_player(episodes: int, seed: int) -> None:
 
 
 def uniform(what: str, counts: Sequence[float]) -> None:
-    """A line that says whether counts are equal but for chance."""
+    """Print a row that tests whether counts are uniform."""
     from scipy import stats
 
     found = stats.chisquare(counts)
@@ -119,7 +119,7 @@ def uniform(what: str, counts: Sequence[float]) -> None:
 
 
 def player(who: str, scenario: str, choose: Choose, episodes: int, seed: int, skip: int) -> None:
-    """Returns of a player, and how often it got more than the time costs."""
+    """Measure the returns of a player, and how often they are positive."""
     played = list(episodes_of(scenario, choose, episodes, seed, skip))
     returns = [total for _, total in played]
     mean, error = mean_and_error(returns)
@@ -131,7 +131,7 @@ def player(who: str, scenario: str, choose: Choose, episodes: int, seed: int, sk
 
 
 def towards_nearest(state: Snapshot) -> list[int]:
-    """One button that leads to the nearest medkit: turn if it lies to the side, else walk."""
+    """The button that leads to the nearest medkit: turn if it lies to the side, else walk."""
     if not state.medkits:
         return [0, 0, 0]
     x, y = min(state.medkits.values(), key=lambda p: math.dist(p, (state.x, state.y)))
@@ -143,7 +143,7 @@ def towards_nearest(state: Snapshot) -> list[int]:
 
 
 def starts(resets: int, seed: int) -> None:
-    """Where episodes of My Way Home start, and in which direction."""
+    """Measure the start positions and headings of My Way Home."""
     spots = load_map("my-way-home").of_kind(MAP_SPOT)
     found, sectors, farthest = Counter[int](), [0] * HEADINGS, 0.0
     with running("my_way_home", seed=seed, variables=VARIABLES) as game:
@@ -183,11 +183,17 @@ def measure(options: argparse.Namespace) -> None:
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure and print the table."""
     parser = argparse.ArgumentParser(description="Measure rules of ViZDoom's tasks.")
-    parser.add_argument("--only", choices=("health", "home"), help="one of the two tasks")
-    parser.add_argument("--seed", type=int, default=0, help="of games and players (default 0)")
-    parser.add_argument("--episodes", type=int, default=300, help="of each player (default 300)")
-    parser.add_argument("--greedy", type=int, default=20, help="of the greedy player (default 20)")
-    parser.add_argument("--resets", type=int, default=2000, help="to see starts (default 2000)")
+    parser.add_argument("--only", choices=("health", "home"), help="measure only this task")
+    parser.add_argument("--seed", type=int, default=0, help="seed of games and players (default 0)")
+    parser.add_argument(
+        "--episodes", type=int, default=300, help="episodes of each player (default 300)"
+    )
+    parser.add_argument(
+        "--greedy", type=int, default=20, help="episodes of the greedy player (default 20)"
+    )
+    parser.add_argument(
+        "--resets", type=int, default=2000, help="resets to measure starts (default 2000)"
+    )
     options = parser.parse_args(argv)
     if min(options.episodes, options.greedy, options.resets) < 1:
         parser.error("--episodes, --greedy and --resets must be at least 1")

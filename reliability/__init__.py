@@ -1,1 +1,1 @@
-"""Programs that look for what the tests cannot: fuzzing, endurance, lanes, golden episodes."""
+"""Checks beyond the tests: fuzzing, endurance, lanes, and golden episodes."""

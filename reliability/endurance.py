@@ -1,13 +1,13 @@
-"""Millions of steps of every environment, with all that must hold looked at in every one of them.
+"""Play millions of steps of every environment, and check invariants in every step.
 
-    python -m reliability.endurance --steps 10_000_000         over all ids together
+    python -m reliability.endurance --steps 10_000_000         for all ids together
     python -m reliability.endurance --steps 100_000 simple key-corridor
-    python -m reliability.endurance --steps 200_000 --checked   with indices and NaN checked
+    python -m reliability.endurance --steps 200_000 --checked   also check indices and NaN
 
-Players are the task's expert, chance, and some who are up to no good: who run into walls, spin and
-use everything, or choose numbers that are no actions. `--checked` looks at every operation for an
-index out of range, a division by zero and a NaN (`jax.experimental.checkify`), also while drawing;
-it is slower. One compiled program takes its own states again and again, and memory may not grow.
+The players are the expert, a random policy, and adversaries that run into walls, spin and use
+everything, or choose invalid actions. `--checked` checks every operation for an index out of range,
+a division by zero and NaN (`jax.experimental.checkify`), also while drawing; it is slower. One
+compiled program runs on its own states, and memory must not grow.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from jaxenstein.players import UNIFORM, player_of
 from . import invariants
 
 SIZE = {"height": 8, "width": 16}
-# Environments side by side, a multiple of the number of players, and steps in one call.
+# Parallel environments, a multiple of the number of players, and steps per call.
 BATCH, CALL = 40, 250
-# What the memory of the process may grow by after the first calls, in bytes.
+# The maximum growth of the memory of the process after the first calls, in bytes.
 GROWTH = 64 << 20
-# Counted like an event, so that the frames are drawn.
+# Counted like an event, so that frames are drawn.
 PIXELS = "pixels above 0"
-# Modules, and what keeps stages apart in them, which checks cannot see through.
+# Functions that separate stages; checks cannot look inside them.
 STAGES = (
     *((f"engine.{module}", "staged") for module in ("render", "raycast", "sprites", "pixels")),
     ("engine.sprites", "repeat"),
@@ -53,15 +53,15 @@ EXTREMES = np.array([-(2**31), -1, 2**31 - 1, 127, 255, 5, 6], np.int32)
 
 @dataclasses.dataclass
 class Report:
-    """What came of the steps of one environment.
+    """The results of playing one environment.
 
     Attributes:
-        steps: over all environments of the batch.
-        episodes: that ended.
-        events: how often each event of `info` happened.
-        broken: how often each thing did not hold that must.
-        grown: bytes by which the memory of the process grew after the first calls.
-        seconds: without compiling.
+        steps: number of steps over the batch.
+        episodes: number of episodes that ended.
+        events: the number of times that each event of `info` happened.
+        broken: the number of times that each invariant was violated.
+        grown: growth of the memory of the process after the first calls, in bytes.
+        seconds: time without compilation.
     """
 
     steps: int = 0
@@ -73,13 +73,13 @@ class Report:
 
     @property
     def problems(self) -> list[str]:
-        """What is wrong, in words."""
+        """The problems in words."""
         found = [f"NOT SO in {count} steps: {name}" for name, count in self.broken.items() if count]
         grown = f"memory grew by {self.grown / 2**20:.0f} MiB"
         return found + [grown] * (self.grown > GROWTH)
 
     def count(self, counts: Any, steps: int) -> None:
-        """Add what came of some steps."""
+        """Add the counts of some steps."""
         ended, events, broken = jax.device_get(counts)
         self.steps += steps
         self.episodes += int(ended)
@@ -89,7 +89,7 @@ class Report:
 
 
 def players(env: Any, params: Any) -> list[Callable[[jax.Array, Any], jax.Array]]:
-    """Functions of key and state, each of which chooses an action."""
+    """Functions that choose an action from key and state."""
     forward, right = map(env.action_names.index, ("forward", "turn right"))
 
     def extreme(key: jax.Array, state: Any) -> jax.Array:
@@ -97,12 +97,12 @@ def players(env: Any, params: Any) -> list[Callable[[jax.Array, Any], jax.Array]
         return jax.random.choice(key, jnp.asarray(EXTREMES))
 
     def ram(key: jax.Array, state: Any) -> jax.Array:
-        """Forward, also where it is blocked; now and then a turn."""
+        """Walk forward, even if blocked, with a few turns."""
         del state
         return jnp.where(jax.random.bernoulli(key, 0.05), right, forward).astype(jnp.int32)
 
     def fidget(key: jax.Array, state: Any) -> jax.Array:
-        """Turn, use and walk by turns."""
+        """Alternate between turning, using and walking."""
         walks = jax.random.bernoulli(key, 0.3)
         used = jnp.where(state.time % 3 == 0, right, env.num_actions - 1)
         return jnp.where(walks, forward, used).astype(jnp.int32)
@@ -113,9 +113,10 @@ def players(env: Any, params: Any) -> list[Callable[[jax.Array, Any], jax.Array]
 def make_program(
     env: Any, params: Any, batch: int, steps: int, *, in_turn: bool = False
 ) -> tuple[Any, Any]:
-    """`start(key)` gives a carry; `play(carry)` the next one and the counts of some steps.
+    """`start(key)` returns a carry; `play(carry)` returns the next carry and counts.
 
-    In turn, environments step one after the other: `checkify` knows no batched loop or scatter.
+    With `in_turn`, environments step one after the other, since `checkify` does not support batched
+    loops and scatters.
     """
     chosen = players(env, params)
     kinds = jnp.arange(batch, dtype=jnp.int32) % len(chosen)
@@ -129,7 +130,7 @@ def make_program(
         checks |= invariants.of_observation(obs)
         _, terminated, truncated, info = outcome
         events = {name: info[name].astype(jnp.int32) for name in env.about().events}
-        # Read, lest the frame be left out of the program.
+        # Read the frame, so that it is not left out of the program.
         events[PIXELS] = jnp.any(obs != 0).astype(jnp.int32)
         broken = {name: (~held).astype(jnp.int32) for name, held in checks.items()}
         return after, ((terminated | truncated).astype(jnp.int32), events, broken)
@@ -145,7 +146,7 @@ def make_program(
         key, now = jax.random.split(key)
         _, state = jax.vmap(env.reset, (0, None))(jax.random.split(now, batch), params)
         limit = jnp.asarray(params.max_steps_in_episode, jnp.int32)
-        # Clocks apart, so that episodes do not all end in the same step.
+        # Different clocks, so that episodes do not all end in the same step.
         clocks = jnp.arange(batch, dtype=jnp.int32) * limit // batch
         return key, state.replace(time=clocks)
 
@@ -162,11 +163,11 @@ def endure(
     """Play an environment.
 
     Args:
-        name: its id.
-        steps: of all environments of the batch together, rounded up.
-        seed: of all draws.
-        checked: whether every operation is checked, and colours are drawn instead of depths.
-        batch: environments side by side.
+        name: id of the environment.
+        steps: number of steps over the batch, rounded up.
+        seed: random seed.
+        checked: whether to check every operation, and to draw colours instead of depth.
+        batch: number of parallel environments.
     """
     kind = "rgb" if checked else "depth"
     env, params = jaxenstein.make(name, observation=kind, **SIZE)
@@ -177,9 +178,8 @@ def endure(
         start, play = make_program(env, params, batch, length, in_turn=checked)
         carry = start(jax.random.key(seed))
         errors = checkify.index_checks | checkify.nan_checks | checkify.div_checks
-        # It knows no batched loop, not even where it checks nothing.
         program = checkify.checkify(play, errors=errors) if checked else play
-        # It takes its own output, so that no other program can be needed.
+        # The program runs on its own output, so it is compiled only once.
         run = jax.jit(program).lower(carry).compile()
         begin, memory = time.perf_counter(), resident()
         for call in range(calls):
@@ -197,7 +197,7 @@ def endure(
 
 @contextlib.contextmanager
 def plain_stages() -> Iterator[None]:
-    """Let stages run into each other: checks do not see through the conditionals between them."""
+    """Merge stages, since checks cannot look inside the conditionals between them."""
     with contextlib.ExitStack() as stack:
         for module, name in STAGES:
             where = importlib.import_module(f"jaxenstein.{module}")
@@ -222,7 +222,7 @@ PLAIN: dict[str, Callable[..., Any]] = {
 
 
 def resident() -> int:
-    """Bytes of memory that the process has; 0 where the system does not tell."""
+    """The memory of the process in bytes; 0 if unknown."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except OSError:
@@ -231,15 +231,17 @@ def resident() -> int:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Play what the command line names; 1 if something did not hold."""
+    """Play the named environments; return 1 if there is a problem."""
     summary = (__doc__ or "").split("\n\n")
     parser = argparse.ArgumentParser(
         prog="python -m reliability.endurance", description=summary[0], epilog=summary[2]
     )
     parser.add_argument(
-        "ids", nargs="*", metavar="ID", help="which ones (default: all but variants)"
+        "ids", nargs="*", metavar="ID", help="environments (default: all but variants)"
     )
-    parser.add_argument("--steps", type=int, default=1_000_000, help="of all together (1_000_000)")
+    parser.add_argument(
+        "--steps", type=int, default=1_000_000, help="total steps (default 1_000_000)"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--checked", action="store_true", help="check every operation")
     options = parser.parse_args(arguments)

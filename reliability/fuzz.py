@@ -1,12 +1,12 @@
-"""Spoilt input for every parser and loader: maps, settings, trajectories, configurations, runs.
+"""Fuzz every parser and loader: maps, settings, trajectories, configs, runs.
 
-    python -m reliability.fuzz --minutes 10                  all targets, the same time each
-    python -m reliability.fuzz --minutes 60 --target ascii   one of them
+    python -m reliability.fuzz --minutes 10                  all targets, with equal times
+    python -m reliability.fuzz --minutes 60 --target ascii   one target
 
-Each target begins with valid input, which Hypothesis spoils again and again; what was accepted, or
-refused for a new reason, is spoilt further. Anything but a result or one of the project's own
-errors is a defect, and so is an error that says too little, a warning, a hang, or a file left
-behind. The smallest case of a defect is kept in `fuzz/TARGET`; the exit status is 1.
+Each target starts with valid input, which Hypothesis mutates. Inputs that are accepted, or refused
+for a new reason, are mutated further. Everything except a result or one of the project's own errors
+is a defect, and so are errors that say too little, warnings, hangs, and files left behind. The
+smallest case of a defect is kept in `fuzz/TARGET`, and the exit status is 1.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from .spoil import Case, Rng, Target
 from .targets import TARGETS
 
 OUT = Path("fuzz")
-# Seconds after which a case hangs; cases of a round, after which the new ones are spoilt further
-# and compiled functions forgotten; how many are kept for that.
+# Seconds after which a case counts as hung; cases per round, after which new cases are mutated and
+# compiled functions are dropped; and the number of new cases to keep.
 PATIENCE, ROUND, MOST = 120.0, 200, 300
-# Of Hypothesis: what takes long or much is no mistake here.
+# Health checks of Hypothesis that do not apply here.
 _HEALTH = hypothesis.HealthCheck
 SLOW = (_HEALTH.too_slow, _HEALTH.data_too_large, _HEALTH.large_base_example)
 
@@ -49,10 +49,10 @@ def attempt(target: Target, case: Case, patience: float = PATIENCE) -> str:
     """Run a case in an empty folder.
 
     Returns:
-        Why it was refused, "" if it was not.
+        The reason of a refusal, or "" if the case was accepted.
 
     Raises:
-        AssertionError: a defect that is no exception by itself.
+        AssertionError: a defect that does not raise an exception itself.
     """
     with scratch() as folder:
         case.write(folder)
@@ -64,9 +64,9 @@ def attempt(target: Target, case: Case, patience: float = PATIENCE) -> str:
                 target.run(case)
         except JAXensteinError as error:
             refusal = str(error)
-            assert len(refusal.strip()) >= 8, f"an error that says nothing: {refusal!r}"
+            assert len(refusal.strip()) >= 8, f"an error without a message: {refusal!r}"
             named = any(Path(name).parts[0] in refusal for name in case.files)
-            assert named or not target.named, f"an error that names no file: {refusal}"
+            assert named or not target.named, f"an error that does not name a file: {refusal}"
         after = contents(folder)
         left = [name for name in {*before, *after} if before.get(name) != after.get(name)]
         assert not left, f"left files behind: {sorted(left)}"
@@ -79,18 +79,18 @@ def fuzz(
     """Try some cases.
 
     Args:
-        target: what reads them.
-        cases: how many at most; Hypothesis tries none twice.
-        seed: of the changes.
+        target: the target to fuzz.
+        cases: maximum number of cases; Hypothesis tries no case twice.
+        seed: random seed.
         keep: a folder for the files of the last defect, which is the smallest.
-        seconds: after which no more are tried.
+        seconds: time limit.
 
     Returns:
-        How many were refused for each reason; "" counts those that were accepted.
+        The number of refusals for each reason; "" counts accepted cases.
 
     Raises:
-        AssertionError: one of the target's own seeds is not accepted.
-        Exception: a defect, found in as small a case as could be.
+        AssertionError: a seed of the target is not accepted.
+        Exception: a defect, in a case as small as possible.
     """
     for case in target.seeds:
         assert attempt(target, case) == "", f"a seed is not valid: {attempt(target, case)}"
@@ -98,12 +98,13 @@ def fuzz(
     reasons, end, failed = Counter[str](), time.monotonic() + seconds, False
 
     def once(case: Case, rng: Rng, changes: int) -> None:
-        """Try a case with some changes, but for when time is over and no defect is being shrunk."""
+        """Mutate and try a case, unless time is over and no defect is being shrunk."""
         nonlocal failed
-        if time.monotonic() > end and not failed:
-            return
         for _ in range(changes):
             case = target.spoil(case, rng)
+        # Only now: Hypothesis calls it a defect if the same case draws less than before.
+        if time.monotonic() > end and not failed:
+            return
         try:
             reason = skeleton(attempt(target, case))
         except BaseException:
@@ -133,7 +134,7 @@ def fuzz(
 
 @contextlib.contextmanager
 def scratch() -> Iterator[Path]:
-    """An empty folder below another one, as the working directory; then it is removed."""
+    """An empty temporary folder inside another one, as the working directory."""
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
         folder = Path(name).resolve() / "here"
         folder.mkdir()
@@ -143,7 +144,7 @@ def scratch() -> Iterator[Path]:
 
 @contextlib.contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """Interrupt what takes longer, where signals can do that."""
+    """Interrupt a block that takes longer, if the system has the signal."""
     if not hasattr(signal, "setitimer"):
         yield
         return
@@ -161,7 +162,7 @@ def limited(seconds: float) -> Iterator[None]:
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """What tells whether something below a folder has changed, by name."""
+    """Digests of everything below a folder, by name, to detect changes."""
     return {
         str(path.relative_to(folder)): os.readlink(path)
         if path.is_symlink()
@@ -172,19 +173,21 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 def skeleton(text: str) -> str:
-    """A message without quoted words, paths and numbers, so that equal reasons look alike."""
+    """A message without quoted words, paths and numbers, to compare reasons."""
     text = re.sub(r"'[^']*'|\"[^\"]*\"", "'..'", " ".join(text.split()))
     text = re.sub(r"\S*/\S*", "PATH", text)
     return re.sub(r"0x[0-9a-f]+|-?\d[\d.e+-]*|\binf\b|\bnan\b", "N", text)[:160]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Fuzz what the command line names; 1 if there were defects."""
+    """Fuzz the named targets; return 1 if there are defects."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--minutes", type=float, default=5.0, help="of all targets together (5)")
-    parser.add_argument("--target", action="append", choices=list(TARGETS), help="may be repeated")
-    parser.add_argument("--seed", type=int, default=int(time.time()), help="of the changes")
-    parser.add_argument("--out", type=Path, default=OUT, help="where defects are kept (fuzz)")
+    parser.add_argument("--minutes", type=float, default=5.0, help="total minutes (default 5)")
+    parser.add_argument(
+        "--target", action="append", choices=list(TARGETS), help="a target; repeat for several"
+    )
+    parser.add_argument("--seed", type=int, default=int(time.time()), help="random seed")
+    parser.add_argument("--out", type=Path, default=OUT, help="folder for defects (default fuzz)")
     options = parser.parse_args(arguments)
     names, failed = options.target or list(TARGETS), False
     print(f"seed {options.seed}\n| target | tried | accepted | reasons |\n|---|---:|---:|---:|")

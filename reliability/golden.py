@@ -1,14 +1,14 @@
-"""Golden episodes: what every environment did when its version was last raised.
+"""Golden episodes: the behaviour of every environment in its current version.
 
     python -m reliability.golden            write the episodes of new ids and raised versions
-    python -m reliability.golden --check    only tell what differs
+    python -m reliability.golden --check    only print differences
 
-An episode is a seed and a list of actions; the file holds digests of what came of them. What is
-whole (tiles, doors, events, times) and the rewards must be the same bit for bit on any machine.
-JAX 0.7, 0.10 and 0.12 agree in all pixels and, but for 1e-6, in all numbers. A processor without
-fused multiplication and addition differs by up to 2e-6, and by a pixel of a frame where things
-end. So numbers are rounded to hundredths first, with seeds for which none lies where rounding
-could go either way; some frames are kept whole, a few of whose pixels may differ.
+An episode is a seed and a list of actions; the file has digests of the results. Integers (tiles,
+doors, events, times) and rewards must be the same bit for bit on any machine. JAX 0.7, 0.10 and
+0.12 agree in all pixels, and in other numbers up to 1e-6. A processor without fused multiply-add
+differs by up to 2e-6, and in single pixels at edges. So other numbers are rounded to hundredths;
+seeds are chosen such that no number is close to a rounding boundary. Some frames are stored as they
+are, and a few of their pixels may differ.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "tests" / "contract" / "golden.json"
 COMMAND = "python -m reliability.golden"
 SIZE = {"height": 12, "width": 16}
-# Steps of an episode; its time limit, so that a reset is part of it; steps that a digest covers.
+# Steps of an episode, its time limit (so that it includes a reset), and steps per digest.
 STEPS, LIMIT, BLOCK = 72, 60, 8
-# Every so many frames one is kept, of whose pixels a share may differ.
+# Every KEPT-th frame is stored; at most the share FEW of its pixels may differ.
 KEPT, FEW = 6, 0.02
-# Numbers are rounded to this; in units of it, how far they keep from where rounding goes over,
-# and by how much the kept ones may differ on other kinds of processor.
+# The rounding grid; in units of it, the minimum distance to a rounding boundary, and the maximum
+# difference of stored poses on other kinds of processor.
 GRID, MARGIN, NEAR = 1e-2, 2e-3, 1.5
-# How often the generator leaves what the expert does, for one step and to walk into something.
+# The probabilities that the generator deviates from the expert for one step, and for a longer walk.
 WANDERING, STRAYING = 0.12, 0.04
 
-# Where nobody would come within so few steps, they come sooner and are more.
+# Monsters that would not appear in so few steps appear earlier and in larger numbers.
 SOONER: dict[str, dict[str, float]] = {"doom-deathmatch": {"first": 4, "crowd": 40}}
 
 Table = dict[str, Any]
@@ -58,12 +58,12 @@ Table = dict[str, Any]
 
 @dataclasses.dataclass(frozen=True)
 class Trace:
-    """What came of the actions; rows are the reset and then the steps.
+    """The results of the actions; the rows are the reset, then the steps.
 
     Attributes:
-        layout: names, types and shapes of all that the rows hold.
-        whole: int64 of each row: whole numbers, truth values, and rewards by their bits.
-        real: float64 of each row: all other numbers.
+        layout: names, types and shapes of the content of a row.
+        whole: int64 for each row: integers, bools, and the bits of rewards.
+        real: float64 for each row: all other numbers.
         poses: float64[rows, 3], x, y and heading.
         frames: uint8[rows, height, width, 3].
     """
@@ -82,16 +82,16 @@ def made(name: str) -> tuple[Any, Any]:
 
 
 def trace(name: str, seed: int, actions: Sequence[int]) -> Trace:
-    """Play the actions from the reset of a seed on."""
+    """Play the actions after a reset with a seed."""
     env, params = made(name)
     played = _play(env, keys_of(seed), jnp.asarray(actions, jnp.int32), params)
     return trace_of(*jax.device_get(played))
 
 
 def trace_of(first: tuple[Any, ...], steps: tuple[Any, ...]) -> Trace:
-    """The trace of what `reset` returned and of what the steps did, stacked over time."""
+    """The trace of the results of `reset` and of the steps, stacked over time."""
     *front, info = steps
-    # It follows from the others, and is younger than the file.
+    # `success` follows from the others, and is not in the file.
     steps = *front, {name: value for name, value in info.items() if name != "success"}
     begin = jax.tree.map(lambda leaf: leaf[None], first[1])
     parts = _rows(begin), _rows(steps[1:])
@@ -129,7 +129,7 @@ def _rows(tree: Any) -> tuple[str, list[np.ndarray], list[np.ndarray]]:
         leaf, name = np.asarray(leaf), jax.tree_util.keystr(path)
         names.append(f"{name} {leaf.dtype}{list(leaf.shape[1:])}")
         flat = leaf.reshape(len(leaf), -1)
-        # Sums of rewards are the same everywhere, and smaller than the grid.
+        # Rewards and their sums are the same everywhere, and may be smaller than the grid.
         if name == "[1]" or name.endswith(("episode_return", "['episode_return']")):
             flat = flat.view(np.int32)
         (real if flat.dtype.kind == "f" else whole).append(flat)
@@ -142,7 +142,7 @@ def _rows(tree: Any) -> tuple[str, list[np.ndarray], list[np.ndarray]]:
 
 
 def describe(name: str, seed: int, actions: Sequence[int]) -> Table:
-    """What the file holds of an environment."""
+    """The entry of an environment in the file."""
     env, params = jaxenstein.make(name, **SIZE)
     found = trace(name, seed, actions)
     kept = found.frames[::KEPT]
@@ -161,7 +161,7 @@ def describe(name: str, seed: int, actions: Sequence[int]) -> Table:
 
 
 def numbers_of(params: Any) -> dict[str, float]:
-    """The default params by name, as short as float32 needs."""
+    """The default params by name, in the shortest form that is exact in float32."""
     return {
         field.name: float(str(np.asarray(getattr(params, field.name))))
         for field in dataclasses.fields(params)
@@ -174,13 +174,13 @@ def digest(parts: Iterable[bytes]) -> str:
 
 
 def blocks(rows: Sequence[np.ndarray] | np.ndarray) -> list[str]:
-    """A digest for every so many rows; the same bytes on machines of either byte order."""
+    """A digest of every BLOCK rows, independent of the byte order of the machine."""
     little = [row.astype(row.dtype.newbyteorder("<"), copy=False).tobytes() for row in rows]
     return [digest(little[start : start + BLOCK]) for start in range(0, len(little), BLOCK)]
 
 
 def rounded(rows: Iterable[np.ndarray]) -> list[np.ndarray]:
-    """Numbers in whole units of the grid."""
+    """Numbers rounded to units of the grid."""
     return [np.rint(row / GRID).astype(np.int64) for row in rows]
 
 
@@ -195,11 +195,11 @@ def problem(name: str, wanted: Mapping[str, Any], found: Trace | None = None) ->
     Args:
         name: the id.
         wanted: the episode.
-        found: the trace of its actions; played here if None.
+        found: the trace of its actions; None plays them.
     """
     env, params = jaxenstein.make(name, **SIZE)
     if env.version != wanted["version"]:
-        return f"its version is {env.version}, that of the file {wanted['version']}"
+        return f"its version is {env.version}, but {wanted['version']} in the file"
     numbers = numbers_of(params)
     if numbers != wanted["params"]:
         changed = {k: v for k, v in numbers.items() if wanted["params"].get(k) != v}
@@ -207,12 +207,12 @@ def problem(name: str, wanted: Mapping[str, Any], found: Trace | None = None) ->
     if found is None:
         found = trace(name, wanted["seed"], actions_of(wanted))
     if digest([found.layout.encode()]) != wanted["layout"]:
-        return f"states or info have other parts: {found.layout}"
+        return f"states or info have another layout: {found.layout}"
     if at := _differing(blocks(found.whole), wanted["whole"]):
-        return f"rewards, events or other whole parts of states differ from {at} on"
+        return f"rewards, events or other integers in states differ from {at} on"
     at = _differing(blocks(rounded(found.real)), wanted["rounded"])
     if at and not _near(found.poses, wanted["poses"]):
-        return f"positions or other numbers of states differ from {at} on"
+        return f"positions or other numbers in states differ from {at} on"
     return _frames_problem(found.frames, wanted)
 
 
@@ -225,7 +225,7 @@ def _differing(found: Sequence[str], wanted: Sequence[str]) -> str:
 
 
 def _near(poses: np.ndarray, wanted: Any) -> bool:
-    """Whether this is no CPU as that of the file, and positions are the same up to rounding."""
+    """Whether this is another kind of processor, and positions are equal up to rounding."""
     x86 = platform.machine().lower() in ("x86_64", "amd64", "i686")
     if jax.default_backend() == "cpu" and x86:
         return False
@@ -239,7 +239,7 @@ def _frames_problem(frames: np.ndarray, wanted: Mapping[str, Any]) -> str:
     data = zlib.decompress(base64.b64decode(wanted["pictures"]))
     pictures = np.frombuffer(data, np.uint8).reshape(-1, *kept.shape[1:])
     if pictures.shape != kept.shape:
-        return "there are other frames"
+        return "the number or size of frames differs"
     shares = (kept != pictures).any(axis=-1).mean(axis=(1, 2))
     worst = int(shares.argmax())
     if shares[worst] > FEW:
@@ -248,11 +248,11 @@ def _frames_problem(frames: np.ndarray, wanted: Mapping[str, Any]) -> str:
 
 
 def message(name: str, what: str) -> str:
-    """What to do about a difference."""
+    """The message for a difference, with advice."""
     if what.startswith("its version"):
         return f"{name}: {what}: regenerate with {COMMAND}"
     return (
-        f"behaviour of {name} changed: {what}. If that is meant, raise its version in the registry "
+        f"behaviour of {name} changed: {what}. If intended, raise its version in the catalogue "
         f"and add a line to CHANGELOG.md, then regenerate with {COMMAND}"
     )
 
@@ -263,7 +263,7 @@ def load() -> dict[str, Table]:
 
 
 def choose(name: str, seeds: Iterable[int] = range(400)) -> Table:
-    """An episode for an environment, all of whose numbers can be rounded safely."""
+    """An episode in which all numbers can be rounded safely."""
     for seed in seeds:
         actions = wander(name, seed)
         real = np.concatenate(trace(name, seed, actions).real) / GRID
@@ -275,7 +275,7 @@ def choose(name: str, seeds: Iterable[int] = range(400)) -> Table:
 
 
 def wander(name: str, seed: int) -> list[int]:
-    """Actions of the task's expert, with other ones in between, some of which are no actions."""
+    """Actions of the expert mixed with other actions, some of them invalid."""
     env, params = made(name)
     rng = np.random.default_rng(seed)
     others = rng.integers(-1, env.num_actions + 1, STEPS).astype(np.int32)
@@ -304,7 +304,7 @@ def _choose(env: Any, keys: jax.Array, others: jax.Array, away: jax.Array, param
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write or check the file."""
     parser = argparse.ArgumentParser(description="Write or check the golden episodes.")
-    parser.add_argument("ids", nargs="*", metavar="ID", help="some of them (default: all)")
+    parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all)")
     parser.add_argument("--check", action="store_true", help="write nothing")
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.ids if name not in MAIN_IDS]:
@@ -319,7 +319,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             table[name] = old
             what = problem(name, old)
             wrong += bool(what)
-            print(message(name, what) if what else f"{name}: as it was", flush=True)
+            print(message(name, what) if what else f"{name}: unchanged", flush=True)
         else:
             table[name] = choose(name)
             print(f"{name}: version {entry.version}, seed {table[name]['seed']}", flush=True)
@@ -330,7 +330,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def to_text(table: Mapping[str, Table]) -> str:
-    """JSON with an entry a line, so that a change shows which ones it is of."""
+    """JSON with one entry per line, so that diffs are readable."""
     parts = []
     for name, entry in table.items():
         lines = (f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in entry.items())

@@ -1,4 +1,4 @@
-"""What must hold of every state and step of every environment, whatever the actions are."""
+"""Invariants of all states and steps of every environment, for any actions."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-# Rounding of float32 sums of thousands of rewards, relative and absolute.
+# Tolerance for float32 sums of thousands of rewards, relative and absolute.
 _CLOSE = 1e-4
 
 Checks = dict[str, jax.Array]
 
 
 def of_state(env: Any, state: Any, params: Any) -> Checks:
-    """bool[] by name: whether a state is a possible one."""
+    """The invariants of a state, bool[] by name."""
     scene = env.scene(state, params)
     checks = {
         "every number is finite": _finite(state),
@@ -24,7 +24,7 @@ def of_state(env: Any, state: Any, params: Any) -> Checks:
         "time is from 0 to the limit": (state.time >= 0)
         & (state.time < params.max_steps_in_episode),
         "the episode is not over": ~state.done,
-        "sprites have a look that there is": _in_range(
+        "sprites have an existing look": _in_range(
             scene.sprites.picture, len(scene.theme.sprite_art)
         ),
     }
@@ -38,14 +38,14 @@ def of_state(env: Any, state: Any, params: Any) -> Checks:
 
 
 def of_step(env: Any, before: Any, after: Any, outcome: Any, params: Any) -> Checks:
-    """bool[] by name: whether a step may lead from one state to another.
+    """The invariants of a step, bool[] by name.
 
     Args:
         env: the environment, with resets in the same step.
-        before: a state.
-        after: the state that followed, perhaps of a new episode.
+        before: the state before the step.
+        after: the state after the step, perhaps of a new episode.
         outcome: reward, terminated, truncated and info of the step.
-        params: its params.
+        params: the params.
     """
     reward, terminated, truncated, info = outcome
     ended = terminated | truncated
@@ -56,8 +56,8 @@ def of_step(env: Any, before: Any, after: Any, outcome: Any, params: Any) -> Che
         "reward and info are finite": _finite((reward, info)),
         "returns add up": jnp.abs(info["episode_return"] - total)
         <= _CLOSE * jnp.maximum(1, jnp.abs(total)),
-        "the clock goes on by one": info["episode_length"] == before.time + 1,
-        "a new episode begins at 0, an old one goes on": after.time
+        "the clock advances by one": info["episode_length"] == before.time + 1,
+        "the clock is 0 in a new episode and continues in an old one": after.time
         == jnp.where(ended, 0, before.time + 1),
         "the time limit truncates": truncated
         == (info["episode_length"] >= params.max_steps_in_episode),
@@ -65,12 +65,12 @@ def of_step(env: Any, before: Any, after: Any, outcome: Any, params: Any) -> Che
     }
     for name in env.about().lasting:
         lost = jnp.any(getattr(before, name) & ~getattr(after, name))
-        checks[f"what is {name} stays {name}"] = ~lost | elsewhere
+        checks[f"{name} things stay {name}"] = ~lost | elsewhere
     return checks
 
 
 def of_observation(obs: Any) -> Checks:
-    """bool[] by name: whether an image of depths is a possible one."""
+    """The invariants of a depth image, bool[] by name."""
     if obs.dtype != jnp.float32:
         return {}
     return {"depths are finite and above 0": jnp.all(jnp.isfinite(obs) & (obs > 0))}
@@ -86,7 +86,7 @@ def _in_range(values: jax.Array, count: int) -> jax.Array:
 
 
 def _on_open_tile(scene: Any, position: jax.Array) -> jax.Array:
-    """By the labels of the tiles and the list of doors, not by the words that rays test."""
+    """Whether a position is on an open tile, by tile labels and doors, not by occupancy words."""
     level = scene.level
     tiles = jnp.asarray(level.walls)[0]
     doors = jnp.asarray(level.doors)

@@ -1,12 +1,12 @@
-"""How many levels each environment has that draws one at each reset.
+"""Count the levels of environments that draw a level at each reset.
 
-    python -m reliability.levels            count those that are new or have another version
-    python -m reliability.levels ID ...     count these anew
-    python -m reliability.levels --check    only tell what differs, of all or of some
+    python -m reliability.levels            count new ids and ids with another version
+    python -m reliability.levels ID ...     count these ids again
+    python -m reliability.levels --check    only print differences, for all or some ids
 
-Levels are drawn with the environment's own resets and told apart by a hash of 64 bits. If each of
-them came often, that is their number; a level that never came has a chance of less than one in ten
-thousand draws then. With very many of them drawing stops early: there are at least so many.
+Levels are drawn with the environment's resets, and compared by a 64-bit hash. Once every level has
+been drawn several times, the count is exact: a level that is still missing has a probability below
+1 in 10,000 per draw. With very many levels, drawing stops early, and the count is a lower bound.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from jaxenstein.tasks.first_person import GeneratedTask
 from jaxenstein.tasks.splits import sample_levels
 
 ENOUGH = 10_000
-"""Of more levels their number makes no difference."""
-# Draws at a time, the fewest and the most in all; how often each level comes until all are known.
+"""The largest count; a larger number makes no difference."""
+# Draws per batch, minimum and maximum number of draws, and draws per level for an exact count.
 BATCH, FEWEST, MOST, OFTEN = 2**14, 2**16, 2**21, 8
 
 
 def count_levels(env: Any) -> tuple[int, bool]:
-    """How many levels there are, and whether that is their number; else there are at least so many.
+    """The number of levels, and whether it is exact; otherwise it is a lower bound.
 
     Args:
         env: a `GeneratedTask`.
@@ -53,7 +53,7 @@ def count_levels(env: Any) -> tuple[int, bool]:
 
 
 def counted(name: str) -> LevelCount:
-    """What there is to keep of an id."""
+    """The count of an id."""
     levels, exact = count_levels(jaxenstein.make(name)[0])
     return LevelCount(levels, exact, ENTRIES[name].version)
 
@@ -64,7 +64,7 @@ def generated_ids() -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; 1 if `--check` finds a difference."""
+    """Run the command; return 1 if `--check` finds a difference."""
     parser = argparse.ArgumentParser(prog="python -m reliability.levels", description=__doc__)
     parser.add_argument("ids", nargs="*", metavar="ID")
     parser.add_argument("--check", action="store_true")
@@ -84,7 +84,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def write(counts: dict[str, LevelCount]) -> None:
-    """Keep the counts, a line for each."""
+    """Write the counts, one per line."""
     rows = [f"{json.dumps(n)}: {json.dumps(dataclasses.asdict(c))}" for n, c in counts.items()]
     with atomic(FILE) as temporary:
         temporary.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")

@@ -1,7 +1,7 @@
-"""The packages that adapters and examples are tested beside, each set in an environment of its own.
+"""The packages for tests of adapters and examples, in separate environments.
 
-Partners exclude each other: gymnax 1.x sets upper limits on JAX and Gymnasium, and rejax needs
-gymnax 0.0.9. `make partners` runs the tests, benchmarks measure beside the same versions.
+Some packages exclude each other: gymnax 1.x has upper limits on JAX and Gymnasium, and rejax needs
+gymnax 0.0.9. `make partners` runs the tests.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ class Partner:
     """One environment.
 
     Attributes:
-        requirements: what pip installs beside this package and pytest.
-        tests: files in the folder `TESTS`.
-        modules: what must be importable.
-        python: the only Python version that will do, such as "3.11"; None for any.
+        requirements: requirements for pip, besides this package and pytest.
+        tests: test files in the folder `TESTS`.
+        modules: modules that must be importable.
+        python: the required Python version, such as "3.11"; None for any.
     """
 
     requirements: tuple[str, ...]
@@ -32,7 +32,7 @@ _TORCH = "torch==2.13.0"
 _EVERY = "adapters/test_contract.py"
 _GYMNASIUM = ("adapters/test_gymnasium.py", "adapters/test_gymnasium_vector.py", _EVERY)
 _GYMNAX = ("adapters/test_gymnax.py", _EVERY)
-# gymnax imports six without requiring it, and what once brought it along no longer does.
+# gymnax imports six without requiring it.
 PARTNERS: dict[str, Partner] = {
     "gymnasium-1.1": Partner(("gymnasium==1.1.1",), _GYMNASIUM, ("gymnasium",)),
     "gymnasium": Partner(("gymnasium>=1.4",), _GYMNASIUM, ("gymnasium",)),
@@ -41,7 +41,9 @@ PARTNERS: dict[str, Partner] = {
     "rejax": Partner(("rejax>=0.1.3", "gymnax==0.0.9", "six"), _GYMNAX, ("gymnax", "rejax")),
     "stoa": Partner(("stoa-env>=0.1.2",), ("adapters/test_stoa.py", _EVERY), ("stoa",)),
     "equinox": Partner(
-        ("equinox>=0.13", "optax>=0.2.4"), ("examples/test_own_agents.py",), ("equinox",)
+        ("equinox>=0.13", "flax>=0.12", "optax>=0.2.4", "tensorboardX>=2.6", "wandb>=0.20"),
+        ("examples/test_own_agents.py",),
+        ("equinox", "tensorboardX", "wandb"),
     ),
     "vizdoom": Partner(("vizdoom>=1.3",), ("adapters/test_vizdoom.py",), ("vizdoom",)),
     "torch": Partner((_TORCH,), ("adapters/test_torch.py", _EVERY), ("torch",), "3.11"),

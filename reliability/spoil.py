@@ -1,4 +1,4 @@
-"""Cases of input, and ways to spoil them as people, disks and enemies do: bytes, words, trees."""
+"""Input cases, and mutations like those by people, disks and attackers: bytes, words, trees."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ VALUES: tuple[Any, ...] = (
     *("", "x", "simple", "rgb", "../../x", "/etc/passwd", "\0", "\ud800", "a" * 3000, "12"),
     *([], {}, [[]], [0], [1, 2], [1, 2, 3], [None], {"a": 1}, [[1, 2, 3]], "#SG#", ["#SG#"]),
 )
-# No text in UTF-8, the ends of encodings, marks of other ones.
+# Bytes that are not UTF-8, and byte order marks.
 _BYTES = (b"\xff", b"\xc0\x80", b"\xed\xa0\x80", b"\0", b"\xef\xbb\xbf", b"\xfe\xff")
 LINES, TOKENS, SIGNS = r"[^\n]*\n|[^\n]+", r"\d+(?:\.\d+)?|\w+|\s+|[^\w\s]", r"(?s:.)"
 
 
 def spoil_bytes(data: bytes, rng: Rng) -> bytes:
-    """One change of some bytes; sometimes the rest is lost."""
+    """Change some bytes; sometimes also cut off the rest."""
     start, other = rng.randrange(len(data) + 1), rng.randrange(len(data) + 1)
     old = data[start : start + rng.choice((1, 1, 2, 4, 16, 64, 500))]
     new = rng.choice(
@@ -56,12 +56,22 @@ def spoil_bytes(data: bytes, rng: Rng) -> bytes:
     return data[:start] + new + (data[start + len(old) :] if rng.random() < 0.8 else b"")
 
 
+def flip_bytes(data: bytes, rng: Rng) -> bytes:
+    """A change of one or two bytes, with all others where they were."""
+    spoilt = bytearray(data)
+    for _ in range(rng.choice((1, 1, 2))):
+        if spoilt:
+            place = rng.randrange(len(spoilt))
+            spoilt[place] = rng.choice((0, 1, 127, 128, 255, spoilt[place] ^ 1 << rng.randrange(8)))
+    return bytes(spoilt)
+
+
 def text_spoiler(pattern: str, known: Sequence[str] = ()) -> Spoil:
-    """A change of one or some of the parts of a text.
+    """A mutation of one or more parts of a text.
 
     Args:
-        pattern: of the parts: `LINES`, `TOKENS` or `SIGNS`.
-        known: parts that would fit.
+        pattern: pattern of a part: `LINES`, `TOKENS` or `SIGNS`.
+        known: valid parts to insert.
     """
 
     def run(data: bytes, rng: Rng) -> bytes:
@@ -97,10 +107,10 @@ def _spoil_parts(parts: list[str], rng: Rng, known: Sequence[str]) -> None:
 
 
 def tree_spoiler(known: Sequence[Any] = ()) -> Spoil:
-    """A change of the tree of a JSON text, or of its tokens or bytes where it is none.
+    """A mutation of the tree of a JSON text, or of the tokens or bytes of other text.
 
     Args:
-        known: values that would fit.
+        known: valid values to insert.
     """
     words = text_spoiler(TOKENS, [value for value in known if isinstance(value, str)])
 
@@ -121,7 +131,7 @@ def tree_spoiler(known: Sequence[Any] = ()) -> Spoil:
 
 
 def spoil_tree(tree: Any, rng: Rng, known: Sequence[Any] = ()) -> Any:
-    """JSON values with one of them replaced, removed, renamed, wrapped or moved."""
+    """Replace, remove, rename, wrap or move one of the values of a JSON tree."""
     tree = copy.deepcopy(tree)
     places = list(_places(tree))
     if not places:
@@ -154,7 +164,7 @@ def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """One input: the content of files by name, which may have folders in it."""
+    """One input: the content of files by name; names may include folders."""
 
     files: Mapping[str, bytes]
 
@@ -168,12 +178,12 @@ class Case:
 
 @dataclasses.dataclass(frozen=True)
 class Target:
-    """Something that reads what others wrote.
+    """A reader to fuzz.
 
     Attributes:
-        seeds: valid cases to begin with.
+        seeds: valid cases to start with.
         run: reads a case, whose files are in the working directory.
-        ways: of spoiling a file, by its suffix; any other one's bytes are spoilt.
+        ways: mutations of files, by suffix; bytes of other files are changed.
         named: whether an error must name a file of the case.
     """
 
@@ -183,9 +193,9 @@ class Target:
     named: bool = False
 
     def spoil(self, case: Case, rng: Rng) -> Case:
-        """A case with one change; in a few a file is gone, empty, or another one's copy."""
+        """Mutate a case once; sometimes a file is removed, emptied, or replaced by another."""
         files = dict(case.files)
-        # Of many arrays and one configuration, the configuration counts as much.
+        # Choose the suffix first, so that a single config is chosen as often as many arrays.
         suffix = rng.choice(sorted({Path(name).suffix for name in files}))
         name = rng.choice([name for name in files if Path(name).suffix == suffix])
         if rng.random() < 0.05:

@@ -1,4 +1,4 @@
-"""What fuzzing tries: readers of maps, settings, trajectories, configurations and runs."""
+"""The targets of fuzzing: readers of maps, pictures, settings, trajectories, configs and runs."""
 
 from __future__ import annotations
 
@@ -23,9 +23,20 @@ from jaxenstein.maps.map_files import read_map, read_text
 from jaxenstein.maps.reach import problems
 from jaxenstein.maps.symbols import SYMBOLS
 from jaxenstein.spec import spec_of
+from jaxenstein.tasks.doom.wad import Wad
 from tests.reference.labmaps import write_map
+from tests.reference.wads import small_lumps, write_wad
 
-from .spoil import LINES, SIGNS, TOKENS, Case, Target, text_spoiler, tree_spoiler
+from .spoil import (
+    LINES,
+    SIGNS,
+    TOKENS,
+    Case,
+    Target,
+    flip_bytes,
+    text_spoiler,
+    tree_spoiler,
+)
 
 LAB_WORDS = (
     *("classname", "worldspawn", "info_player_start", "goal", "apple_reward", "origin", "light"),
@@ -46,13 +57,13 @@ FACES = "west\n1##2#####\n#       #\n# #1# # #\n#       #\n#########\n"
 
 
 def case(**texts: str | None) -> Case:
-    """Texts as files; `a__b` stands for `a.b`."""
+    """A case of text files; `a__b` stands for `a.b`."""
     files = {name.replace("__", "."): text.encode() for name, text in texts.items() if text}
     return Case(files)
 
 
 def maps() -> Target:
-    """Text maps with their regions or faces: small ones with everything, and the package's own."""
+    """Text maps with regions or faces: small maps with everything, and the package's maps."""
     seeds = [
         case(map__txt=DOORS),
         case(map__txt=DOORS, map__regions__txt=REGIONS),
@@ -68,18 +79,18 @@ def maps() -> Target:
 
 
 def _read_map(_: Case) -> None:
-    """Up to an environment, and its own text again."""
+    """Read a map into an environment, and check that its text gives the same map."""
     env, _params = jaxenstein.from_ascii(**read_map(Path("map.txt")))
     tilemap = env.tilemap
     again, _params = jaxenstein.from_ascii(tilemap.tile_text(), faces=tilemap.faces_text())
-    # A spawn or apple below a key, goal or other spawn has no sign of its own.
+    # A spawn or apple below a key, goal or other spawn has no symbol of its own.
     assert again.tilemap.tiles == tilemap.tiles
     assert again.tilemap.faces == tilemap.faces
     assert env.level.column_bits.shape[0] >= tilemap.columns
 
 
 def lab() -> Target:
-    """DeepMind Lab's `.map` files, up to a text map, as `jaxenstein convert` reads them."""
+    """DeepMind Lab's `.map` files, converted to text maps as by `jaxenstein convert`."""
     decals = {(0, 0, "west"): "lab_games/dec_img_style01_001_nonsquare"}
     texts = write_map("###\n#S#\n###"), write_map(PICTURE), write_map(PICTURE, None, decals)
 
@@ -95,8 +106,28 @@ def lab() -> Target:
     return Target([case(maze__map=text) for text in texts], read, ways, named=True)
 
 
+def wads() -> Target:
+    """WAD files; every picture is decoded."""
+
+    def read(_: Case) -> None:
+        wad = Wad("small.wad")
+        if wad.names("F"):
+            assert (wad.palette().shape, wad.colormap().shape) == ((256, 3), (34, 256))
+        for name in wad.names("F"):
+            assert wad.flat(name).shape == (64, 64)
+        for name in wad.textures():
+            assert wad.texture(name).ndim == 2
+        for name in wad.names("S"):
+            assert len(wad.sprite(name[:4], name[4:5])) == 8
+
+    whole = [part for part in small_lumps() if part[0] != "TROOB1"]
+    pictures = [part for part in whole if len(part[1]) < 500]
+    seeds = [Case({"small.wad": write_wad(parts)}) for parts in (pictures, pictures, whole)]
+    return Target(seeds, read, {".wad": (flip_bytes,) * 9}, named=True)
+
+
 def trajectories() -> Target:
-    """Trajectory files, of an id and of a map."""
+    """Trajectory files with an id and with a map."""
     worlds = (
         jaxenstein.make("simple", height=12, width=16),
         jaxenstein.from_ascii("#####\n#S.G#\n#####", height=12, width=16, heading=0),
@@ -113,7 +144,7 @@ def trajectories() -> Target:
 
 
 def results() -> Target:
-    """Files of results, of an id and of a map."""
+    """Files of results with an id and with a map."""
     worlds = (
         jaxenstein.make("simple", height=12, width=16),
         jaxenstein.from_ascii("#####\n#S.G#\n#####", height=12, width=16, heading=0),
@@ -139,7 +170,7 @@ def results() -> Target:
 
 
 def settings() -> Target:
-    """What `make` and `from_ascii` are given, for an environment of each kind."""
+    """Arguments of `make` and `from_ascii`, for each kind of environment."""
     common: dict[str, Any] = {
         **{"height": 12, "width": 16, "field_of_view": 60.0, "observation": "rgb"},
         **{"autoreset": "same-step", "final_observation": False, "sprite_layers": 2},
@@ -158,13 +189,13 @@ def settings() -> Target:
 
 
 def _make(spoilt: Case) -> None:
-    """Up to a reset that is traced."""
+    """Make the environment and trace a reset."""
     try:
         given = json.loads(spoilt.files["settings.json"])
         settings = given.get("settings", {}).items()
     except (KeyError, ValueError, RecursionError, AttributeError) as error:
-        raise SettingError(f"no case of this target: {error!r}") from error
-    # Names of their own arguments would be errors of Python's, not of the functions.
+        raise SettingError(f"not a case of this target: {error!r}") from error
+    # Other arguments of the functions would give Python's errors, not theirs.
     settings = {name: _tuples(v) for name, v in settings if name not in ("text", "id", "self")}
     if "text" in given:
         env, params = jaxenstein.from_ascii(given["text"], **settings)
@@ -174,7 +205,7 @@ def _make(spoilt: Case) -> None:
 
 
 def _tuples(value: Any) -> Any:
-    """Lists as tuples, as settings in Python are."""
+    """Convert lists to tuples, as in settings in Python."""
     if isinstance(value, dict):
         return {name: _tuples(entry) for name, entry in value.items()}
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
@@ -219,7 +250,7 @@ grid:
 
 
 def configurations() -> Target:
-    """Files of options, as `jaxenstein train --config` reads them. Needs the extra `baselines`."""
+    """Config files of `jaxenstein train --config`. Needs the extra `baselines`."""
     from jaxenstein.baselines.runs.experiment import Experiment
     from jaxenstein.baselines.runs.options import all_options, read_file, resolve
 
@@ -237,7 +268,7 @@ def configurations() -> Target:
 
 
 def bounded(given: dict[str, Any]) -> dict[str, Any]:
-    """The options without sizes that are allowed but more than a test should take."""
+    """The options, with sizes limited so that a test is fast."""
     sizes = ("features", "hidden", "head", "rnd_hidden", "rnd_output", "icm_latent", "icm_hidden")
     most = dict.fromkeys(sizes, 64) | {"rnd_layers": 4, "icm_layers": 4, "seeds": 1000}
     return {
@@ -248,7 +279,7 @@ def bounded(given: dict[str, Any]) -> dict[str, Any]:
 
 @functools.cache
 def trained_run() -> Case:
-    """A run directory that was trained in seconds."""
+    """A small run directory, trained in seconds."""
     from jaxenstein.baselines.runs.folder import RunFolder
     from jaxenstein.baselines.runs.options import resolve
     from jaxenstein.baselines.runs.training import train
@@ -260,7 +291,7 @@ def trained_run() -> Case:
 
 
 def runs() -> Target:
-    """Run directories: configuration, checkpoints, metrics; they are read and left as they are."""
+    """Run directories: config, checkpoints, metrics; reading must not change them."""
     from jaxenstein.baselines.runs.curves import curves_of
     from jaxenstein.baselines.runs.folder import RunFolder
 
@@ -271,7 +302,7 @@ def runs() -> Target:
 
     def read(spoilt: Case) -> None:
         opened = RunFolder.open("run")
-        # Shapes and dtypes, which take a second to trace.
+        # Shapes and dtypes are cached, since tracing takes a second.
         restored = opened.checkpoints.restore(template(spoilt.files["run/config.json"]))
         assert restored is None or restored.update >= 0
         curves_of(Path("run"), "return", 10)
@@ -286,10 +317,11 @@ def runs() -> Target:
 TARGETS: dict[str, Callable[[], Target]] = {
     "ascii": maps,
     "dmlab": lab,
+    "wad": wads,
     "trajectory": trajectories,
     "results": results,
     "settings": settings,
     "config": configurations,
     "run": runs,
 }
-"""How each target is made."""
+"""Functions that make the targets, by name."""

@@ -1,4 +1,4 @@
-"""Programs that tests compile, kept in the virtual environment for the tests of the next time.
+"""Compiled programs of tests, cached in the virtual environment for the next run.
 
 JAX writes its cache in place, so that another process may read half a program. Each process
 therefore has a folder of its own, and puts what is whole into the shared one, which all read.
@@ -18,12 +18,12 @@ from jax._src.compilation_cache import decompress_executable
 
 from jaxenstein.cli.compile_cache import make_room, programs_folder
 
-# The most bytes that stay when tests begin; `make test` needs 150 MB.
+# The size in bytes to which the cache is cut when tests start; `make test` needs 150 MB.
 LIMIT = 3 * 2**30
 
 
 class Programs:
-    """The compiled programs of one process and of those that it starts.
+    """The compiled programs of a process and its children.
 
     Attributes:
         own: the folder that JAX reads and writes; it has links to what is in `shared`.
@@ -50,7 +50,7 @@ class Programs:
         self.exchange()
 
     def exchange(self) -> None:
-        """Share what is new and whole, and link what others have shared."""
+        """Share new complete programs, and link the programs that others have shared."""
         here = {entry.name for entry in os.scandir(self.own)}
         there = {entry.name for entry in os.scandir(self.shared)}
         for name in here - there:

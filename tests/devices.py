@@ -1,4 +1,4 @@
-"""Programs on simulated devices, which have to be there before JAX starts."""
+"""Run programs on simulated devices, which must be set up before JAX starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of results for tests, written by hand: what a policy gets in every run and episode."""
+"""Handmade files of results for tests, with every run and episode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of files put together by policy and task, and refused where they cannot be compared."""
+"""Results from files, grouped by policy and task, or refused if they cannot be compared."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_policies_are_told_by_name_and_actions(tmp_path: Path) -> None:
     sampled = gather([(None, path) for path in paths], "sampled")
     assert list(sampled) == ["a", "b"]
     np.testing.assert_array_equal(sampled["a"]["simple"].returns, TWO)
-    with pytest.raises(SettingError, match="no results of greedy actions"):
+    with pytest.raises(SettingError, match="no results with greedy actions"):
         gather([(None, paths[1])], "greedy")
 
 
@@ -71,7 +71,7 @@ def test_defaults_that_are_named_are_no_difference(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("others", "words"),
     [
-        ({"version": 1}, "simple: the version is 0 in .*0.json and 1 in .*1.json; results of one"),
+        ({"version": 1}, "simple: the version is 0 in .*0.json and 1 in .*1.json; one task"),
         (
             {"settings": {"frame_skip": 3}},
             "simple: the setting 'frame_skip' is the default in .*0.json and 3 in",
@@ -80,9 +80,9 @@ def test_defaults_that_are_named_are_no_difference(tmp_path: Path) -> None:
         # Neither can be built: they are compared as they are written.
         ({"settings": {"frame_skip": "many"}}, "'frame_skip' is the default in .* and 'many' in"),
         ({"settings": {"no_such": 1}}, "'no_such' is the default in"),
-        ({"policy": "a"}, "a on simple: the run 'seed-0' is in .*0.json and again in .*1.json"),
+        ({"policy": "a"}, "a on simple: the run 'seed-0' is both in .*0.json and in .*1.json"),
         ({"policy": "a", "first": 2, "seed": 5}, "a on simple: seed 0 in .* and 5 in .*1.json"),
-        ({"task": "t-maze"}, "a has no results of t-maze, and b has: .* the same tasks"),
+        ({"task": "t-maze"}, "a has no results for t-maze, but b does: .* the same tasks"),
     ],
 )
 def test_what_cannot_be_compared_is_refused(
@@ -125,15 +125,15 @@ def test_reference_files(tmp_path: Path) -> None:
     ("content", "words"),
     [
         (None, "cannot read .*reference.json: no such file"),
-        ("{", "reference.json is no JSON: "),
-        ("[" * 100_000, "reference.json is no JSON: "),
+        ("{", "reference.json is not JSON: "),
+        ("[" * 100_000, "reference.json is not JSON: "),
         ("[]", "reference.json must hold "),
         ('{"simple": 1}', "'simple' must be an object with 'random' and 'expert'"),
         ('{"simple": {"random": 0}}', "'simple' must be an object with 'random' and 'expert'"),
         *(
             (json.dumps({"simple": {"random": 0, "expert": wrong}}), f"'simple': {words}")
             for wrong, words in (
-                (0, "the expert's return must be above the random player's, and is 0 beside 0"),
+                (0, "the expert's return must be above the random player's, but is 0 against 0"),
                 *(
                     (wrong, "the expert's return must be a finite number, not ")
                     for wrong in (float("nan"), 10**400, "1", None, True, [1, 2])

@@ -1,4 +1,4 @@
-"""The compiled programs that tests share: whole ones alone, and of one's own kind alone."""
+"""The compiled programs that tests share: only complete ones, and only for the same machine."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WHOLE = compress_executable(bytes(range(256)) * 100)
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A virtual environment of the test's own; JAX is not told of its folders."""
+    """A virtual environment for this test, which JAX does not use."""
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     monkeypatch.setattr(os, "environ", dict(os.environ))
     monkeypatch.setattr(jax.config, "update", lambda *setting: None)

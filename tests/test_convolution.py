@@ -1,4 +1,4 @@
-"""The convolution by matrix products against that of `jax.lax`."""
+"""The convolution as matrix products against `jax.lax`."""
 
 import jax
 import jax.numpy as jnp
@@ -65,12 +65,12 @@ def test_one_image_and_other_data_types():
             (6, 6, 3),
             (3, 3, 1, 4),
             {},
-            r"as many channels, not images of shape \[6, 6, 3\], weights",
+            r"the same number of channels, not images of shape \[6, 6, 3\], weights",
         ),
         ((6, 6, 3), (3, 3, 3), {}, "weights .rows, columns, channels, features"),
         ((2, 6, 3), (3, 3, 3, 4), {}, "the kernel must fit into the image"),
         ((0, 6, 3), (3, 3, 3, 4), {"padding": "SAME"}, "the kernel must fit into the image"),
-        ((6, 6, 3), (3, 3, 3, 4), {"stride": 0}, "stride must be a whole number from 1 on, not 0"),
+        ((6, 6, 3), (3, 3, 3, 4), {"stride": 0}, "stride must be a whole number >= 1, not 0"),
         ((6, 6, 3), (3, 3, 3, 4), {"stride": (1, 2, 3)}, "stride must be .* or two of them"),
         ((6, 6, 3), (3, 3, 3, 4), {"padding": "same"}, "'VALID' or 'SAME', not 'same'"),
     ],
@@ -83,5 +83,5 @@ def test_what_does_not_fit_is_told(images, weights, options, message):
 @pytest.mark.parametrize("kinds", [("uint8", "float32"), ("float16", "float32"), ("int32",) * 2])
 def test_data_types_are_told(kinds):
     images, weights = jnp.zeros((4, 4, 1), kinds[0]), jnp.zeros((2, 2, 1, 1), kinds[1])
-    with pytest.raises(SettingError, match=f"a float; these are {kinds[0]} and {kinds[1]}"):
+    with pytest.raises(SettingError, match=f"the same float dtype, not {kinds[0]} and {kinds[1]}"):
         patch_convolution(images, weights)

@@ -152,22 +152,27 @@ def test_callables_that_cannot_be_hashed_are_policies(world: tuple[Any, Any]) ->
 
 WRONG: dict[str, tuple[Any, Any, str]] = {
     "no function": (3, None, "policy must be a function, not 3"),
-    "arity": (lambda obs: 0, None, r"takes \(obs\), and it is called as policy\(obs, key\); with"),
-    "a carry left out": (recurrent, None, r"called as policy\(obs, key\); with carry=, its memory"),
+    "arity": (lambda obs: 0, None, r"takes \(obs\), but is called as policy\(obs, key\); with"),
+    "a carry left out": (
+        recurrent,
+        None,
+        r"called as policy\(obs, key\); with carry=, its initial memory",
+    ),
     "a carry too many": (plain, 0, r"called as policy\(carry, obs, key\); without carry="),
     "a number": (lambda o, k: 0.5, None, r"one whole number of shape \(\).*not float32\[\]"),
     "logits": (lambda o, k: jnp.zeros(5), None, r"jnp.argmax\(logits\), not float32\[5\]"),
     "nothing": (lambda o, k: None, None, "not None"),
     "a pair": (lambda o, k: (k, 0), None, "returns .carry, action. needs carry="),
     "no pair": (lambda c, o, k: 0, 0, r"must return \(carry, action\), not int32\[\]"),
-    "dtype": (lambda c, o, k: (c + 0.5, 0), 0, r"carry begins as int32\[\], .* float32\[\]"),
+    "dtype": (lambda c, o, k: (c + 0.5, 0), 0, r"carry starts as int32\[\], .* float32\[\]"),
     "shape": (
         lambda c, o, k: ({"a": jnp.zeros(4)}, 0),
         {"a": jnp.zeros(3)},
-        r"carry\['a'\] begins as float32\[3\], and the policy returns float32\[4\]",
+        r"carry\['a'\] starts as float32\[3\], but the policy returns float32\[4\]",
     ),
     "structure": (lambda c, o, k: ((c, c), 0), 0, "must keep its structure"),
-    "numpy": (lambda o, k: int(np.asarray(o).sum()), None, "asks for the values of arrays"),
+    "no arrays": (lambda c, o, k: (c, 0), "abc", "carry must be a pytree of arrays, not 'abc'"),
+    "numpy": (lambda o, k: int(np.asarray(o).sum()), None, "needs the values of arrays"),
 }
 
 
@@ -183,11 +188,12 @@ def test_wrong_worlds_and_numbers_are_told(world: tuple[Any, Any]) -> None:
     several = params.replace(living_reward=jnp.zeros(3))
     cases: list[tuple[Any, Any, str]] = [
         ((world, params), {}, r"not a builtins.tuple; jaxenstein.make returns \(env, params\)"),
-        (("simple", params), {}, "env must be an environment of jaxenstein.make, not a builtins"),
+        (("simple", params), {}, "env must be an environment from jaxenstein.make, not a builtins"),
         ((env, several), {}, r"living_reward must have the shape \(\), not \(3,\)"),
-        (world, {"episodes": 0}, "episodes must be a whole number from 1 on, not 0"),
+        (world, {"episodes": 0}, "episodes must be a whole number >= 1, not 0"),
         (world, {"episodes": 2.5}, "episodes must be a whole number"),
         (world, {"seed": -1}, "a seed must be a whole number from 0"),
+        (world, {"name": "two\nlines"}, "name must be one line of text"),
     ]
     for (env, params), settings, message in cases:
         with pytest.raises(SettingError, match=message):

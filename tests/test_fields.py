@@ -1,4 +1,4 @@
-"""One declaration of a field gives its check, its message, its flag and its line of a file."""
+"""One declaration of a field defines its check, message, flag and entry in files."""
 
 from __future__ import annotations
 
@@ -65,11 +65,11 @@ SETTINGS: list[tuple[str, Any, str]] = [
     ("size", 0, "size must be a whole number from 1 to 4096, not 0"),
     ("size", 4.0, "size must be a whole number from 1 to 4096, not 4.0"),
     ("size", None, "size must be a whole number from 1 to 4096, not None"),
-    ("layers", 0, "layers must be a whole number from 1 on, not 0"),
+    ("layers", 0, "layers must be a whole number >= 1, not 0"),
     ("free", 0.5, "free must be a whole number, not 0.5"),
     ("free", 2**31, "free must be a whole number, not 2147483648, which does not fit into int32"),
     ("free", -(2**31) - 1, "not -2147483649, which does not fit into int32"),
-    ("layers", 10**400, "layers must be a whole number from 1 on, not 1000"),
+    ("layers", 10**400, "layers must be a whole number >= 1, not 1000"),
     ("large", 10**12 + 1, "large must be a whole number from 1 to 1e+12, not 1000000000001"),
     ("angle", 20, "angle must be a finite number from 30 to 120, not 20"),
     ("angle", "wide", "angle must be a finite number from 30 to 120, not 'wide'"),
@@ -78,8 +78,8 @@ SETTINGS: list[tuple[str, Any, str]] = [
     ("near", 1e-50, "near must be a finite number above 0, not 1e-50, which is 0 in float32"),
     ("near", 1e308, "near must be a finite number above 0, not 1e+308, which is inf in float32"),
     ("near", 10**400, "near must be a finite number above 0, not 1000"),
-    ("step", 1, "step must be a finite number from 0 to below 1, not 1"),
-    ("step", 1 - 1e-12, "from 0 to below 1, not 0.999999999999, which is 1 in float32"),
+    ("step", 1, "step must be a finite number >= 0 and below 1, not 1"),
+    ("step", 1 - 1e-12, ">= 0 and below 1, not 0.999999999999, which is 1 in float32"),
     ("scale", float("inf"), "scale must be a finite number, not inf"),
     ("wide", 1, "wide must be True or False, not 1"),
     ("colour", "gren", "colour must be one of 'red', 'green', not 'gren', did you mean 'green'?"),
@@ -88,7 +88,7 @@ SETTINGS: list[tuple[str, Any, str]] = [
     ("gamma", 1.5, "gamma must be None or a finite number from 0 to 1, not 1.5"),
     ("levels", (3, 3), "levels must be None or two whole numbers from 0 to 2**32"),
     ("levels", range(0, 9, 2), "levels must be None or two whole numbers from 0 to 2**32"),
-    ("levels", (0, 2**24 + 1), "(as a flag 0,200), not (0, 16777217)"),
+    ("levels", (0, 2**24 + 1), "(as a flag: 0,200), not (0, 16777217)"),
     ("convolutions", ((8, 4),), "convolutions must be None or [kernel, stride, features]"),
     ("convolutions", 3, "convolutions must be None or [kernel, stride, features]"),
 ]
@@ -230,5 +230,5 @@ def test_names_that_there_are_not():
 
 def test_ranges_in_words():
     assert Domain("number", below=2).words == "a finite number below 2"
-    assert Domain("number", above=0, below=2).words == "a finite number above 0 to below 2"
-    assert Domain("whole", most=2).words == "a whole number to 2"
+    assert Domain("number", above=0, below=2).words == "a finite number above 0 and below 2"
+    assert Domain("whole", most=2).words == "a whole number <= 2"

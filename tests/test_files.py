@@ -1,4 +1,4 @@
-"""Files are written whole or not at all."""
+"""Files are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,14 @@ import jaxenstein
 from jaxenstein import read_results
 from jaxenstein.comparison import read_reference
 from jaxenstein.episodes.trajectory_file import load_trajectory
-from jaxenstein.files import OutputError, atomic, check_writable, make_folder, read_text
+from jaxenstein.files import (
+    OutputError,
+    atomic,
+    check_links,
+    check_writable,
+    make_folder,
+    read_text,
+)
 
 
 def fail_with(number: int):
@@ -98,6 +105,13 @@ def test_devices_and_pipes_are_not_replaced(tmp_path: Path) -> None:
             pass
     assert (tmp_path / "pipe").is_fifo()
     assert (tmp_path / "link").is_char_device()
+
+
+def test_a_folder_that_is_closed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "run").mkdir()
+    monkeypatch.setattr(Path, "lstat", fail_with(errno.EACCES))
+    with pytest.raises(OutputError, match=r"^cannot write .*run: permission denied$"):
+        check_links(tmp_path)
 
 
 def test_a_name_too_long_is_told_before_anything_is_made(tmp_path: Path) -> None:

@@ -140,5 +140,5 @@ def test_a_folder_is_kept_in_files_and_arrays_are_not(
     assert spec.settings["textures"] == str(folder)
     assert spec.build()[0] == dataclasses.replace(env, autoreset=None)
     env, params = jaxenstein.make("simple", textures={"wall": GREY})
-    with pytest.raises(SettingError, match="keep them as files, and give their folder"):
+    with pytest.raises(SettingError, match="save them as images in a folder, and give its path"):
         spec_of(env, params).to_json()

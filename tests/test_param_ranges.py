@@ -1,4 +1,4 @@
-"""Params as ranges: what is refused, what is drawn, and what files say of them."""
+"""Params as ranges: errors, draws, and files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
 from jaxenstein.cli import main
-from jaxenstein.params import Range, drawn, ranges_of
+from jaxenstein.evaluation import evaluate_player
+from jaxenstein.params import Range, draw_numbers, drawn, ranges_of
 from jaxenstein.settings import given_by, spec_from
 from jaxenstein.spec import Spec
 
@@ -37,7 +38,7 @@ def waiting():
         ("turn_angle", (0.1, np.nan), "turn_angle must be a finite"),
         ("turn_angle", (0.1, None), "turn_angle must be a finite"),
         ("turn_angle", (0.1, 0.2, 0.3), "turn_angle must be one number, or a range"),
-        ("max_steps_in_episode", (1, 5), "must be a whole number from 1 on, not the range"),
+        ("max_steps_in_episode", (1, 5), "must be a whole number >= 1, not the range"),
         ("discount", (0.1, 0.9), "discount must be the same in all episodes, not the range"),
         ("turn_angel", (0.1, 0.9), "no 'turn_angel', did you mean 'turn_angle'"),
     ],
@@ -59,8 +60,7 @@ def test_other_numbers_are_still_checked_beside_a_range():
 def test_one_environment_takes_no_range():
     env, params = waiting()
     message = r"living_reward must be one number here, not the range -2:-1: .*drawn\(params, seed\)"
-    enter = (env.check_params, env.single_params, lambda p: env.reset(jax.random.key(0), p))
-    for call in (*enter, lambda p: GymnasiumVectorEnv(env, p, num_envs=2)):
+    for call in (env.check_params, env.single_params, lambda p: env.reset(jax.random.key(0), p)):
         with pytest.raises(SettingError, match=message):
             call(params)
     with pytest.raises(SettingError, match="living_reward must be one number here"):
@@ -111,6 +111,21 @@ def test_each_episode_of_an_evaluation_draws():
     assert results.environment.params["living_reward"] == (-2, -1)
 
 
+def test_each_episode_of_a_scripted_player_draws():
+    env, params = waiting()
+    results = evaluate_player(env, params, "idle", episodes=8, seed=3)
+    keys = jax.random.split(jax.random.split(jax.random.key(3, impl="threefry2x32"))[0], 8)
+    ranges = ranges_of(params)
+    wanted = [4 * float(draw_numbers(ranges, key)[0]["living_reward"]) for key in keys]
+    np.testing.assert_allclose(results.returns[0], wanted, rtol=1e-6)
+    assert results.environment.params["living_reward"] == (-2, -1)
+    # What a player knows of the params is that of its episode: larger turns take fewer steps.
+    env, params = jaxenstein.from_ascii("####\n#SG#\n####", **SIZE, heading=180)
+    turns = evaluate_player(env, params.replace(turn_angle=(0.1, 0.6)), "expert", episodes=8)
+    assert turns.successes.all()
+    assert len(np.unique(turns.lengths)) > 3
+
+
 def test_files_have_lists_for_ranges_and_old_ones_stay_readable():
     spec = spec_from({"env": "simple", "params": {"turn_angle": [0.1, 0.4], "goal_reward": 2}})
     plain = spec.to_json()
@@ -142,7 +157,15 @@ def test_commands_that_play_say_what_they_drew(tmp_path, monkeypatch, capsys):
     assert -2 <= float(number.rstrip(",")) <= -1
     assert main(["replay", "a.json"]) == 0
     assert "the same bit for bit" in capsys.readouterr().out
+    flags = ["--map-file=map.txt", "--param=max_steps_in_episode=3", *flags[-2:]]
+    assert main(["evaluate", *flags, "--policy=random", "--episodes=3", "--gif=a.gif"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if "drawn" in line] == [
+        f"living_reward {number} drawn from -2:-1 by --seed 4",
+        "living_reward from -2:-1, drawn for each episode",
+    ]
     assert main(["rollout", *place, "--param=turn_angle=0.1:0.2"]) == 2
     assert "--param turn_angle must be one number in this command" in capsys.readouterr().err
-    assert main(["record", *flags, "--param=turn_angle=0.1:", "--save=b.json"]) == 2
+    flags = [*place, "--param=turn_angle=0.1:", "--save=b.json"]
+    assert main(["record", *flags]) == 2
     assert "turn_angle must be a finite" in capsys.readouterr().err

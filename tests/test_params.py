@@ -1,4 +1,4 @@
-"""Numbers of an environment are checked where they come in; keys and actions are told in words."""
+"""Params are checked on entry; errors for keys and actions are in words."""
 
 import dataclasses
 
@@ -20,10 +20,14 @@ SIZE = {"height": 8, "width": 8}
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("move_distance", 4.0, "move_distance must be a finite number from 0 to below 1, not 4.0"),
+        ("move_distance", 4.0, "move_distance must be a finite number >= 0 and below 1, not 4.0"),
         ("turn_angle", jnp.array([0.1, -0.2]), "turn_angle must be .*-0.2"),
         ("max_steps_in_episode", -5, "a whole number from 1 to 2147483647, not -5"),
-        ("speed", 2, "NavigationParams has no 'speed'; it has: max_steps_in_episode, discount"),
+        (
+            "speed",
+            2,
+            "NavigationParams has no 'speed'; the fields are: max_steps_in_episode, discount",
+        ),
         ("move_distanc", 0.1, "no 'move_distanc', did you mean 'move_distance'"),
     ],
 )

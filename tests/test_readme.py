@@ -1,4 +1,4 @@
-"""The README is short, its samples do what it says; the page of choices has all environments."""
+"""The README is short and its samples work; the page of choices has all environments."""
 
 import re
 
@@ -34,7 +34,7 @@ def test_the_sample_does_what_its_comment_says():
 
 
 def test_the_table_of_families_is_complete():
-    """Each id begins as an id in the first cell of a row, or is a -respawn variant."""
+    """Each id starts with an id in the first cell of a row, or is a -respawn variant."""
     page = (ROOT / "docs" / "choose.md").read_text("utf-8")
     cells = re.findall(r"^\| (`[^|]*)\|.*\|$", page.partition("## All families")[2], re.MULTILINE)
     listed = [name for cell in cells for name in re.findall(r"`([a-z0-9-]+)`", cell)]

@@ -1,4 +1,4 @@
-"""Ids, settings, and what a wrong one is answered with."""
+"""Ids, settings, and the errors for wrong ones."""
 
 import dataclasses
 from pathlib import Path
@@ -52,7 +52,7 @@ def test_every_id_builds_what_it_names(name):
         assert float(leaf) == pytest.approx(float(default))
 
 
-# The table of the documentation, written out once more.
+# A copy of the table in the documentation.
 @pytest.mark.parametrize(
     ("name", "horizon", "discount", "living"),
     [
@@ -101,7 +101,7 @@ def test_numbers_of_the_tasks(name, horizon, discount, living):
         ("zzz", "there are simple, key-door.* and others; 'jaxenstein list' shows all"),
         (3, "unknown environment 3"),
         (None, "unknown environment None"),
-        ("maze.txt", "from_file, on the command line by --map-file"),
+        ("maze.txt", "from_file, or --map-file on the command line"),
     ],
 )
 def test_unknown_ids_name_the_nearest(name, hint):
@@ -111,7 +111,7 @@ def test_unknown_ids_name_the_nearest(name, hint):
 
 @pytest.mark.parametrize("name", ["\x1b[2J", "two\nlines", 3])
 def test_names_are_texts_of_one_line(name):
-    with pytest.raises(jaxenstein.SettingError, match="name must be a text of one line, not"):
+    with pytest.raises(jaxenstein.SettingError, match="name must be one line of text, not"):
         jaxenstein.from_ascii("####\n#SG#\n####", name=name)
 
 
@@ -120,7 +120,7 @@ def test_unknown_settings_name_the_nearest():
         make("simple", heigth=3)
     with pytest.raises(jaxenstein.SettingError, match=r"params\.replace\(goal_reward="):
         make("simple", goal_reward=3)
-    # A param of other tasks is none of this one.
+    # A param of other tasks is not a param of this task.
     with pytest.raises(jaxenstein.SettingError, match="unknown setting 'apple_reward'"):
         make("simple", apple_reward=1)
     with pytest.raises(jaxenstein.SettingError, match=r"params\.replace\(apple_reward="):
@@ -217,7 +217,7 @@ def test_a_map_file_without_end_is_not_read_to_its_end():
 
 @pytest.mark.parametrize("text", ["maze.txt", Path("maps/maze.txt")])
 def test_a_file_name_in_place_of_a_map_is_recognised(text):
-    with pytest.raises(MapError, match=r"maze\.txt' is the name of a file: from_file reads one"):
+    with pytest.raises(MapError, match=r"maze\.txt' is a file name, use from_file to read it"):
         jaxenstein.from_ascii(text)
     with pytest.raises(MapError, match=r"^line 1, column 3: unknown symbol .\?.; the symbols are"):
         jaxenstein.from_ascii("#S?G")

@@ -1,4 +1,4 @@
-"""Tasks of one's own: ids for them, modules that name them, and every way to use them."""
+"""Users' own tasks: ids, modules, and all ways to use them."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 @pytest.fixture
 def importable(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The same, where Python finds it."""
+    """The same module, where Python finds it."""
     monkeypatch.syspath_prepend(tmp_path)
     return module
 
@@ -132,7 +132,7 @@ def test_a_function_that_returns_something_else_is_told() -> None:
         return settings
 
     jaxenstein.register("mine", build)
-    with pytest.raises(SettingError, match="what 'mine' builds is no environment"):
+    with pytest.raises(SettingError, match="'mine' must build an environment"):
         make("mine")
 
 
@@ -154,15 +154,18 @@ def test_an_id_with_a_module_imports_it(importable: str) -> None:
 def test_wrong_modules_and_names_are_told(importable: str, tmp_path: Path) -> None:
     for id, words in (
         ("no_such_module:a", "no module 'no_such_module' to import"),
-        (":a", "'' names no module"),
-        ("a b:c", "'a b' names no module"),
-        (f"{importable}:slow-by", "registers no environment 'slow-by' .*'slow-by-function'"),
-        (f"{importable}:nothing", "no subclass of jaxenstein.Environment .*but 3"),
+        (":a", "'' is not the name of a module"),
+        ("a b:c", "'a b' is not the name of a module"),
+        (
+            f"{importable}:slow-by",
+            "has no environment and no class named 'slow-by', .*'slow-by-function'",
+        ),
+        (f"{importable}:nothing", "a concrete subclass of jaxenstein.Environment .*not 3"),
         (
             f"{importable}:build",
-            "functions that build environments get an id by jaxenstein.register",
+            "use jaxenstein.register to give an id to a function",
         ),
-        (f"{importable}:jaxenstein", "no subclass of jaxenstein.Environment"),
+        (f"{importable}:jaxenstein", "a concrete subclass of jaxenstein.Environment"),
     ):
         with pytest.raises(UnknownEnvironmentError, match=words):
             make(id)
@@ -180,7 +183,7 @@ def test_recipes_name_the_module_and_import_nothing(importable: str, name: str) 
     built, _ = spec.build()
     assert built.name == env.name
     del sys.modules[importable]
-    with pytest.raises(UnknownEnvironmentError, match=f"run no code: import {importable} first"):
+    with pytest.raises(UnknownEnvironmentError, match=f"runs no code: import {importable} first"):
         spec.build()
 
 
@@ -195,7 +198,7 @@ def test_a_map_may_have_the_name_of_an_id() -> None:
 
 def test_what_an_id_does_not_build_is_kept_by_no_recipe() -> None:
     jaxenstein.register("mine", Fruit)
-    with pytest.raises(TrajectoryError, match="'fruit' cannot be kept"):
+    with pytest.raises(TrajectoryError, match="'fruit' cannot be saved"):
         spec_of(Fruit(), Fruit().default_params)
 
 

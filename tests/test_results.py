@@ -84,13 +84,24 @@ def test_a_summary_tells_means() -> None:
     ("changes", "message"),
     [
         ({"returns": np.zeros((2, 2))}, r"lengths must have the shape \(2, 2\), not \(2, 3\)"),
-        ({"returns": np.zeros(3)}, r"returns must be \[runs, episodes\] of 2 runs, not \(3,\)"),
+        (
+            {"returns": np.zeros(3)},
+            r"returns must have the shape \[runs, episodes\] with 2 runs, not \(3,\)",
+        ),
         ({"returns": np.full((2, 3), np.nan)}, r"episode 0 \(from 0\) of 'seed-0' is nan"),
         ({"lengths": np.zeros((2, 3), int)}, "lengths must be at least 1, not 0"),
-        ({"names": ("a", "a")}, "two runs have one name"),
+        (
+            {"lengths": np.full((2, 3), 1.5)},
+            r"lengths must be an array \[runs, episodes\] of whole",
+        ),
+        ({"lengths": np.full((2, 3), 2**31)}, "lengths must be an array"),
+        ({"successes": np.full((2, 3), 2)}, "successes must be an array"),
+        ({"returns": [[1.0], [1.0, 2.0]]}, "returns must be an array .* of numbers"),
+        ({"returns": np.full((2, 3), "1")}, "returns must be an array .* of numbers"),
+        ({"names": ("a", "a")}, "two runs have the same name"),
         ({"actions": "best"}, "must be 'greedy', 'sampled' or None, not 'best'"),
         ({"seed": -1}, "seed must be a whole number"),
-        ({"policy": "a\nb"}, "policy must be a text of one line"),
+        ({"policy": "a\nb"}, "policy must be one line of text"),
     ],
 )
 def test_wrong_parts_are_told(changes: dict[str, Any], message: str) -> None:
@@ -125,19 +136,19 @@ RUN = (*FIRST, "runs", "seed-1")
     ("spoil", "message"),
     [
         (change("format", value="x"), "'format' is not 'jaxenstein-results'"),
-        (change("version", value=2), "its format is version 2, and this version .* up to 1"),
+        (change("version", value=2), "its format is version 2, but this version .* up to 1"),
         (change("version", value=True), "version must be a whole number"),
         (change("more", value=1), "unknown entry 'more'"),
         (change("results", value=[]), "'results' must be a list with an entry"),
         (change(*FIRST, value=3), r"results\[0\]: the entry must be an object"),
         (change(*FIRST, "seed", value=...), r"results\[0\]: the entry 'seed' is missing"),
         (change(*FIRST, "episodes", value=4), r"'runs.seed-0.return' must be a list of 4 values"),
-        (change(*FIRST, "runs", value={}), r"returns must be \[runs, episodes\]"),
-        (change(*FIRST, "made_with", "jax", value=3), "'made_with.jax' must be a text"),
+        (change(*FIRST, "runs", value={}), r"returns must have the shape \[runs, episodes\]"),
+        (change(*FIRST, "made_with", "jax", value=3), "'made_with.jax' must be one line of text"),
         (change(*FIRST, "environment", "version", value=-1), "'environment.version' must be"),
         (change(*FIRST, "environment", "params", value={"a": "b"}), "'environment.params.a' must"),
         (change(*FIRST, "environment", value=None), "'environment' must be an object of id"),
-        (change(*FIRST, "environment", "id", value=5), "'environment.id' must be a text"),
+        (change(*FIRST, "environment", "id", value=5), "'environment.id' must be one line of text"),
         (change(*RUN, "return", 1, value="1"), r"return': episode 1 \(from 0\) must be int or flo"),
         (change(*RUN, "return", 1, value=True), "must be int or float, not True"),
         (change(*RUN, "return", 1, value=10**400), r"results\[0\]: "),
@@ -167,16 +178,16 @@ def test_files_that_are_no_results_are_told(
     with pytest.raises(SettingError, match="cannot be read: no such file"):
         read_results(file)
     for text, message in (
-        ("{", "no JSON, or only a part of it: line 1, column 2"),
+        ("{", "not JSON, or only a part of it: line 1, column 2"),
         ("[]", "'format' is not"),
-        ("[" * 200_000, "no file of results"),
+        ("[" * 200_000, "not a results file"),
         ('{"format": "jaxenstein-results", "x": 1e999}', "version must be a whole number"),
     ):
         file.write_text(text)
         with pytest.raises(SettingError, match=message):
             read_results(file)
     file.write_bytes(b"\xff\xfe")
-    with pytest.raises(SettingError, match="no file of results"):
+    with pytest.raises(SettingError, match="not a results file"):
         read_results(file)
     monkeypatch.setattr("jaxenstein.results.LARGEST", 100)
     with pytest.raises(SettingError, match="would be larger than"):

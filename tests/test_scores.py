@@ -65,7 +65,7 @@ def test_normalised_by_hand() -> None:
     for random, expert in (1.0, 1.0), (2.0, 1.0):
         with pytest.raises(SettingError, match="expert's return must be above"):
             scores.normalised(returns, random, expert)
-    with pytest.raises(SettingError, match="must be finite, and one is nan"):
+    with pytest.raises(SettingError, match="must be finite, but one is nan"):
         scores.normalised([1.0, np.nan], 0, 1)
     with pytest.raises(SettingError, match="the expert's return must be a finite number, not inf"):
         scores.normalised([1.0], 0, np.inf)
@@ -203,12 +203,12 @@ def test_intervals_cover_the_truth_about_as_often_as_they_say() -> None:
         ([[0.0, 1.0], [1.0, 2.0]], r"must be an array \[runs, tasks\], or a list"),
         ([np.zeros((2, 2))], r"must be an array \[runs, tasks\], or a list"),
         (0.5, r"must be an array \[runs, tasks\], or a list"),
-        ([], "there are no tasks"),
-        (np.zeros((3, 0)), "there are no tasks"),
-        (np.zeros((0, 3)), "there are no runs of task 0"),
-        ([np.zeros(2), np.zeros(0)], "there are no runs of task 1"),
-        (np.array([[0.0, np.nan]]), r"task 1 \(from 0\) must be finite, and one is nan"),
-        ([np.array([np.inf])], r"task 0 \(from 0\) must be finite, and one is inf"),
+        ([], "the scores have no tasks"),
+        (np.zeros((3, 0)), "the scores have no tasks"),
+        (np.zeros((0, 3)), "task 0 .* has no runs"),
+        ([np.zeros(2), np.zeros(0)], "task 1 .* has no runs"),
+        (np.array([[0.0, np.nan]]), r"task 1 \(from 0\) must be finite, but one is nan"),
+        ([np.array([np.inf])], r"task 0 \(from 0\) must be finite, but one is inf"),
         (np.array([["a"]]), "must be real numbers"),
         (np.array([[1j]]), "must be real numbers"),
     ],
@@ -226,13 +226,13 @@ def test_wrong_scores_are_refused(wrong: Any, words: str) -> None:
 
 def test_other_wrong_arguments_are_refused() -> None:
     table = np.zeros((2, 3))
-    with pytest.raises(SettingError, match="x has 3 tasks, and y has 2"):
+    with pytest.raises(SettingError, match="x has 3 tasks, but y has 2"):
         scores.probability_of_improvement(table, table[:, :2])
-    with pytest.raises(SettingError, match="resamples must be a whole number from 1"):
+    with pytest.raises(SettingError, match="resamples must be a whole number >= 1"):
         scores.aggregates(table, resamples=0)
     with pytest.raises(SettingError, match="seed must be a whole number from 0"):
         scores.aggregates(table, seed=-1)
-    with pytest.raises(SettingError, match="taus must be a row of numbers"):
+    with pytest.raises(SettingError, match="taus must have one axis"):
         scores.profile(table, 0.5)
     with pytest.raises(SettingError, match="taus must be finite"):
         scores.profile(table, [0.5, np.nan])

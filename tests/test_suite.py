@@ -1,17 +1,21 @@
-"""The benchmark: its tasks, their environments, and what counts as a result of it."""
+"""The benchmark: its tasks, their environments, and valid results."""
 
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
+import jax
+import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein import suite
+from jaxenstein import evaluation, suite
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.comparison import gather
 from jaxenstein.errors import SettingError
 from jaxenstein.evaluation import evaluate_player
+from jaxenstein.tasks import splits
 from tests.results_of import results_of, write_all
 
 WORLD = "######\n#S  G#\n######"
@@ -38,7 +42,7 @@ def test_every_task_exists_in_its_version_and_has_references():
         assert ENTRIES[task.id].version == task.version == rows[task.id]["version"], task.id
         assert rows[task.id]["episodes"] == 1000
         ends = suite.references()[task.id]
-        # A random player far from the expert, beyond the errors of both.
+        # The random player is far from the expert, compared with the errors of both.
         errors = rows[task.id]["random_error"] + rows[task.id]["expert_error"]
         assert ends.expert - ends.random > 10 * errors
 
@@ -59,7 +63,9 @@ def test_tasks_of_generalisation_are_tested_on_their_test_levels():
 
 
 def test_wrong_names_are_told():
-    with pytest.raises(SettingError, match=r"no task 't-maz', did you mean 't-maze'.*; it has sim"):
+    with pytest.raises(
+        SettingError, match=r"no task 't-maz', did you mean 't-maze'.*; its tasks are sim"
+    ):
         suite.make("t-maz")
     with pytest.raises(SettingError, match="suite must be one of 'small', 'large', not 'medium'"):
         suite.make("t-maze", "medium")
@@ -72,15 +78,17 @@ def test_results_are_put_in_the_order_of_the_benchmark(tmp_path):
 
 def test_results_of_other_settings_are_refused(tmp_path):
     results = own_results()
-    with pytest.raises(SettingError, match=r"mine has no results of simple: .* needs all tasks"):
+    with pytest.raises(SettingError, match=r"mine has no results for simple: .* needs all tasks"):
         suite.check_compared(compared(tmp_path, results[1:]), "small")
-    with pytest.raises(SettingError, match="'height' is 16, and 64 in the large suite"):
+    with pytest.raises(SettingError, match="'height' is 16, but must be 64 in the large suite"):
         suite.check_compared(compared(tmp_path, results), "large")
     on_train = [
         dataclasses.replace(one, environment=suite.SUITES["small"].spec(task))
         for task, one in zip(suite.TASKS, results, strict=True)
     ]
-    with pytest.raises(SettingError, match="'split' is 'train', and 'test' in the small suite"):
+    with pytest.raises(
+        SettingError, match="'split' is 'train', but must be 'test' in the small suite"
+    ):
         suite.check_compared(compared(tmp_path, on_train), "small")
     more = [*results, results_of("my-way-home", [[1.0, 0.0]])]
     with pytest.raises(SettingError, match="the benchmark has no task 'my-way-home'"):
@@ -102,3 +110,11 @@ def test_scripted_players_are_evaluated(frame_skip):
     assert not idle.successes.any()
     with pytest.raises(SettingError, match="no player 'expart', did you mean 'expert'"):
         evaluate_player(env, params, "expart")
+
+
+def test_scripted_players_play_the_levels_of_the_split():
+    env: Any
+    env, params = jaxenstein.make("key-corridor-s3r1", split="test", height=8, width=8)
+    first = evaluation._first(env, env.single_params(params), jax.random.key(0), 16)
+    levels = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))(first.state)
+    assert all(splits.is_of("test", 0.2, level) for level in np.asarray(levels))

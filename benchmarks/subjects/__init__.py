@@ -1,1 +1,1 @@
-"""What is measured: each subject in a process of its own, `python -m benchmarks.subjects NAME`."""
+"""The subjects of the benchmarks; `python -m benchmarks.subjects NAME` runs one in a process."""

@@ -1,12 +1,13 @@
-"""One subject in a process of its own: `python -m benchmarks.subjects NAME [--core N]`.
+"""Run one subject in its own process: `python -m benchmarks.subjects NAME [--core N]`.
 
-It prepares the subject, prints one JSON line that describes it, and then answers each line
-`{"seconds": S}` on standard input with `{"steps": N, "seconds": T}`, after stepping for about `S`
-seconds. End of input ends it. Any interpreter can run it that has what the subject needs.
+It prepares the subject and prints one JSON line that describes it. It answers each line
+`{"seconds": S}` on standard input by stepping for about `S` seconds, and then printing
+`{"steps": N, "seconds": T}`. It ends at the end of input. The interpreter only needs the packages
+of the subject.
 
-A name is a kind, a number of environments where the kind has one, and options, such as
-`scan-64 id=key-door size=84x84`. The modules beside this one tell the kinds and their options.
-Options that a subject does not know only make its name another one.
+A name has a kind, for some kinds a number of environments, and options, such as
+`scan-64 id=key-door size=84x84`. The other modules of this package document kinds and options.
+Unknown options only make names different.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ import time
 
 from benchmarks.subjects.common import Chunk, notes
 
-# Of those kinds that are not in `own.py`: the module, by their first word.
+# The modules of kinds that are not in `own.py`, by the first word of the kind.
 MODULES = {"vizdoom": "peers", "envpool": "peers", "miniworld": "peers"}
 MODULES |= {"adapter": "adapters", "sb3": "sb3", "training": "training"}
 MODULES |= {"convolution": "convolutions"}
-# Packages whose versions are told where they are loaded: by module.
+# Packages whose versions are reported if they are loaded, by module.
 PACKAGES = {
     **{name: name for name in ("jax", "jaxlib", "numpy", "gymnasium", "vizdoom", "envpool")},
     **{name: name for name in ("flax", "miniworld", "pyglet", "torch")},
@@ -48,7 +49,7 @@ def prepare(name: str) -> Chunk:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the interpreter and of the packages that were loaded."""
+    """The versions of the interpreter and of loaded packages."""
     loaded = {package for module, package in PACKAGES.items() if module in sys.modules}
     found = {package: importlib.metadata.version(package) for package in sorted(loaded)}
     if "jaxenstein" in sys.modules:
@@ -57,7 +58,7 @@ def versions() -> dict[str, str]:
 
 
 def answer(chunk: Chunk, seconds: float) -> dict[str, float]:
-    """Step for about `seconds` and say how many steps it was and how long it took."""
+    """Step for about `seconds`; return the number of steps and the time."""
     steps, began = 0, time.perf_counter()
     while (elapsed := time.perf_counter() - began) < seconds:
         steps += chunk()
@@ -72,7 +73,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.core is not None:
         os.sched_setaffinity(0, {arguments.core})
-    # Libraries may print; the answers need standard output for themselves.
+    # Libraries may print, so only answers go to the original standard output.
     replies = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1)
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     began = time.perf_counter()

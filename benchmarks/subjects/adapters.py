@@ -1,7 +1,7 @@
 """Gymnasium's adapters as subjects, `adapter-KIND-B`, beside the native loop `adapter-loop-B`.
 
-All play `my-way-home` at 64x64 under the same random policy, which reads one pixel of every
-environment's frame: an adapter that only promised its frames would not be measured.
+All play `my-way-home` at 64x64 with the same random policy. It reads one pixel of every frame, so
+that frames are really computed.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ MIDDLE = SIZE // 2
 
 
 def on_host(build: Callable[[Any, Any, int], Callable[[Any], Any]]) -> Builder:
-    """The subject of an adapter that is called from Python.
+    """A subject for an adapter that is called from Python.
 
     Args:
-        build: of environment, params and B; gives what steps with int32[B] and returns
+        build: takes environment, params and B; returns a function from int32[B] actions to frames
             uint8[B, H, W, 3].
     """
 
     def prepared(batch: int, options: Options) -> Chunk:
-        # Waiting for each frame, one only pays for another thread; JAX must not run before.
+        # Dispatch to another thread only costs time, since the loop waits for each frame. This must
+        # be set before JAX runs.
         jax.config.update("jax_cpu_enable_async_dispatch", False)
         env, params = own_environment(options)
         step, calls = build(env, params, batch), max(8, 1024 // batch)
@@ -47,7 +48,7 @@ def on_host(build: Callable[[Any, Any, int], Callable[[Any], Any]]) -> Builder:
 
 
 def loop(env: Any, params: Any, batch: int) -> Any:
-    """The native environments under `jax.vmap`, one jitted call a step."""
+    """Native environments under `jax.vmap`, with one jitted call per step."""
 
     @jax.jit
     def step(key: jax.Array, state: Any, actions: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What all subjects share; the standard library and NumPy alone, since peers import it too."""
+"""Common parts of all subjects; uses only the standard library and NumPy, since peers import it."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 
 Chunk = Callable[[], int]
-"""Makes some steps of the world and returns how many."""
+"""Makes some steps of the world, and returns their number."""
 Options = Mapping[str, str]
-"""The words of a subject's name behind its kind, such as `{"id": "key-door", "size": "84x84"}`."""
+"""The options in a subject's name, such as `{"id": "key-door", "size": "84x84"}`."""
 Builder = Callable[[int, Options], Chunk]
-"""Builds a subject of so many environments."""
+"""Builds a subject with a number of environments."""
 Subjects = Mapping[str, Builder]
 
 ENVIRONMENT_ID = "my-way-home"
 SIZE = 64
 STEPS_A_CALL = 2**15
-# Of a whole training, over which learning rates fall; only its beginning is run.
+# The length of a training, for learning rate schedules; only its start is run.
 TRAINED_STEPS = 10_000_000
 SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
 SHOOTING = (
@@ -28,14 +28,14 @@ SHOOTING = (
     "take-cover", "deathmatch",
 )  # fmt: skip
 
-# What a reader should know and only the running subject can tell, such as the renderer.
+# Facts for readers that only the running subject knows, such as the renderer.
 notes: dict[str, str] = {}
 
 
 def random_actions(count: int, *shape: int) -> Iterator[Any]:
-    """Uniform actions below `count`, round and round: int32[shape], or whole numbers without one.
+    """An endless cycle of uniform actions below `count`: int32[shape], or integers without shape.
 
-    They are sampled beforehand, so that sampling is part of no step.
+    Actions are sampled in advance, so that steps do not include sampling.
     """
     rows = max(256, 2**14 // math.prod(shape))
     sampled = np.random.default_rng(0).integers(count, size=(rows, *shape), dtype=np.int32)
@@ -50,15 +50,15 @@ def random_loop(
     *shape: int,
     convert: Callable[[Any], Any] = lambda action: action,
 ) -> Chunk:
-    """A random policy of which a pixel of every frame shifts the next action, so that all are read.
+    """A random policy that adds a pixel of every frame to the next action, so that frames are read.
 
     Args:
-        step: takes actions and gives the pixels of the frames that follow.
-        count: of actions.
-        calls: of `step` in a chunk.
-        steps: of the world in a call.
-        shape: of the actions; none for one whole number.
-        convert: makes of NumPy's actions what `step` takes and its pixels are.
+        step: takes actions, and returns a pixel of each next frame.
+        count: number of actions.
+        calls: calls of `step` per chunk.
+        steps: steps of the world per call.
+        shape: shape of the actions; none for one integer.
+        convert: converts NumPy actions and pixels to the type that `step` uses.
     """
     actions, pixel = map(convert, random_actions(count, *shape)), 0
 
@@ -72,7 +72,7 @@ def random_loop(
 
 
 def middle(frame: np.ndarray) -> int:
-    """The red of the pixel in the middle."""
+    """The red channel of the middle pixel."""
     return int(frame[frame.shape[0] // 2, frame.shape[1] // 2, 0])
 
 

@@ -1,4 +1,4 @@
-"""Updates of an image network inside a compiled loop, `convolution-B` with a batch of B images.
+"""Updates of an image network in a compiled loop: `convolution-B`, with a batch of B images.
 
 Options: `layer`, one of `LAYERS`; `network`, one of `NETWORKS`; `size` of the images.
 """
@@ -23,7 +23,7 @@ UPDATES = 4
 
 
 class Network(nn.Module):
-    """Convolutions, then one number for each image."""
+    """Convolutions, then a layer with one output per image."""
 
     layer: str
     network: str
@@ -38,7 +38,7 @@ class Network(nn.Module):
 
 
 def convolution(batch: int, options: Options) -> Chunk:
-    """Gradient steps in a scan, each on other images."""
+    """Gradient steps in a scan, each on different images."""
     network = Network(options["layer"], options.get("network", "tiny"))
     width, height = image_size(options)
     images = jax.random.uniform(jax.random.key(0), (UPDATES, batch, height, width, 3))

@@ -1,4 +1,4 @@
-"""A program that draws frames alone, which `benchmarks.device` measures."""
+"""A program that only draws frames, for `benchmarks.device`."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 def make_frames(env: Any, params: Any, steps: int) -> jax.stages.Wrapped:
     """A program that draws `steps` frames of each state of a batch, and does nothing else.
 
-    One pixel of each frame turns and moves the next one's eye a little, so that nothing can be
-    computed once for all frames, and no frame be left out. The carry is a batch of states, their
-    observations, and their positions.
+    A pixel of each frame turns and moves the eye of the next frame a little, so that the compiler
+    can neither share work between frames nor leave out a frame. The carry is a batch of states,
+    their observations, and their positions.
     """
     draw = jax.vmap(lambda state: env.observe(state, params))
 

@@ -1,8 +1,8 @@
 """This project as a subject.
 
-- `scan-B`: a random policy in one compiled scan; options `id`,
-  `size`, and any of `SETTINGS`, which the other kinds take too;
-- `loop`: one environment, one call a step;
+- `scan-B`: a random policy in one compiled scan; options `id`, `size`, and those of `SETTINGS`,
+  which other kinds have, too;
+- `loop`: one environment, with one call per step;
 - `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`).
 """
 
@@ -33,7 +33,7 @@ SETTINGS: dict[str, Callable[[str], Any]] = {"observation": str, "buttons": str}
 
 
 def own_environment(options: Options, **settings: Any) -> tuple[Any, Any]:
-    """The environment that options name."""
+    """Make the environment from the options."""
     settings["width"], settings["height"] = image_size(options)
     for name, convert in SETTINGS.items():
         if name in options:
@@ -42,7 +42,7 @@ def own_environment(options: Options, **settings: Any) -> tuple[Any, Any]:
 
 
 def repeat(program: Callable[[Any], Any], carry: Any, count: int) -> Chunk:
-    """Calls of a program that takes a carry and gives the next, `count` steps each."""
+    """Repeated calls of a program that maps a carry to the next; each makes `count` steps."""
 
     def chunk() -> int:
         nonlocal carry
@@ -53,9 +53,9 @@ def repeat(program: Callable[[Any], Any], carry: Any, count: int) -> Chunk:
 
 
 def scan(batch: int, options: Options) -> Chunk:
-    """The project under a random policy, a batch of environments in one compiled scan."""
+    """A random policy in a batch of environments, in one compiled scan."""
     env, params = own_environment(options)
-    # Larger images take longer: calls of about one length.
+    # Fewer steps for larger images, so that calls take about equally long.
     frames = STEPS_A_CALL * SIZE**2 // max(SIZE**2, env.height * env.width)
     steps = max(1, frames // batch)
     rollout, start = make_random_rollout(env, params, batch, steps)
@@ -63,7 +63,7 @@ def scan(batch: int, options: Options) -> Chunk:
 
 
 def spread(batch: int, options: Options) -> Chunk:
-    """The same over several simulated devices, a thread each."""
+    """The same on several simulated devices, each a thread."""
     from benchmarks.spread import make_mesh, make_spread_rollout
 
     devices = int(options["devices"])
@@ -75,9 +75,9 @@ def spread(batch: int, options: Options) -> Chunk:
 
 
 def loop(batch: int, options: Options) -> Chunk:
-    """The project as a Python loop: one environment, one jitted call a step, a pixel read."""
+    """A Python loop over one environment, with one jitted call per step."""
     assert batch == 1
-    # Else every call is handed to another thread, which a loop that waits for each frame pays for.
+    # Dispatch to another thread only costs time, since the loop waits for each frame.
     jax.config.update("jax_cpu_enable_async_dispatch", False)
     env, params = own_environment(options)
 

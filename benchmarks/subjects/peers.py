@@ -1,9 +1,9 @@
-"""The peers as subjects: ViZDoom, EnvPool and MiniWorld, each under a random policy.
+"""The peers as subjects: ViZDoom, EnvPool and MiniWorld, each with a random policy.
 
-Every one of them reads a pixel of each frame, which shifts the next action, as the project's own
-subjects do. Nothing of JAX or of this project is imported here. Options of all of ViZDoom's:
-`scenario`, one of `SCENARIOS` or `SHOOTING`; `size`, one of ViZDoom's resolutions;
-`resize`, to 64x64 by `area` or `linear`, or `none`.
+As in this project's own subjects, a pixel of each frame shifts the next action. This module imports
+neither JAX nor this project. Options of the ViZDoom subjects: `scenario`, one of `SCENARIOS` or
+`SHOOTING`; `size`, one of ViZDoom's resolutions; `resize`, which resizes frames to 64x64 by `area`
+or `linear`, or not at all (`none`).
 """
 
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
@@ -29,19 +29,19 @@ from benchmarks.subjects.common import (
 )
 
 STEPS = 64
-# ViZDoom's Gymnasium ids and files that are called otherwise.
+# Scenarios with a different name in ViZDoom's Gymnasium ids.
 _IDS = {"DefendTheCenter": "DefendCenter", "DefendTheLine": "DefendLine"}
 
 
 def scenario(options: Options, separator: str = "") -> str:
-    """ViZDoom's name of the scenario: `MyWayHome`, or with a separator `my_way_home`."""
+    """ViZDoom's name of the scenario: `MyWayHome`, or `my_way_home` with a separator."""
     words = options.get("scenario", SCENARIOS[0]).split("-")
     told = "".join(map(str.capitalize, words))
     return separator.join(words) if separator else _IDS.get(told, told)
 
 
 def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:
-    """ViZDoom's Gymnasium environment as its users meet it, at 320x240 unless `size` says other."""
+    """ViZDoom's Gymnasium environment with its defaults; `size` changes the default 320x240."""
     import gymnasium
     import vizdoom
     import vizdoom.gymnasium_wrapper
@@ -52,7 +52,7 @@ def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:
         chosen["screen_resolution"] = _resolution(vizdoom, options, "")
     env = gymnasium.make(f"Vizdoom{scenario(options)}-v1", **chosen)
     if isinstance(space := env.action_space, gymnasium.spaces.Dict):
-        # Of a mouse as well, which nobody moves.
+        # The action space includes a mouse, which does not move here.
         still = np.zeros_like(space["continuous"].sample())
         env = gymnasium.wrappers.TransformAction(
             env, lambda action: {"binary": action, "continuous": still}, space["binary"]
@@ -61,7 +61,7 @@ def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:
 
 
 def vizdoom_raw(batch: int, options: Options) -> Chunk:
-    """The same scenarios without Gymnasium, RGB, at 160x120, ViZDoom's lowest resolution."""
+    """The same scenarios without Gymnasium, in RGB at 160x120, ViZDoom's lowest resolution."""
     import vizdoom
 
     assert batch == 1
@@ -89,10 +89,10 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
 
 
 def envpool(batch: int, options: Options) -> Chunk:
-    """EnvPool's ViZDoom, which draws at 320x240 and resizes inside, with its own threads.
+    """EnvPool's ViZDoom, which draws at 320x240, resizes inside, and has its own threads.
 
-    Options: `size` of its frames, any; `resize`, `area` or `linear`; `send`, how many
-    environments to wait for at a time (all of them by default).
+    Options: `size` of frames; `resize`, `area` or `linear`; `send`, the number of environments to
+    wait for at a time (default: all).
     """
     import envpool as package
 
@@ -107,9 +107,9 @@ def envpool(batch: int, options: Options) -> Chunk:
         img_height=height,
         stack_num=1,
         frame_skip=1,
-        # Episodes of ViZDoom's length.
+        # The episode length of ViZDoom.
         max_episode_steps=2100,
-        # One action out of those that ViZDoom's Gymnasium wrapper numbers likewise.
+        # One numbered action, as in ViZDoom's Gymnasium wrapper.
         use_combined_action=True,
         use_inter_area_resize=options.get("resize", "area") == "area",
         seed=0,
@@ -121,7 +121,7 @@ def envpool(batch: int, options: Options) -> Chunk:
         nonlocal info
         env.send(actions, info["env_id"])
         obs, *_, info = env.recv()
-        # Frames have their channels first; EnvPool resets by itself.
+        # Frames have channels first; EnvPool resets automatically.
         return obs[:, 0, height // 2, width // 2].astype(np.int32)
 
     calls = max(1, STEPS // together)
@@ -129,9 +129,9 @@ def envpool(batch: int, options: Options) -> Chunk:
 
 
 def miniworld(batch: int, options: Options) -> Chunk:
-    """MiniWorld's Hallway, drawn by OpenGL: on the display if there is one, else through EGL.
+    """MiniWorld's Hallway, drawn with OpenGL on the display if there is one, otherwise with EGL.
 
-    Options: `size` of its frames (80x60, the default, is its own); `resize`.
+    Options: `size` of frames (default 80x60, its own default); `resize`.
     """
     import pyglet
 
@@ -154,7 +154,7 @@ def miniworld(batch: int, options: Options) -> Chunk:
 def gymnasium_loop(
     env: Any, image: Callable[[Any], Any], resize: Callable[[np.ndarray], np.ndarray]
 ) -> Chunk:
-    """The plain loop over an environment of Gymnasium."""
+    """A plain loop over a Gymnasium environment."""
     env.reset(seed=0)
 
     def step(action: int) -> int:
@@ -167,7 +167,7 @@ def gymnasium_loop(
 
 
 def resizer(kind: str) -> Callable[[np.ndarray], np.ndarray]:
-    """A function that brings frames to 64x64, on one thread: `area`, `linear` or `none`."""
+    """A function that resizes frames to 64x64 on one thread: `area`, `linear` or `none`."""
     if kind == "none":
         return lambda frame: frame
     import cv2

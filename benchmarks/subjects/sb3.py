@@ -1,8 +1,8 @@
 """RecurrentPPO of sb3-contrib on ViZDoom's My Way Home as a subject, `sb3-B`: whole updates.
 
-Its interpreter has PyTorch, stable-baselines3, sb3-contrib and ViZDoom (`python -m
-benchmarks.install training`); nothing of JAX or of this project is imported. Options:
-`rollout`, steps of an update; `vector`, where each ViZDoom is stepped.
+Needs an interpreter with PyTorch, stable-baselines3, sb3-contrib and ViZDoom (`python -m
+benchmarks.install training`). Imports neither JAX nor this project. Options: `rollout`, steps per
+update; `vector`, the process that steps each ViZDoom (`make_vector`).
 """
 
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
@@ -21,7 +21,7 @@ PRELOADED = ["stable_baselines3.common.vec_env.subproc_vec_env", "vizdoom.gymnas
 
 
 def make_env(**settings: Any) -> Any:
-    """ViZDoom's My Way Home with 64x64 RGB frames, resized by area; settings as `frame_skip`."""
+    """ViZDoom's My Way Home with 64x64 RGB frames, resized by area; settings as in `make`."""
     import gymnasium
     import numpy as np
     import vizdoom.gymnasium_wrapper  # noqa: F401
@@ -33,10 +33,10 @@ def make_env(**settings: Any) -> Any:
 
 
 def make_vector(count: int, kind: str, **settings: Any) -> Any:
-    """Environments side by side: `subproc`, a worker process each, or `dummy`, in this process.
+    """Parallel environments: `subproc`, each in a worker process, or `dummy`, in this process.
 
-    Either way each of them has a process of ViZDoom's engine. On one core workers only add their
-    messages, so `auto` does without.
+    In both, each environment has its own ViZDoom process. On one core, workers only add messages,
+    so `auto` uses `dummy`.
     """
     import multiprocessing
 
@@ -44,14 +44,14 @@ def make_vector(count: int, kind: str, **settings: Any) -> Any:
 
     if kind == "dummy" or (kind == "auto" and (len(os.sched_getaffinity(0)) == 1 or count == 1)):
         return DummyVecEnv([functools.partial(make_env, **settings)] * count)
-    # Else every worker would import PyTorch for itself: seconds and 0.2 GB for each.
+    # Otherwise every worker would import PyTorch, which takes seconds and 0.2 GB.
     multiprocessing.set_forkserver_preload(PRELOADED)
     makers = [functools.partial(make_env, **settings)] * count
     return SubprocVecEnv(makers, start_method="forkserver")
 
 
 def make_model(env: Any, rollout: int, **changed: Any) -> Any:
-    """RecurrentPPO with the numbers of this project's baseline, but for those that are given."""
+    """RecurrentPPO with the hyperparameters of this project's baseline, except `changed`."""
     import torch
     from sb3_contrib import RecurrentPPO
 
@@ -81,8 +81,8 @@ def make_model(env: Any, rollout: int, **changed: Any) -> Any:
 
 
 def sb3(batch: int, options: Options) -> Chunk:
-    """Rollouts and updates as `learn` does them."""
-    # Read when libraries are loaded: workers have one thread, this process is told its number.
+    """Rollouts and updates, as in `learn`."""
+    # Libraries read these when they load: workers use one thread; this process sets its own number.
     os.environ["OMP_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
     import torch
 

@@ -1,4 +1,4 @@
-"""Whole updates of recurrent PPO, `training-B`; the option `rollout`, the steps of an update."""
+"""Whole updates of recurrent PPO: `training-B`, with the option `rollout`, steps per update."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from benchmarks.subjects.own import repeat
 
 
 def training(batch: int, options: Options) -> Chunk:
-    """Recurrent PPO with the paper's network, from environment to update in one program."""
+    """Recurrent PPO with the paper's network, as one compiled program."""
     from jaxenstein.baselines import Config, Learner
 
-    # On an accelerator if there is one, as PyTorch does; JAX must not run before.
+    # Use an accelerator if there is one, as PyTorch does. This must be set before JAX runs.
     jax.config.update("jax_platforms", None)
     config = Config(
         num_envs=batch,

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 register_once_imported()
 
-# What training does not need is loaded when it is first asked for.
+# Training does not need these names, so they are loaded on first use.
 _LAZY = {
     "Episode": ".view.episode",
     "Frame": ".view.frames",

@@ -1,4 +1,4 @@
-"""What a task says of itself beside its rules, for people, for players and for tests."""
+"""How a task describes itself to people, players and tests."""
 
 from __future__ import annotations
 
@@ -9,36 +9,36 @@ from typing import Any
 import jax
 
 Choose = Callable[[jax.Array, Any], jax.Array]
-"""(key, state) -> int32[], the next action; it keeps nothing from one step to the next."""
+"""(key, state) -> int32[], the next action; a pure function without memory."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Event:
-    """What may happen in a step: an entry of `info` that is false, or zero, where it does not.
+    """An event that can happen in a step: an entry of `info` that is otherwise false or zero.
 
     Attributes:
-        one: what happened, in words that follow "the agent", such as "opened a door".
-        several: the same for a count of two or more, {} standing for the number; "" if the entry
-            is no count.
+        one: the event in words that follow "the agent", such as "opened a door".
+        several: the same words for a count of two or more, with {} for the number; "" if the
+            entry is not a count.
     """
 
     one: str
     several: str = ""
 
     def in_words(self, count: int) -> str:
-        """What happened `count` times, at least once."""
+        """Describe the event when it happened `count` times (at least once)."""
         return self.several.format(count) if self.several and count > 1 else self.one
 
 
 @dataclasses.dataclass(frozen=True)
 class Player:
-    """A scripted player: it reads the state, not the picture.
+    """A scripted player, which reads the state instead of the image.
 
     Attributes:
-        summary: what it does, for people.
-        make: a function of an environment and its params that returns `choose(key, state)`, which
-            is pure, so that it runs under `jax.jit`, `jax.vmap` and `jax.lax.scan`.
-        waits: why it takes no action where it takes none, for captions.
+        summary: a one-line description.
+        make: a function of an environment and its params that returns `choose(key, state)`, a
+            pure function that works under `jax.jit`, `jax.vmap` and `jax.lax.scan`.
+        waits: for captions, the reason why it sometimes takes no action.
     """
 
     summary: str
@@ -46,28 +46,29 @@ class Player:
     waits: str = ""
 
     def __call__(self, env: Any, params: Any) -> Choose:
-        """The function that chooses the actions in an environment with these params."""
+        """The function that chooses actions in an environment with these params."""
         return self.make(env, params)
 
 
 @dataclasses.dataclass(frozen=True)
 class About:
-    """What a task says of itself. Whatever is left out is not shown, and no task must say more.
+    """How a task describes itself. Every part is optional; empty parts are not shown.
 
     Attributes:
-        aim: what `info["success"]` means, in words that follow "the agent".
-        ends: where the task itself ends an episode, in words that follow "terminated"; "" if it
+        aim: the meaning of `info["success"]`, in words that follow "the agent".
+        ends: when the task itself ends an episode, in words that follow "terminated"; "" if it
             never does.
-        rewards: what its params pay: words for each by its name, {:+g} standing for the number.
-        events: the events of `info` by name, in the order in which they are told.
-        variables: what `describe` adds to `info`: the meaning of each by its name.
-        captions: which of them the captions of pictures show.
+        rewards: the rewards that params set, by param name, in words with {:+g} for the number.
+        events: the events in `info` by name, in the order in which they are shown.
+        variables: the meanings of the entries that `describe` adds to `info`, by name.
+        captions: the variables that captions of pictures show.
         players: the scripted players that know the task, by name.
-        expert: the name of the one who does it best; "" if there is none.
+        expert: the name of the best of these players; "" if there is none.
         generated: whether every reset generates a new map.
-        lasting: fields of the state, bool arrays, what is true in which stays so until the agent
-            is put at a start again.
-        holds: what is true of every state from which an episode goes on, in words.
+        lasting: names of bool arrays in the state whose entries, once true, stay true until the
+            agent is put back to a start.
+        holds: invariants by their description: functions of a state that are true in every state
+            of an unfinished episode.
     """
 
     aim: str = "ended the episode with a positive reward"

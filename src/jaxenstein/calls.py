@@ -1,4 +1,4 @@
-"""What callers hand in: keys, actions, settings and params, with words for what is wrong."""
+"""Checks of the keys, states, actions and settings that callers pass, with clear errors."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ R = TypeVar("R")
 
 
 def compiled(function: Callable[Q, R]) -> Callable[Q, R]:
-    """Compile what a training loop calls; wrong keys and actions are told in words before.
+    """Compile a method that a training loop calls, after clear errors for wrong keys and actions.
 
-    Outside of compiled code an action may be given by its name.
+    Outside compiled code, an action may be given by its name.
     """
 
     @functools.wraps(function)
@@ -46,7 +46,7 @@ def compiled(function: Callable[Q, R]) -> Callable[Q, R]:
             _check_state(given[state], function.__name__)
         if action and isinstance(given[action], str):
             given[action] = given[0].index_of(given[action])
-        # In a step they would be read over and over.
+        # Only where an episode starts: reading params in every step would be slow.
         if not action and isinstance(given[-1], Params):
             given[-1].check()
         return program(*given)
@@ -55,7 +55,7 @@ def compiled(function: Callable[Q, R]) -> Callable[Q, R]:
 
 
 def _check_key(key: Any) -> None:
-    """Complain of what is no random key, typed or old, of one environment."""
+    """Raise unless the value is the random key, typed or raw, of one environment."""
     shape = getattr(key, "shape", None)
     typed = shape is not None and jnp.issubdtype(key.dtype, jax.dtypes.prng_key)
     if shape == () if typed else shape is not None and key.dtype == np.uint32 and len(shape) == 1:
@@ -66,22 +66,22 @@ def _check_key(key: Any) -> None:
 
 
 def _check_state(state: Any, function: str) -> None:
-    """Complain of what is no state of one environment."""
+    """Raise unless the value is the state of one environment."""
     time = getattr(state, "time", None)
     if time is not None and hasattr(state, "done") and np.shape(time) == ():
         return
     if time is not None and np.ndim(time):
         raise SettingError(
-            f"a state must be that of one environment, not a batch of {len(time)}; for a batch use "
-            f"jax.vmap(env.{function})"
+            f"a state must belong to one environment, not to a batch of {len(time)}; for a batch "
+            f"use jax.vmap(env.{function})"
         )
     shape = getattr(state, "shape", None)
     what = repr(state) if shape is None else f"{state.dtype}{list(shape)}"
-    raise SettingError(f"a state must be what reset or step returned second, not {what[:80]}")
+    raise SettingError(f"a state must be the second value of reset or step, not {what[:80]}")
 
 
 def checked_action(action: Any, number: int) -> jax.Array:
-    """int32[]: the action, with anything out of range as -1."""
+    """int32[]: the action, with -1 for anything out of range."""
     if action is None:
         raise SettingError("an action must be one integer of shape (), not None")
     action = jnp.asarray(action)
@@ -90,26 +90,26 @@ def checked_action(action: Any, number: int) -> jax.Array:
             f"an action must be one integer of shape (), not {action.dtype}"
             f"{list(action.shape)}; for a batch use jax.vmap(env.step)"
         )
-    # Compared in the action's own type, before a cast could wrap it around.
+    # Compare in the action's own dtype, because a cast could wrap it around.
     valid = (action >= 0) & (action < number)
     return jnp.where(valid, action, 0).astype(jnp.int32) - (~valid).astype(jnp.int32)
 
 
 def as_static(field: str, value: Any) -> Any:
-    """A setting that can be hashed: tuples in the place of lists and arrays."""
+    """Make a setting hashable: tuples instead of lists and arrays."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, list | tuple):
         return tuple(as_static(field, part) for part in value)
     if not isinstance(value, Hashable):
         raise SettingError(
-            f"{field} cannot be a {type(value).__name__}: settings are part of compiled programs, "
-            "so they must be hashable, as numbers, words and tuples of them are"
+            f"{field} cannot be a {type(value).__name__}: settings are static in compiled programs "
+            "and must be hashable, such as numbers, strings and tuples"
         )
     return value
 
 
 def as_kind(value: Any, default: Any) -> jax.Array:
-    """The value as an array of float32, int32 or bool, as its default is."""
+    """The value as a float32, int32 or bool array, like its default."""
     kind = np.asarray(default).dtype.kind
     return jnp.asarray(value).astype({"i": jnp.int32, "b": jnp.bool_}.get(kind, jnp.float32))

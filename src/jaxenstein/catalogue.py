@@ -1,6 +1,6 @@
-"""The environments that come with the package: an id is a row, and all rows have one shape.
+"""The environments that come with the package, one row per id.
 
-Importing this module imports no task: a row does when it is first built or asked about.
+Importing this module imports no task. A row imports its task when it is first used.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ Build = Callable[..., AnyEnvironment]
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """What an id stands for.
+    """The definition of an id.
 
     Attributes:
-        id: without the version.
+        id: the id without a version.
         family: environments of one family share a page of the documentation.
-        source: "module:Class" in `jaxenstein.tasks`, or "module:function" that returns a
-            `functools.partial` of a class. What others register is itself a class or a function.
-        summary: one line for people.
-        fixed: arguments of the class or function; `make` does not take them.
-        params: the params whose defaults differ from those of the class.
-        variant_of: another id, which stands for this one wherever environments are shown or tested
-            one by one: this one differs in sizes and numbers alone.
-        version: of the environment, which grows when its behaviour changes.
-        module: what has to be imported for the id to be known; "" if nothing has.
+        source: "module:Class" in `jaxenstein.tasks`, or "module:function", where the function
+            returns a `functools.partial` of a class. For a registered task, the class or function.
+        summary: a one-line description.
+        fixed: arguments of the class or function that `make` does not take.
+        params: params whose defaults differ from those of the class.
+        variant_of: the id that represents this one where not all environments are listed or
+            tested; the two differ only in numbers such as sizes.
+        version: increases when the behaviour of the environment changes.
+        module: the module to import before the id is known; "" if none is needed.
     """
 
     id: str
@@ -48,7 +48,7 @@ class Row:
 
     @functools.cached_property
     def build(self) -> Build:
-        """Makes the environment from the settings of `make`."""
+        """The function that makes the environment from the settings of `make`."""
         if not isinstance(self.source, str):
             return self.source
         module, name = self.source.split(":")
@@ -62,9 +62,9 @@ class Row:
 
     @functools.cached_property
     def settings(self) -> tuple[str, ...]:
-        """The names of the settings of `make`: what `build` takes by name.
+        """The names of the settings of `make`: the keyword arguments of `build`.
 
-        `**settings` in a function stands for those of all that is seen in first person.
+        `**settings` in a function stands for the settings of all first-person environments.
         """
         from .tasks.first_person import SETTINGS
 
@@ -88,10 +88,10 @@ def _row(
     version: int = 0,
     **fixed: Any,
 ) -> Row:
-    """A row; {} in the id and the summary stand for what is fixed, by name.
+    """Make a row; {} in the id and the summary is filled in from `fixed` by name.
 
-    `shown` stands for the row, unless it is the row's own id; the time limit `steps` is one of its
-    params, 0 that of the class.
+    The id `shown` represents the row, unless it is the row's own id. The time limit `steps`
+    becomes a param; 0 keeps the default of the class.
     """
     words = {n: ("no", "yes")[v] if isinstance(v, bool) else v for n, v in fixed.items()}
     id, summary = id.format(**words), summary.format(**words)
@@ -99,20 +99,20 @@ def _row(
     return Row(id, family, source, summary, fixed, params, shown if id != shown else "", version)
 
 
-# Our steps in one of MiniGrid's moves: of a cell, or a turn of 90 degrees.
+# Our steps per MiniGrid move of one cell, and per turn of 90 degrees.
 STEPS_A_MOVE = 1 / 0.15
 
 
 def _grid(
     shown: str, id: str, source: str, moves: int, summary: str, version: int = 0, **fixed: Any
 ) -> Row:
-    """A world of MiniGrid's, with the time limit in its own moves."""
+    """A MiniGrid environment, with the time limit in MiniGrid moves."""
     names = f"minigrid-{shown}", f"minigrid-{id}", f"minigrid.{source}", f"MiniGrid: {summary}"
     return _row("minigrid", *names, round(moves * STEPS_A_MOVE), None, version, **fixed)
 
 
 def _dmlab(kind: str, number: int, respawn: bool) -> Row:
-    """One of DeepMind Lab's mazes."""
+    """A DeepMind Lab maze."""
     goal = "goal and starts fixed" if kind == "static" else "a new goal cell each episode"
     end = "+10, apples +1, respawns until time is up" if respawn else "+10 ends"
     steps, discount = ((1800, 0.999), (4500, 0.9995), (9000, 0.9999))[number - 1]
@@ -132,19 +132,19 @@ def _doom(
     shown: str = "",
     **fixed: Any,
 ) -> Row:
-    """A scenario of ViZDoom's; its family is the id that is shown for it, if no other is given."""
+    """A ViZDoom scenario; by default its family is the id that represents it."""
     id = f"doom-{id}"
     names = family or shown or id, shown, id, f"doom.{source}", f"ViZDoom's {summary}"
     return _row(*names, version=version, **fixed)
 
 
-# Of each kind of rule a small world of MiniGrid's, which is shown for those like it.
+# For each kind of rule, the small MiniGrid world that represents similar ones.
 _KEY, _LAVA, _BALLS = "door-key-6x6", "lava-crossing-s9n1", "dynamic-obstacles-6x6"
 _BOXES, _ASKED = "obstructed-maze-1dlhb", "put-near-6x6-n2"
-# Long steps in MiniWorld, which also reach the box from farther away.
+# Long steps in MiniWorld; the agent also reaches the box from farther away.
 _FAST = {"move_distance": 0.7, "turn_angle": math.radians(45), "goal_radius": 1.736}
 _LAYOUT = "navigation:from_layout"
-# Sizes of DeepMind Lab's explore levels: of 2048 mazes, none has more than 16 or 35 doorways.
+# Sizes of DeepMind Lab's explore levels: in 2048 mazes, none has more than 16 or 35 doorways.
 _SMALL, _LARGE = {"size": 11, "rooms": 4}, {"size": 17, "rooms": 9, "most": 3}
 _LAB, _LARGER = "DeepMind Lab:", "the same in a larger maze"
 _HALL = {"kind": "objects", "size": 13, "rooms": 1, "least": 11, "most": 11}
@@ -157,7 +157,7 @@ ROWS: tuple[Row, ...] = (
          "a corridor with a red key, a red locked door and the goal behind it", 300,
          layout="key-door", heading=0.0),
     _row("t-maze", "", "t-maze", "t_maze:t_maze",
-         "a key that is soon gone tells which arm pays: memory"),
+         "a key that soon disappears tells which arm pays: memory"),
     *(_row("my-way-home", "", f"my-way-home{end}", "navigation:my_way_home", summary, 2100,
            {"discount": 0.999, "living_reward": -0.0001}, **fixed)
       for end, summary, fixed in (
@@ -187,12 +187,12 @@ ROWS: tuple[Row, ...] = (
           ("object-locations", f"{_LAB} apples to find again in a new maze", 1350, 1.0,
            {"kind": "apples", **_SMALL}),
           ("object-locations-large", _LARGER, 1800, 1.0, {"kind": "apples", **_LARGE}),
-          ("object-rewards", f"{_LAB} which objects pay in this episode", 1350, 2.0,
+          ("object-rewards", f"{_LAB} learn which objects pay in this episode", 1350, 2.0,
            {"places": 8, **_HALL}),
-          ("object-rewards-many", "the same with eight objects a round", 1800, 2.0,
+          ("object-rewards-many", "the same with eight objects per round", 1800, 2.0,
            {"places": 16, **_HALL}))),
     *(_row("memory-maze", "memory-maze-9x9", "memory-maze-{size}x{size}", "memory_maze:maze",
-           f"Memory Maze: fetch {{things}} things as asked, for {steps} steps", steps,
+           f"Memory Maze: fetch {{things}} things on request, for {steps} steps", steps,
            size=size, things=things)
       for size, things, steps in ((9, 3, 1000), (11, 4, 2000), (13, 5, 3000), (15, 6, 4000))),
     *(_row("miniworld", "miniworld-hallway", "miniworld-{name}", "miniworld.rooms:room", summary,
@@ -246,12 +246,12 @@ ROWS: tuple[Row, ...] = (
             "two strips of lava, the second in row {strip_row}", strip_row=row)
       for number, row in ((1, 2), (2, 5))),
     *(_grid(_BALLS, f"dynamic-obstacles-{'random-' * start}{n}x{n}", "open_rooms:DynamicObstacles",
-            4 * n**2, "a room in which balls wander ({obstacles}), which must not be walked into",
+            4 * n**2, "a room with moving balls ({obstacles}) to avoid",
             size=n, obstacles=count, random_start=start)
       for n, count, starts in ((5, 2, 2), (6, 3, 2), (8, 4, 1), (16, 8, 1))
       for start in (False, True)[:starts]),
     _grid(_KEY, "locked-room", "doors:LockedRoom", 190,
-          "six rooms at a hall, one locked, its key in another"),
+          "six rooms along a hall; one is locked, its key in another"),
     *(_grid(_KEY, "red-blue-doors-{size}x{size}", "doors:RedBlueDoors", 20 * n**2,
             "open the red door, then the blue one", size=n) for n in (6, 8)),
     _grid(_KEY, "unlock", "doors:Unlock", 288, "a key, and a locked door to open"),
@@ -259,32 +259,32 @@ ROWS: tuple[Row, ...] = (
             "pick up the box behind a locked door", blocked=blocked)
       for blocked, moves in ((False, 288), (True, 576))),
     *(_grid(_KEY, "key-corridor-s{room_size}r{room_rows}", "doors:KeyCorridorBall", 30 * n**2,
-            "key-corridor by the source's rule: pick the ball up with empty hands", 1,
+            "key-corridor with its original aim: pick up the ball with empty hands", 1,
             room_size=n, room_rows=rows)
       for n, rows in ((3, 1), (3, 2), (3, 3), (4, 3), (5, 3), (6, 3))),
     *(_grid(_BOXES, f"obstructed-maze-{id}", "doors:ObstructedMaze", 144 * moves,
-            "a ball behind locked doors, keys in boxes: {hidden}, balls before doors: {blocked}",
+            "a ball behind locked doors, keys in boxes: {hidden}, blocked doors: {blocked}",
             quarters=quarters, start_aside=id[0] == "2", hidden=hidden, blocked=blocked)
       for id, moves, quarters, hidden, blocked in (
           ("1dl", 2, 0, False, False), ("1dlh", 2, 0, True, False), ("1dlhb", 2, 0, True, True),
           ("2dl", 4, 1, False, False), ("2dlh", 4, 1, True, False), ("2dlhb", 4, 1, True, True),
           ("1q", 5, 1, True, True), ("2q", 11, 2, True, True), ("full", 25, 4, True, True))),
     *(_grid(_KEY, f"memory-s{n}{'-random' * bool(length)}", "instructions:Memory", 5 * n**2,
-            "a thing in a room, and its like at one end of a crossing: memory", size=n, **length)
+            "a thing in a room, and the same at one end of a junction: memory", size=n, **length)
       for length, sizes in (({}, (7, 9, 11, 13)), ({"random_length": True}, (13, 17)))
       for n in sizes),
     *(_grid(_ASKED, "fetch-{size}x{size}-n{objects}", "instructions:Fetch", 5 * n**2,
-            "pick up the one of {objects} things that is asked for", size=n, objects=count)
+            "pick up the requested one of {objects} things", size=n, objects=count)
       for n, count in ((5, 2), (6, 2), (8, 3))),
     *(_grid(_ASKED, "go-to-door-{size}x{size}", "instructions:GoToDoor", 4 * n**2,
-            "say done beside the door that is asked for", size=n) for n in (5, 6, 8)),
+            "say done beside the requested door", size=n) for n in (5, 6, 8)),
     *(_grid(_ASKED, "go-to-object-{size}x{size}-n2", "instructions:GoToObject", 5 * n**2,
-            "say done beside the thing that is asked for", size=n) for n in (6, 8)),
+            "say done beside the requested thing", size=n) for n in (6, 8)),
     *(_grid(_ASKED, "put-near-{size}x{size}-n{objects}", "instructions:PutNear", 5 * n,
-            "put one of {objects} things down near another, as asked", size=n, objects=count)
+            "put one of {objects} things near another, as requested", size=n, objects=count)
       for n, count in ((6, 2), (8, 3))),
-    # Doom's angles grow counter-clockwise, those of my-way-home clockwise: 0 to 3.6 degrees there
-    # is -3.6 to 0 here.
+    # Doom's angles grow counter-clockwise, those of my-way-home clockwise: 0 to 3.6 degrees in
+    # Doom is -3.6 to 0 here.
     *(_row("doom-my-way-home", "", f"doom-my-way-home{end}", "doom.my_way_home:DoomMyWayHome",
            summary, spots=spots, angles=angles, hud=False, show_weapon=False)
       for end, spots, angles, summary in (
@@ -305,32 +305,32 @@ ROWS: tuple[Row, ...] = (
     _doom("simpler-basic", "basic:DoomBasic", "Simpler Basic itself: the monster is nearer",
           shown="doom-basic", hall="simpler-basic", rocket=False),
     _doom("defend-the-center", "defend_the_center:DoomDefendTheCenter",
-          "Defend the Center itself: turn and shoot what comes from all around", 2),
+          "Defend the Center itself: turn and shoot monsters from all sides", 2),
     _doom("defend-the-line", "defend_the_line:DoomDefendTheLine",
-          "Defend the Line itself: turn and shoot what is at the other side of a room", 2,
+          "Defend the Line itself: turn and shoot monsters across a room", 2,
           shown="doom-defend-the-center"),
     _doom("take-cover", "take_cover:DoomTakeCover",
-          "Take Cover itself: dodge the fireballs of ever more imps", 1),
+          "Take Cover itself: dodge the fireballs of more and more imps", 1),
     _doom("rocket-basic", "basic:DoomBasic",
-          "Rocket Basic itself: a rocket needs a second to get there",
+          "Rocket Basic itself: a rocket takes a second to arrive",
           shown="doom-basic", hall="simpler-basic", rocket=True),
     _doom("predict-position", "predict_position:DoomPredictPosition",
-          "Predict Position itself: one rocket for a monster that walks to and fro",
+          "Predict Position itself: one rocket for a monster that walks back and forth",
           shown="doom-basic"),
     _doom("deadly-corridor", "deadly_corridor:DoomDeadlyCorridor",
           "Deadly Corridor itself: past six marksmen to the armour", 1),
     _doom("deathmatch", "deathmatch:DoomDeathmatch",
-          "Deathmatch itself, alone: monsters without end, seven weapons, things to take", 2),
+          "Deathmatch itself for one player: endless monsters, seven weapons, pickups", 2),
 )
 # fmt: on
-"""All of them, in the order in which they are listed."""
+"""All environments, in the order in which they are listed."""
 
 ENTRIES: dict[str, Row] = {row.id: row for row in ROWS}
-"""The rows by their ids."""
+"""The rows by id."""
 ALIASES: dict[str, str] = {
     "key-corridor-s4r3": "key-corridor",
     **{name.replace("random-goal", "random"): name for name in ENTRIES if "random-goal" in name},
 }
-"""Other names of environments, each with the id it stands for."""
+"""Other names of environments, each with its id."""
 MAIN_IDS: tuple[str, ...] = tuple(name for name, row in ENTRIES.items() if not row.variant_of)
-"""The ids that are variants of no other: the ones with pictures, golden episodes and tests."""
+"""The ids that are not variants of another id; they have pictures and golden episodes."""

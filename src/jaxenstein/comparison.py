@@ -1,4 +1,4 @@
-"""Results of several policies on the same tasks, read from files and checked to be comparable."""
+"""Read the results of several policies on the same tasks from files, and check them."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from .scores import normalised
 from .spec import Spec
 
 Compared = dict[str, dict[str, Results]]
-"""The results by policy, then by task; all policies have the same tasks in the same order."""
+"""Results by policy and then by task; all policies have the same tasks in the same order."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """The returns between which a task's scores are normalised.
+    """The returns that set the scale of a task's normalised scores.
 
     Attributes:
-        random: of a player that samples every action uniformly.
-        expert: of a good player.
+        random: the return of a player that samples actions uniformly.
+        expert: the return of a good player.
     """
 
     random: float
@@ -36,12 +36,12 @@ class Reference:
 
 @dataclasses.dataclass(frozen=True)
 class _Entry:
-    """Results of a file.
+    """One evaluation in a file.
 
     Attributes:
         path: the file.
-        label: the name of the policy, to show.
-        results: what it says.
+        label: the name of the policy.
+        results: the evaluation.
     """
 
     path: Path
@@ -55,19 +55,19 @@ class _Entry:
 
 
 def gather(files: Iterable[tuple[str | None, Path]], actions: str | None = None) -> Compared:
-    """Read files of results, and put together what belongs to one policy.
+    """Read files of results, and combine those that belong to one policy.
 
-    Results of the same label and the same way of acting belong to one policy; those of one task
-    are put together as runs of it.
+    Results with the same label and the same way of choosing actions belong to one policy. Several
+    results on one task are combined as its runs.
 
     Args:
-        files: each with a label, or None for the names of policies in the file.
-        actions: "greedy" or "sampled" leaves out the results of the other way; None takes all.
+        files: each with a label, or None to use the policy names in the file.
+        actions: "greedy" or "sampled" to keep only results with these actions; None keeps all.
 
     Raises:
-        SettingError: a file cannot be read; a task has other versions, settings or params in
-            another file; a policy has a run twice, or runs of different episodes; a policy lacks
-            a task; nothing is left.
+        SettingError: a file cannot be read; a task has different versions, settings or params in
+            two files; a policy has a run twice, or runs with different episodes; a policy lacks a
+            task; nothing is left.
     """
     entries = [
         _Entry(path, label or results.policy, results)
@@ -76,7 +76,7 @@ def gather(files: Iterable[tuple[str | None, Path]], actions: str | None = None)
         if actions is None or results.actions in (actions, None)
     ]
     if not entries:
-        raise SettingError(f"the files have no results of {actions or 'any'} actions")
+        raise SettingError(f"the files have no results with {actions or 'any'} actions")
     _check_environments(entries)
     groups: dict[str, dict[str, list[_Entry]]] = {}
     for policy, entry in zip(_policies(entries), entries, strict=True):
@@ -90,7 +90,7 @@ def gather(files: Iterable[tuple[str | None, Path]], actions: str | None = None)
 
 
 def _policies(entries: Sequence[_Entry]) -> list[str]:
-    """The policy of each entry: its label, with the way of acting if the label has several."""
+    """The policy of each entry: its label, with the kind of actions if the label has both."""
     ways: dict[str, set[str | None]] = {}
     for entry in entries:
         ways.setdefault(entry.label, set()).add(entry.results.actions)
@@ -101,19 +101,19 @@ def _policies(entries: Sequence[_Entry]) -> list[str]:
 
 
 def _check_environments(entries: Sequence[_Entry]) -> None:
-    """Every task must be the same environment in all files."""
+    """Raise unless every task has the same environment in all files."""
     first: dict[str, _Entry] = {}
     for entry in entries:
         other = first.setdefault(entry.task, entry)
         if fault := difference(other.results.environment, entry.results.environment):
             raise SettingError(
                 f"{entry.task}: {fault[0]} is {fault[1]} in {other.path} and {fault[2]} in "
-                f"{entry.path}; results of one task need the same environment: score them apart"
+                f"{entry.path}; one task needs one environment: score these results separately"
             )
 
 
 def difference(one: Spec, other: Spec) -> tuple[str, Any, Any] | None:
-    """What differs, with both values; a value that is not given is the default one."""
+    """What differs, with both values; missing values are defaults."""
     if one.version != other.version:
         return "the version", one.version, other.version
     if one == other or _same(one, other):
@@ -130,10 +130,10 @@ def difference(one: Spec, other: Spec) -> tuple[str, Any, Any] | None:
 
 
 def _same(one: Spec, other: Spec) -> bool:
-    """Whether both build the same, where one of them names defaults."""
+    """Whether both build the same environment, even if one spells out defaults."""
     try:
         built = [_with_numbers(*spec.build()) for spec in (one, other)]
-    # What a file that anybody may have edited can lead to; a JAXensteinError is a ValueError.
+    # Errors that untrusted files can cause; a JAXensteinError is a ValueError.
     except (TypeError, ValueError, IndexError, OverflowError, AttributeError):
         return False
     return built[0] == built[1]
@@ -153,19 +153,19 @@ def _shown(value: Any) -> str:
 
 
 def _check_tasks(groups: Mapping[str, Mapping[str, list[_Entry]]]) -> None:
-    """All policies must have all tasks."""
+    """Raise unless all policies have all tasks."""
     for policy, mine in groups.items():
         for other, its in groups.items():
             if missing := sorted({*its} - {*mine}):
                 raise SettingError(
-                    f"{policy} has no results of {', '.join(missing)}, and {other} has: policies "
-                    f"are compared on the same tasks (--label NAME FILES puts files of one "
-                    "policy together)"
+                    f"{policy} has no results for {', '.join(missing)}, but {other} does: policies "
+                    f"are compared on the same tasks (--label NAME FILES combines the files of one "
+                    "policy)"
                 )
 
 
 def _together(policy: str, entries: Sequence[_Entry]) -> Results:
-    """The runs of one policy on one task from all files."""
+    """Combine the runs of one policy on one task from all files."""
     first, *others = entries
     for entry in others:
         for what in ("episodes", "seed"):
@@ -180,8 +180,8 @@ def _together(policy: str, entries: Sequence[_Entry]) -> Results:
         for name in entry.results.names:
             if name in seen:
                 raise SettingError(
-                    f"{policy} on {first.task}: the run {quoted(name)} is in {seen[name]} and "
-                    f"again in {entry.path}; --label NAME FILES tells policies apart"
+                    f"{policy} on {first.task}: the run {quoted(name)} is both in {seen[name]} and "
+                    f"in {entry.path}; use --label NAME FILES to separate policies"
                 )
             seen[name] = entry.path
     arrays = {
@@ -196,17 +196,17 @@ def _number(results: Results, what: str) -> int:
 
 
 def read_reference(path: str | Path) -> dict[str, Reference]:
-    """A file of reference returns: {"task id": {"random": x, "expert": y}, ...}.
+    """Read a file of reference returns: {"task id": {"random": x, "expert": y}, ...}.
 
     Raises:
-        SettingError: it cannot be read, or has something else; the message names the file.
+        SettingError: the file cannot be read or has other content; the message names it.
     """
     try:
         plain = json.loads(read_text(path))
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     except (ValueError, RecursionError) as error:
-        raise SettingError(f"{path} is no JSON: {error}") from error
+        raise SettingError(f"{path} is not JSON: {error}") from error
     if not isinstance(plain, dict):
         raise SettingError(f'{path} must hold {{"task id": {{"random": x, "expert": y}}}}')
     return {task: _reference(path, task, entry) for task, entry in plain.items()}
@@ -223,12 +223,12 @@ def _reference(path: str | Path, task: str, entry: Any) -> Reference:
 
 
 def run_returns(mine: Mapping[str, Results]) -> list[np.ndarray]:
-    """The mean returns of a policy's runs over their episodes: float64[runs] of each task."""
+    """The mean return of each run of a policy: float64[runs] for each task."""
     return [results.returns.mean(axis=1, dtype=np.float64) for results in mine.values()]
 
 
 def run_scores(mine: Mapping[str, Results], reference: Mapping[str, Reference]) -> list[np.ndarray]:
-    """The normalised `run_returns`.
+    """As `run_returns`, normalised.
 
     Raises:
         SettingError: a task has no reference.

@@ -1,8 +1,8 @@
 """A convolution that is fast inside a compiled loop on a CPU.
 
-XLA's CPU compiler computes the gradient of a convolution inside a loop many times slower than the
-gradient of matrix products, and turns `jax.vmap` over kernels into grouped convolutions, slow
-everywhere. `python -m benchmarks convolutions` measures how much that is.
+Inside a loop, XLA's CPU compiler makes the gradient of a convolution many times slower than that
+of matrix products. It turns `jax.vmap` over kernels into grouped convolutions, which are slow on
+all devices. `python -m benchmarks convolutions` measures both effects.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ def patch_convolution(
 ) -> jax.Array:
     """Convolve images by matrix products.
 
-    The values are those of `jax.lax.conv_general_dilated` with the layouts NHWC and HWIO, up to
-    rounding. Where kernels do not overlap (the stride is the kernel's size), each image is cut into
-    patches, and one matrix product serves all of them. In a compiled training on a CPU this takes a
-    small part of the time of `jax.lax.conv` and of `flax.linen.Conv`.
+    Returns the values of `jax.lax.conv_general_dilated` with layouts NHWC and HWIO, up to
+    rounding. If kernels do not overlap (the stride equals the kernel size), each image is cut into
+    patches, and a single matrix product handles all of them. In a compiled training loop on a CPU
+    this takes a fraction of the time of `jax.lax.conv` and of `flax.linen.Conv`.
 
     Args:
         images: float[..., height, width, channels], any leading axes.
-        weights: float[rows, columns, channels, features], of the data type of the images.
-        stride: pixels from one window to the next: down and across, or one number for both.
-        padding: "VALID": only windows inside the image; "SAME": zeros around it, so that without a
-            stride the result has the size of the image.
+        weights: float[rows, columns, channels, features], with the dtype of the images.
+        stride: pixels between windows: (down, across), or one number for both.
+        padding: "VALID": only windows inside the image; "SAME": pad with zeros, so that with
+            stride 1 the result has the size of the image.
 
     Returns:
         float[..., height', width', features].
 
     Raises:
-        SettingError: shapes or data types do not fit, or the image is smaller than the kernel.
+        SettingError: shapes or dtypes do not match, or the image is smaller than the kernel.
 
     Examples:
         >>> import jax
@@ -64,8 +64,8 @@ def patch_convolution(
         output_size(*sizes)
         for sizes in zip(images.shape[-3:-1], weights.shape[:2], strides, strict=True)
     )
-    # Blocks of pixels become channels where the kernel is a multiple of the stride: then few
-    # products remain, each with many channels.
+    # If the kernel size is a multiple of the stride, turn blocks of pixels into channels: this
+    # leaves few products, each over many channels.
     down, across = (
         step if size % step == 0 else 1
         for size, step in zip(weights.shape[:2], strides, strict=True)
@@ -81,21 +81,21 @@ def patch_convolution(
         chosen_columns = slice(j, j + steps[1] * (columns - 1) + 1, steps[1])
         return images[..., chosen_rows, chosen_columns, :] @ weights[i, j]
 
-    # Gathering patches for a single product would move more bytes, and takes longer.
+    # Gathering patches for a single product would move more bytes and take longer.
     taps = [(i, j) for i in range(weights.shape[0]) for j in range(weights.shape[1])]
     return functools.reduce(jnp.add, (tap(i, j) for i, j in taps))
 
 
 def output_size(size: int, kernel: int, stride: int) -> int:
-    """Length of one side after a convolution without padding."""
+    """The length of one side after a convolution without padding."""
     return (size - kernel) // stride + 1
 
 
 def pair(name: str, value: int | Sequence[int]) -> tuple[int, int]:
-    """A number for both directions, or one for each.
+    """Expand a number to both directions; check a pair.
 
     Raises:
-        SettingError: a number is not whole or below 1, or there are more than two.
+        SettingError: a number is not whole or is below 1, or there are not two numbers.
     """
     numbers = tuple(value) if isinstance(value, Sequence) else (value, value)
     if len(numbers) != 2:
@@ -110,11 +110,11 @@ def _check(images: jax.Array, weights: jax.Array, padding: str) -> None:
     if images.ndim < 3 or weights.ndim != 4 or images.shape[-1] != weights.shape[2]:
         raise SettingError(
             "images must be [..., height, width, channels] and weights [rows, columns, channels, "
-            f"features] with as many channels, not {shown}"
+            f"features] with the same number of channels, not {shown}"
         )
     if images.dtype != weights.dtype or not jnp.issubdtype(images.dtype, jnp.floating):
         raise SettingError(
-            "images and weights must have one data type, a float; these are "
+            "images and weights must have the same float dtype, not "
             f"{images.dtype} and {weights.dtype}"
         )
     if padding not in ("VALID", "SAME"):
@@ -126,13 +126,13 @@ def _check(images: jax.Array, weights: jax.Array, padding: str) -> None:
 
 
 def _padded(images: jax.Array, kernel: tuple[int, ...], strides: tuple[int, int]) -> jax.Array:
-    """With the zeros around it that "SAME" stands for."""
+    """Pad with zeros for "SAME"."""
     sides = lax.padtype_to_pads(images.shape[-3:-1], kernel, strides, "SAME")
     return jnp.pad(images, [(0, 0)] * (images.ndim - 3) + [*sides, (0, 0)])
 
 
 def _folded(images: jax.Array, down: int, across: int) -> jax.Array:
-    """Blocks of down x across pixels as channels of one pixel; rests at the rims are cut off."""
+    """Turn blocks of down x across pixels into channels; pixels left over at the edges are cut."""
     if down == across == 1:
         return images
     *lead, height, width, channels = images.shape

@@ -1,10 +1,10 @@
-"""The contract that every environment keeps.
+"""The base class of all environments.
 
-A task supplies functions of its states: `init_state`, `transition` and `observe`, and `describe`
-for what `info` says of a state. The base class builds from them what a training loop calls:
-`reset`, `step` and `advance`, with time limits, automatic resets, and one observation a step.
+A task implements `init_state`, `transition`, `observe` and, for the entries of `info` that depend
+on the state, `describe`. From these the base class builds `reset`, `step` and `advance`, which add
+time limits, automatic resets, and one observation per step.
 
-Argument order and the six values of `step` are those of gymnax 1.0.
+The order of arguments and the six return values of `step` follow gymnax 1.0.
 """
 
 from __future__ import annotations
@@ -42,25 +42,25 @@ P = TypeVar("P", bound=Params)
 class Environment(abc.ABC, Generic[S, P]):
     """Base of all environments: frozen and hashable, so equal settings share one compilation.
 
-    All functions are pure, take unbatched arguments and compose with `jax.jit`, `jax.vmap` and
-    `jax.lax.scan`. Keys may be typed (`jax.random.key`) or old (`jax.random.PRNGKey`). `params`
-    may be left out, which means `default_params`. Actions outside the action space do nothing
-    (the step still takes its time).
+    All methods are pure, take unbatched arguments and work under `jax.jit`, `jax.vmap` and
+    `jax.lax.scan`. Random keys may be typed (`jax.random.key`) or raw (`jax.random.PRNGKey`).
+    Without `params`, methods use `default_params`. An action outside the action space does
+    nothing, but the step still takes its time.
 
     Attributes:
         name: the id, or the name of a custom map.
-        version: grows when the behaviour of the environment changes.
+        version: increases when the behaviour of the environment changes.
         autoreset: `"same-step"`: the step that ends an episode returns the next episode's first
             observation and state. `"next-step"`: it returns the last observation, and the step
-            after it ignores its action, resets, and returns reward 0. `None`: never; stepping on
-            after the end goes on with the old episode.
+            after it ignores its action, resets, and returns reward 0. `None`: no resets; a step
+            after the end continues the old episode.
         final_observation: with `"same-step"`, add `info["final_observation"]`, the observation
-            before the reset, at every step. It costs a second render a step.
-        frame_skip: steps of the world in one step: the action is repeated, rewards add
-            up, `info` has the events of all of them, and only the last one is drawn. The end of
-            the episode, by the task or the time limit, ends the step as well. `time`,
-            `max_steps_in_episode` and `episode_length` count steps of the world. From 2 on, the
-            step's key is split into one for each of them.
+            before the reset, at every step. This renders a second image per step.
+        frame_skip: how many world steps one step takes. The action is repeated, rewards add up,
+            `info` has the events of all world steps, and only the last one is rendered. A step
+            stops early when the episode ends. `time`, `max_steps_in_episode` and
+            `episode_length` count world steps. With 2 or more, the key of the step is split into
+            one key per world step.
     """
 
     name: str = "custom"
@@ -71,17 +71,17 @@ class Environment(abc.ABC, Generic[S, P]):
 
     params_class: ClassVar[type[Params]] = Params
     action_names: ClassVar[tuple[str, ...]] = ()
-    # The event that is the task's aim; "": to terminate with a positive reward.
+    # The event that means success; "" if success is to terminate with a positive reward.
     success_event: ClassVar[str] = ""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Keep the decorator `dataclass` from writing a longer `__repr__`."""
+        """Keep the `dataclass` decorator from writing a longer `__repr__`."""
         super().__init_subclass__(**kwargs)
         if "__repr__" not in vars(cls):
             cls.__repr__ = Environment.__repr__
 
     def __repr__(self) -> str:
-        """One line: the name, and the numbers and words among the settings that were changed."""
+        """One line: the name, and the changed settings that are numbers or strings."""
         shown = [repr(self.name)]
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
@@ -91,25 +91,24 @@ class Environment(abc.ABC, Generic[S, P]):
         return f"{type(self).__name__}({', '.join(shown)})"
 
     def __post_init__(self) -> None:
-        """Check the settings; subclasses extend it."""
+        """Check the settings; subclasses extend this."""
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             object.__setattr__(self, field.name, as_static(field.name, value))
         if not isinstance(self.name, str) or not self.name.isprintable():
-            raise SettingError(f"name must be a text of one line, not {quoted(self.name)}")
+            raise SettingError(f"name must be one line of text, not {quoted(self.name)}")
         check(self)
         if self.final_observation and self.autoreset != "same-step":
             raise SettingError(
                 "final_observation=True needs autoreset='same-step': with "
-                f"{quoted(self.autoreset)} the observation that `step` returns is already the "
-                "final one"
+                f"{quoted(self.autoreset)}, `step` already returns the final observation"
             )
 
-    # What a task supplies.
+    # Methods that a task implements.
 
     @property
     def default_params(self) -> P:
-        """The params that `params=None` stands for; here the usual ones of `params_class`."""
+        """The params used for `params=None`; by default `params_class()`."""
         return cast(P, self.params_class())
 
     @abc.abstractmethod
@@ -122,7 +121,7 @@ class Environment(abc.ABC, Generic[S, P]):
     ) -> tuple[S, jax.Array, jax.Array, Info]:
         """Apply an action: next state, float32[] reward, bool[] terminated, events.
 
-        `time`, `episode_return` and `done` are kept by the base. Events are small scalars for
+        The base class sets `time`, `episode_return` and `done`. Events are small scalars for
         `info` that are false or zero when nothing happens.
         """
 
@@ -135,7 +134,7 @@ class Environment(abc.ABC, Generic[S, P]):
         """The space of observations."""
 
     def describe(self, state: S, params: P) -> Info:
-        """What `info` says of a state; tasks add to it."""
+        """The entries of `info` that depend on the state; tasks add their own."""
         del params
         return {
             "position": state.position,
@@ -146,27 +145,27 @@ class Environment(abc.ABC, Generic[S, P]):
         }
 
     def about(self) -> About:
-        """What the task says of itself to people and players; every part may be left out."""
+        """Descriptions of the task for people and players; each part is optional."""
         return About()
 
     def instruction(self, state: S) -> str:
-        """What one state (not a batch) asks for, in words for people; "" where nothing is."""
+        """The instruction of one state (not a batch) in words; "" if the task has none."""
         del state
         return ""
 
     def succeeded(
         self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
     ) -> jax.Array:
-        """bool[]: whether a step reached the task's aim, which `info` tells as `success`.
+        """bool[]: whether a step reached the aim of the task; `info["success"]` holds it.
 
-        It did if `success_event` happened, or, where a class names none, if the step terminated
-        with a positive reward; tasks with another aim override this.
+        True if `success_event` happened, or, in a class without one, if the step terminated with
+        a positive reward. Tasks with another aim override this.
 
         Args:
-            state: after the step; its `time`, `episode_return` and `done` count it in.
-            reward: float32[], of the step.
-            terminated: bool[], as `transition` gave it.
-            events: as `transition` gave them.
+            state: the state after the step, with `time`, `episode_return` and `done` updated.
+            reward: float32[], the reward of the step.
+            terminated: bool[], as `transition` returned it.
+            events: as `transition` returned them.
             params: the params.
         """
         del state, params
@@ -175,24 +174,24 @@ class Environment(abc.ABC, Generic[S, P]):
         return terminated & (reward > 0)
 
     def first_state(self, key: jax.Array, params: P) -> S:
-        """The first state of an episode: that of the task, with what settings add to it."""
+        """The first state of an episode: the task's own, extended by what settings add."""
         return self.init_state(key, params)
 
-    # What a training loop calls.
+    # Methods that a training loop calls.
 
     def action_space(self, params: P | None = None) -> Discrete:
-        """The space of actions: one of `action_names` by its index."""
+        """The action space: indices into `action_names`."""
         del params
         return Discrete(self.num_actions)
 
     @property
     def num_actions(self) -> int:
-        """Number of actions."""
+        """The number of actions."""
         return len(self.action_names)
 
     @compiled
     def reset(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
-        """Begin an episode: observation and state."""
+        """Start an episode; returns its first observation and state."""
         params = self.single_params(params)
         state = self.first_state(key, params)
         return self.observe(state, params), state
@@ -204,11 +203,11 @@ class Environment(abc.ABC, Generic[S, P]):
         """Take a step, then reset as `autoreset` says.
 
         Returns:
-            observation; state; float32[] reward; bool[] terminated, the task's own end; bool[]
-            truncated, the time limit (both can be true); info. `info` tells of the state that
-            the action led to, so `episode_return` and `episode_length` are those of the whole
-            episode where `terminated | truncated`; `success`, bool[], is true in a step that
-            reached the task's aim.
+            observation; state; float32[] reward; bool[] terminated, whether the task ended the
+            episode; bool[] truncated, whether the time limit did (both can be true); info.
+            `info` describes the state before any reset, so where `terminated | truncated`,
+            `episode_return` and `episode_length` cover the whole episode. `success`, bool[], is
+            true in a step that reached the aim of the task.
         """
         params = self.single_params(params)
         step_key, reset_key = jax.random.split(key)
@@ -222,7 +221,7 @@ class Environment(abc.ABC, Generic[S, P]):
     def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
         """The first state of an episode where bool[] `over`, else `state`.
 
-        To automatic differentiation first states are constants.
+        Gradients do not flow into first states.
         """
         fresh = where_any(self.first_state)(over, key, jax.lax.stop_gradient(params))
         return select(over, fresh, state)
@@ -235,11 +234,11 @@ class Environment(abc.ABC, Generic[S, P]):
     def advance(
         self, key: jax.Array, state: S, action: Any, params: P | None = None
     ) -> tuple[S, jax.Array, jax.Array, Info]:
-        """Take a step without a reset and without an observation: the rules alone.
+        """Take a step without a reset and without an observation.
 
         Returns:
-            state; float32[] reward; bool[] terminated; info. Truncation is
-            `time_is_up(state, params)`; `state.done` covers both ends.
+            state; float32[] reward; bool[] terminated; info. For truncation, call
+            `time_is_up(state, params)`; `state.done` covers both.
         """
         params = self.single_params(params)
         action = checked_action(action, self.num_actions)
@@ -249,7 +248,7 @@ class Environment(abc.ABC, Generic[S, P]):
         return after, reward, terminated, events | self.describe(after, params)
 
     def _world_step(self, key: jax.Array, state: S, action: jax.Array, params: P) -> Advanced[S]:
-        """One step of the world."""
+        """Take one world step."""
         after, reward, terminated, events = self.transition(key, state, action, params)
         after = after.replace(time=state.time + 1, episode_return=state.episode_return + reward)
         after = after.replace(done=terminated | self.time_is_up(after, params))
@@ -257,10 +256,10 @@ class Environment(abc.ABC, Generic[S, P]):
         return after, reward, terminated, events | {"success": success}
 
     def most_steps(self, params: P) -> jax.Array | np.ndarray | np.int32:
-        """int32[...]: the most steps an episode can have, each `frame_skip` of the world.
+        """int32[...]: the largest number of steps in an episode, each of `frame_skip` world steps.
 
-        A NumPy number or array unless the params are traced, also inside compiled code: it may be
-        a shape or the length of a `jax.lax.scan`.
+        A NumPy number or array unless the params are traced, even inside compiled code, so you
+        can use it as a shape or as the length of a `jax.lax.scan`.
         """
         limit: Any = self._own_params(params).max_steps_in_episode
         if isinstance(limit, Tracer):
@@ -270,10 +269,10 @@ class Environment(abc.ABC, Generic[S, P]):
         return -(-limit // self.frame_skip)
 
     def index_of(self, action: str) -> int:
-        """The number of an action.
+        """The index of an action by its name.
 
         Raises:
-            SettingError: there is none of that name.
+            SettingError: there is no action of that name.
         """
         if action not in self.action_names:
             known = ", ".join(map(repr, self.action_names))
@@ -284,20 +283,19 @@ class Environment(abc.ABC, Generic[S, P]):
         return self.action_names.index(action)
 
     def check_params(self, params: P | None = None) -> P:
-        """The params as arrays of the default's kinds, the default ones for None.
+        """Convert params to arrays of the right dtypes; None gives the default params.
 
-        A compiled call that is given Python's numbers transfers each of them anew; arrays stay
-        where they are.
+        A compiled call transfers Python numbers to the device each time; arrays stay there.
 
         Args:
-            params: numbers of any type and shape.
+            params: params with numbers of any type and shape.
 
         Returns:
             Params of float32, int32 and bool arrays.
 
         Raises:
-            SettingError: they are of another kind of environment, or one has a value that it
-                cannot have.
+            SettingError: the params belong to another kind of environment, or a value is out of
+                range.
         """
         return jax.tree.map(as_kind, self._own_params(params), self.default_params)
 
@@ -309,19 +307,19 @@ class Environment(abc.ABC, Generic[S, P]):
         if type(params) is not type(default):
             raise SettingError(
                 f"params of {quoted(self.name)} must be a {type(default).__name__}, as `make` "
-                f"returns it, not {type(params).__name__}"
+                f"returns, not {type(params).__name__}"
             )
         params.check()
         return params
 
     def single_params(self, params: P | None = None) -> P:
-        """As `check_params`, without a batch axis: each param has the axes of its default.
+        """As `check_params`, and also check that no param has a batch axis.
 
-        `reset`, `step` and `advance` check this when they are traced.
+        `reset`, `step` and `advance` call this when they are traced.
 
         Raises:
-            SettingError: as `check_params`; or a param has a batch axis. The message names the
-                param, its shape, and the right `in_axes` of `jax.vmap`.
+            SettingError: as `check_params`, or a param has a batch axis. The message names the
+                param, its shape, and the right `in_axes` for `jax.vmap`.
         """
         params = self.check_params(params)
         check_single(params, self.default_params, self.name)
@@ -340,28 +338,31 @@ def outcome_of(
     state: S,
     action: Any,
     params: P | None = None,
+    later: P | None = None,
 ) -> Outcome[S]:
-    """`Environment.step` without an observation, and with the state before the reset.
+    """`Environment.step` without an observation, but with the state before the reset.
 
     Args:
         env: the environment.
-        step_key: of what happens in the step.
-        reset_key: of the first state of the next episode.
+        step_key: the random key of the step.
+        reset_key: the random key of the first state of the next episode.
         state: one state.
         action: an integer.
-        params: of the environment.
+        params: the params of the environment.
+        later: the params of the next episode; None for the same.
     """
     params = env.single_params(params)
+    later = params if later is None else env.single_params(later)
     final, reward, terminated, info = env.advance(step_key, state, action, params)
     truncated = env.time_is_up(final, params)
     if env.autoreset is None:
         return Outcome(final, final, reward, terminated, truncated, info)
     if env.autoreset == "same-step":
-        following = env.reset_where(final.done, reset_key, final, params)
+        following = env.reset_where(final.done, reset_key, final, later)
         return Outcome(following, final, reward, terminated, truncated, info)
     over = state.done
-    following = env.reset_where(over, reset_key, final, params)
+    following = env.reset_where(over, reset_key, final, later)
     events = {name: jnp.zeros_like(value) for name, value in info.items()}
-    info = select(over, events | env.describe(following, params), info)
+    info = select(over, events | env.describe(following, later), info)
     reward = jnp.where(over, 0, reward)
     return Outcome(following, final, reward, terminated & ~over, truncated & ~over, info)

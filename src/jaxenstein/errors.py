@@ -1,4 +1,4 @@
-"""The errors and warnings that this package raises, and how they are put in words."""
+"""The errors and warnings of this package, and helpers for their messages."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import reprlib
 from collections.abc import Iterable
 from typing import Any
 
-# The most characters of a message, of a word in it, and of a value that it quotes.
+# The most characters of a message, of a word in it, and of a quoted value.
 LONGEST_MESSAGE, LONGEST_WORD, LONGEST_QUOTE = 1500, 400, 100
 
 
 class JAXensteinError(ValueError):
-    """Base of every error of this package; its message has at most `LONGEST_MESSAGE` characters."""
+    """Base of all errors of this package; messages have at most `LONGEST_MESSAGE` characters."""
 
     def __init__(self, message: str = "", *more: Any) -> None:
-        """Take the message, of which a long one loses its middle."""
+        """Store the message; a long one loses its middle."""
         super().__init__(concise(message), *more)
 
 
@@ -24,20 +24,20 @@ class MapError(JAXensteinError):
     """A map that cannot be used.
 
     Attributes:
-        line: line of the text at fault, counted from 1; None if no single line is.
-        column: character of that line, counted from 1; None if no single one is.
+        line: the faulty line of the text, counted from 1; None if no single line is at fault.
+        column: the faulty character of that line, counted from 1; None if there is no single one.
     """
 
     def __init__(
         self, message: str, *, line: int | None = None, column: int | None = None, source: str = ""
     ) -> None:
-        """Build the error; its message begins with the place.
+        """Create the error; its message begins with the place.
 
         Args:
             message: what is wrong, without the place.
             line: line of the text, from 1.
             column: character of the line, from 1.
-            source: which text is meant, where there are several.
+            source: the name of the text, if there are several.
         """
         place = ", ".join(
             part
@@ -62,23 +62,27 @@ class UnknownEnvironmentError(JAXensteinError):
 
 
 class TrajectoryError(JAXensteinError):
-    """A trajectory that cannot be saved, read or replayed; the message names the file and entry."""
+    """A trajectory that cannot be saved, read or replayed; the message names file and entry."""
+
+
+class WadError(JAXensteinError):
+    """A WAD file that cannot be read, or lacks something; the message names the file."""
 
 
 class MapWarning(UserWarning):
-    """A map that can be used but is likely not what its author meant."""
+    """A map that is usable but probably not what its author meant."""
 
 
 class LevelWarning(UserWarning):
-    """There are so few levels that other seeds draw the same levels again."""
+    """There are so few levels that different seeds draw the same levels."""
 
 
 class DivergenceWarning(UserWarning):
-    """The training of an agent diverged: its parameters are the last finite ones or not finite."""
+    """Training diverged: the agent's parameters are not finite, or are the last finite ones."""
 
 
 def one_line(text: str) -> str:
-    r"""A text as one line for a terminal: what that would obey is written out.
+    r"""Text as one line for a terminal, with control characters escaped.
 
     Examples:
         >>> one_line("a\n  b\x1b[2J")
@@ -89,9 +93,9 @@ def one_line(text: str) -> str:
 
 
 def concise(message: str) -> str:
-    """A message of at most `LONGEST_MESSAGE` characters, with words of at most `LONGEST_WORD`.
+    """Shorten a message to `LONGEST_MESSAGE` characters, with words of at most `LONGEST_WORD`.
 
-    Names from files, which may have any length, are words of messages.
+    Names from files may have any length.
 
     Examples:
         >>> concise("x" * 100_000 + " must be positive")[-25:]
@@ -103,7 +107,7 @@ def concise(message: str) -> str:
 
 
 def shortened(text: str, most: int) -> str:
-    """A text of at most `most` characters: the middle of a longer one gives way to "...".
+    """Shorten text to at most `most` characters by replacing its middle with "...".
 
     Examples:
         >>> shortened("abcdefghijkl", 9)
@@ -120,7 +124,7 @@ _QUOTING.maxstring = _QUOTING.maxother = _QUOTING.maxlong = LONGEST_QUOTE
 
 
 def quoted(value: Any) -> str:
-    r"""A value as a message quotes it: its `repr`, shortened to `LONGEST_QUOTE` characters.
+    r"""The `repr` of a value for a message, shortened to `LONGEST_QUOTE` characters.
 
     Examples:
         >>> quoted("a\n")
@@ -132,11 +136,11 @@ def quoted(value: Any) -> str:
 
 
 def nearest(word: str, candidates: Iterable[str]) -> str:
-    """A phrase to append, such as ", did you mean 'simple'?"; "" if no candidate is near.
+    """A phrase to append, such as ", did you mean 'simple'?"; "" if no candidate is close.
 
     Args:
-        word: what was given.
-        candidates: the names that exist; letter case is ignored in comparing.
+        word: the given word.
+        candidates: the names that exist; case is ignored.
 
     Examples:
         >>> nearest("simpel", ["simple", "key-door"])

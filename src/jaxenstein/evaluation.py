@@ -1,45 +1,47 @@
-"""Whole episodes with a fixed policy, side by side in one compiled loop."""
+"""Evaluation of a fixed policy on whole episodes, in parallel in one compiled loop."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from . import drawing
+from .drawing import Drawn
 from .environment import AnyEnvironment, Environment
 from .episodes.session import check_seed
 from .errors import SettingError, quoted
 from .fields import check_whole
-from .params import Range, draw_numbers, split_ranges, with_numbers
+from .params import split_ranges
 from .players import play, player_of
 from .pytree import PyTreeNode
-from .results import Results
+from .results import Results, check_text
 from .spec import Spec, described
 
-# What JAX raises where a function asks for the value of an array that is traced.
+# The errors that JAX raises if a function needs the value of a traced array.
 _NOT_IN_JAX = (
     jax.errors.ConcretizationTypeError,
     jax.errors.TracerArrayConversionError,
     jax.errors.TracerIntegerConversionError,
 )
-# Steps of an evaluation in one call; progress is reported between calls.
+# Steps per call; progress is reported between calls.
 SLICE = 16
 
 
 class Evaluation(PyTreeNode):
-    """Episodes, each from its beginning to its end: long ones count as much as short ones.
+    """The results of whole episodes; long episodes count as much as short ones.
 
     Attributes:
         episode_return: float32[E], undiscounted.
         episode_length: int32[E], steps.
-        success: bool[E], whether the task's aim was reached.
-        terminated: bool[E], whether the task ended the episode, not the time limit.
+        success: bool[E], whether the aim of the task was reached.
+        terminated: bool[E], whether the task, not the time limit, ended the episode.
     """
 
     episode_return: jax.Array
@@ -49,13 +51,13 @@ class Evaluation(PyTreeNode):
 
 
 class Playing(PyTreeNode):
-    """Unfinished episodes: of one agent [E], or of R runs [R, E].
+    """Unfinished episodes: [E] for one agent, [R, E] for R runs.
 
     Attributes:
-        steps: int32[], taken so far.
-        actors: what acts, and in what: environments, observations, memories.
+        steps: int32[], the steps taken so far.
+        actors: what acts, and where: environment states, observations, carries.
         running: bool[...], whether the episode has not ended.
-        result: [...], of the episodes so far.
+        result: [...], the results so far.
     """
 
     steps: jax.Array
@@ -65,14 +67,14 @@ class Playing(PyTreeNode):
 
 
 class Taken(NamedTuple):
-    """One step of all episodes, those that have ended among them.
+    """One step of all episodes, including those that have ended.
 
     Attributes:
-        actors: after it.
+        actors: the actors after the step.
         reward: float32[...].
-        reached: bool[...], whether the step reached the task's aim.
-        terminated: bool[...], the task's own end.
-        over: bool[...], either end.
+        reached: bool[...], whether the step reached the aim of the task.
+        terminated: bool[...], whether the task ended the episode.
+        over: bool[...], terminated or truncated.
     """
 
     actors: Any
@@ -83,7 +85,7 @@ class Taken(NamedTuple):
 
 
 def unstarted(actors: Any, shape: tuple[int, ...]) -> Playing:
-    """Every episode before its first step; `shape` is that of `Playing.running`."""
+    """All episodes before their first step; `shape` is the shape of `Playing.running`."""
     nothing = Evaluation(
         episode_return=jnp.zeros(shape, jnp.float32),
         episode_length=jnp.zeros(shape, jnp.int32),
@@ -94,7 +96,7 @@ def unstarted(actors: Any, shape: tuple[int, ...]) -> Playing:
 
 
 def advance(step: Callable[[jax.Array, Any], Taken], playing: Playing, until: jax.Array) -> Playing:
-    """Play until the last episode ends, or `until` (int32[]) steps have been taken from the start.
+    """Play until all episodes have ended, or until `until` (int32[]) steps have been taken.
 
     `step` takes the number of the step (int32[]) and the actors.
     """
@@ -118,13 +120,13 @@ def play_out(
     playing: Playing,
     notify: Callable[[np.ndarray, np.ndarray], object] = lambda running, length: None,
 ) -> Evaluation:
-    """Play all episodes to their ends.
+    """Play all episodes to their end.
 
     Args:
-        advance: a compiled function of the episodes and `until`, as `advance` is.
+        advance: a compiled function of the episodes and `until`, such as `advance`.
         playing: the episodes before their first step.
-        notify: called now and then with the unfinished episodes, bool[...], and the lengths so
-            far, int32[...].
+        notify: called now and then with bool[...], whether each episode is unfinished, and
+            int32[...], the lengths so far.
     """
     until, running = 0, np.True_
     while np.any(running):
@@ -136,7 +138,7 @@ def play_out(
 
 
 def episodes_done(running: np.ndarray, length: np.ndarray, longest: Any) -> float:
-    """How many episodes have been played; an unfinished one counts as its part of the longest."""
+    """The number of episodes played; an unfinished one counts as a fraction of the longest."""
     return float(np.where(running, length / longest, 1).sum())
 
 
@@ -151,34 +153,35 @@ def evaluate(
     *,
     notify: Callable[[float], object] = lambda done: None,
 ) -> Results:
-    r"""Play whole episodes with any policy that is written in JAX, side by side on the device.
+    r"""Evaluate any policy written in JAX on whole episodes, in parallel on the device.
 
-    Each episode has a random key of its own, so episode n is the same however many are played.
+    Each episode has its own random key, so episode n does not depend on `episodes`.
 
     Args:
         env: the environment; its `autoreset` and `final_observation` do not matter.
-        params: its params, those of one environment; None for the default ones. Each episode
-            draws a number of its own from a range among them.
-        policy: acts in one environment; `jax.vmap` maps it over all of them. Without a carry it
-            is called as `policy(obs, key)`, and returns the action: one whole number. With a carry
-            it is called as `policy(carry, obs, key)`, and returns the next carry and the
-            action. `obs` is one observation, `key` a typed random key of this step. Weights that
-            a `jax.tree_util.Partial` holds are arguments of the compiled program; others are
-            constants in it, and new ones compile it anew.
-        carry: the memory at the beginning of every episode, that of one environment: a tree of
-            arrays, whose structure, shapes and data types stay. None: the policy has no memory.
-        episodes: how many, at least 1.
-        seed: of all random choices, 0 to 2**32 - 1.
-        name: of the policy, to show; None for `module:function`.
-        notify: called now and then with the number of episodes played so far; an unfinished one
-            counts as its part of the time limit.
+        params: the params of one environment; None for the default params. Each episode draws its
+            own numbers from ranges.
+        policy: a function for one environment; `jax.vmap` maps it over all of them. Without a
+            carry it is called as `policy(obs, key)` and returns the action, one whole number.
+            With a carry it is called as `policy(carry, obs, key)` and returns the next carry and
+            the action. `obs` is one observation, `key` a typed random key for this step. Weights
+            in a `jax.tree_util.Partial` are arguments of the compiled program. All other weights
+            are constants in it, so new ones compile it again.
+        carry: the memory of one environment at the start of every episode: a pytree of arrays
+            whose structure, shapes and dtypes must not change. None: the policy has no memory.
+        episodes: the number of episodes, at least 1.
+        seed: the seed of all random choices, 0 to 2**32 - 1.
+        name: the name of the policy; None for `module:function`.
+        notify: called now and then with the number of episodes played so far; an unfinished
+            episode counts as a fraction, its length over the time limit.
 
     Returns:
-        Returns, lengths and successes [1, episodes], with all that it takes to name them.
+        Returns, lengths and successes [1, episodes], and a description of the environment, the
+        policy and the machine.
 
     Raises:
-        SettingError: `env` is no environment, the params are those of a batch, a number is out
-            of range, or the policy takes or returns something else.
+        SettingError: `env` is not an environment, the params have a batch axis, a number is out
+            of range, or the policy takes or returns the wrong values.
 
     Examples:
         >>> import jaxenstein
@@ -191,19 +194,20 @@ def evaluate(
     if not isinstance(env, Environment):
         shown = f"{type(env).__module__}.{type(env).__qualname__}"
         pair = "; jaxenstein.make returns (env, params)" if isinstance(env, tuple) else ""
-        raise SettingError(f"env must be an environment of jaxenstein.make, not a {shown}{pair}")
+        raise SettingError(f"env must be an environment from jaxenstein.make, not a {shown}{pair}")
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
-    numbers, ranges = split_ranges(params)
-    numbers = env.single_params(numbers)
+    given = drawing.single_params(env, params)
+    numbers = split_ranges(given)[0]
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     key = jax.random.key(seed, impl="threefry2x32")
     name = name_of(policy) if name is None else name
+    check_text("name", name)
     carry = check_policy(env, numbers, policy, carry)
     act, remembers = _partial(policy), carry is not None
     longest = np.asarray(env.most_steps(numbers))
     played = play_out(
-        lambda playing, until: _advance(env, numbers, act, playing, until, remembers=remembers),
-        _begin(env, numbers, ranges, carry, key, episodes=episodes),
+        lambda playing, until: _advance(env, given, act, playing, until, remembers=remembers),
+        _begin(env, given, carry, key, episodes=episodes),
         lambda running, length: notify(episodes_done(running, length, longest)),
     )
     told = played.episode_return, played.episode_length, played.success
@@ -213,14 +217,14 @@ def evaluate(
 def evaluate_player(
     env: AnyEnvironment, params: Any, name: str = "expert", episodes: int = 100, seed: int = 0
 ) -> Results:
-    """Play whole episodes with a scripted player, which sees the whole state.
+    """Evaluate a scripted player, which sees the whole state.
 
     Args:
         env: as in `evaluate`.
         params: as in `evaluate`.
-        name: "random", "idle", "expert", or a player of the task's own.
-        episodes: how many, at least 1.
-        seed: of all random choices, 0 to 2**32 - 1.
+        name: "random", "idle", "expert", or a player of this task.
+        episodes: the number of episodes, at least 1.
+        seed: the seed of all random choices, 0 to 2**32 - 1.
 
     Returns:
         As `evaluate`.
@@ -229,11 +233,12 @@ def evaluate_player(
         SettingError: the task has no such player, or a number is out of range.
     """
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
-    params = env.single_params(params)
+    given = drawing.single_params(env, params)
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     player = player_of(env, name)
     reset_key, key = jax.random.split(jax.random.key(seed, impl="threefry2x32"))
-    played = play(env, player, params, key, _first(env, params, reset_key, episodes))
+    first = _first(env, given, reset_key, episodes)
+    played = play(env, player, split_ranges(given)[0], key, first.state, first.numbers)
     told = played.returned, played.length, played.successes > 0
     return _results(described(env, params), name, seed, *told)
 
@@ -246,7 +251,7 @@ def _results(
     lengths: jax.Array,
     successes: jax.Array,
 ) -> Results:
-    """Results of one policy that decides by itself, from arrays [episodes]."""
+    """The results of one policy that chooses its own actions, from arrays [episodes]."""
     arrays: list[np.ndarray] = jax.device_get([returns, lengths, successes])
     return Results(
         environment=environment,
@@ -260,13 +265,14 @@ def _results(
 
 
 @functools.partial(jax.jit, static_argnums=(0, 3))
-def _first(env: AnyEnvironment, params: Any, key: jax.Array, episodes: int) -> Any:
-    """The first states of episodes."""
-    return jax.vmap(env.init_state, (0, None))(jax.random.split(key, episodes), params)
+def _first(env: AnyEnvironment, params: Any, key: jax.Array, episodes: int) -> Drawn:
+    """The first states of the episodes, and the params that they draw."""
+    keys = jax.random.split(key, episodes)
+    return jax.vmap(lambda key: drawing.first_state(env, key, params))(keys)
 
 
 def name_of(policy: Any) -> str:
-    """A name to show for a policy: `module:function`, or that of its class."""
+    """A name for a policy: `module:function`, or `module:Class`."""
     while isinstance(policy, functools.partial):
         policy = policy.func
     shown = policy if hasattr(policy, "__qualname__") else type(policy)
@@ -277,36 +283,26 @@ class _Actors(PyTreeNode):
     """Episodes between two steps, with the leading axis [E].
 
     Attributes:
-        key: of all later steps.
-        state: of the environments.
+        key: the random keys of all later steps.
+        drawn: the environment states, and the params that each episode drew.
         obs: the observations to act on next.
-        carry: the policy's memory; None without one.
-        numbers: the params that the episode drew, by name.
+        carry: the carries of the policy, or None.
     """
 
     key: jax.Array
-    state: Any
+    drawn: Drawn
     obs: Any
     carry: Any
-    numbers: dict[str, jax.Array]
 
 
 @functools.partial(jax.jit, static_argnums=0, static_argnames="episodes")
-def _begin(
-    env: AnyEnvironment,
-    params: Any,
-    ranges: Mapping[str, Range],
-    carry: Any,
-    key: jax.Array,
-    episodes: int,
-) -> Playing:
-    """Every episode before its first step, with the key of its number."""
+def _begin(env: AnyEnvironment, params: Any, carry: Any, key: jax.Array, episodes: int) -> Playing:
+    """All episodes before their first step; each key depends only on the episode's number."""
 
     def first(number: jax.Array) -> _Actors:
         reset_key, key_of_steps = jax.random.split(jax.random.fold_in(key, number))
-        numbers, reset_key = draw_numbers(ranges, reset_key)
-        obs, state = env.reset(reset_key, with_numbers(params, numbers))
-        return _Actors(key_of_steps, state, obs, carry, numbers)
+        drawn = drawing.first_state(env, reset_key, params)
+        return _Actors(key_of_steps, drawn, drawing.observe(env, drawn, params), carry)
 
     return unstarted(jax.vmap(first)(jnp.arange(episodes)), (episodes,))
 
@@ -320,10 +316,11 @@ def _advance(
     def step(number: jax.Array, actors: _Actors) -> Taken:
         policy_key, step_key = jax.random.split(jax.random.fold_in(actors.key, number))
         carry, action = _acted(policy, actors.carry, actors.obs, policy_key, remembers)
+        before = actors.drawn
         obs, state, reward, terminated, truncated, info = env.step(
-            step_key, actors.state, action, with_numbers(params, actors.numbers)
+            step_key, before.state, action, before.params(params)
         )
-        after = _Actors(actors.key, state, obs, carry, actors.numbers)
+        after = _Actors(actors.key, before.replace(state=state), obs, carry)
         over = terminated | truncated
         return Taken(after, reward.astype(jnp.float32), info["success"], terminated, over)
 
@@ -331,18 +328,18 @@ def _advance(
 
 
 def _acted(policy: Any, carry: Any, obs: Any, key: jax.Array, remembers: bool) -> tuple[Any, Any]:
-    """The next carry and the action, as they are returned."""
+    """The next carry and the action, as the policy returns them."""
     return policy(carry, obs, key) if remembers else (carry, policy(obs, key))
 
 
 def _partial(policy: Callable[..., Any]) -> jax.tree_util.Partial:
-    """The policy as an argument of a compiled program, which its function is a part of."""
+    """The policy as an argument of a compiled program; its function is static."""
     if isinstance(policy, jax.tree_util.Partial):
         return policy
     try:
         hash(policy)
     except TypeError:
-        # Such as a dataclass with arrays: it is compiled anew each time.
+        # Such as a dataclass with arrays: it is compiled again each time.
         return jax.tree_util.Partial(lambda *given: policy(*given))
     return jax.tree_util.Partial(policy)
 
@@ -351,8 +348,8 @@ def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], c
     """Trace a policy in one environment, and return its carry as arrays; see `evaluate`.
 
     Raises:
-        SettingError: it is no function, takes other arguments, is not in JAX, or returns
-            something else.
+        SettingError: the policy is not a function, takes other arguments, is not written in JAX,
+            or returns the wrong values.
     """
     if not callable(policy):
         raise SettingError(f"policy must be a function, not {quoted(policy)}")
@@ -360,7 +357,10 @@ def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], c
     obs, _ = jax.eval_shape(env.reset, key, params)
     remembers = carry is not None
     if remembers:
-        carry = jax.tree.map(jnp.asarray, carry)
+        try:
+            carry = jax.tree.map(jnp.asarray, carry)
+        except TypeError as error:
+            raise SettingError(f"carry must be a pytree of arrays, not {quoted(carry)}") from error
     call = "policy(carry, obs, key)" if remembers else "policy(obs, key)"
     given = (carry, obs, key) if remembers else (obs, key)
     _check_arguments(policy, given, call, remembers)
@@ -368,8 +368,8 @@ def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], c
         returned = jax.eval_shape(policy, *given)
     except _NOT_IN_JAX as error:
         raise SettingError(
-            "the policy cannot be compiled: it asks for the values of arrays, as NumPy, PyTorch "
-            "and Python's `if` do; write it in jax.numpy, or play it through an adapter "
+            "the policy cannot be compiled: it needs the values of arrays, as NumPy, PyTorch and "
+            "Python's `if` do; write it in jax.numpy, or run it through an adapter "
             "(docs/adapters.md)"
         ) from error
     hint = ", such as jnp.argmax(logits)"
@@ -379,7 +379,7 @@ def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], c
         after, returned = returned
         _check_carry(carry, after)
     elif isinstance(returned, tuple):
-        hint = "; a policy that returns (carry, action) needs carry=, its memory at the start"
+        hint = "; a policy that returns (carry, action) needs carry=, its initial memory"
     leaf = returned if isinstance(returned, jax.ShapeDtypeStruct) else None
     if leaf is None or leaf.shape != () or not jnp.issubdtype(leaf.dtype, jnp.integer):
         raise SettingError(
@@ -395,39 +395,39 @@ def _check_arguments(
     try:
         signature = inspect.signature(policy)
     except (TypeError, ValueError):
-        return  # Some callables do not tell.
+        return  # Some callables have no signature.
     try:
         signature.bind(*given)
     except TypeError as error:
         other = (
-            "without carry= it is called as policy(obs, key)"
+            "without carry=, it is called as policy(obs, key)"
             if remembers
-            else "with carry=, its memory at the start, it is called as policy(carry, obs, key)"
+            else "with carry=, its initial memory, it is called as policy(carry, obs, key)"
         )
         raise SettingError(
-            f"the policy takes {signature}, and it is called as {call}; {other}"
+            f"the policy takes {signature}, but is called as {call}; {other}"
         ) from error
 
 
 def _check_carry(carry: Any, after: Any) -> None:
-    """Complain of a carry that is of another kind after a step."""
+    """Raise if one step changes the structure, shapes or dtypes of the carry."""
     before = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), carry)
     one, other = jax.tree.structure(before), jax.tree.structure(after)
     if one != other:
         raise SettingError(
-            f"the carry must keep its structure: it begins as {one}, and the policy returns {other}"
+            f"the carry must keep its structure: it starts as {one}, but the policy returns {other}"
         )
     named = jax.tree_util.tree_leaves_with_path(before)
     for (path, leaf), new in zip(named, jax.tree.leaves(after), strict=True):
         if (leaf.shape, leaf.dtype) != (new.shape, new.dtype):
             raise SettingError(
-                f"the carry must keep its shapes and data types: carry{jax.tree_util.keystr(path)} "
-                f"begins as {_told(leaf)}, and the policy returns {_told(new)}"
+                f"the carry must keep its shapes and dtypes: carry{jax.tree_util.keystr(path)} "
+                f"starts as {_told(leaf)}, but the policy returns {_told(new)}"
             )
 
 
 def _told(tree: Any) -> str:
-    """Shapes and data types of a tree, such as `float32[3]`."""
+    """The shapes and dtypes of a pytree in words, such as `float32[3]`."""
     if isinstance(tree, jax.ShapeDtypeStruct):
         return f"{tree.dtype}{list(tree.shape)}"
     if isinstance(tree, tuple | list):

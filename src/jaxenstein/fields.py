@@ -1,8 +1,8 @@
-"""Fields that a user may set: declared once, and from that checked, read and explained.
+"""Fields that a user may set: one declaration to check, read and document each of them.
 
-A field is declared by the default of a dataclass' attribute: `number(64, 1, 4096)`, `choice(...)`,
-`of_form(...)`, or a plain default, whose type says what its values are. The `Attributes` of the
-docstring explain it. A subclass may give another default, and the values of the field stay.
+A field is declared by the default of a dataclass attribute: `number(64, 1, 4096)`, `choice(...)`,
+`of_form(...)`, or a plain default, whose type gives the form of its values. The `Attributes`
+section of the docstring describes it. A subclass may change the default but not the valid values.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ _WORDS: dict[Form, str] = {
     "whole": "a whole number",
     "number": "a finite number",
     "switch": "True or False",
-    "text": "a text",
-    "table": "a table of names with values",
-    "layers": "[kernel, stride, features] of each layer, from 1 (as a flag 8x4x32,4x2x64)",
-    "angle": "degrees, or the lowest and the highest of them (as a flag -45,45)",
-    "seeds": "two whole numbers from 0 to 2**32, at most 2**24 apart, the first seed and the one "
-    "past the last (as a flag 0,200)",
-    "images": "a folder of images, or in Python a table of names with arrays",
+    "text": "a string",
+    "table": "a table of names and values",
+    "layers": "[kernel, stride, features] for each layer, all >= 1 (as a flag: 8x4x32,4x2x64)",
+    "angle": "degrees, or the lowest and highest degrees (as a flag: -45,45)",
+    "seeds": "two whole numbers from 0 to 2**32, at most 2**24 apart: the first seed and the one "
+    "after the last (as a flag: 0,200)",
+    "images": "a folder of images, or in Python a table of names and arrays",
     "any": "",
 }
 _DOMAIN = "domain"
@@ -59,16 +59,16 @@ R = TypeVar("R")
 
 @dataclasses.dataclass(frozen=True)
 class Domain:
-    """The values that a field can have.
+    """The valid values of a field.
 
     Attributes:
-        form: what they are.
-        least: the smallest number.
-        most: the largest one.
-        above: what all numbers are larger than; so no number is infinite.
-        below: what all numbers are smaller than.
-        choices: the words of a choice; None may be among them.
-        optional: whether None is a value as well.
+        form: the kind of value.
+        least: the smallest valid number.
+        most: the largest valid number.
+        above: all numbers are larger than this, and finite.
+        below: all numbers are smaller than this.
+        choices: the words of a choice, possibly with None.
+        optional: whether None is valid too.
     """
 
     form: Form
@@ -81,24 +81,22 @@ class Domain:
 
     @property
     def words(self) -> str:
-        """What the values are, such as "a whole number from 1 to 64"."""
+        """The valid values in words, such as "a whole number from 1 to 64"."""
         if self.form == "choice":
             return f"one of {', '.join(map(repr, self.choices))}"
         return f"{'None or ' * self.optional}{_WORDS[self.form]}{self.range}"
 
     @property
     def range(self) -> str:
-        """The range of numbers in words, such as " from 1 to 64"; "" if there is none."""
-        low = f" from {self.least:.10g}" * (self.least > -math.inf)
-        low = f" above {self.above:.10g}" if self.above > -math.inf else low
-        if self.most < math.inf:
-            return f"{low} to {self.most:.10g}"
-        if self.below < math.inf:
-            return f"{low}{' to' if low else ''} below {self.below:.10g}"
-        return f"{low} on" if low.startswith(" from") else low
+        """The range in words, such as " from 1 to 64" or " >= 1"; "" if there is none."""
+        if math.isfinite(self.least) and math.isfinite(self.most):
+            return f" from {self.least:.10g} to {self.most:.10g}"
+        bounds = {">=": self.least, "above": self.above, "<=": self.most, "below": self.below}
+        words = [f"{word} {bound:.10g}" for word, bound in bounds.items() if math.isfinite(bound)]
+        return f" {' and '.join(words)}" if words else ""
 
     def converted(self, value: Any) -> Any:
-        """A value of a file in the field's own type, as it is where that cannot be.
+        """Convert a value from a file to the type of the field, if possible.
 
         A whole number may be written as 3e6, any number without a point, and tuples as lists.
         """
@@ -111,14 +109,14 @@ class Domain:
         return as_tuples(value) if self.form in ("layers", "angle", "seeds") else value
 
     def fault(self, value: Any) -> str:
-        """Why a value in the field's own type is none of these: "must be ..., not ..."; or ""."""
+        """Why a converted value is invalid, as "must be ..., not ..."; "" if it is valid."""
         if (value is None and self.optional) or self._holds(value):
             return ""
         close = nearest(value, filter(None, self.choices)) if isinstance(value, str) else ""
         return f"must be {self.words}, not {quoted(value)}{close or self._rounded(value)}"
 
     def fault_of_array(self, value: Any) -> str:
-        """As `fault`, of what becomes a float32, int32 or bool array; what is traced is right."""
+        """As `fault`, for what becomes a float32, int32 or bool array; traced values are valid."""
         if (value is None and self.optional) or isinstance(value, Tracer):
             return ""
         if not is_array_like(value):
@@ -128,7 +126,7 @@ class Domain:
         if self.form == "switch":
             good = array.dtype == bool
         else:
-            # Kinds that numpy does not know, such as bfloat16, are numbers too.
+            # Types that numpy does not know, such as bfloat16, are numbers too.
             good = array.dtype.kind in "iuf" or jnp.issubdtype(array.dtype, jnp.floating)
             good = good and (self.form != "whole" or bool(np.all(array == np.floor(array))))
             good = good and domain._within(array)
@@ -137,14 +135,14 @@ class Domain:
 
     @functools.cached_property
     def _of_arrays(self) -> Domain:
-        """The values that arrays can have: whole numbers of 32 bits."""
+        """The domain of the elements of an array: whole numbers have 32 bits."""
         if self.form != "whole":
             return self
         least, most = max(self.least, int(_INT32.min)), min(self.most, int(_INT32.max))
         return dataclasses.replace(self, least=least, most=most)
 
     def _holds(self, value: Any) -> bool:
-        """Whether a value is of the form, and in the range."""
+        """Whether a value has the right form and range."""
         if self.form in ("whole", "number"):
             number = is_whole(value) if self.form == "whole" else is_number(value)
             return number and self._within(value)
@@ -165,7 +163,7 @@ class Domain:
         return isinstance(value, forms.get(self.form, object))
 
     def _within(self, numbers: Any) -> bool:
-        """Whether all numbers are in the range, in the precision that they are used in."""
+        """Whether all numbers are in the range, in the precision in which they are used."""
         try:
             return _between(numbers if self.form == "whole" else _float32(numbers), *self._bounds)
         except OverflowError:
@@ -173,10 +171,7 @@ class Domain:
 
     @functools.cached_property
     def _bounds(self) -> list[Any]:
-        """The range in the precision that numbers are used in.
-
-        For whole numbers without a range it is int32.
-        """
+        """The range in the precision of the field; whole numbers without a range are int32."""
         bounds = self.least, self.most, self.above, self.below
         if self.form != "whole":
             return [np.float32(bound) for bound in bounds]
@@ -185,7 +180,7 @@ class Domain:
         return [least, most, self.above, self.below]
 
     def _rounded(self, value: Any) -> str:
-        """A note where a number is refused only because of float32 or int32; else ""."""
+        """A note if a number is only invalid because of float32 or int32, else ""."""
         if self.form == "whole" and is_whole(value) and self.least <= value <= self.most:
             return ", which does not fit into int32"
         real = self.form == "number" and is_number(value)
@@ -204,15 +199,15 @@ def number(
     below: float = math.inf,
     whole: bool = False,
 ) -> Any:
-    """A number with a range; None is a value where it is the default.
+    """Declare a number with a range; None is valid if it is the default.
 
     Args:
-        default: its value if nothing is said; that of a whole number makes it one.
+        default: the default; if it is an int, the field is a whole number.
         least: the smallest value.
-        most: the largest one.
-        above: what all values are above, in the place of `least`.
-        below: what all values are below, in the place of `most`.
-        whole: whether it is a whole number, where the default is None.
+        most: the largest value.
+        above: an exclusive lower bound, instead of `least`.
+        below: an exclusive upper bound, instead of `most`.
+        whole: makes the field a whole number if the default is None.
     """
     form: Form = "whole" if whole or is_whole(default) else "number"
     domain = Domain(form, least, most, above, below, optional=default is None)
@@ -220,20 +215,20 @@ def number(
 
 
 def choice(default: str | None, choices: Any) -> Any:
-    """One of a few words: those of a `Literal`, or of a tuple, in which None may be."""
+    """Declare one of several words, given by a `Literal` or by a tuple, which may contain None."""
     words = typing.get_args(choices) or tuple(choices)
     return dataclasses.field(default=default, metadata={_DOMAIN: Domain("choice", choices=words)})
 
 
 def of_form(default: Any, form: Form) -> Any:
-    """A field of another form, such as "seeds"; None is a value where it is the default."""
+    """Declare a field of another form, such as "seeds"; None is valid if it is the default."""
     domain = Domain(form, optional=default is None)
     return dataclasses.field(default=default, metadata={_DOMAIN: domain})
 
 
 @functools.cache
 def _domains(cls: Any) -> dict[str, Domain]:
-    """The values of every field, as the class nearest in the order of inheritance declares them."""
+    """The domains of all fields; the class nearest in the method resolution order decides."""
     forms: dict[type, Form] = {bool: "switch", int: "whole", float: "number", str: "text"}
     found = {}
     for field in dataclasses.fields(cls):
@@ -245,17 +240,17 @@ def _domains(cls: Any) -> dict[str, Domain]:
 
 
 def domain_of(cls: Any, name: str) -> Domain:
-    """The values of one field of a dataclass."""
+    """The domain of one field of a dataclass."""
     return _domains(cls)[name]
 
 
 def check(record: Any) -> None:
-    """Check the fields of a dataclass of settings: numbers, switches and words.
+    """Check the settings in a dataclass.
 
-    Seeds and layers become tuples, and numpy's numbers those of Python.
+    Converts seeds and layers to tuples, and numpy numbers to Python numbers.
 
     Raises:
-        SettingError: a field has a value that it cannot have.
+        SettingError: the value of a field is invalid.
     """
     for name, domain in _domains(type(record)).items():
         value = getattr(record, name)
@@ -266,10 +261,10 @@ def check(record: Any) -> None:
 
 
 def check_numbers(record: Any, skip: Iterable[str] = ()) -> None:
-    """Check the fields of a record of numbers, or of arrays of them; those that are traced pass.
+    """Check the fields of a record of numbers or arrays; traced values are not checked.
 
     Raises:
-        SettingError: a field has a value that it cannot have in float32, int32 or bool.
+        SettingError: the value of a field is invalid in float32, int32 or bool.
     """
     for name, domain in _domains(type(record)).items():
         if name not in skip:
@@ -277,7 +272,7 @@ def check_numbers(record: Any, skip: Iterable[str] = ()) -> None:
 
 
 def as_arrays(record: R, skip: Iterable[str] = ()) -> R:
-    """A record of numbers as float32, int32 or bool arrays, checked; None and what is traced stay.
+    """Convert numbers in a record to float32, int32 or bool arrays; keep None and traced values.
 
     Raises:
         SettingError: as `check_numbers`.
@@ -293,10 +288,10 @@ def as_arrays(record: R, skip: Iterable[str] = ()) -> R:
 
 
 def check_value(name: str, domain: Domain, value: Any) -> Any:
-    """The value that a file has for a field, in the field's own type.
+    """Convert the value of a field from a file to the type of the field, and check it.
 
     Raises:
-        SettingError: the field cannot have it.
+        SettingError: the value is invalid.
     """
     value = domain.converted(value)
     _complain(name, domain.fault(value))
@@ -304,13 +299,13 @@ def check_value(name: str, domain: Domain, value: Any) -> Any:
 
 
 def check_whole(name: str, value: Any, least: float = 1, most: float = math.inf) -> int:
-    """Check a whole number whose range something else decides; returns it as an int."""
+    """Check a whole number that is not a declared field; returns an int."""
     _complain(name, Domain("whole", least, most).fault(value))
     return int(value)
 
 
 def check_names(given: Iterable[str], known: Iterable[str], what: str = "setting") -> None:
-    """Check that there are fields of these names; the `SettingError` names the nearest."""
+    """Raise a `SettingError` that suggests the nearest name if a given name is unknown."""
     names = list(known)
     for name in given:
         if name not in names:
@@ -325,13 +320,13 @@ def _complain(name: str, fault: str) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Option:
-    """One thing that a user may set: by a flag, and by a line of a file.
+    """An option that a user may set by a flag or in a config file.
 
     Attributes:
-        name: as in a file; the flag has hyphens for underscores.
-        group: what it belongs to, for the help.
-        domain: its values.
-        default: its value if nothing is said.
+        name: the name in a file; the flag has hyphens instead of underscores.
+        group: its group in the help.
+        domain: its valid values.
+        default: its default.
         help: what it does.
     """
 
@@ -343,7 +338,7 @@ class Option:
 
     @property
     def described(self) -> str:
-        """What it does, with its range and its default, for the help of a flag."""
+        """The help of its flag: what it does, with range and default."""
         default = f"{self.default:g}" if isinstance(self.default, float) else self.default
         facts = (self.domain.range.strip(), "" if default is None else f"default {default}")
         shown = "; ".join(filter(None, facts))
@@ -352,7 +347,7 @@ class Option:
 
 
 def options_of(cls: Any, group: str, names: Iterable[str] | None = None) -> list[Option]:
-    """The fields of a dataclass, or those of the names."""
+    """The options of a dataclass: for all fields, or for the named ones."""
     helps, domains = attributes(cls), _domains(cls)
     defaults = {field.name: field.default for field in dataclasses.fields(cls)}
     found = []
@@ -363,24 +358,24 @@ def options_of(cls: Any, group: str, names: Iterable[str] | None = None) -> list
 
 
 def names_of(cls: Any) -> tuple[str, ...]:
-    """The names of a dataclass' fields."""
+    """The names of the fields of a dataclass."""
     return tuple(field.name for field in dataclasses.fields(cls))
 
 
 def values_of(record: Any) -> dict[str, Any]:
-    """The fields of a dataclass with their values."""
+    """The fields of a dataclass by name, with their values."""
     return {name: getattr(record, name) for name in names_of(record)}
 
 
 def attributes(cls: type) -> dict[str, str]:
-    """The documented attributes of a class with their meanings, those of its bases first.
+    """The documented attributes of a class and its bases, bases first, with their descriptions.
 
     Empty under `python -OO`, which strips docstrings.
     """
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         text = inspect.cleandoc(base.__dict__.get("__doc__") or "")
-        # Up to the next part of the docstring.
+        # Up to the next section of the docstring.
         listed = re.split(r"^\S", text.partition("Attributes:\n")[2], flags=re.MULTILINE)[0]
         entries = re.findall(r"^ {4}(\w+): (.*?)(?=^ {4}\w|\Z)", listed, re.MULTILINE | re.DOTALL)
         found |= {name: " ".join(meaning.split()) for name, meaning in entries}
@@ -388,10 +383,9 @@ def attributes(cls: type) -> dict[str, str]:
 
 
 def as_tuples(value: Any) -> Any:
-    """The value with tuples for lists and ranges of seeds, at every depth, in types of Python.
+    """Convert lists and ranges of seeds to tuples, at every depth, and numpy values to Python's.
 
-    Images become the path of their folder, if they have one. Numpy's numbers and truth values
-    become those of Python, which files can keep.
+    Images become the path of their folder, if they have one.
     """
     if isinstance(value, np.generic):
         return value.item()
@@ -403,17 +397,17 @@ def as_tuples(value: Any) -> Any:
 
 
 def is_whole(value: Any) -> bool:
-    """Whether it is a whole number, and not True or False."""
+    """Whether a value is a whole number and not a bool."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def is_array_like(value: Any) -> bool:
-    """Whether it is a number, a truth value, or an array of them."""
+    """Whether a value is a number, a bool, or an array of them."""
     return isinstance(value, bool | int | float | np.generic | np.ndarray | jax.Array)
 
 
 def is_number(value: Any) -> bool:
-    """Whether it is a number of Python or numpy, and not True or False."""
+    """Whether a value is a Python or numpy number and not a bool."""
     return is_whole(value) or isinstance(value, float | np.floating)
 
 

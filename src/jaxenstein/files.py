@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Reading and writing files; writes are atomic."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pathlib import Path
 
 from .errors import JAXensteinError, SettingError
 
-# The most characters of a text: a device without end must not fill the memory.
+# The most characters in a text: an endless device must not fill the memory.
 LONGEST_TEXT = 2**26
-# How the names of files end that are being written.
+# The suffix of temporary files.
 PART = ".part"
 
 
@@ -27,17 +27,17 @@ class OutputError(JAXensteinError, OSError):
         self._given = str(path), reason
 
     def __reduce__(self) -> tuple[type[OutputError], tuple[str, str]]:
-        """What makes the error anew in another process."""
+        """Support pickling."""
         return type(self), self._given
 
     def __str__(self) -> str:
-        """The message alone; `OSError` would prefix an error number where it has one."""
+        """The message alone; `OSError` would put an error number before it."""
         return str(self.args[0])
 
 
 @contextlib.contextmanager
 def writing(path: str | Path) -> Iterator[None]:
-    """Turn what the system says against writing at `path` into an `OutputError`."""
+    """Turn system errors while writing to `path` into an `OutputError`."""
     try:
         yield
     except OutputError:
@@ -48,20 +48,20 @@ def writing(path: str | Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def atomic(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path in the same folder, moved to `path` when the block succeeds.
+    """Yield a temporary path in the same folder, which is moved to `path` if the block succeeds.
 
-    If the block or the move fails, the temporary file is removed and `path` stays what it was.
+    If the block or the move fails, the temporary file is removed and `path` is unchanged.
 
     Args:
         path: the file to write; its folder must exist.
 
     Raises:
-        OutputError: if the file cannot be written: no such folder, no permission, disk full.
+        OutputError: the file cannot be written: no such folder, no permission, or disk full.
     """
     path = Path(path)
     check_writable(path)
     with writing(path):
-        # A name may be as long as the system allows, and the temporary one is longer.
+        # The temporary name is longer than the name, which may be as long as the system allows.
         prefix = f".{path.name[:40]}."
         handle, name = tempfile.mkstemp(prefix=prefix, suffix=PART, dir=path.parent)
         os.close(handle)
@@ -77,11 +77,11 @@ def atomic(path: str | Path) -> Iterator[Path]:
 
 
 def read_text(path: str | Path, most: int = LONGEST_TEXT) -> str:
-    """The text of a file in UTF-8.
+    """Read a UTF-8 text file.
 
     Raises:
-        OSError: it cannot be read, or has more than `most` characters.
-        UnicodeDecodeError: it is not text.
+        OSError: the file cannot be read, or has more than `most` characters.
+        UnicodeDecodeError: the file is not UTF-8 text.
     """
     with Path(path).open(encoding="utf-8") as file:
         text = file.read(most + 1)
@@ -91,10 +91,10 @@ def read_text(path: str | Path, most: int = LONGEST_TEXT) -> str:
 
 
 def append(path: Path, text: str) -> None:
-    """Add a text to the end of a file, and bring it to the disk.
+    """Append text to a file, and flush it to the disk.
 
     Raises:
-        OutputError: if it cannot be written; a part of it may have been.
+        OutputError: the file cannot be written; some of the text may have been.
     """
     with writing(path), path.open("a", encoding="utf-8", newline="") as file:
         file.write(text)
@@ -103,11 +103,12 @@ def append(path: Path, text: str) -> None:
 
 
 def check_links(folder: str | Path) -> None:
-    """Find out before the first write whether what is written below a folder stays there.
+    """Check before the first write that everything below a folder stays inside it.
 
     Raises:
-        SettingError: something below it is a link that leads out of it, a file that has another
-            name somewhere else, or neither file nor folder.
+        SettingError: an entry is a link out of the folder, a file with another name elsewhere
+            (a hard link), or neither a file nor a folder.
+        OutputError: an entry is in a folder that this user may not search.
     """
     root = Path(folder).resolve()
     for parent, names, files in os.walk(folder):
@@ -115,23 +116,25 @@ def check_links(folder: str | Path) -> None:
             try:
                 about = entry.lstat()
             except FileNotFoundError:
-                continue  # another process' temporary file
+                continue  # the temporary file of another process
+            except OSError as error:
+                raise OutputError(entry, reason_of(error)) from error
             mode = about.st_mode
             inside = Path(os.path.realpath(entry)).is_relative_to(root)
             if (stat.S_ISLNK(mode) and not inside) or (stat.S_ISREG(mode) and about.st_nlink > 1):
                 raise SettingError(
-                    f"{entry} is a link out of {folder}: put what it leads to in its place"
+                    f"{entry} is a link out of {folder}: replace it by what it links to"
                 )
             if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISLNK(mode)):
                 raise SettingError(f"{entry} is neither a file nor a folder")
 
 
 def check_writable(path: str | Path) -> None:
-    """Find out early, before long work, whether a file can be written at `path`.
+    """Check early, before long work, that a file can be written to `path`.
 
     Raises:
-        OutputError: if `path` is a folder, a device, a pipe or no name for a file, or its own
-            folder is missing or cannot be written to.
+        OutputError: `path` is a folder, a device, a pipe or not a valid name, or its folder is
+            missing or not writable.
     """
     path = Path(path)
     folder = path.parent
@@ -139,15 +142,15 @@ def check_writable(path: str | Path) -> None:
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
         pass
-    except OSError as error:  # Names may be too long even to look for.
+    except OSError as error:  # A name may be too long even for a lookup.
         raise OutputError(path, reason_of(error)) from error
-    if path.is_dir():
+    if os.path.isdir(path):
         raise OutputError(path, "it is a folder")
-    if path.exists() and not path.is_file():
-        raise OutputError(path, "it is a device or a pipe, in whose place a file would be put")
-    if not folder.exists():
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise OutputError(path, "it is a device or a pipe, which a file would replace")
+    if not os.path.exists(folder):
         raise OutputError(path, f"there is no folder {folder}")
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise OutputError(path, f"{folder} is not a folder")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(path, f"no permission to write in {folder}")
@@ -157,7 +160,7 @@ def make_folder(path: str | Path) -> Path:
     """Create a folder and its parents if they are missing.
 
     Raises:
-        OutputError: if that fails, or if something else has that name.
+        OutputError: the folder cannot be created, or something else has its name.
     """
     path = Path(path)
     with writing(path):
@@ -174,7 +177,7 @@ def _bring_to_disk(path: Path) -> None:
 
 
 def reason_of(error: Exception) -> str:
-    """What the system says, without number and path; of other errors the message."""
+    """The reason of a system error, without number and path; otherwise the message of the error."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 

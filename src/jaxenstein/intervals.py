@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-# Resamples of a bootstrap, and the share of them inside an interval.
+# Resamples of a bootstrap, and the confidence level of an interval.
 RESAMPLES, LEVEL = 2000, 0.95
 
 
@@ -15,9 +15,9 @@ class Interval:
     """A mean with its bootstrap interval.
 
     Attributes:
-        mean: of all values.
-        low: lower end of the 95 % interval; the mean itself where there is a single value.
-        high: its upper end.
+        mean: the mean of all values.
+        low: the lower end of the 95 % interval; the mean itself if there is only one value.
+        high: the upper end.
     """
 
     mean: float
@@ -26,11 +26,11 @@ class Interval:
 
 
 def mean_interval(values: np.ndarray, *, seed: int = 0) -> Interval:
-    """The mean of values[runs, samples], with the percentile interval of its bootstrap.
+    """The mean of values[runs, samples], with its percentile bootstrap interval.
 
-    Each resample takes as many runs as there are, with replacement, and as many samples, the same
-    of every run: sample n is of the same episode in all of them. With one run that is the ordinary
-    bootstrap over samples (Efron & Tibshirani 1993).
+    Each resample draws runs and samples with replacement. All runs share the drawn samples, since
+    sample n comes from the same episode in every run. With one run this is the ordinary bootstrap
+    over samples (Efron & Tibshirani 1993).
     """
     values = np.asarray(values, np.float64)
     rng = np.random.default_rng(seed)

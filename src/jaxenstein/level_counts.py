@@ -1,4 +1,4 @@
-"""The number of levels of each environment, and checks of `levels` and `split`."""
+"""The numbers of levels of the environments, and checks of `levels` and `split`."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .fields import names_of
 
 FILE = Path(__file__).with_name("level_counts.json")
 """Written by `python -m reliability.levels`."""
-# Levels that `make` draws to check that a split has any; a useful split needs fewer.
+# How many levels `make` draws to check that both sides of a split have some.
 DRAWS = 4096
-# From this share of all levels on, other seeds draw too many of the chosen levels again.
+# From this share of all levels on, other seeds too often draw levels that were chosen.
 MUCH = 0.1
 
 
@@ -27,9 +27,9 @@ class LevelCount:
     """The number of levels of an environment.
 
     Attributes:
-        levels: their number, or a lower bound.
-        exact: whether `levels` is the exact number.
-        version: of the environment whose levels were counted.
+        levels: the number, or a lower bound.
+        exact: whether `levels` is exact.
+        version: the version of the environment when its levels were counted.
     """
 
     levels: int
@@ -38,18 +38,18 @@ class LevelCount:
 
     @property
     def short(self) -> str:
-        """Such as "108", or "10,000+" for at least so many."""
+        """The number in digits, such as "108", or "10,000+" for a lower bound."""
         return f"{self.levels:,}{'' if self.exact else '+'}"
 
     @property
     def words(self) -> str:
-        """Such as "108", or "at least 10,000"."""
+        """The number in words, such as "108" or "at least 10,000"."""
         return f"{'' if self.exact else 'at least '}{self.levels:,}"
 
 
 @functools.cache
 def level_counts() -> dict[str, LevelCount]:
-    """The level counts of the environments that draw a level at each reset, by id."""
+    """The level counts by id, for environments that draw a level at each reset."""
     stored = json.loads(FILE.read_text("utf-8"))
     return {name: LevelCount(**row) for name, row in stored.items()}
 
@@ -75,14 +75,14 @@ def check_levels(env: Any, stacklevel: int = 3) -> None:
         _check_split(env)
         return
     count, seeds = level_counts().get(env.name), env.level_range
-    # A single level is meant to be the only one.
+    # A single level is a deliberate choice.
     if count is None or not count.exact or seeds is None or seeds[1] - seeds[0] == 1:
         return
     share = 1 - (1 - 1 / count.levels) ** (seeds[1] - seeds[0])
     if share >= MUCH:
         warnings.warn(
             f"{env.name} has {count.levels:,} levels, and levels=({seeds[0]}, {seeds[1]}) covers "
-            f"about {share:.0%} of them: other seeds draw the same levels again; for a test on "
+            f"about {share:.0%} of them: other seeds draw the same levels again; to test on "
             "unseen levels use split='train' and split='test'",
             LevelWarning,
             stacklevel=stacklevel,
@@ -90,7 +90,7 @@ def check_levels(env: Any, stacklevel: int = 3) -> None:
 
 
 def _check_split(env: Any) -> None:
-    """Raise if a side has no levels; with `levels`, only the side of `env.split` counts."""
+    """Raise if a side has no levels; with `levels`, only check the side of `env.split`."""
     from .tasks.splits import is_of
 
     levels, fraction = _drawn(_bare(env)), float(env.test_fraction)
@@ -109,7 +109,7 @@ def _check_split(env: Any) -> None:
 
 
 def _bare(env: Any) -> Any:
-    """An environment with the same levels, equal for all splits and observations."""
+    """An environment with the same levels but without settings that do not affect them."""
     from .tasks.first_person import SETTINGS
 
     usual = {field.name: field.default for field in dataclasses.fields(env)}

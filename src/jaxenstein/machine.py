@@ -1,4 +1,4 @@
-"""Where numbers were made: versions and hardware, on which speeds and last bits depend."""
+"""Versions and hardware, on which speeds and the last bits of numbers depend."""
 
 from __future__ import annotations
 
@@ -18,23 +18,22 @@ from .version import __version__
 
 
 def use_cores(count: int | None = None) -> int:
-    """Make each of some processor cores a device of JAX, over which environments spread.
+    """Make each of several CPU cores a JAX device, and spread environments over them.
 
-    XLA's own threads gain next to nothing from a second core; two programs beside each other gain
-    most of it. With several devices the adapters for NumPy (Gymnasium's vector environments and
-    Stable-Baselines3) step a part of their environments on each, if their number can be divided
-    by that of the cores, and `jaxenstein train --cores N` trains seeds beside each other. Where
-    JAX has an accelerator nothing changes.
+    XLA gains next to nothing from a second core, but two programs side by side use most of it.
+    With several devices, the adapters for NumPy (Gymnasium's vector environments and
+    Stable-Baselines3) step a share of their environments on each device, if the number of devices
+    divides the number of environments. `jaxenstein train --cores N` trains seeds in parallel. If
+    JAX uses an accelerator, nothing changes.
 
     Args:
-        count: of cores; None for all that this process may use.
+        count: the number of cores; None for all that this process may use.
 
     Returns:
         The number of cores.
 
     Raises:
-        SettingError: there are not so many, or JAX has been used already: its devices stay as
-            they are from then on.
+        SettingError: there are fewer cores, or JAX is already in use, so its devices are fixed.
 
     Examples:
         >>> import jaxenstein
@@ -50,21 +49,21 @@ def use_cores(count: int | None = None) -> int:
         jax.config.update("jax_num_cpu_devices", count)
     except RuntimeError as error:
         raise SettingError(
-            "JAX has been used already, and its devices stay as they are: call use_cores at the "
+            "JAX is already in use and cannot change its devices: call use_cores at the "
             "beginning of the program"
         ) from error
     return count
 
 
 def cores_allowed() -> int:
-    """How many processor cores this process may use."""
+    """The number of CPU cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def versions() -> dict[str, str]:
-    """The versions that numbers depend on."""
+    """The versions of all software that numbers depend on."""
     return {
         "jaxenstein": __version__,
         "jax": jax.__version__,
@@ -75,7 +74,7 @@ def versions() -> dict[str, str]:
 
 
 def made_by() -> dict[str, str]:
-    """What a trajectory is made by: versions, and the hardware that the code is compiled for."""
+    """The versions and the hardware recorded in a trajectory."""
     return {
         **versions(),
         "platform": jax.default_backend(),
@@ -86,7 +85,7 @@ def made_by() -> dict[str, str]:
 
 
 def describe_machine() -> dict[str, Any]:
-    """What a reader of speeds needs to know; starts no device."""
+    """The facts needed to interpret a measured speed; starts no device."""
     return {
         "versions": versions(),
         "hardware": {
@@ -99,12 +98,12 @@ def describe_machine() -> dict[str, Any]:
 
 
 def cpu_model() -> str:
-    """The processor's name as the system tells it."""
+    """The name of the processor."""
     return cpu_fact("model name") or platform.processor() or platform.machine()
 
 
 def cpu_fact(*names: str) -> str:
-    """What Linux tells of the first processor under one of these names, "" for nothing."""
+    """A Linux fact about the first processor, under any of these names; "" if there is none."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
             name, _, value = line.partition(":")

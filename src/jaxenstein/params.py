@@ -1,4 +1,4 @@
-"""The numbers of an environment, and which values they can have."""
+"""Params: the numbers of an environment, and their valid values."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from .fields import number as number
 from .pytree import PyTreeNode
 
 Scalar = bool | int | float | jax.Array
-"""A number that may be traced, and of a batch an array of numbers."""
+"""A number, which may be traced; for a batch, an array of numbers."""
 # Params that a learner reads once for all episodes.
 _OF_ALL_EPISODES = ("discount",)
 
 
 class Range(NamedTuple):
-    """A range in the place of a param, from which each episode draws a number.
+    """A range in place of a param; each episode draws a number from it.
 
     Attributes:
-        low: the lowest number.
-        high: the highest one.
+        low: the lower end.
+        high: the upper end.
     """
 
     low: float
@@ -42,19 +42,19 @@ class Range(NamedTuple):
 
     def __str__(self) -> str:
         """As in `--param NAME=LOW:HIGH`."""
-        # Ends that are traced have no digits.
+        # Traced ends have no digits.
         return ":".join(f"{end:.10g}" if isinstance(end, int | float) else str(end) for end in self)
 
 
 class Params(PyTreeNode):
-    """Numbers that may differ between environments of one batch: traced, never static.
+    """Numbers that may differ between the environments of a batch: traced, never static.
 
-    Concrete values are checked where they come in: in `replace`, and where an environment is
-    given params from outside of compiled code. Traced ones pass.
+    `replace` checks concrete values, and so does an environment that gets params from outside
+    compiled code. Traced values are not checked.
 
     Attributes:
         max_steps_in_episode: steps after which an episode is truncated; at least 1.
-        discount: the task's discount factor, 0 to 1, for the learner; the environment does not
+        discount: the task's discount factor for the learner, 0 to 1; the environment does not
             use it.
     """
 
@@ -64,11 +64,11 @@ class Params(PyTreeNode):
     def replace(self, **changes: Any) -> Self:
         """Return a copy with the named fields changed.
 
-        A tuple of two numbers is a range, from which each episode of a training or an evaluation
-        draws a number; see `drawn` for what else takes params.
+        A tuple of two numbers is a range: each episode of training, evaluation or an adapter draws
+        a number from it. For other uses, `drawn` replaces ranges by numbers.
 
         Raises:
-            SettingError: there is no such field, or a value that it cannot have.
+            SettingError: a field does not exist, or its value is out of range.
 
         Examples:
             >>> Params().replace(discount=0.9)
@@ -82,7 +82,7 @@ class Params(PyTreeNode):
             if name not in names:
                 raise SettingError(
                     f"{type(self).__name__} has no {quoted(name)}{nearest(name, names)}; "
-                    f"it has: {', '.join(names)}"
+                    f"the fields are: {', '.join(names)}"
                 )
         ranges = {
             name: _checked_range(name, domain_of(type(self), name), value)
@@ -90,21 +90,21 @@ class Params(PyTreeNode):
             if isinstance(value, tuple)
         }
         after = super().replace(**{**changes, **ranges})
-        # The axes of `jax.vmap` and the like are trees of this class too, but no numbers.
+        # The `in_axes` of `jax.vmap` are trees of this class too, but hold no numbers.
         if all(is_array_like(getattr(self, name)) for name in set(names) - set(ranges_of(self))):
             check_numbers(after, skip=set(names) - set(changes) | set(ranges))
         return after
 
     def check(self) -> None:
-        """Look at the values that are known already.
+        """Check the values that are already known.
 
         Raises:
-            SettingError: one is not a number in its range.
+            SettingError: a value is a range, or is not a number in its valid range.
         """
         for name, range in ranges_of(self).items():
             raise SettingError(
                 f"{name} must be one number here, not the range {range}: "
-                "jaxenstein.params.drawn(params, seed) draws one"
+                "use jaxenstein.params.drawn(params, seed) to draw one"
             )
         check_numbers(self)
 
@@ -113,16 +113,15 @@ T = TypeVar("T")
 
 
 def drawn(params: T, seed: int | jax.Array, count: int | None = None) -> T:
-    """Params with numbers in the place of their ranges, each number in a range as likely as others.
+    """Params with each range replaced by a number drawn uniformly from it.
 
-    Trainings and `jaxenstein.evaluate` draw anew for each episode. Whatever else takes params takes
-    what this returns.
+    Training, `jaxenstein.evaluate` and the adapters draw new numbers for each episode. All other
+    code that takes params needs the result of this function.
 
     Args:
-        params: params in which `replace` may have put ranges; others are returned as they are.
+        params: params, which may hold ranges; params without ranges are returned unchanged.
         seed: a whole number from 0 to 2**32 - 1, or a random key.
-        count: None for one number in the place of a range, or N for float32[N], as the adapters
-            take them for N environments.
+        count: None to draw one number per range, or N to draw float32[N] for N environments.
 
     Examples:
         >>> params = Params().replace(discount=0.9)
@@ -139,7 +138,7 @@ def drawn(params: T, seed: int | jax.Array, count: int | None = None) -> T:
 
 
 def ranges_of(params: Any) -> dict[str, Range]:
-    """The ranges among params of any kind, by name."""
+    """The ranges among params by name; {} for other objects."""
     if not isinstance(params, Params):
         return {}
     values = {name: getattr(params, name) for name in names_of(params)}
@@ -147,7 +146,7 @@ def ranges_of(params: Any) -> dict[str, Range]:
 
 
 def split_ranges(params: T) -> tuple[T, dict[str, Range]]:
-    """Params with the middles of their ranges, and the ranges."""
+    """The params with each range replaced by its middle, and the ranges."""
     ranges = ranges_of(params)
     return with_numbers(params, {name: (r.low + r.high) / 2 for name, r in ranges.items()}), ranges
 
@@ -155,7 +154,7 @@ def split_ranges(params: T) -> tuple[T, dict[str, Range]]:
 def draw_numbers(
     ranges: Mapping[str, Range], key: jax.Array, shape: tuple[int, ...] = ()
 ) -> tuple[dict[str, jax.Array], jax.Array]:
-    """A float32 for each range, and a key for what comes next: the same one without ranges."""
+    """Draw a float32 for each range; returns them and the next key (the same without ranges)."""
     if not ranges:
         return {}, key
     key, *keys = jax.random.split(key, len(ranges) + 1)
@@ -167,7 +166,7 @@ def draw_numbers(
 
 
 def with_numbers(params: T, numbers: Mapping[str, Any]) -> T:
-    """Params with some numbers changed, unchecked."""
+    """The params with some numbers changed, unchecked."""
     return PyTreeNode.replace(params, **numbers) if numbers else params  # type: ignore[type-var]
 
 
@@ -189,9 +188,9 @@ def check_single(params: Params, default: Params, owner: str) -> None:
     """Check that params, traced or not, have no batch axis.
 
     Args:
-        params: of the class of `default`.
-        default: the default params, which have the right numbers of axes.
-        owner: the environment's name, for the message.
+        params: params of the class of `default`.
+        default: the default params, which have the right number of axes.
+        owner: the name of the environment, for the message.
 
     Raises:
         SettingError: a param has more or fewer axes.
@@ -216,16 +215,17 @@ def differing(params: Params, default: Params, count: int, owner: str) -> list[b
     """Find the params that differ between environments, by their leading axis N.
 
     Args:
-        params: of the class of `default`.
+        params: params of the class of `default`.
         default: the default params, which have the axes of one environment.
         count: N, the number of environments.
-        owner: their name, for the message.
+        owner: the name of the environment, for the message.
 
     Returns:
-        A truth value for each leaf of the params, in their order.
+        A bool for each leaf of the params, in order.
 
     Raises:
-        SettingError: a param has neither the shape of its default nor a leading axis N more.
+        SettingError: a param has neither the shape of its default nor that shape with a leading
+            axis N.
     """
     found = []
     for name, shape, right in _shapes(params, default):
@@ -233,14 +233,14 @@ def differing(params: Params, default: Params, count: int, owner: str) -> list[b
         if more and (len(shape) != len(right) + 1 or shape[0] != count):
             raise SettingError(
                 f"params of {count} environments of {quoted(owner)}: {name} must have the shape "
-                f"{right}, for all, or {(count, *right)}, one entry for each, not {shape}"
+                f"{right} (one value for all) or {(count, *right)} (one for each), not {shape}"
             )
         found.append(more)
     return found
 
 
 def _shapes(params: Params, default: Params) -> list[tuple[str, tuple[int, ...], tuple[int, ...]]]:
-    """The name, the shape and the default's shape of each param."""
+    """The name, the shape, and the shape of the default of each param."""
     named, usual = jax.tree_util.tree_leaves_with_path(params), jax.tree.leaves(default)
     return [
         (jax.tree_util.keystr(path).lstrip("."), np.shape(leaf), np.shape(right))

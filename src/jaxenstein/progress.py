@@ -1,4 +1,4 @@
-"""A progress line for people who wait."""
+"""A progress line for long work."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from typing import Self, TextIO
 from .errors import one_line
 
 WIDTH = 24
-# Seconds between updates: on a terminal the line is redrawn, elsewhere a new line is printed.
+# Seconds between updates: a terminal redraws the line, other streams print a new one.
 LIVE_INTERVAL = 0.1
 SPARSE_INTERVAL = 10.0
 
 
 class Progress:
-    """Shows the fraction done, the rate and the time left, on standard error.
+    """Shows the fraction done, the rate and the time left on standard error.
 
-    Use as a context manager and call `update` with the amount done so far. On a terminal one
-    line is redrawn in place; in a log file a line appears every ten seconds and at the end.
+    Use it as a context manager, and call `update` with the amount done so far. On a terminal one
+    line is redrawn in place; in a log file a new line appears every ten seconds and at the end.
 
     Attributes:
         done: the amount done so far.
-        note: shown behind the rate; may be changed at any time.
+        note: text shown after the rate; may change at any time.
     """
 
     def __init__(
@@ -38,12 +38,12 @@ class Progress:
         """Start the clock.
 
         Args:
-            total: the amount at which the work is done, in `unit`.
-            label: what is being done, shown before the bar.
-            unit: what `total` counts.
-            compiles: whether the work begins with compiling, until the first update: it is said,
-                and not counted in the rate.
-            stream: where to write, by default standard error.
+            total: the amount of work, in `unit`.
+            label: the name of the work, shown before the bar.
+            unit: the unit of `total`.
+            compiles: whether the work starts by compiling. The line then says so until the first
+                update, and the rate leaves the compile time out.
+            stream: the output stream; default standard error.
         """
         self.total = max(total, 1)
         self.label = one_line(label)
@@ -71,12 +71,12 @@ class Progress:
             self._write("\n")
 
     def restart(self, done: float) -> None:
-        """Measure the rate from here on: `done` was done before, or took longer than the rest."""
+        """Measure the rate from here on; `done` was done earlier, or is not typical of the rest."""
         self.done = self._done_before = done
         self._start = time.monotonic()
 
     def update(self, done: float) -> None:
-        """Say that `done` of the total is done; redraws only as often as is useful."""
+        """Set the amount done; redraws only as often as is useful."""
         if self._compiling:
             self._compiling = False
             self.restart(done)
@@ -86,12 +86,12 @@ class Progress:
             self.show()
 
     def say(self, text: str) -> None:
-        """Print a line of its own, above the progress."""
+        """Print a separate line above the progress line."""
         self._write(f"\r\x1b[K{text}\n" if self.live else f"{text}\n")
         self.show()
 
     def line(self) -> str:
-        """The current text."""
+        """The current progress line."""
         elapsed = max(time.monotonic() - self._start, 1e-9)
         fraction = min(self.done / self.total, 1.0)
         filled = round(fraction * WIDTH)
@@ -103,7 +103,7 @@ class Progress:
         else:
             when = ""
         bar = "#" * filled + "-" * (WIDTH - filled)
-        # Below one a second the time left says more.
+        # Below one per second, the time left is more informative.
         speed = f"{si(rate)} {self.unit}/s" if rate >= 1 else ""
         head = f"{self.label} [{bar}] {fraction:4.0%}"
         note = "compiling" if self._compiling else self.note
@@ -117,7 +117,7 @@ class Progress:
         self._write(f"\r{text}\x1b[K" if self.live else f"{text}\n")
 
     def _write(self, text: str) -> None:
-        # A terminal that was closed is no reason to lose the work.
+        # A closed terminal must not end the work.
         with contextlib.suppress(OSError):
             self.stream.write(text)
             self.stream.flush()

@@ -9,13 +9,13 @@ import jax
 
 
 def static(**kwargs: Any) -> Any:
-    """A field that is part of the tree's structure (hashable, never traced)."""
+    """A static field: part of the tree structure, hashable, never traced."""
     return dataclasses.field(metadata={"static": True}, **kwargs)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(static, dataclasses.field))
 class PyTreeNode:
-    """Base of all pytrees: each subclass becomes a frozen dataclass that JAX takes apart.
+    """Base of all pytrees: each subclass becomes a frozen dataclass that JAX can flatten.
 
     Fields are children of the node unless declared with `static`.
     """
@@ -26,7 +26,7 @@ class PyTreeNode:
         jax.tree_util.register_dataclass(dataclasses.dataclass(frozen=True)(cls))
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with the named fields changed; an unknown name is a `TypeError`.
+        """Return a copy with the named fields changed; an unknown name raises `TypeError`.
 
         Examples:
             >>> from jaxenstein import Params

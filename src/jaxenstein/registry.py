@@ -1,4 +1,4 @@
-"""Ids, how to build what they name, and how the user's own tasks get an id."""
+"""The registry of environment ids: look up an id, build its environment, register your own."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ from .fields import is_whole
 from .level_counts import check_levels
 
 ENTRIES: dict[str, Row] = dict(catalogue.ENTRIES)
-"""The environments by id, those that were registered by others behind those of the package."""
+"""The environments by id: first those of the package, then those registered by other modules."""
 ALIASES = catalogue.ALIASES
 
 LISTENERS: list[Callable[[], None]] = []
-"""Called after each registration."""
+"""Functions called after each registration."""
 
 _ID = re.compile(r"[A-Za-z0-9]+(?:[-_.][A-Za-z0-9]+)*")
 _VERSIONED = re.compile(r".*-v\d+")
 
 
 def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> None:
-    """Give your own task an id: `make`, every command and Gymnasium then know it.
+    """Give your own task an id, which `make`, every command and Gymnasium then accept.
 
-    An id lasts as long as the process. In others, write the module that registers it in front:
-    `make("my_module:my-task")`, `jaxenstein train --env my_module:my-task` and
-    `gymnasium.make("my_module:jaxenstein/my-task-v0")` import it first. The same module may
-    register an id anew, so a cell of a notebook can be run again.
+    An id lasts as long as the process. In another process, put the name of the module that
+    registers it in front: `make("my_module:my-task")`, `jaxenstein train --env my_module:my-task`
+    and `gymnasium.make("my_module:jaxenstein/my-task-v0")` import the module first. A module may
+    register an id again, so you can rerun a notebook cell.
 
     Args:
         id: letters, digits, and single "-", "_" or "." between them.
-        build: a subclass of `Environment`, or a function that returns one. Its parameters by name
-            are the settings that the id takes; `**settings` in a function stands for those that
-            all environments seen in first person take.
-        summary: one line for people; else the first line of the docstring of `build`.
-        version: to be raised when the behaviour changes.
+        build: a subclass of `Environment`, or a function that returns an environment. The names
+            of its parameters are the settings of the id. In a function, `**settings` stands for
+            the settings that all first-person environments take.
+        summary: a one-line description. Default: the first line of the docstring of `build`.
+        version: raise it when the behaviour of the task changes.
 
     Raises:
-        SettingError: the id is malformed or taken, `build` builds no environments, or the version
-            is no whole number.
+        SettingError: the id is malformed or taken, `build` cannot build an environment, or the
+            version is not a whole number.
     """
     module = str(sys._getframe(1).f_globals.get("__name__", ""))
     if not isinstance(id, str) or not _ID.fullmatch(id) or _VERSIONED.fullmatch(id):
@@ -59,7 +59,7 @@ def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> N
         )
     if not (_builds(build) if isinstance(build, type) else callable(build)):
         raise SettingError(
-            "build must be a subclass of jaxenstein.Environment with all that it needs, or a "
+            "build must be a subclass of jaxenstein.Environment without abstract methods, or a "
             f"function that returns an environment, not {quoted(build)}"
         )
     if not is_whole(version) or version < 0:
@@ -91,21 +91,21 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
     """Build an environment.
 
     Args:
-        id: one of `environment_ids()`; or "module:id" or "module:Class", which imports the module
-            and takes the id that it registers, or its subclass of `Environment`.
-        **settings: static settings: `height`, `width` and `field_of_view` of the image,
-            `observation`, `autoreset`, `final_observation`, `frame_skip`, `sprite_layers`,
-            `look`, `look_range`, `look_seeds`; see
-            `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. Also
-            those of the task, such as `hud` of health-gathering, and `levels`, `split` and
-            `test_fraction` if it draws a level at each reset.
+        id: one of `environment_ids()`, "module:id" or "module:Class". The last two import the
+            module and use an id that it registers or a subclass of `Environment` that it defines.
+        **settings: static settings. All first-person environments take `height`, `width`,
+            `field_of_view`, `observation`, `autoreset`, `final_observation`, `frame_skip`,
+            `sprite_layers`, `look`, `look_range` and `look_seeds`; see
+            `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. A task may
+            have more, such as `hud` of health-gathering. Tasks that draw a level at each reset
+            take `levels`, `split` and `test_fraction`.
 
     Returns:
-        The environment and its default params, whose numbers `params.replace(...)` changes.
+        The environment and its default params. `params.replace(...)` changes their values.
 
     Raises:
-        UnknownEnvironmentError: there is no such id, module or class.
-        SettingError: there is no such setting, its value is out of range, or a side of the
+        UnknownEnvironmentError: the id, module or class does not exist.
+        SettingError: a setting does not exist, its value is out of range, or a side of the
             split has no levels.
 
     Warns:
@@ -128,10 +128,10 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
 
 
 def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[AnyEnvironment, Any]:
-    """As `make`, with settings of a file, which may have any names, `"id"` among them.
+    """As `make`, for settings from a file, which may have any names, even `"id"`.
 
-    Files run no code: the module of "module:id" must have been imported. It does not
-    check that a split has levels.
+    Reading a file runs no code, so the module of "module:id" must already be imported. Does not
+    check that each side of a split has levels.
     """
     name, row = find(id)
     check_names(settings, row.settings, lambda: _param_names(row, settings))
@@ -141,28 +141,28 @@ def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[AnyEnvironment, Any
         raise SettingError(f"{quoted(name)} needs the setting {', '.join(missing)}")
     env = row.build(**settings)
     if not isinstance(env, Environment):
-        raise SettingError(f"what {quoted(name)} builds is no environment but {quoted(env)}")
+        raise SettingError(f"{quoted(name)} must build an environment, not {quoted(env)}")
     env = dataclasses.replace(env, name=name, version=row.version)
     return env, env.check_params()
 
 
 def import_module_of(id: Any) -> None:
-    """Import the module of "module:id"; nothing for an id alone.
+    """Import the module of "module:id"; does nothing for a plain id.
 
     Raises:
-        UnknownEnvironmentError: there is no such module.
+        UnknownEnvironmentError: the module does not exist.
     """
     module, colon, _ = id.rpartition(":") if isinstance(id, str) else ("", "", "")
     if not colon:
         return
     if not all(part.isidentifier() for part in module.split(".")):
         raise UnknownEnvironmentError(
-            f"unknown environment {quoted(id)}: {quoted(module)} names no module"
+            f"unknown environment {quoted(id)}: {quoted(module)} is not the name of a module"
         )
     try:
         importlib.import_module(module)
     except ModuleNotFoundError as error:
-        # A module that the task's own asks for is missing: that is its own error.
+        # An import inside the task's module failed: let that error through.
         if not f"{module}.".startswith(f"{error.name}."):
             raise
         raise UnknownEnvironmentError(
@@ -171,16 +171,16 @@ def import_module_of(id: Any) -> None:
 
 
 def find(id: Any) -> tuple[str, Row]:
-    """The name and the row that an id stands for: itself, or what an alias means.
+    """The name and row of an id or alias.
 
     Raises:
-        UnknownEnvironmentError: there is none, or its module has not been imported.
+        UnknownEnvironmentError: the id does not exist, or its module has not been imported.
     """
     module, colon, rest = id.rpartition(":") if isinstance(id, str) else ("", "", id)
     if colon and module not in sys.modules:
         raise UnknownEnvironmentError(
-            f"the environment {quoted(id)} is that of a module which has not been imported, and "
-            f"files run no code: import {module} first, or on the command line say --import "
+            f"the module of the environment {quoted(id)} has not been imported, and reading a file "
+            f"runs no code: import {module} first, or on the command line add --import "
             f"{module}"
         )
     name = ALIASES.get(rest, rest) if isinstance(rest, str) else rest
@@ -191,8 +191,8 @@ def find(id: Any) -> tuple[str, Row]:
         return id, _row_of_class(id, sys.modules[module], rest)
     if isinstance(id, str | Path) and (Path(id).suffix == ".txt" or len(Path(id).parts) > 1):
         raise UnknownEnvironmentError(
-            f"unknown environment {quoted(str(id))}: the file of a map is read by "
-            "jaxenstein.from_file, on the command line by --map-file"
+            f"unknown environment {quoted(str(id))}: to read a map from a file use "
+            "jaxenstein.from_file, or --map-file on the command line"
         )
     close = nearest(str(id), [*ENTRIES, *ALIASES])
     some = "" if close else f"there are {', '.join(catalogue.MAIN_IDS[:6])} and others; "
@@ -202,27 +202,26 @@ def find(id: Any) -> tuple[str, Row]:
 
 
 def portable_id(id: str) -> str:
-    """The id with which another process finds the same, with its module if it needs one."""
+    """The id by which another process finds the same environment, with its module if needed."""
     name, row = find(id)
     return f"{row.module}:{name}" if row.module and ":" not in name else name
 
 
 def _row_of_class(id: str, module: ModuleType, name: str) -> Row:
-    """The row of "module:Class"."""
+    """The row for "module:Class"."""
     there = vars(module)
     if name not in there:
         classes = [key for key, value in there.items() if _builds(value)]
         own = [key for key, row in ENTRIES.items() if row.module == module.__name__]
         raise UnknownEnvironmentError(
-            f"{module.__name__} registers no environment {quoted(name)} and has no class of that "
-            f"name{nearest(name, [*own, *classes])}"
+            f"{module.__name__} has no environment and no class named "
+            f"{quoted(name)}{nearest(name, [*own, *classes])}"
         )
     if not _builds(there[name]):
         raise UnknownEnvironmentError(
-            f"{id} is no subclass of jaxenstein.Environment that can be built, and no "
-            f"functools.partial of one, but "
-            f"{quoted(there[name])}; functions that build environments get an id by "
-            "jaxenstein.register"
+            f"{id} must be a concrete subclass of jaxenstein.Environment or a functools.partial of "
+            f"one, not {quoted(there[name])}; use jaxenstein.register to give an id to a function "
+            "that builds an environment"
         )
     build = there[name]
     summary, version = _first_line(build), _class_of(build).version
@@ -230,18 +229,18 @@ def _row_of_class(id: str, module: ModuleType, name: str) -> Row:
 
 
 def _class_of(build: Any) -> Any:
-    """The class that a `functools.partial` is of; anything else as it is."""
+    """The class inside a `functools.partial`; other values unchanged."""
     return build.func if isinstance(build, functools.partial) else build
 
 
 def _builds(value: Any) -> bool:
-    """Whether a value is a class of environments that lacks nothing, or a partial of one."""
+    """Whether a value is a concrete subclass of `Environment`, or a partial of one."""
     cls = _class_of(value)
     return isinstance(cls, type) and issubclass(cls, Environment) and not inspect.isabstract(cls)
 
 
 def _first_line(build: Build) -> str:
-    """What its docstring says of a class or function, in one line."""
+    """The first line of the docstring of a class or function."""
     text = inspect.getdoc(_class_of(build)) or ""
     return text.partition("\n")[0].rstrip(".")
 
@@ -249,7 +248,7 @@ def _first_line(build: Build) -> str:
 def check_names(
     settings: Mapping[str, Any], known: Sequence[str], params: Callable[[], Sequence[str]]
 ) -> None:
-    """Raise unless all settings are known; `params` gives the names of the params."""
+    """Raise for an unknown setting; `params` returns the names of the params, for the message."""
     unknown = [name for name in settings if name not in known]
     if not unknown:
         return
@@ -264,7 +263,7 @@ def check_names(
 
 
 def _param_names(row: Row, settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """The names of the params of what a row builds, () if it cannot be built."""
+    """The names of the params of a row's environment, or () if it cannot be built."""
     known = {name: value for name, value in settings.items() if name in row.settings}
     try:
         return fields_of(type(row.build(**known).default_params))
@@ -273,5 +272,5 @@ def _param_names(row: Row, settings: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def fields_of(cls: type) -> tuple[str, ...]:
-    """The names of the fields of params."""
+    """The names of the fields of a params class."""
     return tuple(field.name for field in dataclasses.fields(cls))

@@ -1,13 +1,14 @@
-"""The episodes of an evaluation, and the file that keeps them.
+"""The results of an evaluation, and the file format for them.
 
-A file is JSON: `format`, `version`, and `results`, a list with an entry for each evaluation. Each
-has `environment` (as of `Spec.to_json`), `policy`, `actions`, `episodes`, `seed`, `made_with`, and
-`runs`: by the name of a run its `return`, `length` and `success`, lists with a value for each
-episode.
+A file is JSON with `format`, `version` and `results`, a list with an entry for each evaluation.
+An entry has `environment` (see `Spec.to_json`), `policy`, `actions`, `episodes`, `seed`,
+`made_with` and `runs`. `runs` maps the name of a run to its `return`, `length` and `success`,
+lists with one value per episode.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
@@ -25,9 +26,9 @@ from .spec import Spec
 
 FORMAT, VERSION = "jaxenstein-results", 1
 ACTIONS = ("greedy", "sampled", None)
-# The most bytes of a file: some millions of episodes.
+# The most bytes in a file: some millions of episodes.
 LARGEST = 2**26
-# The entries of a run, the attributes of `Results` that have them, and the types of their values.
+# The entries of a run, the matching attributes of `Results`, and the types of their values.
 PARTS: dict[str, tuple[str, tuple[type, ...], Any]] = {
     "return": ("returns", (int, float), np.float64),
     "length": ("lengths", (int,), np.int32),
@@ -37,24 +38,23 @@ PARTS: dict[str, tuple[str, tuple[type, ...], Any]] = {
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Results:
-    """The episodes of one policy in one environment, over one run of its training or several.
+    """The episodes of one policy in one environment, for one or more training runs.
 
     Attributes:
-        environment: what the environment and its params are built from.
-        policy: its name, to show.
-        actions: `"greedy"` for the most likely ones, `"sampled"`, or None where the policy
-            decides by itself.
-        seed: of the evaluation, 0 to 2**32 - 1.
-        names: of the runs, all different.
+        environment: the spec of the environment and its params.
+        policy: the name of the policy.
+        actions: `"greedy"` for the most likely actions, `"sampled"`, or None if the policy
+            has no such choice.
+        seed: the seed of the evaluation, 0 to 2**32 - 1.
+        names: the names of the runs, all different.
         returns: float64[runs, episodes], undiscounted.
         lengths: int32[runs, episodes], steps, at least 1.
-        successes: bool[runs, episodes], whether the task's aim was reached.
+        successes: bool[runs, episodes], whether the aim of the task was reached.
         made_with: versions of this package, JAX, numpy and Python, and the hardware; by
             default those of this process.
 
     Raises:
-        SettingError: an attribute has another kind of value or another shape, or a return is not
-            finite.
+        SettingError: an attribute has the wrong type or shape, or a return is not finite.
     """
 
     environment: Spec
@@ -68,25 +68,29 @@ class Results:
     made_with: Mapping[str, str] = dataclasses.field(default_factory=made_by)
 
     def __post_init__(self) -> None:
-        """Check all parts, and give arrays their types."""
-        _check_text("policy", self.policy)
+        """Check all attributes, and convert arrays to their dtypes."""
+        check_text("policy", self.policy)
         if self.actions not in ACTIONS:
             shown = quoted(self.actions)
             raise SettingError(f"actions must be 'greedy', 'sampled' or None, not {shown}")
         check_whole("seed", self.seed, 0, 2**32 - 1)
         for name in self.names:
-            _check_text("the name of a run", name)
+            check_text("the name of a run", name)
         if len(set(self.names)) != len(self.names):
-            raise SettingError(f"two runs have one name: {', '.join(self.names)}")
-        shape = np.shape(self.returns)
+            raise SettingError(f"two runs have the same name: {', '.join(self.names)}")
+        arrays = {
+            name: _array(name, getattr(self, name), dtype) for name, _, dtype in PARTS.values()
+        }
+        shape = arrays["returns"].shape
         if len(shape) != 2 or 0 in shape or shape[0] != len(self.names):
             runs = len(self.names)
-            raise SettingError(f"returns must be [runs, episodes] of {runs} runs, not {shape}")
-        for attribute, _, dtype in PARTS.values():
-            array = np.asarray(getattr(self, attribute))
+            raise SettingError(
+                f"returns must have the shape [runs, episodes] with {runs} runs, not {shape}"
+            )
+        for attribute, array in arrays.items():
             if array.shape != shape:
                 raise SettingError(f"{attribute} must have the shape {shape}, not {array.shape}")
-            object.__setattr__(self, attribute, array.astype(dtype))
+            object.__setattr__(self, attribute, array)
         with np.errstate(over="ignore"):
             finite = np.isfinite(self.returns.astype(np.float32))
         if not finite.all():
@@ -100,12 +104,12 @@ class Results:
 
     @property
     def episodes(self) -> int:
-        """How many there are of each run."""
+        """The number of episodes of each run."""
         return int(self.returns.shape[1])
 
     @property
     def best(self) -> int:
-        """The run with the highest mean return; among equals that of the shortest episodes."""
+        """The run with the highest mean return; of equal runs, the one with shorter episodes."""
         order = np.lexsort((self.lengths.mean(axis=1), -self.returns.mean(axis=1)))
         return int(order[0])
 
@@ -121,14 +125,14 @@ class Results:
         )
 
     def save(self, path: str | Path) -> None:
-        """Write a file with these alone; see `write_results`."""
+        """Write a file with only these results; see `write_results`."""
         write_results(path, [self])
 
     def to_json(self) -> dict[str, Any]:
-        """As plain JSON values: an entry of `results` in a file.
+        """Convert to plain JSON values: an entry of `results` in a file.
 
         Raises:
-            SettingError: a setting of the environment is no value of JSON.
+            SettingError: a setting of the environment has no JSON form.
         """
         runs = {
             run: {part: getattr(self, name)[i].tolist() for part, (name, _, _) in PARTS.items()}
@@ -146,39 +150,39 @@ class Results:
 
 
 def write_results(path: str | Path, results: Sequence[Results]) -> None:
-    """Write evaluations into one file, whole or not at all.
+    """Write evaluations to one file, atomically.
 
     Raises:
-        SettingError: a setting of an environment is no value of JSON, or the file would be larger
-            than `read_results` reads.
-        OutputError: it cannot be written.
+        SettingError: a setting of an environment has no JSON form, or the file would be larger
+            than `read_results` accepts.
+        OutputError: the file cannot be written.
     """
     entries = ",\n".join(json.dumps(one.to_json(), allow_nan=False) for one in results)
     head = f'"format": "{FORMAT}",\n"version": {VERSION},\n'
     text = f'{{\n{head}"results": [\n{entries}\n]\n}}\n'
     if len(text) > LARGEST:
-        raise SettingError(f"{path} would be larger than {LARGEST >> 20} MiB: take fewer episodes")
+        raise SettingError(f"{path} would be larger than {LARGEST >> 20} MiB: use fewer episodes")
     with atomic(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def read_results(path: str | Path) -> tuple[Results, ...]:
-    """Read a file of `write_results`, which anybody may have edited; no environment is built.
+    """Read an untrusted file in the format of `write_results`; builds no environment.
 
     Raises:
-        SettingError: it cannot be read, is too large or no file of results, is of a newer
+        SettingError: the file cannot be read, is too large, is not a results file, has a newer
             format, or has an entry that is missing, unknown or wrong; the message names file and
             entry.
     """
     try:
         table = _parsed(Path(path))
         if not isinstance(table, dict) or table.get("format") != FORMAT:
-            raise SettingError(f"no file of results: 'format' is not {FORMAT!r}")
+            raise SettingError(f"not a results file: 'format' is not {FORMAT!r}")
         check_whole("version", table.get("version"), 1)
         if table["version"] > VERSION:
             raise SettingError(
-                f"its format is version {table['version']}, and this version of jaxenstein reads "
-                f"up to {VERSION}: a newer jaxenstein is needed"
+                f"its format is version {table['version']}, but this version of jaxenstein only "
+                f"reads up to {VERSION}: use a newer jaxenstein"
             )
         _only(table, ("format", "version", "results"))
         entries = table["results"]
@@ -190,7 +194,7 @@ def read_results(path: str | Path) -> tuple[Results, ...]:
 
 
 def _parsed(path: Path) -> Any:
-    """The JSON of a file."""
+    """Parse the JSON in a file."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)
@@ -201,11 +205,11 @@ def _parsed(path: Path) -> Any:
         raise SettingError(f"cannot be read: {reason_of(error)}") from error
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
-        raise SettingError(f"no JSON, or only a part of it: {place}: {error.msg}") from error
+        raise SettingError(f"not JSON, or only a part of it: {place}: {error.msg}") from error
     except JAXensteinError:
         raise
     except (ValueError, RecursionError) as error:
-        raise SettingError(f"no file of results: {error}") from error
+        raise SettingError(f"not a results file: {error}") from error
 
 
 def _refuse(word: str) -> NoReturn:
@@ -213,7 +217,7 @@ def _refuse(word: str) -> NoReturn:
 
 
 def _read(path: str | Path, index: int, entry: Any) -> Results:
-    """An entry of `results`."""
+    """Read an entry of `results`."""
     try:
         names = ("environment", "policy", "actions", "episodes", "seed", "runs", "made_with")
         _only(_object("the entry", entry), names)
@@ -221,7 +225,7 @@ def _read(path: str | Path, index: int, entry: Any) -> Results:
         runs = _object("'runs'", entry["runs"])
         made_with = _object("'made_with'", entry["made_with"])
         for name, value in made_with.items():
-            _check_text(f"'made_with.{name}'", value)
+            check_text(f"'made_with.{name}'", value)
         for name, run in runs.items():
             _only(_object(f"'runs.{name}'", run), tuple(PARTS), f"runs.{name}.")
         arrays = {
@@ -248,9 +252,9 @@ def _read(path: str | Path, index: int, entry: Any) -> Results:
 
 
 def _values(label: str, values: Any, count: int, types: tuple[type, ...]) -> list[Any]:
-    """A list with a value of some type for each episode."""
+    """Check a list with one value of the right type per episode."""
     if not isinstance(values, list) or len(values) != count:
-        many = f"one of {len(values)}" if isinstance(values, list) else "another value"
+        many = f"a list of {len(values)}" if isinstance(values, list) else "another value"
         raise SettingError(
             f"{label} must be a list of {count} values, as 'episodes' says, not {many}"
         )
@@ -263,7 +267,7 @@ def _values(label: str, values: Any, count: int, types: tuple[type, ...]) -> lis
 
 
 def _only(table: dict[str, Any], names: tuple[str, ...], within: str = "") -> None:
-    """Raise unless a table has all of these entries and no others."""
+    """Raise unless a table has exactly these entries."""
     for name in names:
         if name not in table:
             raise SettingError(f"the entry '{within}{name}' is missing")
@@ -278,6 +282,18 @@ def _object(label: str, value: Any) -> dict[str, Any]:
     return value
 
 
-def _check_text(label: str, value: Any) -> None:
+def _array(name: str, value: Any, dtype: Any) -> np.ndarray:
+    """Convert a value to an array of a dtype that holds its numbers exactly."""
+    words = {np.float64: "numbers", np.int32: "whole numbers", np.bool_: "truth values"}[dtype]
+    with contextlib.suppress(ValueError), np.errstate(invalid="ignore"):
+        given = np.asarray(value)
+        array = given.astype(dtype) if given.dtype.kind in "biuf" else None
+        if array is not None and (dtype is np.float64 or np.array_equal(array, given)):
+            return array
+    raise SettingError(f"{name} must be an array [runs, episodes] of {words}, not {quoted(value)}")
+
+
+def check_text(label: str, value: Any) -> None:
+    """Raise a `SettingError` unless a value is one line of printable text."""
     if not isinstance(value, str) or not value.isprintable():
-        raise SettingError(f"{label} must be a text of one line, not {quoted(value)}")
+        raise SettingError(f"{label} must be one line of text, not {quoted(value)}")

@@ -1,15 +1,15 @@
-"""Scores of algorithms over tasks, with bootstrap intervals, as rliable defines them.
+"""Aggregate scores of algorithms over tasks, with bootstrap intervals, as in rliable.
 
-Source of the aggregates, the profile and the probability of improvement: Agarwal, Schwarzer,
-Castro, Courville and Bellemare, "Deep Reinforcement Learning at the Edge of the Statistical
-Precipice", NeurIPS 2021 (arXiv 2108.13264). Their bootstrap is stratified: each resample draws as
-many runs as a task has, with replacement, for each task by itself. The ends of an interval are the
-quantiles 2.5 % and 97.5 % of the resamples. With one run of each task an interval is a point.
+The aggregates, the profile and the probability of improvement follow Agarwal, Schwarzer, Castro,
+Courville and Bellemare, "Deep Reinforcement Learning at the Edge of the Statistical Precipice",
+NeurIPS 2021 (arXiv 2108.13264). The bootstrap is stratified: each resample draws, for each task
+separately, as many runs as the task has, with replacement. An interval ends at the 2.5 % and
+97.5 % quantiles of the resamples. With one run per task an interval is a point.
 
 Scores are an array float64[runs, tasks], or a list of arrays float64[runs], one for each task.
-Tasks may differ in their numbers of runs and still weigh the same: each statistic is that of the
-scores repeated until all tasks have equally many. The score of a run is usually its mean return
-over episodes, `normalised`.
+Tasks may have different numbers of runs and still have equal weight, as if the scores of each task
+were repeated until all tasks have equally many. The score of a run is usually its mean return over
+episodes, `normalised`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .errors import SettingError
 from .fields import Domain, check_value, check_whole
 from .intervals import LEVEL
 
-# So many resamples that the ends of an interval move by about a hundredth of it with the seed.
+# With this many, the ends of an interval vary with the seed by about a hundredth of its length.
 RESAMPLES = 10_000
 ENDS = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
 # The most numbers in an array of resamples.
@@ -39,9 +39,9 @@ class Estimate:
     """A statistic of all scores with its stratified bootstrap interval.
 
     Attributes:
-        value: the statistic of the scores themselves.
-        low: lower end of the 95 % interval.
-        high: its upper end.
+        value: the statistic of the scores.
+        low: the lower end of the 95 % interval.
+        high: the upper end.
     """
 
     value: float
@@ -51,13 +51,13 @@ class Estimate:
 
 @dataclasses.dataclass(frozen=True)
 class Profile:
-    """A performance profile: which share of runs scores above a threshold.
+    """A performance profile: the fraction of runs that score above each threshold.
 
     Attributes:
         taus: float64[points], the thresholds.
         fractions: float64[points], from 0 to 1.
-        low: float64[points], lower end of the 95 % interval at each threshold by itself.
-        high: float64[points], its upper end.
+        low: float64[points], the lower end of the pointwise 95 % interval.
+        high: float64[points], the upper end.
     """
 
     taus: np.ndarray
@@ -67,13 +67,13 @@ class Profile:
 
 
 def normalised(returns: Any, random: float, expert: float) -> np.ndarray:
-    """Returns on a scale where a random player has 0 and an expert 1.
+    """Rescale returns so that a random player scores 0 and an expert 1.
 
     (return - random) / (expert - random)
 
     Args:
-        returns: real numbers of any shape, of one task.
-        random: the return of a player that samples every action uniformly.
+        returns: real numbers of any shape, from one task.
+        random: the return of a player that samples actions uniformly.
         expert: the return of a good player.
 
     Returns:
@@ -86,7 +86,7 @@ def normalised(returns: Any, random: float, expert: float) -> np.ndarray:
     expert = float(check_value("the expert's return", Domain("number"), expert))
     if expert <= random:
         raise SettingError(
-            f"the expert's return must be above the random player's, and is {expert:g} beside "
+            f"the expert's return must be above the random player's, but is {expert:g} against "
             f"{random:g}"
         )
     return (_finite(returns, "returns") - random) / (expert - random)
@@ -95,24 +95,24 @@ def normalised(returns: Any, random: float, expert: float) -> np.ndarray:
 def interquartile_mean(scores: Scores) -> float:
     """The mean of the middle half of all n = runs x tasks scores.
 
-    The lowest and the highest floor(n / 4) scores are left out, as `scipy.stats.trim_mean` with
-    0.25 does. Less moved by outliers than the mean, and less uncertain than the median.
+    Leaves out the lowest and the highest floor(n / 4) scores, as `scipy.stats.trim_mean` does with
+    0.25. Outliers affect it less than the mean, and it has less variance than the median.
     """
     return _of(scores, _interquartile_mean)
 
 
 def mean(scores: Scores) -> float:
-    """The mean over tasks of the mean over the runs of each."""
+    """The mean over tasks of the mean over runs."""
     return _of(scores, _mean)
 
 
 def median(scores: Scores) -> float:
-    """The median over tasks of the mean over the runs of each."""
+    """The median over tasks of the mean over runs."""
     return _of(scores, _median)
 
 
 def optimality_gap(scores: Scores) -> float:
-    """By how much the runs miss a score of 1: 1 - the mean of min(score, 1). Smaller is better."""
+    """How far the runs fall short of a score of 1: 1 - mean of min(score, 1); lower is better."""
     return _of(scores, _optimality_gap)
 
 
@@ -121,15 +121,15 @@ def aggregates(scores: Scores, *, resamples: int = RESAMPLES, seed: int = 0) -> 
 
     Args:
         scores: float64[runs, tasks], or a list of float64[runs], one for each task.
-        resamples: of the bootstrap.
-        seed: of the resamples; the same seed gives the same intervals.
+        resamples: the number of bootstrap resamples.
+        seed: the seed of the resamples.
 
     Returns:
-        By name: `interquartile_mean`, `mean`, `median`, `optimality_gap`; functions of these
-        names in this module say what they are.
+        The estimates by name: `interquartile_mean`, `mean`, `median` and `optimality_gap`; see
+        the functions of these names.
 
     Raises:
-        SettingError: the scores have another form, a task has no run, or a score is not finite.
+        SettingError: the scores have the wrong form, a task has no run, or a score is not finite.
     """
     pool = _Pool(_tasks(scores))
     drawn = [
@@ -144,23 +144,23 @@ def aggregates(scores: Scores, *, resamples: int = RESAMPLES, seed: int = 0) -> 
 
 
 def profile(scores: Scores, taus: Any, *, resamples: int = RESAMPLES, seed: int = 0) -> Profile:
-    """The run-score distribution: the share of runs that score above each threshold.
+    """The run-score distribution: the fraction of runs that score above each threshold.
 
-    The mean over tasks and runs of [score > tau]. The band holds at each threshold by itself, not
-    at all of them at once.
+    This is the mean over tasks and runs of [score > tau]. The band is pointwise: it holds at each
+    threshold separately, not at all of them at once.
 
     Args:
         scores: as in `aggregates`.
         taus: real numbers [points].
-        resamples: of the bootstrap.
+        resamples: as in `aggregates`.
         seed: as in `aggregates`.
 
     Raises:
-        SettingError: as in `aggregates`, or the thresholds are no row of finite numbers.
+        SettingError: as in `aggregates`, or the thresholds are not a list of finite numbers.
     """
     taus = _finite(taus, "taus")
     if taus.ndim != 1:
-        raise SettingError(f"taus must be a row of numbers, not an array of shape {taus.shape}")
+        raise SettingError(f"taus must have one axis, not the shape {taus.shape}")
     pool = _Pool(_tasks(scores))
     above = (pool.values[:, None] > taus) / pool.total
     drawn = np.concatenate([weights @ above for weights in pool.resampled(resamples, seed)])
@@ -171,16 +171,17 @@ def profile(scores: Scores, taus: Any, *, resamples: int = RESAMPLES, seed: int 
 def probability_of_improvement(
     x: Scores, y: Scores, *, resamples: int = RESAMPLES, seed: int = 0
 ) -> Estimate:
-    """The probability that a run of X scores higher than one of Y on a task drawn at random.
+    """The probability that a run of X scores higher than a run of Y on a randomly drawn task.
 
-    The mean over tasks of U / (N K), where U of Mann and Whitney counts the pairs of N runs of X
-    and K of Y in which X scores higher, and a tie as half a pair. Runs of X and Y are resampled
-    independently. Scores need not be `normalised`: only their order within a task counts.
+    This is the mean over tasks of U / (N K), with N runs of X and K runs of Y. The Mann-Whitney
+    statistic U counts the pairs in which X scores higher, and half of the ties. Runs of X and Y
+    are resampled independently. Scores need not be `normalised`, because only their order within a
+    task matters.
 
     Args:
         x: scores of an algorithm, as in `aggregates`.
-        y: scores of another one on the same tasks in the same order.
-        resamples: of the bootstrap.
+        y: scores of another algorithm on the same tasks in the same order.
+        resamples: as in `aggregates`.
         seed: as in `aggregates`.
 
     Raises:
@@ -189,7 +190,7 @@ def probability_of_improvement(
     pairs = _tasks(x), _tasks(y)
     if len(pairs[0]) != len(pairs[1]):
         raise SettingError(
-            f"both algorithms need scores of the same tasks; x has {len(pairs[0])} tasks, and y "
+            f"both algorithms need scores of the same tasks; x has {len(pairs[0])} tasks, but y "
             f"has {len(pairs[1])}"
         )
     rng = _generator(resamples, seed)
@@ -203,14 +204,14 @@ def probability_of_improvement(
 
 
 class _Pool:
-    """All scores together, each with a whole number as its weight.
+    """All scores, each with a whole number as its weight.
 
-    A resample is told by weights too: those of the scores it took, times how often it took them.
+    A resample is a set of weights too: how often it drew each score, times the score's weight.
 
     Attributes:
         values: float64[n], ascending.
-        weights: float64[n]; those of each task add up to the same.
-        total: of all weights.
+        weights: float64[n]; the weights of each task have the same sum.
+        total: the sum of all weights.
         tasks: bool[n, tasks], the task of each score.
     """
 
@@ -236,7 +237,7 @@ class _Pool:
             yield counts * self.weights
 
     def task_means(self, weights: np.ndarray) -> np.ndarray:
-        """The mean of each task [..., tasks]."""
+        """The mean score of each task [..., tasks]."""
         return (weights * self.values) @ self.tasks / (self.total / self.tasks.shape[1])
 
 
@@ -285,10 +286,10 @@ def _tasks(scores: Scores) -> list[np.ndarray]:
             "scores must be an array [runs, tasks], or a list of one array [runs] for each task"
         )
     if not parts:
-        raise SettingError("there are no tasks in the scores")
+        raise SettingError("the scores have no tasks")
     for number, part in enumerate(parts):
         if not len(part):
-            raise SettingError(f"there are no runs of task {number} (from 0) in the scores")
+            raise SettingError(f"task {number} (from 0) has no runs in the scores")
     return [_finite(part, f"scores of task {n} (from 0)") for n, part in enumerate(parts)]
 
 
@@ -300,7 +301,7 @@ def _finite(values: Any, what: str) -> np.ndarray:
     array = array.astype(np.float64)
     if not np.all(np.isfinite(array)):
         wrong = array[~np.isfinite(array)][0]
-        raise SettingError(f"{what} must be finite, and one is {wrong}")
+        raise SettingError(f"{what} must be finite, but one is {wrong}")
     return array
 
 
@@ -311,7 +312,7 @@ def _generator(resamples: int, seed: int) -> np.random.Generator:
 
 
 def _counts(rng: np.random.Generator, runs: int, resamples: int) -> np.ndarray:
-    """How often each of `resamples` resamples takes each run: float64[resamples, runs]."""
+    """How often each resample draws each run: float64[resamples, runs]."""
     return rng.multinomial(runs, np.full(runs, 1 / runs), size=resamples).astype(np.float64)
 
 

@@ -1,4 +1,4 @@
-"""What can be set of an environment, for flags and files alike, and the spec that it makes."""
+"""The options of an environment, shared by flags and config files, and the spec they describe."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .spec import Spec
 from .tasks.first_person import SEEN, SETTINGS, FirstPerson
 from .tasks.steering import HEADING
 
-# Texts that come with a map, in files of their own beside it.
+# Texts that belong to a map and are stored in files beside it.
 MAP_TEXTS = ("regions", "faces")
-# What names an environment.
+# The options that name an environment.
 PLACES = ("env", "map", "map_file", "heading", *MAP_TEXTS)
 
 
 @functools.cache
 def environment_options() -> dict[str, Option]:
-    """Every field that says which environment there is, and how it is seen."""
+    """All options that choose an environment and its observations."""
     text, table = Domain("text"), Domain("table")
     place = (
         ("env", text, "id of the environment, see 'jaxenstein list'"),
@@ -31,17 +31,16 @@ def environment_options() -> dict[str, Option]:
         (
             "map_file",
             text,
-            "a file with a map, instead of an id, or samples/NAME; 'jaxenstein list' explains with "
-            "--symbols the symbols, and prints with --samples those maps",
+            "a file with a map, or samples/NAME, instead of an id; 'jaxenstein list --symbols' "
+            "explains the symbols, 'jaxenstein list --samples' prints the sample maps",
         ),
-        ("heading", HEADING, "first heading on that map, 0 east, 90 south; else any"),
-        ("horizon", Domain("whole", 1), "most steps of an episode"),
-        ("settings", table, "any other setting of jaxenstein.make"),
+        ("heading", HEADING, "first heading on that map, 0 east, 90 south; default any"),
+        ("horizon", Domain("whole", 1), "maximum number of steps of an episode"),
+        ("settings", table, "other settings of jaxenstein.make"),
         (
             "params",
             table,
-            "any number of the environment's params; LOW:HIGH is a range from which each episode "
-            "draws one",
+            "params of the environment; with LOW:HIGH each episode draws a number from that range",
         ),
     )
     fields = [Option(name, "environment", domain, None, help) for name, domain, help in place]
@@ -50,10 +49,10 @@ def environment_options() -> dict[str, Option]:
 
 
 def checked(given: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, Any]:
-    """Values of fields that a file or flags gave, each in its field's own type.
+    """Convert option values from a file or from flags to the types of their fields.
 
     Raises:
-        SettingError: there is no such field, or it cannot have the value.
+        SettingError: an option does not exist, or its value is invalid.
     """
     values = {}
     for name, value in given.items():
@@ -64,9 +63,9 @@ def checked(given: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, 
 
 
 def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Options with others on top, such as those of a file with those of flags.
+    """Merge options; those of `above` win, such as flags over a config file.
 
-    Tables are merged; an environment named above replaces the one below.
+    Tables are merged entry by entry. An environment in `above` replaces the one in `below`.
     """
     gone = PLACES if any(name in above for name in PLACES) else ()
     merged: dict[str, Any] = {name: value for name, value in below.items() if name not in gone}
@@ -80,10 +79,10 @@ def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changed(spec: Spec, given: Mapping[str, Any]) -> Spec:
-    """A spec with some options changed; another environment is seen as the one before was.
+    """Change some options of a spec; a new environment keeps the observation settings.
 
     Raises:
-        JAXensteinError: it cannot be built.
+        JAXensteinError: the environment cannot be built.
     """
     before = given_by(spec)
     if any(name in given for name in PLACES):
@@ -100,18 +99,18 @@ def changed(spec: Spec, given: Mapping[str, Any]) -> Spec:
 
 
 def spec_from(given: Mapping[str, Any]) -> Spec:
-    """How to build the environment that the options name.
+    """The spec of the environment that the options describe.
 
     Raises:
-        JAXensteinError: it cannot be built, or no environment is named.
+        JAXensteinError: the environment cannot be built, or the options name none.
     """
     if ("env" in given) == ("map" in given):
         raise SettingError("give either env or a map, not both")
     if "heading" in given and "map" not in given:
-        raise SettingError("heading goes with a map (--map-file); an env has headings of its own")
+        raise SettingError("heading needs a map (--map-file); an env has its own headings")
     for name in MAP_TEXTS:
         if name in given and "map" not in given:
-            raise SettingError(f"{name} goes with a map; an env has a map of its own")
+            raise SettingError(f"{name} needs a map; an env has its own")
     settings = {name: given[name] for name in SEEN if name in given}
     settings |= {name: as_tuples(v) for name, v in (given.get("settings") or {}).items()}
     params = {name: as_tuples(value) for name, value in (given.get("params") or {}).items()}
@@ -129,25 +128,25 @@ def spec_from(given: Mapping[str, Any]) -> Spec:
     _check_params(params, env, defaults)
     spec = dataclasses.replace(spec, params=params, version=env.version)
     spec.build()
-    # An id may have been an alias, or known to this process alone.
+    # The id may be an alias, or registered only in this process.
     id = None if spec.id is None else registry.portable_id(spec.id)
     return dataclasses.replace(spec, id=id)
 
 
 def _check_params(params: Mapping[str, Any], env: Any, defaults: Any) -> None:
-    """Tell params that there are not, settings among them."""
+    """Raise for params that do not exist, with a hint if they are settings."""
     numbers, settings = names_of(defaults), names_of(env)
     for name, value in params.items():
         if name not in numbers and name in settings:
             raise SettingError(
-                f"{quoted(name)} is a setting, not a param: --set {name}={value}, or 'settings' of "
-                "a file"
+                f"{quoted(name)} is a setting, not a param: use --set {name}={value}, or "
+                "'settings' in a file"
             )
     check_names(params, numbers, "param")
 
 
 def given_by(spec: Spec) -> dict[str, Any]:
-    """The options that `spec_from` makes a spec of."""
+    """The options from which `spec_from` makes this spec."""
     settings = dict(spec.settings)
     given: dict[str, Any] = {"env": spec.id}
     if spec.id is None:

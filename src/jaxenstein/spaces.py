@@ -1,4 +1,4 @@
-"""Spaces: what actions and observations look like, in the terms of Gymnasium."""
+"""Action and observation spaces, named as in Gymnasium."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Discrete:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The empty shape."""
+        """The shape of a value: ()."""
         return ()
 
     @property
@@ -37,7 +37,7 @@ class Discrete:
         return jax.random.randint(key, (), 0, self.n, jnp.int32)
 
     def contains(self, value: Any) -> bool:
-        """Whether a concrete value lies in the space."""
+        """Whether a concrete value is in the space."""
         array = np.asarray(value)
         return array.shape == () and array.dtype.kind in "iu" and 0 <= int(array) < self.n
 
@@ -60,7 +60,7 @@ class Box:
     dtype: np.dtype = dataclasses.field(default_factory=lambda: np.dtype(np.float32))
 
     def sample(self, key: jax.Array) -> jax.Array:
-        """Sample uniformly between the bounds; with infinite bounds from [-1, 1] around zero."""
+        """Sample uniformly between the bounds, or from [-1, 1] if the bounds are infinite."""
         if np.issubdtype(self.dtype, np.integer):
             return jax.random.randint(key, self.shape, int(self.low), int(self.high) + 1).astype(
                 self.dtype
@@ -70,7 +70,7 @@ class Box:
         return jax.random.uniform(key, self.shape, self.dtype, low, high)
 
     def contains(self, value: Any) -> bool:
-        """Whether a concrete value lies in the space."""
+        """Whether a concrete value is in the space."""
         array = np.asarray(value)
         if array.shape != self.shape or array.dtype != self.dtype:
             return False
@@ -84,11 +84,11 @@ class Dict:
     spaces: Mapping[str, Discrete | Box]
 
     def __hash__(self) -> int:
-        """Of the entries, whatever their order."""
+        """The hash of the entries in any order."""
         return hash(frozenset(self.spaces.items()))
 
     def sample(self, key: jax.Array) -> dict[str, jax.Array]:
-        """Sample each entry by itself."""
+        """Sample each entry independently."""
         keys = jax.random.split(key, len(self.spaces))
         return {
             name: space.sample(k)
@@ -96,7 +96,7 @@ class Dict:
         }
 
     def contains(self, value: Any) -> bool:
-        """Whether a concrete value lies in the space."""
+        """Whether a concrete value is in the space."""
         if not isinstance(value, Mapping) or set(value) != set(self.spaces):
             return False
         return all(space.contains(value[name]) for name, space in self.spaces.items())

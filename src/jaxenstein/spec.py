@@ -1,4 +1,4 @@
-"""The description from which an environment is built again, by `make` or by `from_ascii`."""
+"""A description from which `make` or `from_ascii` can rebuild an environment."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from . import registry, text_maps
+from . import drawing, registry, text_maps
 from .environment import AnyEnvironment
 from .errors import (
     JAXensteinError,
@@ -25,24 +25,24 @@ from .errors import (
 )
 from .fields import Domain, as_tuples, check_value, names_of
 from .images import Images
-from .params import Range, split_ranges, with_numbers
+from .params import Range, split_ranges
 from .tasks.first_person import RESETTING, SEEN
 from .tasks.navigation import Navigation
 
-# The texts of a custom map, which files hold line by line.
+# The texts of a custom map; files store them as lists of lines.
 TEXTS = ("text", "faces")
 
 
 @dataclasses.dataclass(frozen=True)
 class Spec:
-    """The description from which an environment and its params are built again.
+    """A description from which an environment and its params can be rebuilt.
 
     Attributes:
-        id: what `make` takes, or None for a custom map.
-        version: that the environment had.
-        settings: the settings of `make`, or those of `from_ascii`, `text` among them.
-        params: the params that are not the default ones, by name; a range (low, high) where each
-            episode draws its number. Files have a list for it.
+        id: the id for `make`, or None for a custom map.
+        version: the version of the environment.
+        settings: the settings of `make` or `from_ascii`, including `text` for the latter.
+        params: the params that differ from their defaults, by name. A range (low, high) means
+            that each episode draws a number; in files it is a list.
     """
 
     id: str | None
@@ -50,11 +50,16 @@ class Spec:
     settings: Mapping[str, Any]
     params: Mapping[str, bool | int | float | tuple[float, float]]
 
+    @property
+    def ranges(self) -> dict[str, Range]:
+        """The params from whose ranges each episode draws a number."""
+        return {name: Range(*ends) for name, ends in self.params.items() if isinstance(ends, tuple)}
+
     def to_json(self) -> dict[str, Any]:
-        """As plain JSON values, which `from_json` reads.
+        """Convert to plain JSON values, which `from_json` reads.
 
         Raises:
-            SettingError: a setting is none.
+            SettingError: a setting has no JSON form.
         """
         plain = {
             "id": self.id,
@@ -71,16 +76,16 @@ class Spec:
 
     @classmethod
     def from_json(cls, plain: Any) -> Spec:
-        """What `to_json` returned, from a file that anybody may have edited; nothing is built.
+        """Read the output of `to_json` from an untrusted file; builds nothing.
 
         Raises:
-            SettingError: it is something else.
+            SettingError: the value is not such an output.
         """
         if not isinstance(plain, dict) or set(plain) != set(names_of(cls)):
             raise SettingError(f"'environment' must be an object of {', '.join(names_of(cls))}")
         id = plain["id"]
         if id is not None and not (isinstance(id, str) and id.isprintable()):
-            raise SettingError(f"'environment.id' must be a text of one line, not {quoted(id)}")
+            raise SettingError(f"'environment.id' must be one line of text, not {quoted(id)}")
         check_value("'environment.version'", Domain("whole", 0), plain["version"])
         for table in ("settings", "params"):
             check_value(f"'environment.{table}'", Domain("table"), plain[table])
@@ -98,7 +103,7 @@ class Spec:
         """The environment, without automatic resets, and its params, which may hold ranges.
 
         Args:
-            warn: of what is odd about the map; its author has been warned.
+            warn: whether to show warnings about the map. By default its author saw them.
 
         Raises:
             JAXensteinError: an id, setting or param does not exist or has a wrong value.
@@ -111,13 +116,12 @@ class Spec:
                 env, params = registry.make_with(self.id, settings)
             else:
                 env, params = text_maps.from_ascii(**settings)
-        plain, ranges = split_ranges(params.replace(**self.params))
-        return env, with_numbers(env.check_params(plain), ranges)
+        return env, drawing.check_params(env, params.replace(**self.params))
 
     def try_out(self) -> tuple[AnyEnvironment, Any]:
-        """As `build`, for a spec of an untrusted file: looks at the values of all settings.
+        """As `build`, for a spec from an untrusted file: also checks the values of all settings.
 
-        A reset is traced; nothing is compiled.
+        Traces a reset but compiles nothing.
 
         Raises:
             JAXensteinError: an id, setting or param does not exist or has a wrong value.
@@ -133,23 +137,18 @@ class Spec:
 
 
 def _refuse(value: Any) -> Any:
-    """Tell what is no value of JSON."""
+    """Raise for a value that JSON does not have."""
     if isinstance(value, Images):
-        raise TypeError("textures are arrays; keep them as files, and give their folder")
+        raise TypeError("textures are arrays; save them as images in a folder, and give its path")
     raise TypeError(f"{quoted(value)} is a {type(value).__name__}")
 
 
-def ranges_of(spec: Spec) -> dict[str, Range]:
-    """The params from whose ranges each episode draws a number."""
-    return {name: Range(*ends) for name, ends in spec.params.items() if isinstance(ends, tuple)}
-
-
 def spec_of(env: AnyEnvironment, params: Any) -> Spec:
-    """How an environment and its params can be built again.
+    """The spec that rebuilds an environment and its params.
 
     Raises:
         TrajectoryError: neither `make` nor `from_ascii` builds this environment, or the params
-            are not those of one environment.
+            have a batch axis.
     """
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
     changes = _changed(env, params)
@@ -162,16 +161,16 @@ def spec_of(env: AnyEnvironment, params: Any) -> Spec:
         if built == env:
             return dataclasses.replace(spec, params=changes)
     raise TrajectoryError(
-        f"the environment {quoted(env.name)} cannot be kept in a trajectory: neither make nor "
-        "from_ascii builds one that is equal to it"
+        f"the environment {quoted(env.name)} cannot be saved in a trajectory: neither make nor "
+        "from_ascii builds an equal environment"
     )
 
 
 def described(env: AnyEnvironment, params: Any) -> Spec:
-    """As `spec_of`; an environment that has no id is told by `module:Class` and its settings.
+    """As `spec_of`, but describes an environment without an id by `module:Class` and settings.
 
     Raises:
-        TrajectoryError: the params are not those of one environment.
+        TrajectoryError: the params have a batch axis.
     """
     changes = _changed(env, params)
     try:
@@ -188,7 +187,7 @@ def described(env: AnyEnvironment, params: Any) -> Spec:
 
 
 def _candidates(env: Any) -> list[tuple[str | None, dict[str, Any]]]:
-    """The ids and settings that the environment may have been built from."""
+    """Ids and settings from which the environment may have been built."""
     fields = {field.name: as_tuples(getattr(env, field.name)) for field in dataclasses.fields(env)}
     found: list[tuple[str | None, dict[str, Any]]] = []
     with contextlib.suppress(UnknownEnvironmentError):
@@ -212,7 +211,7 @@ def _changed(env: AnyEnvironment, params: Any) -> dict[str, Any]:
         value, other = (np.asarray(getattr(numbers, field.name)) for numbers in (given, usual))
         if value.shape != ():
             raise TrajectoryError(
-                f"param {quoted(field.name)} has the shape {value.shape}, not one value"
+                f"param {quoted(field.name)} must be a single value, not of shape {value.shape}"
             )
         if field.name in ranges:
             changes[field.name] = tuple(ranges[field.name])

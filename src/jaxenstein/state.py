@@ -1,4 +1,4 @@
-"""States, the outcome of a step, and one action held for several steps of the world."""
+"""States, the outcome of a step, and actions repeated over several world steps."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Info = dict[str, Any]
 
 
 class State(PyTreeNode):
-    """What every state has; `init_state` leaves the last four to the base.
+    """The base of all states; a task's `init_state` leaves the last four fields to the base class.
 
     Attributes:
         position: float32[2], (x, y) in tiles: x along a row of the map, y down the rows.
         heading: float32[], radians in [0, 2 pi), 0 along +x, growing clockwise on the map.
-        time: int32[], steps since the reset.
+        time: int32[], world steps since the reset.
         episode_return: float32[], undiscounted sum of rewards since the reset.
-        done: bool[], whether the last step ended the episode. `step` with `"same-step"` resets
-            never shows a state where it is true.
-        look: uint32[], the seed of how the world looks in this episode; None where that does not
+        done: bool[], whether the last step ended the episode. With `"same-step"` resets, `step`
+            never returns a state in which it is true.
+        look: uint32[], the seed of the textures and colours of this episode; None if they do not
             vary.
     """
 
@@ -45,15 +45,15 @@ Advanced = tuple[S, jax.Array, jax.Array, Info]
 
 
 class Outcome(NamedTuple, Generic[S]):
-    """What an action led to, without an observation of it.
+    """The outcome of an action, without an observation.
 
     Attributes:
-        state: the state to act in next: a first state where the step reset.
-        final: the state that the action led to, before a reset.
+        state: the state to act in next; after a reset, the first state of an episode.
+        final: the state that the action led to, before any reset.
         reward: float32[].
-        terminated: bool[], the task's own end.
-        truncated: bool[], the time limit.
-        info: as of `Environment.step`, without observations.
+        terminated: bool[], whether the task ended the episode.
+        truncated: bool[], whether the time limit ended the episode.
+        info: as in `Environment.step`, without observations.
     """
 
     state: S
@@ -67,14 +67,14 @@ class Outcome(NamedTuple, Generic[S]):
 def repeated(
     once: Callable[..., Advanced[S]], count: int, key: jax.Array, state: S, *given: Any
 ) -> Advanced[S]:
-    """Take `count` steps of the world, fewer where the episode ends: rewards and events add up.
+    """Take `count` world steps, or fewer if the episode ends; add up rewards and events.
 
     Args:
-        once: a function of key, state and `given`: one step of the world.
-        count: at least 1; from 2 on each step has a key of its own.
-        key: of all of them.
-        state: to begin with.
-        *given: the same for each of them.
+        once: takes one world step; a function of key, state and `given`.
+        count: at least 1; with 2 or more, the key is split into one key per step.
+        key: the random key of all steps.
+        state: the state to start from.
+        *given: further arguments, the same for each step.
     """
     if count == 1:
         return once(key, state, *given)
@@ -85,14 +85,14 @@ def repeated(
     def step(carry: Any, key: jax.Array) -> tuple[Any, None]:
         over, state, reward, _, events = carry
         after, more, terminated, happened = once(key, state, *given)
-        # A bool of two events tells of either, a number of both.
+        # Combine the events of two steps: logical or for bools, sums for numbers.
         events = jax.tree.map(jnp.add, events, happened)
         new = after.done, after, reward + more, terminated, events
         return select(over, carry, new), None
 
     keys = jax.random.split(key, count)
     shapes = jax.eval_shape(once, keys[0], state, *given)
-    # Where the episode is over already, it goes on for one step, as everywhere.
+    # If the episode has already ended, take one step, as `Environment.step` does.
     start = jnp.bool_(False), state, *jax.tree.map(nothing, shapes[1:])
     start = varying(start, key, state, *given)
     return jax.lax.scan(step, start, keys)[0][1:]

@@ -1,13 +1,13 @@
-"""The benchmark: a fixed list of tasks, how agents train on them, and how they are compared.
+"""The benchmark: a fixed list of tasks, and how agents are trained and compared on them.
 
-The page "Benchmark" of the documentation has the protocol, and the reasons for each choice.
+The "Benchmark" page of the documentation has the protocol.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +17,13 @@ from .fields import Domain, check_value
 
 if TYPE_CHECKING:
     from .environment import AnyEnvironment
+    from .results import Results
     from .spec import Spec
 
 VERSION = 1
-"""Grows when a task, a budget or a reference return changes: only equal versions compare."""
+"""Increases when a task, a budget or a reference return changes; compare only equal versions."""
 SEEDS, EPISODES = 5, 100
-"""Training seeds of an algorithm, and test episodes of each agent; actions are sampled."""
+"""Training seeds per algorithm, and test episodes per agent; actions are sampled."""
 REFERENCES = Path(__file__).with_name("suite_references.json")
 """Written by `python -m docs.measured suite`."""
 
@@ -32,13 +33,13 @@ class Task:
     """A task of the benchmark.
 
     Attributes:
-        id: of the environment.
-        version: of the environment.
-        ability: what the task tests.
-        reason: why the task is in the benchmark, in a sentence.
-        frame_skip: steps of the world in one decision.
-        small: rows and columns of an image of the small suite.
-        split: whether agents train on one part of the levels and are tested on the other.
+        id: the id of the environment.
+        version: the version of the environment.
+        ability: the ability that the task tests.
+        reason: why the task is in the benchmark, in one sentence.
+        frame_skip: world steps per decision.
+        small: rows and columns of an image in the small suite.
+        split: whether agents train on one set of levels and are tested on another.
     """
 
     id: str
@@ -55,9 +56,9 @@ class Suite:
     """A size of the benchmark; both sizes have the same tasks.
 
     Attributes:
-        name: "small", for a core of a processor, or "large", for an accelerator.
-        total_steps: decisions of an agent's training, for each task.
-        image: rows and columns of every image, or None for those of `Task.small`.
+        name: "small", for one CPU core, or "large", for an accelerator.
+        total_steps: decisions per training run on each task.
+        image: rows and columns of all images, or None to use `Task.small`.
     """
 
     name: str
@@ -65,11 +66,11 @@ class Suite:
     image: tuple[int, int] | None
 
     def options(self, task: Task, *, test: bool = False) -> dict[str, Any]:
-        """The options of a task's environment, by their names in configuration files.
+        """The options of a task's environment, by their names in config files.
 
         Args:
             task: one of `TASKS`.
-            test: whether the agent is tested, not trained.
+            test: True for testing an agent, False for training it.
         """
         height, width = self.image or task.small
         options = {
@@ -83,7 +84,7 @@ class Suite:
         return options
 
     def spec(self, task: Task, *, test: bool = False) -> Spec:
-        """The spec of a task's environment; arguments as in `options`."""
+        """The spec of a task's environment; the arguments are those of `options`."""
         from .settings import spec_from
 
         return spec_from(self.options(task, test=test))
@@ -171,29 +172,29 @@ SUITES: Mapping[str, Suite] = {
 
 
 def suite_of(name: str) -> Suite:
-    """The suite of a name.
+    """Look up a suite by name.
 
     Raises:
-        SettingError: there is no suite of this name.
+        SettingError: the suite does not exist.
     """
     check_value("suite", Domain("choice", choices=tuple(SUITES)), name)
     return SUITES[name]
 
 
 def make(id: str, suite: str = "small", *, test: bool = False) -> tuple[AnyEnvironment, Any]:
-    """Make the environment of a task as the benchmark fixes it.
+    """Make the environment of a benchmark task.
 
     Args:
-        id: of a task, such as "t-maze".
+        id: the id of a task, such as "t-maze".
         suite: "small" or "large".
-        test: whether the agent is tested, not trained: tasks of generalisation then have levels
-            that training never draws.
+        test: True for testing an agent, False for training it. Tasks that test generalisation
+            then use levels that never occur in training.
 
     Returns:
         The environment, without automatic resets, and its params.
 
     Raises:
-        SettingError: there is no such task or suite.
+        SettingError: the task or suite does not exist.
 
     Examples:
         >>> from jaxenstein import suite
@@ -205,15 +206,16 @@ def make(id: str, suite: str = "small", *, test: bool = False) -> tuple[AnyEnvir
 
 
 def task_of(id: str) -> Task:
-    """The task of an id.
+    """Look up a task by its id.
 
     Raises:
-        SettingError: no task has this id.
+        SettingError: the task does not exist.
     """
     tasks = {task.id: task for task in TASKS}
     if id not in tasks:
         raise SettingError(
-            f"the benchmark has no task {quoted(id)}{nearest(id, tasks)}; it has {', '.join(tasks)}"
+            f"the benchmark has no task {quoted(id)}{nearest(id, tasks)}; its tasks are "
+            f"{', '.join(tasks)}"
         )
     return tasks[id]
 
@@ -224,35 +226,46 @@ def references() -> dict[str, Reference]:
 
 
 def reference_rows() -> dict[str, dict[str, Any]]:
-    """As `references`, with their standard errors, episodes, and the names of the experts."""
+    """As `references`, with standard errors, numbers of episodes, and names of the experts."""
     return json.loads(REFERENCES.read_text("utf-8"))
 
 
 def check_compared(compared: Compared, suite: str) -> Compared:
-    """Check that results are those of the benchmark, and put the tasks in its order.
+    """Check that results follow the benchmark, and sort the tasks in its order.
 
     Args:
-        compared: as `jaxenstein.comparison.gather` returns it.
+        compared: as returned by `jaxenstein.comparison.gather`.
         suite: "small" or "large".
 
     Raises:
-        SettingError: a task is missing, is not in the benchmark, or has another version, setting
-            or param.
+        SettingError: a task is missing, does not belong to the benchmark, or has another version,
+            setting or param.
     """
     chosen = suite_of(suite)
     ordered: Compared = {}
     for policy, mine in compared.items():
         if missing := [task.id for task in TASKS if task.id not in mine]:
             raise SettingError(
-                f"{policy} has no results of {', '.join(missing)}: a score of the benchmark needs "
-                "all tasks; give --reference FILE to score a part of them"
+                f"{policy} has no results for {', '.join(missing)}: a benchmark score needs all "
+                "tasks; to score some of them, give --reference FILE"
             )
         for id, results in mine.items():
             spec = chosen.spec(task_of(id), test=True)
             if fault := difference(spec, results.environment):
                 raise SettingError(
-                    f"{policy} on {id}: {fault[0]} is {fault[2]}, and {fault[1]} in the {suite} "
-                    f"suite; jaxenstein.suite.make({id!r}, {suite!r}, test=True) makes it"
+                    f"{policy} on {id}: {fault[0]} is {fault[2]}, but must be {fault[1]} in the "
+                    f"{suite} suite; use jaxenstein.suite.make({id!r}, {suite!r}, test=True)"
                 )
         ordered[policy] = {task.id: mine[task.id] for task in TASKS}
     return ordered
+
+
+def departures(results: Iterable[Results]) -> list[str]:
+    """How the results of a policy depart from the protocol, in words; empty if they do not."""
+    rows = list(results)
+    runs, episodes = (min(row.returns.shape[axis] for row in rows) for axis in (0, 1))
+    counts = (runs, SEEDS, "training seeds"), (episodes, EPISODES, "test episodes")
+    found = [f"{have} {name} instead of {wanted}" for have, wanted, name in counts if have < wanted]
+    if any(row.actions == "greedy" for row in rows):
+        found.append("greedy actions instead of sampled ones")
+    return found

@@ -1,4 +1,4 @@
-"""Environments from the user's own maps, as text or in files."""
+"""Environments from your own maps, as text or in files."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ if TYPE_CHECKING:
 
 
 def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams]:
-    r"""Build a navigation environment from a map in ASCII characters.
+    r"""Build a navigation environment from an ASCII map.
 
     Args:
-        text: the map, one line a row of tiles; `jaxenstein list --symbols` prints the symbols.
-            It needs at least one spawn `S` and one goal `G`, since the task is to reach a goal.
-            For your own task without a goal use
+        text: the map, one line per row of tiles; `jaxenstein list --symbols` prints the symbols.
+            It needs at least one spawn `S` and one goal `G`, because the task is to reach a goal.
+            For your own task without a goal, use
             `jaxenstein.maps.parse_ascii(text, goal_required=False)`.
-        **settings: those of `make`, and `name`; `heading`, degrees of the first heading: None
-            for any, a number, or (lowest, highest); `regions`, a second text of the same shape
-            that gives floor cells the symbol of the walls around them, or `faces`, one that says
-            what each face of a wall shows; `floor` and `ceiling`, RGB colours.
+        **settings: the settings of `make`, and: `name`; `heading`, the first heading in degrees:
+            None for any, a number, or (lowest, highest); `regions`, a second text of the same
+            shape that gives floor cells the symbol of the walls around them, or `faces`, a text
+            that sets the look of each wall face; `floor` and `ceiling`, RGB colours.
 
     Returns:
-        The environment and its default params (1000 steps in an episode, discount 0.99).
+        The environment and its default params (1000 steps per episode, discount 0.99).
 
     Raises:
-        MapError: with the line and column of what is wrong with the map.
-        SettingError: there is no such setting, or its value is out of range.
+        MapError: the map is invalid; the message names line and column.
+        SettingError: a setting does not exist, or its value is out of range.
 
     Examples:
         >>> import jax
@@ -48,37 +48,37 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
         return _from_texts(text, settings)
     except MapError as error:
         if isinstance(text, Path) or (isinstance(text, str) and re.fullmatch(r"[^#]+\.\w+", text)):
-            hint = f"; if {quoted(str(text))} is the name of a file: from_file reads one"
+            hint = f"; if {quoted(str(text))} is a file name, use from_file to read it"
             raise MapError(f"{error}{hint}") from error
         raise
 
 
 def from_file(path: str | Path, **settings: Any) -> tuple[Navigation, NavigationParams]:
-    """Build a navigation environment from the file of a map in ASCII characters.
+    """Build a navigation environment from a file with an ASCII map.
 
     Args:
-        path: the map. Of `maze.txt`, `maze.regions.txt` or `maze.faces.txt` beside it says how
-            the walls look.
-        **settings: those of `from_ascii`; the `name` is by default that of the file.
+        path: the map. Beside `maze.txt`, the file `maze.regions.txt` or `maze.faces.txt` sets
+            the look of the walls.
+        **settings: the settings of `from_ascii`; `name` defaults to the file name.
 
     Returns:
         As `from_ascii`.
 
     Raises:
-        MapError: a file cannot be read, or is no map.
-        SettingError: there is no such setting, or its value is out of range.
+        MapError: a file cannot be read, or is not a valid map.
+        SettingError: a setting does not exist, or its value is out of range.
     """
     from .maps.map_files import read_map
 
     if not isinstance(path, str | Path):
-        raise MapError(f"a file's name is a str or a Path, not {type(path).__name__}")
+        raise MapError(f"a file name must be a str or a Path, not {type(path).__name__}")
     path = Path(path)
     texts = read_map(path)
     return _from_texts(texts.pop("text"), {"name": path.stem, **texts, **settings})
 
 
 def _from_texts(text: str, settings: dict[str, Any]) -> tuple[Navigation, NavigationParams]:
-    """As `from_ascii`; warnings name the line of the caller's caller."""
+    """As `from_ascii`; warnings point at the caller's caller."""
     from .maps.ascii import parse_ascii
     from .tasks.first_person import SETTINGS
     from .tasks.goals import NavigationParams

@@ -1,8 +1,9 @@
-"""Trajectories: what it takes to play an episode again, and to tell whether it is the same.
+"""Trajectories: the data to replay an episode and to check that the replay is identical.
 
-A file holds no picture: it is small JSON with what the environment is built from, the seed, the
-actions, and digests of every state and observation. Its entries bear the names of the attributes
-below; actions and rewards are runs of [value, how often], the texts of a map lists of lines.
+A file holds no images. It is a small JSON file with the description of the environment, the seed,
+the actions, and digests of all states and observations. Its entries have the names of the
+attributes below. Actions and rewards are stored as runs of [value, count], map texts as lists of
+lines.
 """
 
 from __future__ import annotations
@@ -20,21 +21,21 @@ from .spec import TEXTS, Spec
 
 FORMAT = "jaxenstein-trajectory"
 FORMAT_VERSION = 1
-# Digests in a file are at most so many, each of so many hexadecimal digits of a SHA-256.
+# The most digests in a file, and the hexadecimal digits kept of each SHA-256.
 MOST_DIGESTS, DIGITS = 64, 16
 
 
 @dataclasses.dataclass(frozen=True)
 class Checks:
-    """What came of the actions, for comparing; T steps make T + 1 states.
+    """The outcome of the actions, for comparison; T steps give T + 1 states.
 
     Attributes:
-        rewards: of each step, exactly.
-        terminated: whether the last step ended the task.
+        rewards: the exact reward of each step.
+        terminated: whether the last step terminated the episode.
         truncated: whether the time limit was reached.
-        every: how many states, and as many observations, each digest covers; the last one may
-            cover fewer.
-        states: digests of the states, from the reset on.
+        every: the number of states, and of observations, that each digest covers; the last
+            digest may cover fewer.
+        states: digests of the states, starting at the reset.
         observations: digests of the observations.
     """
 
@@ -46,7 +47,7 @@ class Checks:
     observations: tuple[str, ...]
 
     def differences(self, others: Checks) -> tuple[str, ...]:
-        """What differs in another run of the same actions, in words with the first steps."""
+        """How another run of the same actions differs, in words that name the first steps."""
         found = []
         for step, (one, other) in enumerate(zip(self.rewards, others.rewards, strict=True), 1):
             if one != other:
@@ -73,13 +74,13 @@ class Checks:
 
 @dataclasses.dataclass(frozen=True)
 class Trajectory:
-    """An episode as seed and actions.
+    """An episode as a seed and actions.
 
     Attributes:
-        environment: what the environment and its params are built from.
-        seed: of the `Session`, 0 to 2**32 - 1.
-        actions: of each step; -1 does nothing.
-        checks: what came of it.
+        environment: the spec of the environment and its params.
+        seed: the seed of the `Session`, 0 to 2**32 - 1.
+        actions: the action of each step; -1 does nothing.
+        checks: the outcome.
         made_by: versions of this package, JAX, numpy and Python, and the hardware.
     """
 
@@ -90,11 +91,11 @@ class Trajectory:
     made_by: Mapping[str, str]
 
     def save(self, path: str | Path) -> None:
-        """Write the file, whole or not at all.
+        """Write the file atomically.
 
         Raises:
             SettingError: `path` does not end in .json.
-            OutputError: it cannot be written.
+            OutputError: the file cannot be written.
         """
         check_trajectory(path)
         with atomic(path) as temporary:
@@ -102,11 +103,11 @@ class Trajectory:
 
 
 def check_trajectory(path: str | Path) -> None:
-    """Find out early whether a trajectory can be written at `path`.
+    """Check early whether a trajectory can be written to `path`.
 
     Raises:
-        SettingError: it does not end in .json.
-        OutputError: its folder is missing or cannot be written to.
+        SettingError: `path` does not end in .json.
+        OutputError: its folder does not exist or is not writable.
     """
     if Path(path).suffix.lower() != ".json":
         raise SettingError(f"{path} should end in .json")
@@ -114,7 +115,7 @@ def check_trajectory(path: str | Path) -> None:
 
 
 def to_text(trajectory: Trajectory) -> str:
-    """The content of a trajectory's file."""
+    """The content of a trajectory file."""
     spec, checks = trajectory.environment, trajectory.checks
     texts = TEXTS if spec.id is None else ()
     settings = {
@@ -139,10 +140,10 @@ def _dumps(value: Any) -> str:
 
 
 def digest_spacing(states: int) -> int:
-    """How many of an episode's states each digest covers, for no more than `MOST_DIGESTS`."""
+    """The number of states per digest, so that there are at most `MOST_DIGESTS` digests."""
     return -(-states // MOST_DIGESTS)
 
 
 def runs(values: Iterable[Any]) -> list[list[Any]]:
-    """Values as [value, how often] each, for as long as they repeat."""
+    """Run-length encode values as [value, count] pairs."""
     return [[value, len(list(group))] for value, group in itertools.groupby(values)]

@@ -46,6 +46,6 @@ for mode, given in modes:
     assert ended > 0
 mixed = far.replace(discount=jax.device_put(np.float32(0.5), jax.devices()[0]))
 Batch(env, mixed, COUNT, spread=False).reset(0)
-with pytest.raises(jaxenstein.SettingError, match="used already"):
+with pytest.raises(jaxenstein.SettingError, match="already in use"):
     jaxenstein.use_cores(1)
 print("equal")

@@ -1,4 +1,4 @@
-"""The smallest task that has everything: a corridor of three tiles, for the tests of adapters."""
+"""The smallest complete task, a corridor of three tiles, for the tests of adapters."""
 
 from __future__ import annotations
 

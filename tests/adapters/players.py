@@ -182,14 +182,14 @@ class StoaPlayer(Player):
 
 
 STREAMS = (BatchPlayer, TorchPlayer, SB3Player, VectorPlayer, SinglePlayer)
-"""Those that keep a random stream for each environment."""
+"""Adapters that keep a random stream for each environment."""
 FUNCTIONS = (GymnaxPlayer, StoaPlayer)
-"""Those that are functions of keys and states."""
+"""Adapters that are functions of keys and states."""
 PLAYERS = (*STREAMS, *FUNCTIONS)
-"""All of them."""
+"""All adapters."""
 MASKED = (BatchPlayer, TorchPlayer, VectorPlayer)
-"""Those that reset some of their environments, and take a seed for each."""
+"""Adapters that can reset some of their environments, and take a seed for each."""
 STRICT = (VectorPlayer, SinglePlayer)
-"""Those that refuse actions outside of the action space, which do nothing in the others."""
+"""Adapters that refuse actions outside the action space; in others, these do nothing."""
 BY_ID = (SB3Player, *STRICT)
-"""Those that are also made by an id and settings."""
+"""Adapters that can also be made from an id and settings."""

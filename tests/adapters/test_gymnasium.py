@@ -116,7 +116,7 @@ def test_every_id_is_made_with_its_spaces(id: str) -> None:
 
 
 def test_warnings_of_gymnasium_are_seen() -> None:
-    """Otherwise the checks above would pass whatever they find."""
+    """Makes sure that the checks above can fail."""
     env = gymnasium.make("jaxenstein/simple-v0", **SMALL)
     env.reset()
     with pytest.warns(UserWarning, match="without a render mode"):
@@ -166,7 +166,7 @@ def test_the_time_limit_is_the_environments(made: Any) -> None:
 def test_stepping_out_of_order(made: Any) -> None:
     native, params = made
     env = adapter.GymnasiumEnv(native, params.replace(max_steps_in_episode=1))
-    with pytest.raises(gymnasium.error.ResetNeeded, match="has not begun"):
+    with pytest.raises(gymnasium.error.ResetNeeded, match="has not started"):
         env.step(0)
     env.reset()
     assert env.step(0)[3]

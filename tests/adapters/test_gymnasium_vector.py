@@ -216,7 +216,7 @@ def test_stepping_out_of_order(made: Any) -> None:
     with pytest.raises(gymnasium.error.ResetNeeded, match="call reset"):
         envs.render()
     envs.reset(seed=1)
-    with pytest.raises(jaxenstein.SettingError, match=r"mask.* must be True for one"):
+    with pytest.raises(jaxenstein.SettingError, match=r"mask.* must be True for at least one"):
         envs.reset(options={"reset_mask": np.zeros(COUNT, bool)})
     envs.step(idle)
     envs.reset(options={"reset_mask": np.arange(COUNT) == 1})

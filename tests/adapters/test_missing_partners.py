@@ -1,4 +1,4 @@
-"""What needs no partner: the error for a missing one."""
+"""The errors for missing packages."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def compare(env, params, algo, **settings):
     alone, expected = learner.train_chunk(state, numbers, 2)
     state = place(state, config)
     program = learner._train.lower(state, numbers, number=2).compile()
-    # Bytes are frames: none may go from one device to another.
+    # Byte arrays are frames, which must not move between devices.
     moved = [line for line in str(program.as_text()).splitlines() if MOVES.search(line)]
     assert moved
     assert not [line for line in moved if "u8[" in line]

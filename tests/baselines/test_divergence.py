@@ -17,7 +17,7 @@ from jaxenstein.baselines.state import TrainState
 from tests.baselines.worlds import OWN, SMALL, Countdown
 
 STEADY = SMALL | {"anneal": False}
-SLOW = [pytest.param(algo, marks=pytest.mark.slow) for algo in ("rnd", "icm")]
+BONUSES = [pytest.param(algo, marks=pytest.mark.variant) for algo in ("rnd", "icm", "e3b")]
 HUGE = 1e38
 
 
@@ -35,7 +35,7 @@ def learner_of(algo: str, **settings: Any) -> Learner:
     return Learner(env, env.default_params, config)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "e3b", *SLOW])
+@pytest.mark.parametrize("algo", ["ppo", *BONUSES])
 def test_one_run_stops_and_the_other_goes_on_bit_for_bit(algo: str) -> None:
     many = learner_of(algo).many
     rate = "learning_rate" if algo == "ppo" else "bonus_learning_rate"
@@ -108,7 +108,7 @@ def state_of(value: float, params: float, bonus: float, diverged: int = 0) -> Tr
         ({"loss": 3.0}, np.nan, 1, 4, "parameters were"),
         ({"loss": 3.0}, 1, np.inf, 4, "parameters were"),
         ({"loss": np.nan, "gradient_norm": np.nan}, np.inf, 1, 7, "loss, gradient and parameters"),
-        # Other metrics may be what they like.
+        # Other metrics need not be finite.
         ({"loss": 3.0, "kl": np.nan, "loss_ratio": np.inf}, 1, 1, 0, ""),
     ],
 )
@@ -128,8 +128,8 @@ def test_what_is_not_finite(
     if code:
         told = Divergence(5, code).told("seed-3")
         assert told.startswith(f"seed-3 diverged at update 5: its {words}")
-        assert told.endswith("it keeps the parameters of update 4, the last finite ones")
-    # What was found first is remembered.
+        assert told.endswith("It keeps the parameters of update 4, the last finite ones")
+    # The first cause is kept.
     state, _ = guard(before.replace(diverged=jnp.int32(2)), after, trained, metrics)
     assert bits(state) == bits(before.replace(diverged=jnp.int32(2)))
 

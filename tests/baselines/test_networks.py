@@ -155,7 +155,7 @@ def test_persistence_is_added_to_the_logit_of_the_action_before():
             expected[place][inputs[1][place]] += own[inputs[1][place]]
     np.testing.assert_allclose(logits, expected, atol=1e-6)
     jax.tree.map(np.testing.assert_array_equal, rest, [values, last])
-    # Of five actions that are all alike the last one comes again in e^2 / (e^2 + 4).
+    # With five equal logits, the last action repeats with probability e^2 / (e^2 + 4).
     again = jax.nn.softmax(persistent.unroll(params, *inputs)[0])
     chosen = [again[p][inputs[1][p]] for p in np.ndindex(plain.shape[:2]) if not inputs[2][p]]
     np.testing.assert_allclose(chosen, np.exp(2) / (np.exp(2) + 4), atol=0.02)
@@ -208,5 +208,5 @@ def test_layers_fit_the_image():
     assert layers_for((36, 36, 3), None) == NATURE
     assert layers_for((16, 64, 3), None) == SMALL
     assert layers_for((8, 8, 1), None) == SMALL
-    with pytest.raises(SettingError, match="do not fit images of 16x16"):
+    with pytest.raises(SettingError, match="too large for images of 16x16"):
         layers_for((16, 16, 3), NATURE)

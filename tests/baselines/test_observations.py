@@ -1,4 +1,4 @@
-"""How the arrays of an observation are told apart and scaled, whatever environment they are of."""
+"""How the arrays of any environment's observations are classified and scaled."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from jaxenstein.spaces import Box, Dict, Discrete
 
 
 class Sensors:
-    """An environment that is nothing but an observation and its space."""
+    """An environment with only an observation and its space."""
 
     def __init__(self, obs: Any, space: Any, observation: str = "") -> None:
         self.obs, self.space, self.observation = obs, space, observation

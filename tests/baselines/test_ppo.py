@@ -66,7 +66,7 @@ def by_hand(logits, value, batch, h, floor=1e-8):
 
 
 class Fixed:
-    """A network that says what it is told."""
+    """A network that returns given outputs."""
 
     def __init__(self, logits, value):
         self.result = logits, value, None

@@ -1,4 +1,4 @@
-"""A run that trains in seconds, for the tests of what is around the training."""
+"""A run that trains in seconds, for tests of everything around training."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ UPDATES = 6
 
 
 def tiny(**changes: Any) -> Experiment:
-    """The experiment of `OPTIONS` with some changed."""
+    """The experiment of `OPTIONS` with changes."""
     return resolve({**OPTIONS, **changes})
 
 

@@ -51,7 +51,7 @@ def cells(text, title):
 def test_the_command_fills_the_pages_from_the_files(tmp_path):
     pytest.importorskip("matplotlib")
     sampled, out = results(tmp_path), tmp_path / "pages"
-    with pytest.raises(SettingError, match="are of a quick run"):
+    with pytest.raises(SettingError, match="are results of a quick run"):
         report.main([str(tmp_path)])
     report.main([str(tmp_path), "--out", str(out)])
     texts = {path.stem: path.read_text() for path in out.rglob("*.md")}
@@ -61,7 +61,7 @@ def test_the_command_fills_the_pages_from_the_files(tmp_path):
     assert row[1:3] == [middle, f"{low} - {high}"]
     assert row[4] == number(np.median(ours / sampled["peers", "vizdoom-gymnasium"]))
     best = max(np.median(sampled["peers", name]) for name in ("scan-1", "scan-16"))
-    assert f"**{best:,.0f} steps a second**" in texts["benchmarks"]
+    assert f"**{best:,.0f} steps per second**" in texts["benchmarks"]
     assert "MiniWorld Hallway, 64x64: no display | none" in texts["peers"]
     row = cells(texts["adapters"], "Gymnasium vector, same-step")
     native = sampled["adapters", "adapter-loop-16"]
@@ -82,7 +82,7 @@ def test_no_results(tmp_path):
     with pytest.raises(SettingError, match="no results"):
         read_results(tmp_path)
     (tmp_path / "peers.json").write_text("{}")
-    with pytest.raises(SettingError, match="no result of"):
+    with pytest.raises(SettingError, match="is not a result of this suite"):
         read_results(tmp_path)
 
 

@@ -85,12 +85,12 @@ def test_a_file_a_part_and_going_on(small, tmp_path, capsys):
     before = (folder / "first.json").stat().st_mtime_ns
     run(folder)
     assert (folder / "first.json").stat().st_mtime_ns == before
-    assert "first.json is there already" in (told := capsys.readouterr().out)
+    assert "first.json already exists" in (told := capsys.readouterr().out)
     assert "none: ImportError: No module named 'nothing'" in told
-    with pytest.raises(OutputError, match=r"settings .*choose another place"):
+    with pytest.raises(OutputError, match=r"settings .*choose another folder"):
         suite.main(["first", "--json", str(folder), "--rounds", "2"])
     (folder / "first.json").write_text("{}")
-    with pytest.raises(OutputError, match="no result of this command"):
+    with pytest.raises(OutputError, match="is not a result of this command"):
         run(folder)
 
 

@@ -1,4 +1,4 @@
-"""`jaxenstein bench` and what it measures with."""
+"""`jaxenstein bench` and its measurements."""
 
 from __future__ import annotations
 
@@ -69,12 +69,12 @@ def test_measures_in_a_process_of_its_own() -> None:
     assert rates["lower_quartile"] <= rates["median"] <= rates["upper_quartile"]
     assert rates["repeats"] == pytest.approx([8 / seconds for seconds in result["seconds"]])
     world = result["world_steps_per_second"]["repeats"]
-    # Where an episode ends, its last step may have fewer steps of the world.
+    # The last step of an episode may have fewer world steps.
     assert all(
         2 * one < other <= 3.001 * one for one, other in zip(rates["repeats"], world, strict=True)
     )
     assert set(result["compile_seconds"]) == {"reset", "step", "rollout"}
-    # A process with JAX in it has at least this, and this tiny configuration not more than that.
+    # Bounds on the memory of a process with JAX and this tiny setup.
     assert 50e6 < result["peak_memory_bytes"] < 2e9
     assert result["core"] == core
     assert (result["id"], result["height"], result["frame_skip"]) == ("small", 8, 3)

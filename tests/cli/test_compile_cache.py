@@ -1,4 +1,4 @@
-"""Compiled programs that the command keeps."""
+"""The cache of compiled programs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROLLOUT = ["rollout", "simple", "--height", "8", "--width", "8", "--envs", "2", 
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A home whose folders nobody has made yet, and JAX told of no folder."""
+    """An empty home folder, with no cache folder set for JAX."""
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home" / "cache"))
     monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
@@ -26,8 +26,8 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def rollout(*arguments: str) -> tuple[list[str], str]:
-    """What it prints but for times, and what it says beside."""
-    command = [sys.executable, "-m", "jaxenstein.cli", *ROLLOUT, *arguments]
+    """Its output without times, and its error output."""
+    command = [sys.executable, "-m", "jaxenstein", *ROLLOUT, *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return [line for line in done.stdout.splitlines() if "steps/s" not in line], done.stderr
@@ -73,7 +73,7 @@ def add(*arguments: str) -> None:
 
 
 def test_programs_that_were_cut_off_are_made_anew_without_a_word(home: Path) -> None:
-    """By a kill while they were written, or by a full disk, for which a limit stands."""
+    """By a kill during writing, or by a full disk, simulated by a limit."""
     add("100")
     assert not kept(home)
     add()
@@ -82,7 +82,7 @@ def test_programs_that_were_cut_off_are_made_anew_without_a_word(home: Path) -> 
     for path in before:
         path.write_bytes(path.read_bytes()[:100])
     add()
-    # What is told of later is made anew in the call after that.
+    # A program reported later is compiled again in the next call.
     add()
     assert {path: path.stat().st_size for path in home.rglob("*-cache")} == before
 

@@ -1,4 +1,4 @@
-"""`jaxenstein convert`: what it writes can be read, and nothing is left half-written."""
+"""`jaxenstein convert`: its files can be read, and none is left incomplete."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_warnings_take_a_line_each(lab: Path, capsys: pytest.CaptureFixture[str]
     assert main(["convert", str(lab)]) == 0
     warnings = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
     assert len(warnings) == 2
-    assert "lab.map, line 1: an entity begins without" in warnings[0]
+    assert "lab.map, line 1: an entity starts without" in warnings[0]
     assert "line 2, column 4 of the text: no path reaches this goal" in warnings[1]
 
 
@@ -84,7 +84,7 @@ def test_warnings_take_a_line_each(lab: Path, capsys: pytest.CaptureFixture[str]
         (["folder"], "folder: is a directory"),
         (["binary.map"], "binary.map: it is not text"),
         (["broken.map"], "broken.map, line 3: "),
-        (["lab.map", "--out", "lab.map"], "is the file that is converted"),
+        (["lab.map", "--out", "lab.map"], "is the input file"),
         (["lab.map", "--out", "old.txt"], "old.regions.txt exists"),
         (["plain.map", "--out", "stale.txt"], "stale.faces.txt exists"),
         (["--minigrid", "MiniGrid-FourRooms-v0", "--seed", "-1"], "--seed"),
@@ -122,7 +122,7 @@ def test_unwritable_targets_are_told(lab: Path, capsys: pytest.CaptureFixture[st
 def test_a_full_disk_leaves_nothing(
     fails: int, lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whichever of the two files does not fit."""
+    """Whichever of the two files cannot be written."""
     write, written = Path.write_text, []
 
     def fill_up(path: Path, text: str, **options: str) -> int:

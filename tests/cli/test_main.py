@@ -6,8 +6,10 @@ import io
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,7 @@ import jaxenstein
 from jaxenstein import registry
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli import build_parser, listing, main, rollout
+from jaxenstein.cli.opening import handling
 from jaxenstein.trajectory import FORMAT, FORMAT_VERSION
 
 MAP = "#####\n#S.G#\n#####\n"
@@ -48,7 +51,7 @@ def test_list_gives_variants_rows_on_demand(
         assert main(words) == 0
         table, notes = capsys.readouterr().out.split("\n\n")
         assert [line.split()[0] for line in table.splitlines() if line[0] != " "] == ["ID", *rows]
-        told = "as doom-basic (--all): doom-simpler-basic" in notes.splitlines()
+        told = "variants of doom-basic (--all): doom-simpler-basic" in notes.splitlines()
         assert told == (rows != some)
 
 
@@ -62,7 +65,7 @@ def test_list_tells_how_many_levels_there_are(capsys: pytest.CaptureFixture[str]
         ["7x3*", "36"],
         ["11x11*", "10,000+"],
     ]
-    assert "levels: the number of different levels; + means at least so many" in notes
+    assert "levels: number of different levels; + means at least this many" in notes
 
 
 def test_list_tells_which_actions_are_whose() -> None:
@@ -123,10 +126,10 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["rollout"], "ID"),
         (["rollout", "simple", "--map-file", "x"], "either"),
         (["rollout", "my-way-hom"], "my-way-home"),
-        (["rollout", "..tasks:mine"], "'..tasks' names no module"),
-        (["rollout", ":simple"], "'' names no module"),
-        (["rollout", "simple", "--import", ""], "'' names no module"),
-        (["rollout", "simple", "--envs", "0"], "from 1 on"),
+        (["rollout", "..tasks:mine"], "'..tasks' is not the name of a module"),
+        (["rollout", ":simple"], "'' is not the name of a module"),
+        (["rollout", "simple", "--import", ""], "'' is not the name of a module"),
+        (["rollout", "simple", "--envs", "0"], ">= 1"),
         (["rollout", "simple", "--envs", "many"], "'many'"),
         (["rollout", "simple", "--fov", "200"], "30 to 120"),
         (["rollout", "simple", "--observation", "smell"], "smell"),
@@ -134,7 +137,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["rollout", "--map-file", "no/such/file"], "no/such/file"),
         (["rollout", "simple", "--heading", "90"], "--map-file"),
         (["rollout", "--map-file", "x", "--heading", "north"], "'north'"),
-        (["record", "--map-file", "x", "--out", "a.gif", "--heading", "90,45"], "lowest and the"),
+        (["record", "--map-file", "x", "--out", "a.gif", "--heading", "90,45"], "and highest"),
         (["record", "simple"], "at least one of --out"),
         (["record", "simple", "--out", "a.avi"], ".gif, .mp4 or .png"),
         (["record", "simple", "--out", "a.gif", "--save", "a.txt"], ".json"),
@@ -158,14 +161,14 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["play", "simple", "--fps", "0"], "must be a finite number from 1 to 60"),
         ([*TRAIN, "--leraning-rate=1"], "argument: --leraning-rate=1, did you mean '--learning-r"),
         ([*TRAIN, "--algo=rdn"], "must be one of 'ppo', 'rnd', 'icm', 'e3b', not 'rdn', did you"),
-        ([*TRAIN, "--num-envs=many"], "argument --num-envs: must be a whole number from 1 on, not"),
+        ([*TRAIN, "--num-envs=many"], "argument --num-envs: must be a whole number >= 1, not"),
         ([*TRAIN, "--clip=0"], "argument --clip: must be a finite number above 0, not 0"),
         ([*TRAIN, "--set=fov"], "--set must be NAME=VALUE, not 'fov'"),
         ([*TRAIN, "--env=simple", "--num-envs=6"], "num_envs must be a multiple of minibatches"),
         ([*TRAIN, "--config=none.toml"], "cannot read none.toml: no such file"),
         ([*TRAIN, "--map-file=none.txt"], "cannot read the map none.txt: no such file"),
         ([*TRAIN, "--resume"], "there is no run in"),
-        ([*TRAIN, "--seeds=2"], "jaxenstein train: give an environment, --env ID"),
+        ([*TRAIN, "--seeds=2"], "jaxenstein train: give an environment with --env ID"),
         ([*TRAIN, "simple"], "argument: simple; an environment is given as --env ID"),
         ([*TRAIN, "--save-every=-1"], "must be a finite number from 0"),
     ],
@@ -227,6 +230,40 @@ def test_unwritable_outputs_get_one_line_and_code_1_at_once(
     assert f"cannot write {tmp_path}" in err
 
 
+LONG = "a" * 300
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["evaluate", LONG],
+        ["evaluate", f"{LONG}.npz"],
+        ["evaluate", f"pretrained/{LONG}"],
+        ["export", LONG, "--out", "a.npz"],
+        ["plot", LONG, "--out", "a.png"],
+        ["record", "--policy", f"a/{LONG}", "--out", "a.gif"],
+        ["record", "--map-file", f"samples/{LONG}", "--out", "a.gif"],
+        ["record", "--map-file", f"{LONG}.txt", "--out", "a.gif"],
+        ["replay", LONG],
+        ["score", LONG],
+        ["train", "--config", LONG, "--out", "new"],
+        ["train", "--resume", "--out", LONG],
+    ],
+)
+def test_names_that_no_file_can_have_get_one_line_and_code_2(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """`Path.exists` raises for them, and in folders of other users."""
+    if arguments[0] not in ("record", "replay", "score"):
+        pytest.importorskip("flax")
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    assert LONG[:40] in capsys.readouterr().err.splitlines()[-1]
+    assert not list(tmp_path.iterdir())
+
+
 def interrupt(_: object) -> None:
     raise KeyboardInterrupt
 
@@ -235,6 +272,48 @@ def test_interrupt(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
     monkeypatch.setattr(listing, "run", interrupt)
     assert main(["list"]) == 130
     assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
+def test_a_signal_ends_a_command_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that no part of a file stays behind."""
+    ended = []
+
+    def work(_: object) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:
+            ended.append(True)
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(listing, "run", work)
+    with pytest.raises(SystemExit) as ending:
+        main(["list"])
+    assert ending.value.code == 143
+    assert ended
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signal")
+def test_signals_that_are_ignored_stay_so() -> None:
+    """`nohup jaxenstein train` must outlive its terminal."""
+
+    def answer(number: int, frame: object) -> None:
+        raise AssertionError(number, frame)
+
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with handling(["SIGHUP"], answer):
+            os.kill(os.getpid(), signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_commands_run_in_any_thread(capsys: pytest.CaptureFixture[str]) -> None:
+    with ThreadPoolExecutor() as pool:
+        assert pool.submit(main, ["list"]).result() == 0
+    assert "key-door" in capsys.readouterr().out
 
 
 def test_errors_of_jax_get_one_line(
@@ -251,7 +330,7 @@ def test_errors_of_jax_get_one_line(
 def test_broken_pipe_is_quiet() -> None:
     source = Path(jaxenstein.__file__).parents[1]
     process = subprocess.Popen(
-        [sys.executable, "-m", "jaxenstein.cli", "list"],
+        [sys.executable, "-m", "jaxenstein", "list"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(source)},
@@ -270,7 +349,7 @@ def test_warnings_about_a_map_are_one_line(
     monkeypatch.chdir(tmp_path)
     path = Path("walled.txt")
     path.write_text("#######\n#S#.#G#\n#######\n")
-    # The map is read, and then the output turns out to be impossible.
+    # The map is read before the output turns out to be impossible.
     assert main(["record", "--map-file", str(path), "--out", "none/a.gif"]) == 1
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("jaxenstein: warning: ")
@@ -280,7 +359,7 @@ def test_warnings_about_a_map_are_one_line(
 def test_errors_do_not_command_the_terminal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A terminal obeys some signs, and a file may have them in the name of an entry."""
+    """Control characters in a file must not reach the terminal."""
     table = {"format": FORMAT, "format_version": FORMAT_VERSION, "made_by": {}, "\x1b[2J\u202e": 1}
     (tmp_path / "a.json").write_text(json.dumps(table))
     assert main(["replay", str(tmp_path / "a.json")]) == 2

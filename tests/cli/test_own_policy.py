@@ -1,4 +1,4 @@
-"""Policies of one's own on the command line: `--policy MODULE:FUNCTION`."""
+"""Users' own policies on the command line: `--policy MODULE:FUNCTION`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from jaxenstein.results import read_results
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
-# Forward, but for every third step, in which it turns left; and agents that are none.
+# Forward, except for a left turn in every third step; and invalid agents.
 MODULE = '''
 """Agents of a user."""
 import jax.numpy as jnp
@@ -105,7 +105,7 @@ def test_record_and_play_take_it(module: str, capsys: pytest.CaptureFixture[str]
     assert main(["play", *where, "--policy", f"{module}:logits"]) == 2
     assert "must be one whole number of shape ()" in capsys.readouterr().err
     assert main([*given, "--out", "a.gif", "--greedy"]) == 2
-    assert "--run and --greedy go with the run directory" in capsys.readouterr().err
+    assert "--run and --greedy need --policy with a run directory" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -115,11 +115,11 @@ def test_record_and_play_take_it(module: str, capsys: pytest.CaptureFixture[str]
         (["--policy", "{}:nothing"], "has no function 'nothing'"),
         (["--policy", "{}:alone"], "must take (env, params) and return (policy, carry)"),
         (["--policy", "{}:logits"], "must be one whole number of shape ()"),
-        (["--policy", "{}_not:forward"], "there is no module"),
+        (["--policy", "{}_not:forward"], "no module named"),
         (["--policy", "{}"], "has no player 'agents_of"),
-        (["--policy", "{}:forward", "--greedy"], "--run, --greedy and --in go with RUN"),
-        (["--policy", "{}:forward", "runs/x"], "give either RUN, or --policy MODULE:FUNCTION"),
-        ([], "give either RUN, or --policy MODULE:FUNCTION"),
+        (["--policy", "{}:forward", "--greedy"], "--run, --greedy and --in need RUN"),
+        (["--policy", "{}:forward", "runs/x"], "give either RUN or --policy MODULE:FUNCTION"),
+        ([], "give either RUN or --policy MODULE:FUNCTION"),
     ],
 )
 def test_what_is_wrong_is_told(
@@ -132,7 +132,7 @@ def test_what_is_wrong_is_told(
 
 def test_a_missing_place_is_told(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["evaluate", "--policy", f"{module}:forward"]) == 2
-    assert "give an environment, --env ID" in capsys.readouterr().err
+    assert "give an environment with --env ID" in capsys.readouterr().err
 
 
 def test_who_gives_it_as_a_run_is_told_how(module: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -141,4 +141,4 @@ def test_who_gives_it_as_a_run_is_told_how(module: str, capsys: pytest.CaptureFi
         assert main(["evaluate", text]) == 2
         told = capsys.readouterr().err
         assert "neither a run directory nor a .npz file" in told
-        assert "--policy MODULE:FUNCTION (docs/training.md, 'Agents of your own')" in told
+        assert "--policy MODULE:FUNCTION (see 'Agents of your own' in docs/training.md)" in told

@@ -41,7 +41,7 @@ PlayInWindow = Callable[..., list[dict[str, Any]]]
 
 
 class Player(window_module.Window):
-    """A window at which somebody taps a list of keys, each when the one before has been shown.
+    """A window in which a list of keys is pressed, each after the previous one has been shown.
 
     Instead of the name of a key there may be a function to call.
     """
@@ -92,7 +92,7 @@ def cut(look: dict[str, Any], box: Rectangle) -> np.ndarray:
 
 
 def reference(actions: Sequence[int], seed: int = 0) -> list[np.ndarray]:
-    """What an agent sees that takes these actions."""
+    """The observations of an agent that takes these actions."""
     env, params = jaxenstein.make("key-door", **SMALL)
     session = Session(env, params, seed)
     return [np.asarray(session.observation), *(np.asarray(session.step(a)) for a in actions)]
@@ -126,7 +126,7 @@ def test_from_the_notice_to_the_goal(
     over = moves[len(FINISHED) - 1]
     assert over["overlay"][:2] == ["reached the goal", f"return +1 after {len(FINISHED)} steps"]
     assert "keys: red" in over["lines"][0]
-    # After the end nothing was played.
+    # Nothing was played after the end.
     with Image.open(gif) as image:
         assert image.n_frames == len(FINISHED) + 1  # type: ignore[attr-defined]
     saved = json.loads(file.read_text())
@@ -179,7 +179,7 @@ def test_without_a_step_there_is_nothing_to_write(
 
 def test_help_says_what_agents_see(play_in_window: PlayInWindow) -> None:
     looks = play_in_window(["h", "q"])
-    assert "16x12 pixels; agents see 64x64 by default (--native)" in looks[-1]["overlay"]
+    assert "16x12 pixels; the default for agents is 64x64 (--native)" in looks[-1]["overlay"]
 
 
 def test_input_that_is_no_terminal_is_told(
@@ -228,7 +228,7 @@ def test_a_terminal_that_goes_away_does_not_cost_the_files(tmp_path: Path) -> No
     emulator = Emulator(16, 8)
     file, gif = tmp_path / "game.json", tmp_path / "game.gif"
     arguments = ["play", "key-door", "--terminal", "--save", str(file), "--record", str(gif)]
-    command = [sys.executable, "-m", "jaxenstein.cli", *arguments]
+    command = [sys.executable, "-m", "jaxenstein", *arguments]
     tty = emulator.slave
     process = subprocess.Popen(command, start_new_session=True, stdin=tty, stdout=tty, stderr=tty)
     end = time.monotonic() + 120

@@ -93,7 +93,7 @@ def test_long_episodes_can_be_thinned_out(episode: Episode) -> None:
     chosen = [*range(0, episode.steps, 7), episode.steps]
     assert len(some) == len(chosen)
     for shot, i in zip(some, chosen, strict=True):
-        # The path up to here is whole, whatever is left out.
+        # The path so far is complete, even if frames are left out.
         np.testing.assert_array_equal(shot, every[i])
 
 

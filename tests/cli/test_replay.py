@@ -32,7 +32,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def edited(saved: Path, path: Path, **changes: Any) -> Path:
-    """A copy of the file in which entries are changed."""
+    """A copy of the file with changed entries."""
     path.write_text(json.dumps(json.loads(saved.read_text()) | changes))
     return path
 
@@ -53,7 +53,7 @@ def test_replay_is_the_same(
     out, _ = capsys.readouterr()
     assert "9 steps" in out
     assert "the same bit for bit" in out
-    # The animation, too, is the one that was recorded.
+    # The animation is also the same as the recorded one.
     assert (tmp_path / "b.gif").read_bytes() == saved.with_suffix(".gif").read_bytes()
     with Image.open(tmp_path / "b.png") as sheet:
         assert sheet.format == "PNG"
@@ -78,7 +78,7 @@ def test_wrong_files_get_one_line_and_code_2(
     saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = edited(saved, tmp_path / "a.json", actions=[[2, 3], [9, 6]])
-    for file, words in ((path, "action 3"), (saved.with_suffix(".gif"), "no trajectory")):
+    for file, words in ((path, "action 3"), (saved.with_suffix(".gif"), "not a trajectory")):
         assert main(["replay", str(file)]) == 2
         out, err = capsys.readouterr()
         assert out == ""

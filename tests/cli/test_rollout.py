@@ -1,4 +1,4 @@
-"""`jaxenstein rollout`: its figures and pictures."""
+"""`jaxenstein rollout`: results and pictures."""
 
 from __future__ import annotations
 

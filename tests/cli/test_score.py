@@ -96,7 +96,7 @@ def test_a_single_run_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert main(["score", str(path)]) == 0
     table, note = capsys.readouterr().out.splitlines()[1:]
     assert " mine " in table
-    assert note.startswith("mine has a single run of simple: its intervals do not tell")
+    assert note.startswith("mine has a single run of simple: its intervals do not include")
 
 
 def test_plot(words: list[str], tmp_path: Path) -> None:
@@ -116,8 +116,8 @@ def test_plot(words: list[str], tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ([], "jaxenstein score: give files of 'jaxenstein evaluate --json'"),
-        (["--label", "rnd"], "jaxenstein score: --label rnd needs files after the name"),
+        ([], "jaxenstein score: give files from 'jaxenstein evaluate --json'"),
+        (["--label", "rnd"], "jaxenstein score: --label rnd: give files after the name"),
         (["none.json"], "cannot"),
         (["reference.json"], "reference.json"),
         (

@@ -1,4 +1,4 @@
-"""What can be set of an environment is a flag of every command that takes one."""
+"""All options of an environment are flags of every command with an environment."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from jaxenstein.errors import SettingError
 from jaxenstein.settings import changed, given_by, spec_from
 from jaxenstein.tasks.first_person import SEEN, FirstPerson
 
-# Each with what it needs besides, and how it is told the environment.
+# Each command with its other required flags, and the flag for the environment.
 COMMANDS = {
     "play": ["simple"],
     "record": ["simple", "--out", "a.gif"],
@@ -61,7 +61,7 @@ def test_flags_become_settings_and_params(command: str) -> None:
     ("arguments", "message"),
     [
         (["--set", "move_distance=2"], "that make returns, --param move_distance=..."),
-        (["--param", "height=8"], "is a setting, not a param: --set height=8"),
+        (["--param", "height=8"], "is a setting, not a param: use --set height=8"),
         (["--param", "discout=1"], "unknown param 'discout', did you mean 'discount'"),
         (["--set", "hieght=8"], "unknown setting 'hieght', did you mean 'height'"),
         (["--set", "height"], "--set must be NAME=VALUE, not 'height'"),
@@ -134,7 +134,7 @@ def test_two_maps_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     for given, told in (
         ('map_file = "maze.txt"\nmap = "###"', "give either map or map_file"),
         ('map_file = "maze.txt"\nfaces = "###"', "give either faces or map_file"),
-        ('env = "simple"\nregions = "###"', "regions goes with a map"),
+        ('env = "simple"\nregions = "###"', "regions needs a map"),
     ):
         config.write_text(given)
         assert main(["train", "--config", str(config), "--out", str(tmp_path / "run")]) == 2

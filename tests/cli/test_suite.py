@@ -16,7 +16,7 @@ from jaxenstein.results import read_results
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
-# A sixteenth of a thousandth of the budget is 187 decisions.
+# 1 / 16,000 of the decisions is 187.
 LITTLE = ["--budget", "0.0000625", "--num-envs", "4", "--rollout", "32", "--minibatches", "2"]
 TINY = ["--features", "8", "--hidden", "8", "--head", "8", "--epochs", "1", "--seeds", "2"]
 
@@ -31,14 +31,14 @@ def two_tasks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("two_tasks")
 def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
-    train = ["train", "--suite", "--out", "rnd", "--algo", "rnd", *LITTLE, *TINY]
+    train = ["train", "--suite", "--out", "rnd", "--algo", "ppo", *LITTLE, *TINY]
     assert main(train) == 0
     for task in ("t-maze", "simple"):
         about = RunFolder.open(f"rnd/{task}").experiment
         assert about.environment == suite.SUITES["small"].spec(suite.task_of(task))
-        assert (about.config.algo, about.recipe, about.config.total_steps) == ("rnd", "tuned", 188)
+        assert (about.config.algo, about.recipe, about.config.total_steps) == ("ppo", "tuned", 188)
     assert main(train) == 2
-    assert "there is a run in rnd/t-maze already: --resume" in capsys.readouterr().err
+    assert "rnd/t-maze already has a run: --resume" in capsys.readouterr().err
     assert main([*train, "--resume"]) == 0
 
     assert main(["evaluate", "rnd", "--suite", "--episodes", "2", "--json", "rnd.json"]) == 0
@@ -67,6 +67,9 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     assert "expert" in json.dumps(scored)
     shown = capsys.readouterr().out
     assert "IQM" in shown
+    for policy, runs in (("rnd", 2), ("expert", 1)):
+        told = f"{runs} training seeds instead of 5, 2 test episodes instead of 100"
+        assert f"{policy} departs from the protocol: {told}\n" in shown
     # The expert's score of a task is 1 by definition; its IQM over two tasks as well.
     aggregates = shown[shown.index("IQM") :]
     (expert,) = [line.split() for line in aggregates.splitlines() if line.startswith("expert ")]
@@ -79,7 +82,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["--frame-skip", "2"], "--suite fixes --frame-skip; leave it out"),
         (["--env", "simple"], "--suite fixes --env; leave it out"),
-        (["--total-steps", "100"], "--suite fixes --total-steps; leave it out; --budget X trains"),
+        (["--total-steps", "100"], "--suite fixes --total-steps; leave it out; --budget X"),
         (["--budget", "0.00001"], "rollout = 8192, one update, not 30"),
         (["--budget", "-1"], "--budget"),
     ],
@@ -103,13 +106,29 @@ def test_evaluate_refuses_what_does_not_belong_together(
         (["evaluate", "--policy", "exprt", "--suite"], "no player 'exprt', did you mean 'expert'"),
         (
             ["evaluate", "--policy", "a/b", "--env", "simple"],
-            "--policy must be MODULE:FUNCTION, or",
+            "--policy must be MODULE:FUNCTION or",
         ),
-        (["train", "--budget", "0.1", "--out", "new"], "--budget goes with --suite"),
+        (["train", "--budget", "0.1", "--out", "new"], "--budget needs --suite"),
         (["score", "r.json", "--suite", "--reference", "f"], "either --suite or --reference"),
     ):
         assert main(words) == 2, words
         assert told in capsys.readouterr().err, words
+
+
+@pytest.mark.usefixtures("two_tasks")
+def test_a_policy_is_checked_on_all_tasks_before_it_plays(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def play(*_: object, **__: object) -> None:
+        raise AssertionError("played")
+
+    monkeypatch.setattr("jaxenstein.evaluation.evaluate", play)
+    Path("some_agent.py").write_text(
+        "def agent(env, params):\n"
+        "    return lambda obs, key: 0 if env.name == 't-maze' else 0.5, None\n"
+    )
+    assert main(["evaluate", "--policy", "some_agent:agent", "--suite"]) == 2
+    assert "policy(obs, key) must be one whole number" in capsys.readouterr().err
 
 
 def test_the_list_shows_every_task(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 pytest.importorskip("flax")
 
+from jaxenstein.baselines.runs import training
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import means
@@ -25,7 +27,7 @@ WITHOUT_SEEDS = {name: value for name, value in OPTIONS.items() if name != "seed
 
 
 def write_metrics(folder: RunFolder, returns: list[float | None]) -> None:
-    """Ten updates in which each run has a return of its own, None for no episode."""
+    """Ten updates in which each run has its own return; None means no episode."""
     rows = []
     for update in range(1, 11):
         for run, value in zip(folder.experiment.runs, returns, strict=True):
@@ -78,7 +80,7 @@ def test_a_number_that_is_given_is_not_varied() -> None:
     planned = plan(WITHOUT_SEEDS | {"bonus_reward": 0.5}, ["rnd"])["rnd"]
     assert [name for name, _ in planned.grid] == ["rnd_loss"]
     assert planned.hparams["bonus_reward"] == 0.5
-    with pytest.raises(SettingError, match="clip is given, and varied by the grid"):
+    with pytest.raises(SettingError, match="clip is given and also in the grid"):
         plan(WITHOUT_SEEDS | {"clip": 0.1, "grid": {"clip": [0.1, 0.2]}}, ["ppo"])
 
 
@@ -127,7 +129,7 @@ def test_command_trains_skips_and_lists(
     common: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flags = [*common, "--grid", "clip=0.1,0.2"]
-    # Its time is over at once; then it goes on.
+    # The time is over at once; then the sweep continues.
     assert main(["sweep", *flags, "--minutes=0"]) == 130
     assert "0 of 6 updates" in capsys.readouterr().out
     assert main(["sweep", *flags, "--no-grid"]) == 2
@@ -138,9 +140,29 @@ def test_command_trains_skips_and_lists(
     assert "ppo, clip 0.2" in shown
     before = (tmp_path / "s" / "ppo" / "metrics.jsonl").read_bytes()
     assert main(["sweep", *flags]) == 2
-    assert "there is a run in" in capsys.readouterr().err
+    assert "already has a run" in capsys.readouterr().err
     assert main(["sweep", *flags, "--resume"]) == 0
     assert (tmp_path / "s" / "ppo" / "metrics.jsonl").read_bytes() == before
     capsys.readouterr()
     assert main(["sweep", *flags, "--resume", "--epochs=3"]) == 2
     assert "config.epochs (3, not 2)" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_the_whole_also_in_the_last_update_of_a_part(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[str] = []
+
+    def train(folder: RunFolder, **_: object) -> int:
+        begun.append(folder.path.name)
+        signal.raise_signal(signal.SIGTERM)
+        return folder.experiment.config.updates
+
+    monkeypatch.setattr(training, "train", train)
+    monkeypatch.chdir(tmp_path)
+    given = "\n".join(f"{name} = {json.dumps(value)}" for name, value in WITHOUT_SEEDS.items())
+    Path("tiny.toml").write_text(given)
+    words = ["sweep", "--config", "tiny.toml", "--no-tensorboard", "--no-grid", "--out", "new"]
+    assert main([*words, "--algo", "ppo", "rnd"]) == 130
+    assert begun == ["ppo"]
+    assert "to continue: the same command with --resume\n" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`jaxenstein train` and `jaxenstein plot`: flags, files, interruptions, what is told."""
+"""`jaxenstein train` and `jaxenstein plot`: flags, files, interruptions, messages."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FLAGS = [
 
 @pytest.fixture
 def flags(tmp_path: Path) -> list[str]:
-    """Those that give the experiment `tiny()`."""
+    """The flags of the experiment `tiny()`."""
     (tmp_path / "map.txt").write_text(OPTIONS["map"])
     return [*FLAGS, f"--map-file={tmp_path / 'map.txt'}", "--no-tensorboard"]
 
@@ -56,12 +56,12 @@ def test_trains_resumes_and_plots(
     assert "success" in captured.err
     assert len(read_metrics(out)) == 2 * UPDATES
     before = (out / "metrics.jsonl").read_bytes()
-    # There is nothing left to do, and the same options may be given again.
+    # Nothing is left to do, and the same options may be repeated.
     assert main(["train", *flags, "--out", str(out), "--resume"]) == 0
     assert (out / "metrics.jsonl").read_bytes() == before
     capsys.readouterr()
     assert main(["train", *flags, "--out", str(out)]) == 2
-    assert "there is a run in" in capsys.readouterr().err
+    assert "already has a run" in capsys.readouterr().err
     assert main(["train", "--out", str(out), "--resume", "--epochs=3", "--gamma=.5"]) == 2
     assert "config.epochs (3, not 2); hparams.gamma (0.5, not null)" in capsys.readouterr().err
     assert main(["train", "--out", str(out), "--resume", "--env=simple"]) == 2
@@ -107,8 +107,8 @@ def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     out, timing = tmp_path / "run", training.Timing.write
-    # A shell's job in the background ignores the signal.
-    before = signal.getsignal(signal.SIGINT)
+    # A background job of a shell ignores the signal.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def interrupt(self: training.Timing, update: int) -> None:
         timing(self, update)
@@ -119,10 +119,10 @@ def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
         patch.setattr(training.Timing, "write", interrupt)
         assert main(["train", *flags, "--out", str(out)]) == 130
     captured = capsys.readouterr()
-    assert f"stopped; to go on: jaxenstein train --out {out} --resume" in captured.err
+    assert f"stopped; to continue: jaxenstein train --out {out} --resume" in captured.err
     assert RunFolder.open(out).checkpoints.updates()[-1] == 2
-    # The signals are again what they were.
-    assert signal.getsignal(signal.SIGINT) is before
+    # The old signal handlers are restored.
+    assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
     assert main(["train", "--out", str(out), "--resume", "--no-tensorboard"]) == 0
     assert len(read_metrics(out)) == 2 * UPDATES
 
@@ -135,9 +135,9 @@ def test_a_training_that_diverges_says_so_and_keeps_what_was_finite(
     assert main(command) == 3
     for err in (capsys.readouterr().err,):
         assert [f"seed-{seed} {told}" in err for seed in (0, 1)] == [True, True]
-        assert "it stops learning; try a lower --learning-rate" in err
+        assert "It stops learning; try a lower --learning-rate" in err
         assert "all 2 runs diverged" in err
-        assert "to go on" not in err
+        assert "to continue" not in err
     before = (out / "metrics.jsonl").read_bytes()
     assert main(["train", "--out", str(out), "--resume", "--no-tensorboard"]) == 3
     assert f"seed-1 {told}" in capsys.readouterr().err
@@ -181,7 +181,7 @@ def test_who_wants_it_goes_on_with_what_is_not_finite(
 
 
 def test_without_the_extra_each_command_names_it(tmp_path: Path) -> None:
-    """In a process that cannot import flax; the other commands do not need it."""
+    """In a process without flax, which other commands do not need."""
     code = """
 import sys
 sys.modules["flax"] = None

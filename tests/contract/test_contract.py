@@ -1,4 +1,4 @@
-"""What every environment keeps, tried on every id."""
+"""The contract of every environment, tested on every id."""
 
 import re
 
@@ -30,7 +30,7 @@ from reliability import golden
 from tests.contract.ids import ALL_IDS
 from tests.contract.played import EPISODES, Played, member
 
-# What every task tells; events and variables of its own come besides.
+# The infos of every task; its own events and variables are additional.
 INFO = {
     "position": ((2,), np.float32),
     "heading": ((), np.float32),
@@ -39,7 +39,7 @@ INFO = {
     "episode_length": ((), np.int32),
     "success": ((), np.bool_),
 }
-# Environments in which nothing is drawn by chance.
+# Environments without randomness.
 CERTAIN = r"simple|key-door|minigrid-(empty-\d+x\d+|dist-shift\d)"
 # The game leaves these levels in the tic after the aim was reached.
 ENDS_LATER = (DoomMyWayHome, DoomBasic, DoomDeadlyCorridor, DoomPredictPosition)
@@ -79,7 +79,7 @@ def test_behaviour_is_that_of_the_version(played: Played) -> None:
 
 
 def test_the_golden_episode_is_worth_keeping(played: Played) -> None:
-    """Somebody does several things and moves, and what is seen changes."""
+    """A player takes several actions and moves, and observations change."""
     if played.name not in EPISODES:
         pytest.skip("a variant has no golden episode")
     found = golden.trace_of(*played.member(0))
@@ -110,7 +110,7 @@ def test_returns_add_up(played: Played) -> None:
 
 
 def about_to_end(env, state):
-    """The state with whatever the next step must find for the task to be over."""
+    """A state from which the next step completes the task."""
     if isinstance(env, DoomMyWayHome | DoomDeadlyCorridor):
         return state.replace(taken=jnp.bool_(True))
     if isinstance(env, DoomBasic | DoomPredictPosition):
@@ -196,7 +196,7 @@ def test_truth_table_of_ends(played: Played, ending: bool, limit: bool) -> None:
             *single,
         )
     at = int(states.time[0]) + (1 if limit else 2)
-    # Something is put down or said by an action alone.
+    # Only an action can drop something, or say that the task is done.
     acts = [deed for kind, deed in ((PutNear, DROP), (GoToDoor, DONE)) if isinstance(env, kind)]
     standing = np.full_like(played.actions, acts[0] if ending and acts else -1)
     params = played.params.replace(max_steps_in_episode=jnp.int32(at))
@@ -204,7 +204,7 @@ def test_truth_table_of_ends(played: Played, ending: bool, limit: bool) -> None:
     ends = ending and env.about().ends != ""
     np.testing.assert_array_equal(terminated[0], [ends, ends])
     np.testing.assert_array_equal(truncated[0], [limit, limit])
-    # Where nothing but survival counts, the limit is the aim; elsewhere it is what ends the task.
+    # If only survival counts, the time limit is the aim; elsewhere, the aim ends the task.
     survives = isinstance(env, HealthTask | DoomScenario) and not env.success_event
     aim = limit and not ending if survives else ending
     aim = aim and not isinstance(env, ENDS_LATER)
@@ -214,7 +214,7 @@ def test_truth_table_of_ends(played: Played, ending: bool, limit: bool) -> None:
 
 
 def test_seeds_decide(played: Played) -> None:
-    """The same keys give the same episodes again, and other keys others, where any are drawn."""
+    """The same keys give the same episodes; other keys give others, if the task is random."""
     again = played.episodes(played.seed)
     jax.tree.map(np.testing.assert_array_equal, again[1:], (played.first, played.steps))
     # Two of a kind may draw the same: one of two arms, say.

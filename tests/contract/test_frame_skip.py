@@ -1,4 +1,4 @@
-"""Steps that take an action for several steps of the world, held up against a plain loop."""
+"""Frame skip, against a plain loop."""
 
 import dataclasses
 import math

@@ -68,7 +68,7 @@ def test_one_changed_event_is_told_with_its_steps(found: golden.Trace) -> None:
     assert problem.endswith("differ from some step of 16 to 23 on")
     text = golden.message(ONE, problem)
     assert "behaviour of key-door changed" in text
-    assert "raise its version in the registry and add a line to CHANGELOG.md" in text
+    assert "raise its version in the catalogue and add a line to CHANGELOG.md" in text
     assert text.endswith(f"regenerate with {golden.COMMAND}")
 
 

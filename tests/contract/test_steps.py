@@ -15,11 +15,10 @@ from jaxenstein.environment import Environment
 from reliability.golden import SIZE
 from tests.contract.played import Played, member
 
-# Environments that are also played without compilation: walls alone, and things.
-UNCOMPILED = ("key-door", "health-gathering")
 
-
-@pytest.mark.parametrize("name", UNCOMPILED)
+@pytest.mark.parametrize(
+    "name", ["key-door", pytest.param("health-gathering", marks=pytest.mark.variant)]
+)
 def test_compilation_batches_and_scans_change_nothing(name: str) -> None:
     played = Played(name)
     first, out = member(played.first, 1, 0), member(member(played.steps, 1, 1), 0, 0)
@@ -185,7 +184,7 @@ def test_wrong_params_are_refused():
 
 
 def test_x64_changes_no_type():
-    env, params = jaxenstein.make(UNCOMPILED[1], **SIZE)
+    env, params = jaxenstein.make("health-gathering", **SIZE)
     key = jax.random.key(5)
     narrow = env.step(key, env.reset(key, params)[1], 2, params)
     # Older versions of JAX have it among the experiments, newer ones only at the top.

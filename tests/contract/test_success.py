@@ -1,4 +1,4 @@
-"""What counts as success where a task says nothing of it."""
+"""The default definition of success."""
 
 import jax
 import jax.numpy as jnp

@@ -16,7 +16,7 @@ PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").glob("*.md")} - {GENERATE
 for folder in ("benchmarks", "originals"):
     PAGES += sorted((ROOT / "docs" / folder).glob("*.md"))
 # What every sample may import: all else is a partner that may not be installed.
-AT_HAND = {*sys.stdlib_module_names, "PIL", "custom_task", "custom_thing", "custom_world"}
+AT_HAND = {*sys.stdlib_module_names, "PIL", "custom_task"}
 AT_HAND |= {"examples", "jax", "jaxenstein", "numpy"}
 
 

@@ -53,14 +53,14 @@ def test_numbers_are_those_of_the_tasks() -> None:
     facts = {name: dict(environment_pages.facts(name)) for name in IDS}
     assert facts["simple"]["reward"] == "+1 at the goal"
     assert facts["simple"]["map"] == "9x5"
-    assert facts["my-way-home"]["reward"] == "+1 at the goal, -0.0001 a step"
-    assert facts["health-gathering"]["reward"] == "+1 a step, -100 at death"
+    assert facts["my-way-home"]["reward"] == "+1 at the goal, -0.0001 per step"
+    assert facts["health-gathering"]["reward"] == "+1 per step, -100 at death"
     assert facts["dmlab-static-01"]["reward"] == "+10 at the goal"
-    assert facts["dmlab-random-goal-02-respawn"]["reward"] == "+10 at the goal, +1 an apple"
+    assert facts["dmlab-random-goal-02-respawn"]["reward"] == "+10 at the goal, +1 per apple"
     assert facts["key-corridor"]["levels"] == "at least 10,000"
     assert "levels" not in facts["simple"]
     assert facts["key-corridor"]["other name"] == "`key-corridor-s4r3`"
-    assert "by time alone" in facts["dmlab-static-03-respawn"]["ends"]
+    assert "only at the time limit" in facts["dmlab-static-03-respawn"]["ends"]
     for name in IDS:
         _, params = jaxenstein.make(name)
         assert facts[name]["horizon"] == f"{int(params.max_steps_in_episode)} steps"
@@ -71,7 +71,7 @@ def test_every_param_and_every_entry_of_info_is_explained(family, pages) -> None
     _, params = jaxenstein.make(family.ids[0])
     fields = [field.name for field in dataclasses.fields(params)]
     assert set(fields) == set(attributes(type(params)))
-    info = pages[family.name].partition("## What a step tells")[2].partition("## ")[0]
+    info = pages[family.name].partition("## Info")[2].partition("## ")[0]
     rows = re.findall(r"^\| `(\w+)` \| (\S+) \| (.+) \|$", info, re.MULTILINE)
     assert len(rows) >= 5
     assert len(rows) == info.count("\n| `")
@@ -129,3 +129,12 @@ def test_the_page_of_the_command_line_has_every_command(monkeypatch) -> None:
     assert text.count("\nusage: jaxenstein ") == len(told)
     # As wide as on a page, whatever the terminal is.
     assert max(map(len, text.splitlines())) > 80
+
+
+def test_the_page_of_the_command_line_has_the_recipes() -> None:
+    rows = re.findall(r"^\| `(.+?)` \| (.+) \|$", other_pages.recipes(), re.M)
+    told = {name: values.split(" | ") for name, values in rows}
+    assert told["--contrast"] == ["0", "10", "0", "10", "10"]
+    assert told["--anneal"] == ["yes", "no", "no", "no", "no"]
+    assert "--num-envs" not in told
+    assert told["tiny"] == ["64", "64", "64", "4x4x32"]

@@ -1,4 +1,4 @@
-"""The README and the pages of the site: their Python and their commands are true as they stand."""
+"""The Python and the commands in the README and the pages of the site work."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def by_name(value: Path | Sample) -> str:
 
 def test_there_are_samples() -> None:
     assert {"README.md", "start.md", "concepts.md", "tasks.md"} <= {s.page.name for s in SAMPLES}
-    assert {"adapters.md", "faq.md"} == {sample.page.name for sample in WITH_PARTNERS}
+    assert {"adapters.md"} == {sample.page.name for sample in WITH_PARTNERS}
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES[1:] if samples(p)], ids=by_name)
 @pytest.mark.usefixtures("plain_frames")
 def test_the_samples_of_a_page_run_in_order(page: Path, tmp_path, monkeypatch) -> None:
-    """None tells what frames show. The README's run in tests/test_readme.py, with the engine's."""
+    """No sample depends on frames. tests/test_readme.py runs the README with real frames."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(ROOT / "examples")
     monkeypatch.setattr(registry, "ENTRIES", dict(registry.ENTRIES))

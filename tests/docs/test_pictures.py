@@ -81,7 +81,7 @@ def test_returns_can_be_had_again(tmp_path: Path, monkeypatch) -> None:
 
 def test_agents_of_another_configuration_get_no_row() -> None:
     pytest.importorskip("flax")
-    with pytest.raises(SystemExit, match=r"was not trained by .*: its environment is another"):
+    with pytest.raises(SystemExit, match=r"was not trained with .*: its environment differs"):
         measured.row_of("simple-skip6", Path("pretrained/key-door"), 1)
 
 

@@ -161,7 +161,7 @@ def test_environments_that_cannot_be_built_again_are_told(world: World) -> None:
     assert episode.trajectory is None
     with pytest.raises(SettingError, match="no trajectory to save"):
         episode.save("never.json")
-    with pytest.raises(TrajectoryError, match="'discount' has the shape"):
+    with pytest.raises(TrajectoryError, match="'discount' must be a single value"):
         spec_of(env, params.replace(discount=np.ones(3, np.float32)))
     with pytest.raises(SettingError, match="living_reward must be a finite number, not nan"):
         spec_of(env, NavigationParams(living_reward=np.nan))
@@ -215,7 +215,7 @@ def test_another_behaviour_is_found_and_versions_are_told(walk: Trajectory) -> N
     report = played.report()
     assert "states differ from step" in report
     assert "NOT the same" in report
-    assert "environment was version 3, now it is 0" in report
+    assert "environment had version 3, now 0" in report
     assert "made by  jaxenstein 0.0.1, jax" in report
     assert f"running  jaxenstein {jaxenstein.__version__}, jax {jax.__version__}" in report
     # What was played now can be replayed in its turn.

@@ -35,4 +35,4 @@ def test_frames_tell_where_the_apple_is() -> None:
 
 def test_its_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(Path(custom_task.__file__)), run_name="__main__")
-    assert "mean return of who always goes west" in capsys.readouterr().out
+    assert "mean return of always going west" in capsys.readouterr().out

@@ -18,6 +18,7 @@ pytest.importorskip("optax")
 import jaxenstein
 from examples import recurrent_ppo
 from examples.ppo import Settings
+from jaxenstein.cli import main
 
 NAMES = ("flax_agent", "equinox_agent")
 SMALL = ["--updates=3", "--every=1", "--envs=4", "--steps=6", "--size=8", "--hidden=8"]
@@ -68,6 +69,8 @@ def test_a_short_training(name: str, tmp_path: Path, loggers: Any, capsys: Any) 
     (read,) = jaxenstein.read_results(tmp_path / f"{name}.json")
     assert (read.policy, read.environment.id) == (name, "miniworld-hallway")
     np.testing.assert_array_equal(read.lengths, results.lengths)
+    assert main(["score", str(tmp_path / f"{name}.json")]) == 0
+    assert name in capsys.readouterr().out
     assert [kind for kind, _ in loggers if kind in ("writer", "run", "closed", "finished")] == [
         "writer", "run", "finished", "closed"
     ]  # fmt: skip
@@ -76,6 +79,18 @@ def test_a_short_training(name: str, tmp_path: Path, loggers: Any, capsys: Any) 
     assert [steps for _, steps in rows] == [24, 48, 72]
     scalars = [scalar for kind, scalar in loggers if kind == "scalar"]
     assert scalars == [(key, value, steps) for row, steps in rows for key, value in row.items()]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.usefixtures("plain_frames")
+@pytest.mark.filterwarnings("ignore:::(wandb|tensorboardX|pydantic|google).*")
+def test_both_loggers_write_their_files(name: str, tmp_path: Path) -> None:
+    for logger in ("tensorboardX", "wandb"):
+        pytest.importorskip(logger)
+    example = pytest.importorskip(f"examples.{name}")
+    example.main([*SMALL, "--out", str(tmp_path)])
+    assert len([*tmp_path.glob("tensorboard/events.out.tfevents.*")]) == 1
+    assert len([*tmp_path.glob("wandb/offline-run-*/run-*.wandb")]) == 1
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,4 +1,4 @@
-"""Training in the game: games by gymnax' contract, on games that count."""
+"""Training in the game: gymnax' interface, on games that count steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Studies of numbers: when a run has learned, and what the table says of its directory."""
+"""Studies: when a run has learned, and the rows of the table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is read off episodes that are watched, and games that are played side by side."""
+"""Numbers from traced episodes, and games played in parallel."""
 
 from __future__ import annotations
 

@@ -1,15 +1,15 @@
-"""A WAD file and UDMF texts, written here."""
+"""UDMF texts, written here."""
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 
 import pytest
 
-from fidelity.doom_map import read_lump, read_map
+from fidelity.doom_map import read_map
 from jaxenstein.errors import MapError
 from jaxenstein.tasks.doom.maps import MAP_SPOT, Line, MapThing, load_map
+from jaxenstein.tasks.doom.wad import Wad
 
 # Clockwise, as Doom's walls go around what they enclose.
 CORNERS = [(0, 64), (32, 64), (32, 0), (0, 0)]
@@ -66,20 +66,8 @@ def test_maps_that_we_cannot_hold_are_refused(text: str, message: str) -> None:
         read_map(text)
 
 
-def test_a_lump_is_found_by_name(tmp_path: Path) -> None:
-    path, body = tmp_path / "some.wad", b"vertex {}"
-    entries = struct.pack("<II8s", 12, 0, b"MAP01") + struct.pack("<II8s", 12, 9, b"TEXTMAP")
-    path.write_bytes(struct.pack("<4sII", b"PWAD", 2, 12 + len(body)) + body + entries)
-    assert read_lump(path, "TEXTMAP") == body
-    with pytest.raises(MapError, match=r"some\.wad: has no lump ENDMAP"):
-        read_lump(path, "ENDMAP")
-    path.write_bytes(b"PK\3\4 and more bytes")
-    with pytest.raises(MapError, match="not a WAD file"):
-        read_lump(path, "TEXTMAP")
-
-
 def test_a_text_of_the_package_is_read_as_it_was_written() -> None:
-    """The maps of the package say what the game's say, if that is installed."""
+    """The maps of the package equal those of the game, if it is installed."""
     vizdoom = pytest.importorskip("vizdoom")
     path = Path(vizdoom.scenarios_path) / "my_way_home.wad"
-    assert read_map(read_lump(path, "TEXTMAP").decode()) == load_map("my-way-home")
+    assert read_map(Wad(path).lump("TEXTMAP").decode()) == load_map("my-way-home")

@@ -1,4 +1,4 @@
-"""What counts as a difference, and games that are played side by side."""
+"""Significant differences, and games played in parallel."""
 
 from __future__ import annotations
 

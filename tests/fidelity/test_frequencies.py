@@ -1,4 +1,4 @@
-"""Comparing two samples: a chance worked out by hand, and differences that are there or not."""
+"""Comparison of two samples: a p-value computed by hand, and real and absent differences."""
 
 from __future__ import annotations
 

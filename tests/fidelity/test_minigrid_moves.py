@@ -36,7 +36,7 @@ def shown(text: str, heading: int = 0) -> dict[str, list[str]]:
         ("###### #kSLG# ######", 0, "goal", 2 + 1 + 2 + 3),
         ("##### #SLG# #####", 0, "goal", -1),
         ("###### #kSL.# ######", 2, "locked", 1 + 2 + 1),
-        # With the key in the hand one more for laying it down.
+        # With the key in hand, one more move to drop it.
         ("####### #kSL.x# #######", 2, "box", 1 + 2 + 3 + 2),
         ("##### #S.o# #####", 0, "ball", 2),
         # Things are in the way.

@@ -1,4 +1,4 @@
-"""What the comparison with MiniWorld counts in a first state."""
+"""The numbers that the comparison with MiniWorld takes from a first state."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the measurements of ViZDoom's rules work out, and what the scripts say without it."""
+"""The statistics of ViZDoom's rules, and the error of the script without ViZDoom."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_blanks_are_floor_also_at_the_edge() -> None:
         ("\r\n#\r\n#SG#\r\n#v", 4, 2, "unknown symbol 'v'"),
         ("#SG\n#s?", 2, 2, r"did you mean 'S' \(spawn"),
         ("#Sg", 1, 3, r"did you mean 'G' \(goal\)"),
-        ("#SG\n#.+", 2, 3, r"'\+' \(medkit\) has its place in shooters"),
+        ("#SG\n#.+", 2, 3, r"'\+' \(medkit\) is only allowed in shooters"),
         ("#S\u2028G", 1, 3, "unknown symbol"),
         ("####\n#S\tG", 2, 3, "tab"),
         ("SG" + "." * (MAX_SIZE - 1), 1, MAX_SIZE + 1, "too large.*256"),
@@ -94,7 +94,7 @@ def test_blanks_are_floor_also_at_the_edge() -> None:
         ("\r\n\n", None, None, "empty"),
         ("\ufeff", None, None, "empty"),
         ("####\n#G.#", None, None, "no spawn"),
-        ("####\n#S.#", None, None, "no goal"),
+        ("####\n#S.#", None, None, "no goal: .* goal_required=False"),
     ],
 )
 def test_errors_name_the_place(
@@ -202,13 +202,13 @@ def test_doors_keep_their_look() -> None:
 @pytest.mark.parametrize(
     ("regions", "line", "column", "message"),
     [
-        ("####\n#1G#\n####", 2, 3, r"'G' \(goal\) has no place here, only # 1 2|space"),
+        ("####\n#1G#\n####", 2, 3, r"'G' \(goal\) is not allowed here, only # 1 2|space"),
         ("\n####\n#1?#\n####", 3, 3, "unknown symbol"),
         ("####\n#11#", 2, None, "4 columns and 2 rows do not fit .* 4 and 3"),
         ("####\n#11#\n####\n####", 4, None, "4 columns and 4 rows do not fit"),
         ("####\n#11##\n####", 2, 5, "5 columns and 3 rows do not fit"),
         ("###\n#11\n###", 3, None, "3 columns and 3 rows do not fit"),
-        ("####\n111#\n####", 2, 1, "'1' lies on a wall"),
+        ("####\n111#\n####", 2, 1, "'1' is on a wall"),
         ("", None, None, "empty"),
         (7, None, None, "not int"),
     ],

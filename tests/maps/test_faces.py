@@ -51,7 +51,7 @@ def test_blocks_in_any_order_with_any_line_ends() -> None:
 def test_floor_symbols_leave_the_tile_as_it_is() -> None:
     for blank in ". ":
         text = block("east", f"{blank * 3}1{blank}", "#...#", blank * 5 + "\nwest", *MAP.split())
-        with pytest.raises(MapError, match="no place here"):
+        with pytest.raises(MapError, match="not allowed here"):
             parse_ascii(MAP, faces=text)
         text = block("east", f"{blank * 3}1{blank}", "#", blank * 5)
         tilemap = parse_ascii(MAP, faces=text)
@@ -68,16 +68,16 @@ def test_faces_that_are_the_walls_own_are_none() -> None:
 @pytest.mark.parametrize(
     ("faces", "line", "column", "message"),
     [
-        ("", 1, None, "a heading must come first: one of west, east, north, south"),
-        ("\n\n###\nwest", 3, None, "a heading must come first"),
+        ("", 1, None, "the text must start with a heading: one of west, east, north, south"),
+        ("\n\n###\nwest", 3, None, "the text must start with a heading"),
         (block("west", "#####", "#...#", "#####", "#####"), 5, None, "5 columns and 4 rows"),
         (block("\nwest", "#####", "#...#"), 4, None, "5 columns and 2 rows do not fit .* 5 and 3"),
         (block("west", "#####", "#...##", "#####"), 3, 6, "6 columns and 3 rows do not fit"),
         (block("west", "####", "#...", "####"), 4, None, "4 columns and 3 rows do not fit"),
-        (block("west", "#####", "#1..#", "#####"), 3, 2, "'1' lies on floor"),
-        (block("west", "#####", "#.1.#", "#####"), 3, 3, "'1' lies on a door"),
-        (block("west", "#####", "#.'.#", "#####"), 3, 3, "unlocked red door.* has no place here"),
-        (block("west", "#####", "#S..#", "#####"), 3, 2, "spawn.* has no place here"),
+        (block("west", "#####", "#1..#", "#####"), 3, 2, "'1' is on floor"),
+        (block("west", "#####", "#.1.#", "#####"), 3, 3, "'1' is on a door"),
+        (block("west", "#####", "#.'.#", "#####"), 3, 3, "unlocked red door.* is not allowed here"),
+        (block("west", "#####", "#S..#", "#####"), 3, 2, "spawn.* is not allowed here"),
         (block("west", "#####", "#...?", "#####"), 3, 5, r"unknown symbol '\?'"),
         (block("west", *MAP.replace("S'G", "...").split(), "West"), 5, None, "did you mean 'west'"),
         (block("eats", "#####", "#...#", "#####"), 1, None, "unknown heading 'eats', .*'east'"),

@@ -164,13 +164,13 @@ TEXT = as_text(np.ones((32, 32), int))
     ("changes", "message"),
     [
         ({"picture": TEXT[33:]}, "the picture of 'banana' must have 32 rows, not 31"),
-        ({"picture": TEXT.replace("\n#", "\n", 1)}, "row 2 must have 32 points, not 31"),
-        ({"picture": "x" + TEXT[1:]}, "row 1 has 'x', which is none of '.', '#', 'o'"),
+        ({"picture": TEXT.replace("\n#", "\n", 1)}, "row 2 must have 32 pixels, not 31"),
+        ({"picture": "x" + TEXT[1:]}, "row 1 has 'x', which is not one of '.', '#', 'o'"),
         ({"picture": TEXT.replace("#", ".")}, "is empty"),
         ({"picture": np.ones((32, 31), int)}, "32 rows and 32 columns, not 32 and 31"),
         ({"picture": np.full((32, 32), 3)}, "must hold only 0, 1 and 2, not 3 to 3"),
         ({"picture": ""}, "must have 32 rows, not 1"),
-        ({"picture": [[1] * 32, [1]]}, "the picture of 'banana' is no array"),
+        ({"picture": [[1] * 32, [1]]}, "the picture of 'banana' is not an array"),
         ({"picture": np.ones((32, 32))}, r"not float64\[32, 32\]"),
         ({"picture": np.ones((16, 16, 4), np.uint8)}, "32 columns, not 16 and 16"),
         ({"picture": np.ones((2, 32), np.uint32)}, "32 columns, not 2 and 32"),
@@ -183,11 +183,14 @@ TEXT = as_text(np.ones((32, 32), int))
         ({"name": "peel"}, "'peel' has the labels .201."),
         ({"name": "red wall"}, "'red wall' is already the name of a label"),
         ({"name": "key", "colour": None}, "'blue key' is already the name of a label"),
-        ({"name": ""}, "must be a text of one line"),
+        ({"name": ""}, "must be one line of text"),
         ({"colour": (1, 2)}, "the colour of 'banana' must be"),
         ({"detail": (0, 0, 256)}, "the detail of 'banana' must be"),
-        ({"radius": 0.6}, "the radius of 'banana' must be above 0 to 0.5 tiles, not 0.6"),
-        ({"radius": np.nan}, "the radius of 'banana' must be above 0 to 0.5 tiles, not nan"),
+        ({"radius": 0.6}, "the radius of 'banana' must be above 0 and at most 0.5 tiles, not 0.6"),
+        (
+            {"radius": np.nan},
+            "the radius of 'banana' must be above 0 and at most 0.5 tiles, not nan",
+        ),
         ({"drop": np.nan}, "the drop of 'banana' must be from -0.25 to 0.25 .* not nan"),
         ({"drop": 10**400}, "the drop of 'banana' must be from -0.25 to 0.25"),
         ({"radius": 0.3, "drop": 0.4}, "must be from -0.2 to 0.2 with a radius of 0.3"),
@@ -200,6 +203,18 @@ def test_what_is_none(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         register_thing(row.pop("name"), row.pop("label"), row.pop("picture"), **row)
     assert before == THING_OF
+
+
+def test_an_image_of_another_size_is_not_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unpack(*_: object, **__: object) -> None:
+        raise AssertionError("unpacked")
+
+    Image.new("RGB", (33, 32)).save(tmp_path / "large.png")
+    monkeypatch.setattr(Image.Image, "convert", unpack)
+    with pytest.raises(SettingError, match="must have 32 rows and 32 columns, not 32 and 33"):
+        register_thing("large", 200, tmp_path / "large.png", colour=RED)
 
 
 def test_a_label_of_nothing_has_no_picture_and_no_name() -> None:

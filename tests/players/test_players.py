@@ -1,4 +1,4 @@
-"""The players that every environment has, and those of its task, by name."""
+"""The players of every environment, and those of tasks, by name."""
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +25,7 @@ def test_every_task_names_its_expert_among_its_players(name):
 
 @pytest.mark.parametrize("name", IDS)
 def test_what_a_task_says_of_itself_is_there(name):
-    """Params that pay, events and variables: neither more nor fewer than `info` has."""
+    """`about` describes all rewards, events and variables in `info`, and no others."""
     env, params = jaxenstein.make(name, **SIZE)
     about = env.about()
     state = jax.eval_shape(env.init_state, jax.random.key(0), params)

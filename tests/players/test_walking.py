@@ -1,4 +1,4 @@
-"""Walking players: they arrive, on ways that are hardly longer than need be."""
+"""Walking players reach their goals on nearly shortest paths."""
 
 import jax
 import numpy as np

@@ -10,7 +10,7 @@ import numpy as np
 WEST, EAST, NORTH, SOUTH = range(4)
 # Float32 arithmetic may misplace a ray by this much per tile of its way (and one).
 ROUNDING = 2e-5
-# On a face that is met at a small angle, a ray beside comes this many times as far off at most.
+# On a face met at a small angle, the error of a ray grows at most by this factor.
 SLANT = 64
 
 
@@ -130,7 +130,7 @@ def along_face(
 
 
 def rounding_of_depth(eyes: np.ndarray, rays: np.ndarray, sight: Sight) -> np.ndarray:
-    """float64[N]: error of the depth that float32 directions and eyes cannot but make."""
+    """float64[N]: the unavoidable error of depth with float32 directions and eyes."""
     normal = np.where(sight.face < NORTH, np.abs(rays[:, 0]), np.abs(rays[:, 1]))
     return 4e-7 * sight.depth / np.maximum(normal, 1e-12)
 

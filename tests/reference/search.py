@@ -1,4 +1,4 @@
-"""How the comparisons search: seeds of whole worlds, which there is no point in shrinking."""
+"""Search settings for comparisons over seeds of whole worlds, which need no shrinking."""
 
 from __future__ import annotations
 

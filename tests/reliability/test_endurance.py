@@ -1,4 +1,4 @@
-"""A small run of the long one, and that it would see what it looks for."""
+"""A short endurance run, and that it detects violations."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_an_index_out_of_range_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_step_into_a_wall_and_a_nan_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With collisions switched off, and distances that are no numbers."""
+    """With collisions switched off, and NaN distances."""
 
     def walk(level: Any, closed: Any, position: Any, heading: Any, action: Any, params: Any) -> Any:
         del level, closed

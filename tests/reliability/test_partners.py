@@ -1,4 +1,4 @@
-"""The environments that the tests run in beside other versions. Running one takes minutes."""
+"""The environments for tests with other packages. Running one takes minutes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of others are data: they run no code, and nothing is written outside of their folder."""
+"""Files from others are data: they run no code, and nothing is written outside their folder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import atomic
 
 SOURCE = Path(jaxenstein.__file__).parent
-# What makes objects or runs code of what it reads.
+# Functions that create objects or run code from their input.
 MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "marshal", "shelve", "code"}
 FUNCTIONS = {"eval", "exec", "compile", "__import__"}
 METHODS = {("yaml", "load"), ("yaml", "unsafe_load"), ("yaml", "full_load"), ("os", "system")}
@@ -70,7 +70,7 @@ def test_the_search_finds_what_it_looks_for(text: str) -> None:
 
 
 class Watch:
-    """Notes what the process is asked to do while it is on; such hooks cannot be taken off."""
+    """Records audit events while enabled; audit hooks cannot be removed."""
 
     def __init__(self) -> None:
         self.on = False
@@ -194,7 +194,7 @@ def link(path: Path, treasure: Path) -> None:
 def test_links_out_of_a_run_are_not_followed(
     run: Path, treasure: Path, watch: Watch, name: str
 ) -> None:
-    """Neither where a run goes on nor where one begins: the check comes before the first write."""
+    """Neither for a resumed nor for a new run: the check precedes the first write."""
     from jaxenstein.baselines.runs.folder import RunFolder
     from jaxenstein.baselines.runs.training import train
     from tests.baselines.tiny import tiny
@@ -291,7 +291,7 @@ def change(path: str, value: Any) -> Callable[[dict[str, Any]], None]:
     ],
 )
 def test_the_configuration_of_a_run_is_looked_at(run: Path, path: str, value: Any) -> None:
-    """Names of runs become names of folders, so they cannot be anything."""
+    """Names of runs become names of folders, so they are restricted."""
     from jaxenstein.baselines.runs.folder import RunFolder
 
     file = run / "config.json"
@@ -303,7 +303,7 @@ def test_the_configuration_of_a_run_is_looked_at(run: Path, path: str, value: An
 
 
 def test_yaml_of_names_for_names_is_refused(tmp_path: Path) -> None:
-    """Ten lines could stand for a billion values."""
+    """Ten lines could expand to a billion values."""
     pytest.importorskip("yaml")
     pytest.importorskip("flax")
     from jaxenstein.baselines.runs.options import read_file
@@ -311,7 +311,7 @@ def test_yaml_of_names_for_names_is_refused(tmp_path: Path) -> None:
     lines = ["settings:", "  a0: &a0 [1, 1]"]
     lines += [f"  a{i + 1}: &a{i + 1} [*a{i}, *a{i}, *a{i}, *a{i}, *a{i}]" for i in range(12)]
     (tmp_path / "c.yaml").write_text("\n".join(lines))
-    with pytest.raises(SettingError, match="write the value again"):
+    with pytest.raises(SettingError, match="repeat the value"):
         read_file(tmp_path / "c.yaml")
 
 

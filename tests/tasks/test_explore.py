@@ -137,7 +137,7 @@ def test_the_expert_takes_what_pays(name):
 def test_bad_settings_are_refused():
     with pytest.raises(SettingError, match="kind must be one of"):
         Explore(kind="keys")  # pyright: ignore[reportArgumentType]
-    with pytest.raises(SettingError, match="must be 9 at most together"):
+    with pytest.raises(SettingError, match="their sum at most 9"):
         Explore(starts=6)
     with pytest.raises(SettingError, match="need kind='goal'"):
         Explore(kind="apples", doors=3)

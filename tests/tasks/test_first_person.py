@@ -82,5 +82,5 @@ def test_variables_are_not_called_as_functions_of_dictionaries(name: str) -> Non
         def variable_spaces(self) -> dict[str, Box]:
             return {name: Box(0.0, 1.0, (1,), np.dtype(np.float32))}
 
-    with pytest.raises(SettingError, match=f"may not be called '{name}'"):
+    with pytest.raises(SettingError, match=f"must not be called '{name}'"):
         Named(observation="dict").observation_space()

@@ -1,4 +1,4 @@
-"""Which levels a generated task draws."""
+"""The levels that a generated task draws."""
 
 import dataclasses
 
@@ -35,7 +35,7 @@ def test_levels_are_those_of_their_seeds():
     one = [set(layouts(first_states(20, levels=range(s, s + 1))[1])) for s in (first, first + 1)]
     assert [len(found) for found in one] == [1, 1]
     assert set(seen) == one[0] | one[1]
-    # Each level is equally likely, and the episode adds a start of its own.
+    # Each level is equally likely, and each episode draws its own start.
     assert min(seen.count(layout) for layout in set(seen)) >= 100
     assert len(set(few.heading[[layout == seen[0] for layout in seen]].tolist())) > 1
     assert env.about().generated
@@ -74,7 +74,7 @@ def test_closed_doors_are_found_by_their_places() -> None:
     tilemap = parse_ascii("######\n#SrRb#\n#..BG#\n######", "doors", goal_required=False)
     places = [(door.column, door.row) for door in tilemap.doors]
     assert len(places) == 2
-    # A level that has them the other way round, between doors that are not there.
+    # A level that has them the other way round, between absent doors.
     level = np.array([(0, 0), places[1], (0, 0), places[0]])
     closed = np.array([[True, False, True, True], [True, True, True, False]])
     found = closed_doors(tilemap, level, closed)

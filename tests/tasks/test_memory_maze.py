@@ -50,7 +50,7 @@ def check_levels(size, count):
         steps = walking_distances(walls == 0, ((column, row),))[0]
         columns, rows = np.floor(states.things[i]).astype(int).T
         assert (steps[rows, columns] > 0).all()
-        # Things are in different rooms, and no two so near that both could be touched.
+        # Things are in different rooms, and no two are close enough to touch both.
         apart = np.abs(states.things[i][:, None] - states.things[i][None]).max(-1)
         assert (apart[~np.eye(number, dtype=bool)] >= 2).all()
         third = (0, (size + 2) // 3, 2 * (size + 2) // 3, size + 2)

@@ -1,4 +1,4 @@
-"""Random mazes: rules by search on the host, straightening against a slow copy of the rule."""
+"""Random mazes: rules by search on the host, and straightening against a slow implementation."""
 
 import functools
 
@@ -58,7 +58,7 @@ def test_thousands_of_mazes_keep_the_rules(plan):
 
 
 def test_rectangles_are_as_likely_as_in_the_original():
-    """Against draws by the rule in words: a short side, then something more for one of the two."""
+    """Against the rule in words: draw a short side, then lengthen one of the two."""
     plan = MazePlan(15, 6)
     masks, weights = _rectangles(plan)
     rng = np.random.default_rng(0)

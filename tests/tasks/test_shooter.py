@@ -74,12 +74,12 @@ def test_every_monster_of_a_map_has_a_kind_and_pictures() -> None:
     ("text", "message"),
     [
         ("####\n#Sz?\n####", r"line 2, column 4: unknown symbol '\?'.* G \+ d m i z s c = # 1"),
-        ("####\n#SzR\n####", r"line 2, column 4: 'R' \(locked red door\) has no place here"),
-        ("####\n#Sza\n####", r"line 2, column 4: 'a' \(apple\) has no place here"),
+        ("####\n#SzR\n####", r"line 2, column 4: 'R' \(locked red door\) is not allowed here"),
+        ("####\n#Sza\n####", r"line 2, column 4: 'a' \(apple\) is not allowed here"),
         ("####\n#zz#\n####", "no spawn"),
-        ("####\n#SG#\n####", r"1 to 64 monsters \(z s c i d m\), not 0"),
+        ("####\n#SG#\n####", r"1 to 64 monsters \(z s c i d m\), but this map has 0"),
         ("S" + "z" * 65, "66 columns and 1 rows is too large for a shooter"),
-        ("S" + "z" * 32 + "\n" + "z" * 33, "1 to 64 monsters .* not 65"),
+        ("S" + "z" * 32 + "\n" + "z" * 33, "1 to 64 monsters .* has 65"),
         (3, "not int"),
     ],
 )
@@ -90,7 +90,7 @@ def test_maps_that_are_none(text: Any, message: str) -> None:
 
 def test_monsters_have_no_place_in_other_maps() -> None:
     with pytest.raises(
-        MapError, match=r"line 1, column 3: 'z' \(zombie\) has its place in shooters"
+        MapError, match=r"line 1, column 3: 'z' \(zombie\) is only allowed in shooters"
     ):
         jaxenstein.from_ascii("SGz")
     with pytest.warns(MapWarning, match="no path reaches this goal"):
@@ -98,7 +98,7 @@ def test_monsters_have_no_place_in_other_maps() -> None:
 
 
 def test_settings_that_cannot_be() -> None:
-    with pytest.raises(SettingError, match="a kind for 'x', which is none of the symbols 'z'"):
+    with pytest.raises(SettingError, match="a kind for 'x', which is not one of the symbols 'z'"):
         Shooter(text=DEN, monsters={"x": KINDS["z"]})
     with pytest.raises(SettingError, match="ammo must be a whole number from 0"):
         Shooter(text=DEN, ammo=-1)

@@ -21,14 +21,14 @@ FAMILIES = (
     "miniworld",
     "miniworld-objects",
 )
-# Nobody is promised to live to the end there: the next medkit may be too far away.
+# Survival is not guaranteed there: the next medkit may be too far away.
 IDS = [
     name
     for name, entry in ENTRIES.items()
     if entry.family in FAMILIES and name != "miniworld-collect-health"
 ]
 LEVELS = 4096
-# How many levels the planner plays.
+# The number of levels that the planner plays.
 PLANNED = 64
 
 

@@ -1,4 +1,4 @@
-"""Levels held out by what they are: both sides of a split against sets of levels on the host."""
+"""Levels held out by content: both sides of a split against sets of levels on the host."""
 
 import dataclasses
 import functools
@@ -25,12 +25,17 @@ from reliability import levels as counting
 
 SIZE = {"height": 8, "width": 12}
 CORRIDOR, DOORS, CROSSING = "key-corridor-s3r2", "minigrid-red-blue-doors-6x6", "minigrid-memory-s7"
-# One of each family that draws levels: those with few of them, and those with very many.
-FEW = ("key-corridor-s3r1", "miniworld-maze-s3", "minigrid-dynamic-obstacles-random-5x5", DOORS)
+# One id of each family that draws levels, with few and with very many levels.
+FEW = (
+    "key-corridor-s3r1", DOORS,
+    *(pytest.param(name, marks=pytest.mark.variant) for name in (
+        "miniworld-maze-s3", "minigrid-dynamic-obstacles-random-5x5")),
+)  # fmt: skip
 MANY = (
-    CORRIDOR, "dmlab-explore-goal-locations", "miniworld-pickup-objects",
-    *(pytest.param(name, marks=pytest.mark.slow) for name in (
-        "memory-maze-9x9", "dmlab-explore-object-rewards", "minigrid-obstructed-maze-1dlh")),
+    CORRIDOR,
+    *(pytest.param(name, marks=pytest.mark.variant) for name in (
+        "dmlab-explore-goal-locations", "dmlab-explore-object-rewards", "memory-maze-9x9",
+        "minigrid-obstructed-maze-1dlh", "miniworld-pickup-objects")),
 )  # fmt: skip
 
 
@@ -47,7 +52,7 @@ def first_states(env: Any, count: int, seed: int = 0) -> Any:
 
 
 def seen(env: Any, states: Any, i: int) -> str:
-    """What people would say that there is in a level, without the package's own idea of it."""
+    """The content of a level as a person sees it, independent of the package's own definition."""
     state = jax.tree.map(lambda leaf: leaf[i], states)
     level = state.level
     said: list[Any] = [level.walls.tolist(), level.row_bits.tolist()]
@@ -76,7 +81,7 @@ def sets_of(env: Any, states: Any) -> list[str]:
 
 
 def both_sides(name: str, count: int, **settings: Any) -> list[set[str]]:
-    """What levels of the training and of the test are seen to be."""
+    """The visible content of training and test levels."""
     sides = []
     for split in ("train", "test"):
         env = made(name, split=split, test_fraction=0.4, **settings)
@@ -86,7 +91,7 @@ def both_sides(name: str, count: int, **settings: Any) -> list[set[str]]:
 
 @pytest.mark.parametrize("name", FEW)
 def test_no_level_is_on_both_sides(name: str) -> None:
-    """By what is seen, over thousands of draws, which bring most levels again and again."""
+    """By visible content, over thousands of draws, in which most levels come several times."""
     train, test = both_sides(name, 3000)
     assert not train & test
     every = level_counts.level_counts()[name].levels
@@ -95,7 +100,7 @@ def test_no_level_is_on_both_sides(name: str) -> None:
 
 @pytest.mark.parametrize("name", MANY)
 def test_no_level_of_some_seeds_is_on_both_sides(name: str) -> None:
-    """Of so few seeds that each level comes again; together both sides are all of them."""
+    """With few seeds, so that each level repeats; both sides together are all levels."""
     train, test = both_sides(name, 250, levels=(100, 130))
     assert not train & test
     env = made(name, levels=(100, 130))
@@ -119,7 +124,9 @@ def test_the_order_of_things_is_no_part_of_a_level() -> None:
     assert words[0] == words[1] != words[2]
 
 
-@pytest.mark.parametrize("name", [CORRIDOR, "memory-maze-9x9", DOORS])
+@pytest.mark.parametrize(
+    "name", [CORRIDOR, pytest.param("memory-maze-9x9", marks=pytest.mark.variant), DOORS]
+)
 @pytest.mark.parametrize("fraction", [0.1, 0.5])
 def test_the_share_of_levels_is_the_fraction(name: str, fraction: float) -> None:
     env = made(name)
@@ -133,7 +140,7 @@ def test_the_share_of_levels_is_the_fraction(name: str, fraction: float) -> None
 
 
 def test_a_hash_is_that_of_numbers_of_any_length() -> None:
-    """Against the definition in Python's own whole numbers."""
+    """Against the definition in Python integers."""
     most = 2**32 - 1
 
     def mixed(word: int) -> int:

@@ -1,12 +1,12 @@
-"""What exists for the compiler's sake alone: the results would be the same without it.
+"""Workarounds for the compiler; the results would be the same without them.
 
-- `batching`: without it, `jax.vmap` computes both sides of every choice for all of a batch, so that
-  each step would pay for a reset.
-- `staging`: without it, XLA's CPU compiler computes a column's work again for each of its pixels,
-  tens of times slower.
-- `packing`: without it, a call from Python pays for each small array that it hands over, more than
-  for the step itself.
+- `batching`: without it, `jax.vmap` computes both branches of every conditional for the whole
+  batch, so that each step would pay for a reset.
+- `staging`: without it, XLA's CPU compiler repeats the work of a column for each of its pixels,
+  and is tens of times slower.
+- `packing`: without it, a call from Python takes time for each small array that it passes, more
+  than for the step itself.
 
-A task is understood without reading any of it: `where_few(f)(needed, x)` is `f(x)` where it is
+You can read a task without knowing any of this: `where_few(f)(needed, x)` is `f(x)` where it is
 needed, `staged(f)(x)` is `f(x)`, and `varying(x, y)` is `x`.
 """

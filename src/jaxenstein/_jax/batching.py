@@ -1,6 +1,6 @@
-"""Choices for each member of a batch.
+"""Conditionals for each member of a batch.
 
-Without these `jax.vmap` computes both sides of a conditional for all members.
+With a plain conditional, `jax.vmap` computes both branches for all members.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ import numpy as np
 from jax import lax
 from jax.custom_batching import custom_vmap
 
-# Members that `where_few` computes at a time: a share of the batch, and the fewest.
+# `where_few` computes this fraction of the batch at a time, but at least this many members.
 CHUNK_SHARE, CHUNK = 4, 16
 
 
 def select(condition: jax.Array, true: Any, false: Any) -> Any:
-    """One of two equal pytrees, by one bool[]."""
+    """One of two pytrees of the same structure, chosen by one bool[]."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), true, false)
 
 
 def varying(tree: Any, *like: Any) -> Any:
-    """`tree`, marked as one that differs between devices wherever one of `like` does.
+    """`tree`, marked as varying over the mesh axes over which any of `like` varies.
 
-    Inside `jax.shard_map` the branches of a conditional and a loop's first and next carry must
-    agree about that, and what is made of constants alone differs nowhere. Elsewhere it is `tree`.
+    Inside `jax.shard_map`, the branches of a conditional must agree about varying axes, and so
+    must the carries of a loop; values made from constants do not vary. Elsewhere this is `tree`.
     """
     axes = frozenset().union(*map(_axes, jax.tree.leaves(like)))
 
@@ -43,24 +43,24 @@ def varying(tree: Any, *like: Any) -> Any:
 
 
 def _axes(leaf: Any) -> frozenset[str]:
-    """The axes of the devices' mesh along which an array differs."""
+    """The mesh axes over which an array varies."""
     kind = jax.typeof(leaf)
-    # Its name of old, or that of now, which older versions lack.
+    # The attribute was renamed; older JAX versions only have the old name.
     found = kind.vma if hasattr(kind, "vma") else kind.manual_axis_type.varying
     return frozenset(found)
 
 
 def lifted(function: Callable[..., Any], *args: Any) -> tuple[Callable[..., Any], list[jax.Array]]:
-    """`function` for arguments like these, and what it closes over as a first argument of its own.
+    """Make `function` pure: arrays that it closes over become its first argument.
 
-    `custom_vmap` cannot be batched where the arrays that its function closes over are, and a
-    `lax.cond` or `lax.switch` whose choice is batched makes a batch of every array in its branches.
+    `custom_vmap` cannot batch arrays that its function closes over. A `lax.cond` or `lax.switch`
+    with a batched predicate batches every array in its branches.
 
     Returns:
-        A function of (arrays, *args) that closes over none, and the arrays. Inside `jax.shard_map`
-        it holds for arguments that differ along the same axes of the mesh as these.
+        A function of (arrays, *args) that closes over no arrays, and the arrays. Inside
+        `jax.shard_map` it is valid for arguments that vary over the same mesh axes as `args`.
     """
-    from jax.extend.core import ClosedJaxpr, jaxpr_as_fun  # Pallas comes with it
+    from jax.extend.core import ClosedJaxpr, jaxpr_as_fun  # imports Pallas
 
     closed, shapes = jax.make_jaxpr(function, return_shape=True)(*args)
     structure = jax.tree.structure(shapes)
@@ -73,18 +73,18 @@ def lifted(function: Callable[..., Any], *args: Any) -> tuple[Callable[..., Any]
 
 
 def zeros(shapes: Any) -> Any:
-    """Zeros of a tree of shapes."""
+    """Zeros in the shapes and dtypes of a pytree."""
     return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
 
 
 def mapped(function: Callable[..., Any], axis_size: int, in_batched: list[Any]) -> Any:
-    """`function` of a batch, of which not all arguments need have the batch's axis."""
+    """`function` mapped over a batch in which some arguments may lack the batch axis."""
     axes = jax.tree.map(lambda batched: 0 if batched else None, tuple(in_batched))
     return jax.vmap(function, in_axes=axes, axis_size=axis_size)
 
 
 def spread(axis_size: int, in_batched: Any, args: Any) -> Any:
-    """The arguments of a batching rule, all with the batch's axis."""
+    """The arguments of a batching rule, all with the batch axis."""
 
     def one(leaf: jax.Array, batched: bool) -> jax.Array:
         return leaf if batched else jnp.broadcast_to(leaf, (axis_size, *leaf.shape))
@@ -93,25 +93,25 @@ def spread(axis_size: int, in_batched: Any, args: Any) -> Any:
 
 
 def of_batch(out: Any) -> tuple[Any, Any]:
-    """What a batching rule returns whose results all have the batch's axis."""
+    """The return value of a batching rule whose results all have the batch axis."""
     return out, jax.tree.map(lambda _: True, out)
 
 
 def where_any(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap `function` to run for a whole batch only if one of its members needs the result.
+    """Wrap `function` to run for a whole batch only if a member needs the result.
 
-    Without it `jax.vmap` turns a conditional into computing always. On other backends than the CPU
-    that is what happens: there a branch costs more, since the host must wait for its predicate.
+    `jax.vmap` would turn a conditional into computing always. On backends other than the CPU this
+    does happen: a branch costs more there, because the host must wait for its predicate.
 
     Returns:
-        A function of (needed bool[], *args), whose result is that of `function(*args)` where
-        `needed` is true, and anything elsewhere.
+        A function of (needed bool[], *args). Its result is `function(*args)` where `needed` is
+        true, and arbitrary elsewhere.
     """
     return _own_arrays(lambda own: _where_any(own[0]), [function])
 
 
 def _where_any(function: Callable[..., Any]) -> Callable[..., Any]:
-    # For each platform and for its shapes: Python's part of it is done once.
+    # Traced once for each platform and set of shapes.
     function = jax.jit(function, inline=True)
 
     @custom_vmap
@@ -140,21 +140,22 @@ def _where_any(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
-    """Wrap functions, each of which does what those before it do and more, to run one for a batch.
+    """Wrap functions, each of which extends the one before, to run a single one for a batch.
 
-    Without it all layers of billboards are drawn always: a step takes up to a third longer, in
-    doom-defend-the-center and minigrid-obstructed-maze-full, 256 at once of 64x64 pixels. On other
-    backends than the CPU that is the last one: there, the host must wait for a choice.
+    Otherwise all layers of billboards are always drawn, and a step takes up to a third longer
+    (doom-defend-the-center and minigrid-obstructed-maze-full, 256 environments, 64x64 pixels). On
+    backends other than the CPU the last function runs, because the host would have to wait for a
+    choice.
 
     Returns:
-        A function of (needed int32[...], *args) whose result is that of `branches[i](*args)`,
-        where i is the greatest number that any member of the batch has anywhere in `needed`.
+        A function of (needed int32[...], *args) whose result is `branches[i](*args)`, where i is
+        the largest number in `needed` over the whole batch.
     """
     return _own_arrays(_by_most, branches)
 
 
 def _own_arrays(wrap: Callable[..., Any], branches: Sequence[Callable[..., Any]]) -> Any:
-    """`wrap` of functions that may close over arrays: each gets those of all as its first one."""
+    """Apply `wrap` to functions that may close over arrays; all arrays become an argument."""
 
     def run(needed: jax.Array, *args: Any) -> Any:
         args = varying(args, needed, args)
@@ -170,7 +171,7 @@ def _own_arrays(wrap: Callable[..., Any], branches: Sequence[Callable[..., Any]]
 
 
 def _switch(branches: Sequence[Callable[..., Any]], needed: jax.Array, *args: Any) -> Any:
-    """The branch that is needed; the last one where the host would have to wait for the choice."""
+    """Run the needed branch; the last one where the host would have to wait for the choice."""
 
     def alike(branch: Callable[..., Any]) -> Callable[..., Any]:
         return lambda *values: varying(branch(*values), needed, args)
@@ -199,14 +200,14 @@ def _by_most(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
 
 
 def by_own(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
-    """Wrap functions, each of which does what those before it do and more, to run each member's.
+    """Wrap functions, each of which extends the one before, to run each member's own.
 
-    Members come one after the other. Without it all are drawn with as many layers as the neediest:
-    a step takes 6 to 16 % longer with JAX 0.12, in the same environments and doom-take-cover. On
-    other backends than the CPU that is the last function for all of them.
+    Members run one after another. Otherwise all members draw as many layers as the member that
+    needs most, and a step takes 6 to 16 % longer (JAX 0.12, the environments of `by_most` and
+    doom-take-cover). On backends other than the CPU, all members run the last function.
 
     Returns:
-        A function of (needed int32[], *args) whose result is that of `branches[needed](*args)`.
+        A function of (needed int32[], *args) whose result is `branches[needed](*args)`.
     """
 
     def wrap(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
@@ -216,32 +217,32 @@ def by_own(branches: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
 
 
 def where_few(function: Callable[..., Any], share: int = CHUNK_SHARE) -> Callable[..., Any]:
-    """Wrap `function` to run for those members of a batch alone that need the result.
+    """Wrap `function` to run only for the members of a batch that need the result.
 
-    They are brought together, a part of the batch at a time, so that a round computes for
-    members that all need it. Without it, one member in need makes all of a batch compute. On other
-    backends than the CPU it runs for all: there, rounds cost more than they save.
+    These members are gathered, and computed in chunks of the batch, so that every round computes
+    members that need it. Otherwise one member in need makes the whole batch compute. On backends
+    other than the CPU it runs for all members, because rounds cost more there than they save.
 
     Args:
-        function: what is computed.
-        share: a part is one in so many of the batch.
+        function: the function to wrap.
+        share: a chunk is 1 / share of the batch.
 
     Returns:
-        A function of (needed bool[], *args), whose result is that of `function(*args)` where
-        `needed` is true, and anything elsewhere.
+        A function of (needed bool[], *args). Its result is `function(*args)` where `needed` is
+        true, and arbitrary elsewhere.
     """
     return _own_arrays(partial(_where_few, share=share), [function])
 
 
 def _where_few(functions: Sequence[Callable[..., Any]], *, share: int) -> Callable[..., Any]:
-    """`where_few` of one `function(shared, *args)`; a whole batch has the same shared arrays."""
+    """`where_few` for one `function(shared, *args)`; `shared` must not be batched."""
     return _of_batch(functions, lambda own: _where_any(own[0]), partial(_in_chunks, share))
 
 
 def _of_batch(
     functions: Sequence[Callable[..., Any]], alone: Callable[..., Any], some: Callable[..., Any]
 ) -> Callable[..., Any]:
-    """Of functions of (shared, *args): `alone(functions)`, and for a batch what `_of_rows` does."""
+    """For functions of (shared, *args): `alone(functions)`, and `_of_rows` for a batch."""
     functions = [jax.jit(function, inline=True) for function in functions]
 
     @custom_vmap
@@ -259,10 +260,10 @@ def _of_batch(
 
 
 def _of_rows(functions: Sequence[Callable[..., Any]], some: Callable[..., Any]) -> Any:
-    """Functions of (shared, *row) for the rows of a batch, each by what it needs.
+    """Run functions of (shared, *row) for the rows of a batch, each by its need.
 
-    On CPUs that is `some` of them, each made one of several rows, of the needs and of the rows;
-    elsewhere the last function of all rows.
+    On CPUs this calls `some(functions, needed, *rows)`; elsewhere it runs the last function for
+    all rows.
     """
 
     @custom_vmap
@@ -298,7 +299,7 @@ def _of_rows(functions: Sequence[Callable[..., Any]], some: Callable[..., Any]) 
 def _unshared(
     functions: Sequence[Callable[..., Any]], in_batched: list[Any], args: tuple[Any, ...]
 ) -> tuple[Sequence[Callable[..., Any]], list[Any], tuple[Any, ...]]:
-    """Where the batch does not share what it should, that as one more of each member's own."""
+    """If the batch does not share `shared`, make it one more argument of each member."""
     if not any(jax.tree.leaves(in_batched[1])):
         return functions, in_batched, args
 
@@ -312,13 +313,13 @@ def _unshared(
 def _in_chunks(
     share: int, functions: Sequence[Callable[..., Any]], needed: jax.Array, *args: Any
 ) -> Any:
-    """The only function for the needed rows, zero in the others."""
+    """Run the only function for the needed rows; other rows are zero."""
     every, count = functions[0], needed.shape[0]
     if not count:
         return every(*args)
     size = min(max(CHUNK, -(-count // share)), count)
     rank = jnp.cumsum(needed, dtype=jnp.int32) - 1
-    # Rows past the last that is needed are no rows at all: what is set there is dropped.
+    # Indices past the last needed row are out of range, so setting them has no effect.
     rows = jnp.full(count + size, count, jnp.int32)
     place = jnp.where(needed, rank, count + size)
     rows = rows.at[place].set(np.arange(count, dtype=np.int32), mode="drop")
@@ -334,17 +335,17 @@ def _in_chunks(
 
 
 def _one_by_one(functions: Sequence[Callable[..., Any]], needed: jax.Array, *args: Any) -> Any:
-    """Each row's own function of it, one row after the other."""
+    """Run each row's own function, one row after another."""
     shapes = jax.eval_shape(functions[-1], *args)
     if not needed.size:
         return functions[-1](*args)
 
     def none(shape: jax.ShapeDtypeStruct) -> jax.Array:
-        # In one row, apart from its shape: filled along a short last axis, it takes long.
+        # Flat, because filling along a short last axis is slow.
         return lax.optimization_barrier(jnp.zeros(shape.size, shape.dtype)).reshape(shape.shape)
 
     def visit(i: jax.Array, out: Any) -> Any:
-        # Each writes to its place by itself: what a branch returns would be copied there.
+        # Each branch writes to its own place, because its return value would be copied.
         def put(function: Callable[..., Any], out: Any, *args: Any) -> Any:
             found = function(*jax.tree.map(lambda v: lax.dynamic_slice_in_dim(v, i, 1), args))
             return jax.tree.map(

@@ -1,7 +1,7 @@
-"""Trees of small arrays in rows of 32-bit words: one array to hand over instead of many.
+"""Pack pytrees of small arrays into rows of 32-bit words: one array to pass instead of many.
 
-Without this a compiled call from Python takes its time for each array that goes in or comes out,
-whatever its size; in a step of one environment that is more than the step itself.
+A compiled call from Python takes time for each array that it takes or returns, whatever its size.
+For a step of one environment, that is more than the step itself.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _WORD = np.dtype(np.uint32)
 
 
 class _Leaf(NamedTuple):
-    """An array of the tree: its shape and type as numbers, its words, and of keys their kind."""
+    """An array of the tree: its shape and dtype as numbers, its words, and the kind of keys."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
@@ -28,18 +28,18 @@ class _Leaf(NamedTuple):
 
 
 class Packing:
-    """How a tree of arrays lies in words. Equal trees have equal packings, and hashes.
+    """The layout of a pytree in words. Equal trees have equal packings.
 
     Attributes:
-        words: how many words a row has.
+        words: the number of words in a row.
     """
 
     def __init__(self, function: Callable[..., Any], *args: Any) -> None:
-        """Of what a function returns, which is traced for that.
+        """Lay out the return value of a function, which is traced.
 
         Args:
-            function: of arrays or their shapes; returns a tree of arrays of numbers, flags and
-                random keys.
+            function: a function of arrays or their shapes that returns a pytree of numeric
+                arrays, bools and random keys.
             *args: its arguments.
         """
         kinds: list[Any] = []
@@ -60,28 +60,28 @@ class Packing:
         self._hash = hash((self._tree, self._leaves))
 
     def __eq__(self, other: object) -> bool:
-        """Whether both put equal trees in equal places."""
+        """Whether both lay out equal trees in the same way."""
         if not isinstance(other, Packing):
             return NotImplemented
         return self._tree == other._tree and self._leaves == other._leaves
 
     def __hash__(self) -> int:
-        """Made once: a compiled call asks for it every time."""
+        """Computed once, because compiled calls need it every time."""
         return self._hash
 
     def pack(self, tree: Any) -> jax.Array:
-        """uint32[words] of a tree, in compiled code."""
+        """Pack a tree into uint32[words], in compiled code."""
         leaves = [_as_words(_as_numbers(leaf)) for leaf in jax.tree.leaves(tree)]
         return jnp.concatenate(leaves) if leaves else jnp.zeros(0, jnp.uint32)
 
     def unpack(self, row: jax.Array) -> Any:
-        """The tree of uint32[words], in compiled code."""
+        """Unpack a tree from uint32[words], in compiled code."""
         return jax.tree.unflatten(self._tree, [_of_words(row, leaf) for leaf in self._leaves])
 
     def read(self, rows: Any) -> Any:
-        """The tree of uint32[N, words] with a leading axis N, as numpy arrays of their own.
+        """Unpack uint32[N, words] on the host, as new numpy arrays with a leading axis N.
 
-        There are no random keys in numpy; those of a tree stay numbers.
+        numpy has no random keys, so keys stay numbers.
         """
         read = np.array(rows).view(self._record)[:, 0]
         arrays = [_read(read[str(i)], leaf.dtype) for i, leaf in enumerate(self._leaves)]
@@ -98,12 +98,12 @@ def _as_numbers(leaf: Any) -> jax.Array:
 
 
 def _size(leaf: Any) -> int:
-    """How many words an array takes: flags and short numbers one each."""
+    """The number of words of an array; bools and short numbers take one each."""
     return int(np.prod(leaf.shape, dtype=int)) * max(1, leaf.dtype.itemsize // _WORD.itemsize)
 
 
 def _short(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """The unsigned type of a short number's size."""
+    """The unsigned dtype of the size of a short number."""
     return np.dtype(f"u{dtype.itemsize}")
 
 
@@ -129,7 +129,7 @@ def _of_words(row: jax.Array, leaf: _Leaf) -> jax.Array:
 
 
 def _record(leaves: Sequence[_Leaf], words: int) -> np.dtype[Any]:
-    """A row as numpy takes it apart; of short numbers it gives the words."""
+    """The numpy dtype of a row; short numbers are given as words."""
     kinds = [_WORD if leaf.dtype.itemsize < _WORD.itemsize else leaf.dtype for leaf in leaves]
     return np.dtype(
         {
@@ -146,5 +146,5 @@ def _read(array: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
         return array != 0
     if dtype.itemsize < _WORD.itemsize:
         return array.astype(_short(dtype)).view(dtype)
-    # Numbers of eight bytes need not begin at a multiple of eight, which Torch refuses.
+    # In a row, 8-byte numbers may not be aligned, which torch refuses.
     return array if dtype.itemsize == _WORD.itemsize else array.copy()

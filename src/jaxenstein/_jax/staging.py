@@ -1,10 +1,11 @@
-"""Stages that are finished before they are used, which XLA's CPU compiler would compute again.
+"""Stages that are finished before they are used, so that XLA's CPU compiler does not repeat them.
 
-XLA fuses producers into consumers. Where a consumer has one element per pixel and the producer
-one per column, the CPU compiler then repeats the column's work for every pixel, tens of times
-slower. `jax.lax.optimization_barrier` forbids it, but the CPU compiler of JAX 0.10 drops the
-barrier. A conditional is never fused through, provided its predicate is unknown to the compiler
-and is one scalar for the whole batch (a batched predicate turns into a select).
+XLA fuses producers into consumers. If a consumer has one element per pixel and its producer one
+per column, the CPU compiler then repeats the work of the column for every pixel, which is tens of
+times slower. `jax.lax.optimization_barrier` should prevent this, but the CPU compiler of JAX 0.10
+drops the barrier. XLA never fuses through a conditional if the compiler does not know its
+predicate and the predicate is one scalar for the whole batch (a batched predicate becomes a
+select).
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from jax.custom_batching import custom_vmap
 
 from .batching import lifted, mapped, of_batch, spread, varying, zeros
 
-# Bits of a NaN that no computation makes.
+# Bits of a NaN that no computation produces.
 _NEVER = 0x7FA5A5A5
 
 
 def staged(stage: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap `stage` so that its results are computed once, into memory, before they are used.
 
-    The stage may take and return any pytrees of arrays of numbers. Works under any nesting of
-    `jax.vmap`, and with arguments of which some, but not all, are constants of the program.
+    The stage may take and return any pytrees of numeric arrays. Works under any nesting of
+    `jax.vmap`. Some arguments, but not all, may be constants of the program.
     """
 
     def call(*args: Any) -> Any:
@@ -40,7 +41,7 @@ def staged(stage: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _staged(stage: Callable[..., Any]) -> Callable[..., Any]:
-    """`staged` of a function that closes over no array."""
+    """As `staged`, for a function that closes over no arrays."""
     stage = _traced_once(stage)
 
     @custom_vmap
@@ -57,10 +58,10 @@ def _staged(stage: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def repeat(body: Callable[..., Any]) -> Callable[..., Any]:
-    """A loop whose number of rounds is that of the batch's longest, for all of the batch.
+    """Make a loop that runs the whole batch for the number of rounds of its longest member.
 
-    `jax.vmap` would keep each member's result back after its own last round, at the cost of a
-    select a round. Here further rounds are given to those that need none, and must not harm.
+    `jax.vmap` would freeze each member after its own last round, at the cost of a select per
+    round. Here members may run further rounds, which must do no harm.
 
     Args:
         body: called as `body(i, carry, constants)` for i = 0, 1, ...; returns the next carry.
@@ -82,7 +83,7 @@ def repeat(body: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _repeat(body: Callable[..., Any]) -> Callable[..., Any]:
-    """`repeat` of a body that closes over no array."""
+    """As `repeat`, for a body that closes over no arrays."""
 
     @custom_vmap
     def call(rounds: jax.Array, carry: Any, constants: Any) -> Any:
@@ -105,8 +106,8 @@ def _repeat(body: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-# The functions here are used several times over: for each platform, for their shapes, and within
-# each other. Python's part of it is done once, and no call is left in the program.
+# These functions run several times: for each platform, to find shapes, and within each other.
+# `jax.jit` traces them once, and inlining leaves no call in the program.
 _traced_once = partial(jax.jit, inline=True)
 
 
@@ -121,13 +122,13 @@ def _behind_cond(stage: Callable[..., Any]) -> Callable[..., Any]:
     def run(*args: Any) -> Any:
         leaves = jax.tree.leaves(args)
         if not all(leaf.size for leaf in leaves):
-            return stage(*args)  # a batch of none
-        # Of every argument something: what is a constant of the program alone would tell the
-        # compiler the answer, as the pose does of a player who always starts at one place.
-        # Not of bytes and flags, which may be frames: over devices it is sent around.
+            return stage(*args)  # an empty batch
+        # A value from every argument: from constants alone, the compiler could compute the
+        # predicate, for example from the pose of a player who always starts at one place.
+        # Bytes and bools are left out, because they may be frames, which devices would exchange.
         whole = [leaf for leaf in leaves if leaf.dtype.itemsize == 4] or leaves
         witness = sum(jnp.ravel(leaf)[0].astype(jnp.float32) for leaf in whole)
-        # True for every float32 but one signalling NaN; the compiler cannot rule that one out.
+        # True for every float32 except one signalling NaN, which the compiler cannot rule out.
         always = lax.bitcast_convert_type(witness, jnp.uint32) != jnp.uint32(_NEVER)
         shapes = jax.eval_shape(stage, *args)
 

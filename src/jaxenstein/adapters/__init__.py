@@ -1,5 +1,5 @@
-"""JAXenstein in the words of other libraries, one file a partner.
+"""Adapters to other libraries, one file per library.
 
-Nothing here is imported by the rest of the package, and each file imports its partner alone; the
-extra of the partner's name installs it. `batch` is what the loops outside of JAX share.
+The rest of the package imports nothing from here. Each file imports only its own library, which
+the extra of the same name installs. The adapters outside of JAX share `batch`.
 """

@@ -1,4 +1,4 @@
-"""Many environments behind one compiled call, for training loops that live outside of JAX."""
+"""Many environments in one compiled call, for training loops outside of JAX."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._jax.packing import Packing
+from ..drawing import Drawn
 from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError, quoted
 from ..fields import check_whole, is_whole
-from ..params import differing
+from ..params import differing, ranges_of, split_ranges, with_numbers
 from . import batch_calls
 
-# Environments that are reset and drawn in one call after a step in which some ended.
+# How many environments whose episode ended are reset and rendered per call.
 _TOGETHER = 8
 
 
@@ -27,12 +28,12 @@ H = TypeVar("H")
 
 
 class Ended(NamedTuple, Generic[H]):
-    """What a step that ended K episodes says of their ends: numpy arrays, or tensors.
+    """The ends of the K episodes that a step ended, as numpy arrays or tensors.
 
     Attributes:
-        indices: int64[K], which environments ended, ascending.
-        observation: as of the environment, with a leading axis K: the last observations.
-        info: arrays [K, ...]: what the step told of the last states.
+        indices: int64[K], the environments whose episode ended, ascending.
+        observation: the last observations, with a leading axis K.
+        info: arrays [K, ...], the info of the last states.
     """
 
     indices: H
@@ -41,16 +42,15 @@ class Ended(NamedTuple, Generic[H]):
 
 
 class Stepped(NamedTuple, Generic[H]):
-    """What a step gives, with a leading axis N but for `ended`: numpy arrays, or tensors.
+    """The result of a step, with a leading axis N except in `ended`: numpy arrays or tensors.
 
     Attributes:
-        observation: what to act on next; arrays on the device, or tensors.
+        observation: the observations to act on next; arrays on the device, or tensors.
         reward: float32[N].
-        terminated: bool[N], the tasks' own ends.
-        truncated: bool[N], ends by the time limit.
-        info: of the state in which each environment now is: after a reset in the same step that
-            of the new episode.
-        ended: only with `"same-step"`, where an episode ended; else None.
+        terminated: bool[N], whether the task ended the episode.
+        truncated: bool[N], whether the time limit ended the episode.
+        info: the info of the current states; after a reset in the same step, of the new episode.
+        ended: with `"same-step"`, the ends of episodes; None if no episode ended.
     """
 
     observation: Any
@@ -61,14 +61,14 @@ class Stepped(NamedTuple, Generic[H]):
     ended: Ended[H] | None
 
 
-# The processes in which adapters have used JAX; a forked child inherits its parent's.
+# The processes in which adapters have used JAX; a forked child inherits its parent's entry.
 _USED_IN: set[int] = set()
 
 
 def check_process() -> None:
-    """Refuse to use JAX in a child forked from a process that has used it, where it would hang.
+    """Refuse to use JAX in a child forked from a process that has used it: it would hang.
 
-    A fork copies the memory of JAX, but none of the threads that its computations wait for.
+    A fork copies JAX's memory but not the threads on which its computations wait.
 
     Raises:
         SettingError: this is such a child.
@@ -76,19 +76,19 @@ def check_process() -> None:
     here = os.getpid()
     if _USED_IN and here not in _USED_IN:
         raise SettingError(
-            f"process {here} was forked from one that has used JAX, which does not work in it: "
-            'start it anew, with context="spawn", in Gymnasium gymnasium.make_vec(..., '
-            'vectorization_mode="async", vector_kwargs={"context": "spawn"}); or let one process '
-            "step all of them, as gymnasium.make_vec does without a vectorization_mode"
+            f"process {here} was forked from a process that has used JAX, and JAX does not work "
+            'in it: use context="spawn", in Gymnasium gymnasium.make_vec(..., '
+            'vectorization_mode="async", vector_kwargs={"context": "spawn"}); or step all '
+            "environments in one process, as gymnasium.make_vec does without a vectorization_mode"
         )
     _USED_IN.add(here)
 
 
 class Batch:
-    """N environments of one kind that keep their own states and random streams.
+    """N environments of one kind, which keep their own states and random streams.
 
-    The last observations of a batch in which nothing ended are not drawn: a step in which K
-    episodes end draws N + K frames, with K rounded up to a multiple of 8.
+    A step in which no episode ends renders N frames. A step in which K episodes end renders N + K
+    frames, with K rounded up to a multiple of 8.
     """
 
     def __init__(
@@ -100,55 +100,63 @@ class Batch:
         autoreset: Autoreset | None = "same-step",
         spread: bool = True,
     ) -> None:
-        """Hold `num_envs` environments; nothing is compiled or drawn before `reset`.
+        """Create `num_envs` environments; compiles and renders nothing before `reset`.
 
         Args:
             env: the environment; its own `autoreset` and `final_observation` do not matter.
-            params: its params, each one number for all environments or an array with a leading
-                axis N. Params on another device are moved to that of the environments.
+            params: its params, each one number for all environments, an array with a leading
+                axis N, or a range from which each episode draws by the stream of its environment.
+                Params on another device are moved to that of the environments.
             num_envs: N, at least 1.
-            autoreset: `"same-step"`, `"next-step"` or None, as `Environment.autoreset`.
-            spread: whether the environments may lie on several processor cores, if
-                `jaxenstein.use_cores` made these devices and N can be divided by their number.
+            autoreset: `"same-step"`, `"next-step"` or None; see `Environment`.
+            spread: whether to spread the environments over several CPU cores, if
+                `jaxenstein.use_cores` made these devices and their number divides N.
 
         Raises:
-            SettingError: for a wrong `num_envs`, `autoreset` or `params`, or in a forked process
-                that JAX does not work in.
+            SettingError: `num_envs`, `autoreset` or `params` is invalid, or the process was forked
+                from one that has used JAX.
         """
         check_process()
         num_envs = check_whole("num_envs", num_envs)
         stepped = dataclasses.replace(env, autoreset=autoreset, final_observation=False)
         self.env = dataclasses.replace(stepped, autoreset=None)
-        # Resets within the step are made here, after a look at which episodes ended.
+        # Same-step resets happen in this class, after it knows which episodes ended.
         self._stepped = stepped if autoreset == "next-step" else self.env
         self.autoreset = autoreset
         self.num_envs = num_envs
         self._mesh = batch_calls.mesh_for(num_envs) if spread else None
-        self.params = params
-        # Of each environment its stream and its state, and what a step tells beside them.
+        # A packed row per environment with its stream and state, and the layouts of rows.
         self._kept: jax.Array | None = None
         self._layouts: tuple[Packing, Packing] | None = None
+        self.params = params
 
     @property
     def params(self) -> Any:
-        """The params, with a leading axis N where they differ between environments."""
+        """The params: numbers, ranges, and arrays [N] where environments differ."""
         return self._params
 
     @params.setter
     def params(self, params: Any) -> None:
-        params = self.env.check_params(params)
-        own = differing(params, self.env.default_params, self.num_envs, self.env.name)
-        params = self._in_place(params)
-        leaves, tree = jax.tree.flatten(params)
+        plain, ranges = split_ranges(params)
+        plain = self.env.check_params(plain)
+        changed = set(ranges) ^ set(ranges_of(self._params)) if self.begun else set()
+        if changed:
+            raise SettingError(
+                f"{', '.join(sorted(changed))}: after the first reset a range can only replace a "
+                "range, and a number a number"
+            )
+        own = differing(plain, self.env.default_params, self.num_envs, self.env.name)
+        plain = self._in_place(plain)
+        leaves, tree = jax.tree.flatten(plain)
         axes = tree.unflatten([0 if mapped else None for mapped in own])
         one = tree.unflatten([leaf[0] if m else leaf for leaf, m in zip(leaves, own, strict=True)])
-        self._params = params
-        self._numbers = Packing(lambda: one)
+        self._params = params = with_numbers(plain, ranges)
+        self._numbers = Packing(lambda: with_numbers(one, ranges))
         pack = self._numbers.pack
         self._packed_params = jax.vmap(pack, (axes,))(params) if any(own) else pack(params)
 
     def _in_place(self, params: Any) -> Any:
-        """The params on the device of the environments; on no fixed one if these use several."""
+        """The params on the device of the environments; uncommitted if these use several."""
         devices = set().union(*(leaf.devices() for leaf in jax.tree.leaves(params)))
         if self._mesh is None and len(devices) == 1:
             return params
@@ -156,22 +164,30 @@ class Batch:
 
     @property
     def begun(self) -> bool:
-        """Whether there has been a first reset."""
+        """Whether `reset` has been called."""
         return self._kept is not None
 
     @property
     def states(self) -> Any:
-        """The states, with a leading axis N, taken out of their rows; None before a reset."""
-        return None if self._kept is None else self._streams()[1]
+        """The states with a leading axis N, unpacked; None before the first reset."""
+        return None if self._kept is None else self._streams()[1].state
 
-    def _streams(self) -> tuple[jax.Array, Any]:
-        """The keys and the states."""
+    @property
+    def drawn_params(self) -> Any:
+        """The params of the current episodes: float32[N] in the place of ranges.
+
+        Before the first reset they are `params`.
+        """
+        return self._params if self._kept is None else self._streams()[1].params(self._params)
+
+    def _streams(self) -> tuple[jax.Array, Drawn]:
+        """The keys, and the states with the numbers that their episodes drew."""
         assert self._kept is not None
         return jax.vmap(self._layout[0].unpack)(self._kept)
 
     @property
     def _layout(self) -> tuple[Packing, Packing]:
-        """Of the stream and state of an environment, and of reward, ends and info."""
+        """The layouts of an environment's stream and state, and of reward, ends and info."""
         if self._layouts is None:
             self._layouts = batch_calls.layouts(self.env, self._numbers)
         return self._layouts
@@ -183,18 +199,18 @@ class Batch:
     def reset(
         self, seed: int | Sequence[int | None] | None = None, mask: Any = None
     ) -> tuple[Any, dict[str, np.ndarray]]:
-        """Begin new episodes: observations, on the device, and info.
+        """Start new episodes; returns observations, on the device, and info.
 
         Args:
-            seed: of the random streams: N numbers, or one, which stands for seed, seed + 1, ...
-                None, for all or for one of them, goes on with the stream; before the first reset
-                it begins a stream by chance.
-            mask: bool[N], which environments to reset; None for all. The seeds of others are
-                ignored. The first reset is of all.
+            seed: seeds of the random streams: N numbers, or one number for seed, seed + 1, ...
+                None, for all or some environments, continues the stream; before the first reset
+                it draws a random seed.
+            mask: bool[N], which environments to reset; None for all. Seeds of the others are
+                ignored. The first reset must reset all.
 
         Raises:
-            SettingError: a seed is not a whole number from 0 on, or there are not N of them; the
-                mask has another shape or type, or leaves one out at the first reset.
+            SettingError: a seed is not a whole number >= 0, there are not N of them, the mask has
+                another shape or dtype, or the first reset leaves an environment out.
         """
         chosen = np.ones(self.num_envs, bool) if mask is None else np.asarray(mask)
         if chosen.shape != (self.num_envs,) or chosen.dtype != bool:
@@ -203,7 +219,7 @@ class Batch:
                 f"not {chosen.dtype}{list(chosen.shape)}"
             )
         if self._kept is None and not chosen.all():
-            raise SettingError("the first reset must be of all environments: leave the mask out")
+            raise SettingError("the first reset must reset all environments: leave the mask out")
         keys = self._seeded(seeds_of(seed, self.num_envs), chosen)
         numbers = self._packed_params
         if chosen.all():
@@ -218,11 +234,11 @@ class Batch:
         """Step every environment.
 
         Args:
-            actions: integers [N], numpy or on the device. Actions outside of the action space do
+            actions: integers [N], numpy or on the device. Actions outside the action space do
                 nothing.
 
         Raises:
-            SettingError: the actions have another shape or type, or `reset` was not called.
+            SettingError: the actions have another shape or dtype, or `reset` was not called.
         """
         if self._kept is None:
             raise SettingError("call reset before step")
@@ -234,7 +250,7 @@ class Batch:
                 f"not {actions.dtype}{list(actions.shape)}"
             )
         if isinstance(actions, np.ndarray):
-            # Before a cast on the device could wrap them around.
+            # Clamp before a cast on the device could wrap around.
             valid = (actions >= 0) & (actions < self.env.num_actions)
             actions = np.where(valid, actions, -1).astype(np.int32)
         self._kept, observation, outcome = batch_calls.step(
@@ -248,8 +264,9 @@ class Batch:
         return stepped
 
     def observe(self, env: AnyEnvironment) -> Any:
-        """The observations that `env` draws of the current states; after a reset."""
-        return batch_calls.observe(env, self._numbers, self.states, self._packed_params)
+        """The observations of the current states by `env`; needs a reset first."""
+        states = self._streams()[1]
+        return batch_calls.observe(env, self._numbers, states, self._packed_params)
 
     def _restart(self, stepped: Stepped[np.ndarray], indices: np.ndarray) -> Stepped[np.ndarray]:
         """Reset the environments `indices` after a step that ended their episodes."""
@@ -259,7 +276,7 @@ class Batch:
         together = min(_TOGETHER, self.num_envs)
         for first in range(0, indices.size, together):
             some = indices[first : first + together]
-            # Filled up with the last one again, which writes the same values once more.
+            # Pad with the last index, which then writes the same values again.
             padded = np.pad(some, (0, together - some.size), mode="edge").astype(np.int32)
             self._kept, observation, final, first_info = batch_calls.restart(
                 self.env, self._plan, self._kept, observation, padded, self._packed_params
@@ -274,7 +291,7 @@ class Batch:
         return stepped._replace(observation=observation, info=info, ended=ended)
 
     def _seeded(self, seeds: list[int | None], chosen: np.ndarray) -> jax.Array:
-        """The streams: new ones where there is a seed, and at first everywhere."""
+        """The streams: new ones where there is a seed; before the first reset, all new."""
         fresh = [int(i) for i in np.flatnonzero(chosen) if seeds[i] is not None]
         if self._kept is None:
             sampled = [secrets.randbits(32) if seed is None else seed for seed in seeds]
@@ -305,10 +322,10 @@ def seeds_of(seed: Any, count: int) -> list[int | None]:
 
 
 def checked_seed(seed: Any) -> int:
-    """The seed of one random stream as an int.
+    """Check the seed of one random stream; returns an int.
 
     Raises:
-        SettingError: it is no whole number from 0 to 2**64 - 1.
+        SettingError: the seed is not a whole number from 0 to 2**64 - 1.
     """
     if not is_whole(seed) or not 0 <= seed < 2**64:
         raise SettingError(f"a seed must be a whole number from 0 to 2**64 - 1, not {quoted(seed)}")

@@ -1,4 +1,4 @@
-"""The compiled calls of a batch of environments; what they keep and tell lies in rows of words."""
+"""The compiled functions of a batch; state and results are packed into rows of words."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
+from .. import drawing
 from .._jax.batching import select
 from .._jax.packing import Packing
-from ..environment import AnyEnvironment, outcome_of
+from ..environment import AnyEnvironment
 
 
 def keys_of(seeds: Sequence[int]) -> jax.Array:
-    """A key for each seed; seeds beyond 32 bits are folded in, without loss."""
+    """A random key for each seed; seeds beyond 32 bits are folded in without loss."""
     words = [(seed & 0xFFFFFFFF, seed >> 32) for seed in seeds]
     low, high = (jnp.asarray(np.array(part, np.uint32)) for part in zip(*words, strict=True))
     return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a), b))(low, high)
 
 
 def mesh_for(num_envs: int) -> Mesh | None:
-    """The cores to spread over, if there are several and they can be given equal shares."""
+    """A mesh over the CPU cores, if there are several and their number divides `num_envs`."""
     count = jax.device_count()
     if jax.default_backend() != "cpu" or count == 1 or num_envs % count:
         return None
@@ -43,30 +44,37 @@ def _apart(
         return function(rows, actions, numbers)
     env = PartitionSpec("env")
     each = env if numbers.ndim == 2 else PartitionSpec()
-    # Nothing is exchanged, so there is nothing to check about what varies along the axis.
+    # Devices exchange nothing, so there is no variation along the axis to check.
     return jax.shard_map(
         function, mesh=mesh, in_specs=(env, env, each), out_specs=env, check_vma=False
     )(rows, actions, numbers)
 
 
-def _over(function: Callable[..., Any], layout: Packing, numbers: jax.Array, *args: Any) -> Any:
+def _over(
+    function: Callable[..., Any],
+    env: AnyEnvironment,
+    layout: Packing,
+    numbers: jax.Array,
+    *args: Any,
+) -> Any:
     """Map a function over the arguments and params of all environments.
 
     Args:
-        function: takes the arguments of one environment and, last, its params.
-        layout: of the params of one environment.
-        numbers: the packed params: uint32[words] for all, or uint32[N, words], one row for each.
-        *args: trees with a leading axis N.
+        function: takes the environment, the arguments of one environment and then its params.
+        env: the environment.
+        layout: the layout of the params of one environment, with ranges.
+        numbers: the packed params: uint32[words] for all, or uint32[N, words], a row for each.
+        *args: pytrees with a leading axis N.
     """
 
     def of_one(numbers: jax.Array, *args: Any) -> Any:
-        return function(*args, layout.unpack(numbers))
+        return function(env, *args, layout.unpack(numbers))
 
     return jax.vmap(of_one, (0 if numbers.ndim == 2 else None, *(0 for _ in args)))(numbers, *args)
 
 
 def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
-    """The layouts of an environment's stream and state, and of a step's outcome; not compiled.
+    """The layouts of an environment's stream and state, and of a step's outcome; traced only.
 
     Args:
         env: the environment.
@@ -77,10 +85,10 @@ def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
         return numbers.unpack(jnp.zeros(numbers.words, jnp.uint32))
 
     def kept() -> Any:
-        return jax.random.key(0), env.first_state(jax.random.key(0), params())
+        return jax.random.key(0), drawing.first_state(env, jax.random.key(0), params())
 
-    def outcome(key: jax.Array, state: Any) -> Any:
-        return outcome_of(env, key, key, state, jnp.int32(0), params())[2:]
+    def outcome(key: jax.Array, drawn: Any) -> Any:
+        return drawing.outcome(env, key, key, drawn, jnp.int32(0), params())[2:]
 
     return Packing(kept), Packing(lambda: outcome(*kept()))
 
@@ -88,23 +96,24 @@ def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
 _compiled = functools.partial(jax.jit, static_argnums=(0, 1))
 
 
-# A stream is a key that is split at every reset and at every step: one part is used, the other
-# stays. So an environment samples the same whatever the number of its neighbours, and whether
-# the batch or its caller makes the resets.
+# A stream is a key that is split at every reset and step into a key to use and a key to keep. So
+# the samples of an environment depend neither on the number of environments nor on whether the
+# batch or its caller resets.
 
 
-# The static arguments of a call: the devices, and the layouts of the kept rows, of the outcome of a
+# Static arguments of a call: the mesh, and the layouts of stream and state, of the outcome of a
 # step, and of the params.
 Plan = tuple[Mesh | None, Packing, Packing, Packing]
 
 
 @_compiled
 def reset(env: AnyEnvironment, plan: Plan, keys: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
-    """Begin an episode in each environment: rows, observations, info."""
+    """Start an episode in each environment: rows, observations, info."""
     _, kept, _, layout = plan
     keys, used = _split(keys)
-    observation, states = _over(env.reset, layout, numbers, used)
-    info = _over(env.describe, layout, numbers, states)
+    states = _over(drawing.first_state, env, layout, numbers, used)
+    observation = _over(drawing.observe, env, layout, numbers, states)
+    info = _over(drawing.describe, env, layout, numbers, states)
     return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
@@ -117,14 +126,14 @@ def reset_some(
     mask: jax.Array,
     numbers: jax.Array,
 ) -> tuple[Any, ...]:
-    """Begin an episode where the mask says so: rows, observations, info."""
+    """Start an episode where the mask is true: rows, observations, info."""
     _, kept, _, layout = plan
     after, used = _split(keys)
-    fresh = _over(env.first_state, layout, numbers, used)
+    fresh = _over(drawing.first_state, env, layout, numbers, used)
     keys = jnp.where(mask, after, keys)
     states = jax.vmap(select)(mask, fresh, states)
-    observation = _over(env.observe, layout, numbers, states)
-    info = _over(env.describe, layout, numbers, states)
+    observation = _over(drawing.observe, env, layout, numbers, states)
+    info = _over(drawing.describe, env, layout, numbers, states)
     return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
@@ -132,24 +141,23 @@ def reset_some(
 def step(
     env: AnyEnvironment, plan: Plan, rows: jax.Array, actions: jax.Array, numbers: jax.Array
 ) -> tuple[Any, ...]:
-    """Step all; where `env.autoreset` is `"next-step"`, reset those whose last step ended."""
+    """Step all; with `env.autoreset` "next-step", reset those whose last step ended."""
     mesh, kept, outcome, layout = plan
 
     def of_rows(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
         keys, states = jax.vmap(kept.unpack)(rows)
         keys, used = _split(keys)
-        # A reset takes the key that `restart` would take, the world's step that of other modes.
+        # With "next-step", steps and resets use the keys that they have in the other modes.
         steps, resets = _split(used)
         used = (steps, used if env.autoreset else resets)
-        step = functools.partial(outcome_of, env)
-        states, _, *rest = _over(step, layout, numbers, *used, states, actions)
-        observation = _over(env.observe, layout, numbers, states)
+        states, _, *rest = _over(drawing.outcome, env, layout, numbers, *used, states, actions)
+        observation = _over(drawing.observe, env, layout, numbers, states)
         return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(outcome.pack)(tuple(rest))
 
     return _apart(mesh, of_rows, rows, actions, numbers)
 
 
-# The observations are given away, so that the frames of the others need not be copied.
+# The observations are donated, so that the frames of other environments are not copied.
 @functools.partial(jax.jit, static_argnums=(0, 1), donate_argnums=3)
 def restart(
     env: AnyEnvironment,
@@ -159,28 +167,29 @@ def restart(
     indices: jax.Array,
     numbers: jax.Array,
 ) -> tuple[Any, ...]:
-    """Begin one in the environments `indices`: rows, observations, the last ones, info."""
+    """Start an episode in the environments `indices`: rows, observations, last ones, info."""
     _, kept, _, layout = plan
     if numbers.ndim == 2:
         numbers = numbers[indices]
     final = jax.tree.map(lambda leaf: leaf[indices], observation)
     after, used = _split(jax.vmap(kept.unpack)(rows[indices])[0])
-    first, fresh = _over(env.reset, layout, numbers, used)
+    fresh = _over(drawing.first_state, env, layout, numbers, used)
+    first = _over(drawing.observe, env, layout, numbers, fresh)
     rows, observation = jax.tree.map(
         lambda every, some: every.at[indices].set(some),
         (rows, observation),
         (jax.vmap(kept.pack)((after, fresh)), first),
     )
-    return rows, observation, final, _over(env.describe, layout, numbers, fresh)
+    return rows, observation, final, _over(drawing.describe, env, layout, numbers, fresh)
 
 
 @_compiled
 def observe(env: AnyEnvironment, layout: Packing, states: Any, numbers: jax.Array) -> Any:
     """The observation of each environment."""
-    return _over(env.observe, layout, numbers, states)
+    return _over(drawing.observe, env, layout, numbers, states)
 
 
 def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """What stays of each stream, and a key of each to use."""
+    """Split each stream into a stream to keep and a key to use."""
     split = jax.vmap(jax.random.split)(keys)
     return split[:, 0], split[:, 1]

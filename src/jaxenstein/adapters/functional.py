@@ -1,4 +1,4 @@
-"""What the adapters to libraries that themselves run inside of JAX share."""
+"""Helpers for adapters to libraries that run inside JAX."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ..errors import SettingError, quoted
 
 
 def check_fit(env: Any, allowed: tuple[str | None, ...], partner: str) -> None:
-    """Refuse what is no environment, or whose resets are not what the partner's loops expect.
+    """Check that a value is an environment with the resets that the library expects.
 
     Raises:
-        SettingError: naming what would be right.
+        SettingError: it is not; the message says what is needed.
     """
     if not isinstance(env, Environment):
         raise SettingError(
-            f"an environment as jaxenstein.make returns it is needed, not {quoted(env)}"
+            f"env must be an environment, as jaxenstein.make returns, not {quoted(env)}"
         )
     if env.autoreset not in allowed:
         right = " or ".join(f"autoreset={mode!r}" for mode in allowed)
@@ -29,9 +29,9 @@ def check_fit(env: Any, allowed: tuple[str | None, ...], partner: str) -> None:
 
 
 def first_info(env: AnyEnvironment, key: jax.Array, state: Any, params: Any) -> Info:
-    """What `info` says right after a reset: as of a step in which nothing happens.
+    """The `info` right after a reset, as of a step in which nothing happens.
 
-    It has the entries, shapes and dtypes of a step's, so that both fit one `jax.lax.scan`.
+    It has the same entries, shapes and dtypes as in a step, so that both fit one `jax.lax.scan`.
     """
     action = jnp.int32(0)
     shapes = jax.eval_shape(env.advance, key, state, action, params)[-1]

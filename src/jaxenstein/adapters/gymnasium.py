@@ -11,9 +11,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from .. import spaces
+from .. import drawing, spaces
 from ..environment import AnyEnvironment, Environment
 from ..errors import SettingError, nearest, quoted
+from ..params import split_ranges
 from ..registry import find, import_module_of, make
 from ..tasks.first_person import FirstPerson
 from .batch import Batch, check_process, checked_seed
@@ -26,20 +27,20 @@ except ImportError as error:
     ) from error
 
 RENDER_FPS = 15
-# Pixels of the longer side of the window, at least.
+# The longer side of the window has at least this many pixels.
 WINDOW = 512
 
 
 class GymnasiumEnv(gymnasium.Env[Any, Any]):
-    """An environment for loops that step one at a time.
+    """A Gymnasium environment for loops that step one environment at a time.
 
-    `gymnasium.make("jaxenstein/my-way-home-v0", height=84, width=84)` makes one, and so does this
-    class of an environment of your own. Observations are numpy arrays that belong to the caller;
-    those of images without colours have no channel axis. The infos of a reset are those of a step
-    without its events, such as `reached_goal`.
+    `gymnasium.make("jaxenstein/my-way-home-v0", height=84, width=84)` makes one; for an
+    environment of your own, use this class. Observations are numpy arrays that you may change;
+    images with one channel have no channel axis. The infos of a reset have the entries of a step
+    except events, such as `reached_goal`.
 
-    The time limit is the environment's param `max_steps_in_episode`. Gymnasium's
-    `max_episode_steps` can only shorten it.
+    The time limit is the param `max_steps_in_episode`. Gymnasium's `max_episode_steps` can only
+    shorten it.
 
     Attributes:
         env: the environment, with `autoreset=None`.
@@ -62,20 +63,21 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         """Wrap an environment, or make one.
 
         Args:
-            env: an environment or an id of `jaxenstein.make`.
-            params: params of the environment; None for its own.
+            env: an environment, or an id for `jaxenstein.make`.
+            params: its params; None for the default params. From a range each episode draws a
+                number.
             render_mode: `"rgb_array"`: `render` returns uint8[height, width, 3], whatever the
-                kind of observation; `"human"`: a window shows every reset and step (it needs the
+                kind of observation; `"human"`: a window shows every reset and step (needs the
                 extra `play`).
             **settings: settings of `make` and params by name, such as `max_steps_in_episode`;
                 only with an id.
 
         Raises:
-            SettingError: a setting or param is unknown or has a value that it cannot have.
-            UnknownEnvironmentError: there is no such id.
+            SettingError: a setting or param does not exist, or its value is invalid.
+            UnknownEnvironmentError: the id does not exist.
         """
         env, params = resolve(env, params, settings)
-        params = env.single_params(params)
+        params = drawing.single_params(env, params)
         check_render_mode(env, render_mode, self.metadata["render_modes"])
         self._batch = Batch(env, params, autoreset=None)
         self.env, self.params = self._batch.env, self._batch.params
@@ -89,18 +91,18 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode.
+        """Start an episode.
 
         Args:
-            seed: begins the random stream anew, 0 to 2**64 - 1; None goes on with it. A first
-                reset without a seed takes one from `np_random`.
-            options: there are none.
+            seed: restarts the random stream, 0 to 2**64 - 1; None continues it. A first reset
+                without a seed takes one from `np_random`.
+            options: ignored.
 
         Returns:
             The observation and the info: numpy scalars, bools, and arrays.
 
         Raises:
-            SettingError: the seed is not such a number.
+            SettingError: the seed is invalid.
         """
         seed = None if seed is None else checked_seed(seed)
         super().reset(seed=seed)
@@ -116,11 +118,11 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         """Take a step.
 
         Raises:
-            gymnasium.error.ResetNeeded: the episode is over or has not begun.
-            gymnasium.error.InvalidAction: the action is not one integer of the action space.
+            gymnasium.error.ResetNeeded: the episode is over or has not started.
+            gymnasium.error.InvalidAction: the action is not an integer of the action space.
         """
         if self._over:
-            state = "has not begun" if not self._batch.begun else "is over"
+            state = "has not started" if not self._batch.begun else "is over"
             raise gymnasium.error.ResetNeeded(f"the episode {state}: call reset before step")
         actions = checked_actions(np.asarray(action)[None], 1, self.env.num_actions)
         stepped = self._batch.step(actions)
@@ -133,11 +135,11 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         return _first(self._observation), reward, terminated, truncated, info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
-        """The frame as uint8[height, width, 3], or a window that shows it; see `render_mode`.
+        """The frame as uint8[height, width, 3], or shown in a window; see `render_mode`.
 
         Raises:
-            gymnasium.error.ResetNeeded: there was no reset yet.
-            SettingError: a window cannot be opened; the message says what is missing.
+            gymnasium.error.ResetNeeded: `reset` was not called.
+            SettingError: no window can be opened; the message says what is missing.
         """
         if self.render_mode is None:
             return warn_of_no_render_mode(self)
@@ -159,32 +161,32 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
 def resolve(
     env: AnyEnvironment | str, params: Any, settings: dict[str, Any]
 ) -> tuple[AnyEnvironment, Any]:
-    """The environment and params that the arguments of an adapter name."""
+    """The environment and params for the arguments of an adapter."""
     check_process()
     if not isinstance(env, str):
         if not isinstance(env, Environment):
             raise SettingError(f"env must be an id or an environment, not {quoted(env)}")
         if settings:
             raise SettingError(
-                f"settings ({', '.join(settings)}) go with an id; give an environment its own "
-                "where it is made, and numbers by params.replace(...)"
+                f"settings ({', '.join(settings)}) need an id: for an environment, pass settings "
+                "to make, and change params with params.replace(...)"
             )
-        return env, env.check_params(params)
+        return env, drawing.check_params(env, params)
     for name in ("autoreset", "final_observation"):
         if name in settings:
             raise SettingError(
-                f"{quoted(name)} is not for Gymnasium: resets are the caller's, or those of "
-                "autoreset_mode in a vector environment"
+                f"{quoted(name)} has no effect in Gymnasium: the caller resets, or autoreset_mode "
+                "of a vector environment does"
             )
     if "frameskip" in settings:
-        # As the Atari games have it in Gymnasium, and so what TorchRL gives.
+        # Gymnasium's Atari environments use this name, and TorchRL passes it.
         settings["frame_skip"] = settings.pop("frameskip")
     import_module_of(env)
     static = set(find(env)[1].settings)
     made, default = make(env, **{key: settings[key] for key in settings if key in static})
     numbers = {key: value for key, value in settings.items() if key not in static}
     _check_names(numbers, made.name, [field.name for field in dataclasses.fields(default)], static)
-    return made, made.check_params(params).replace(**numbers)
+    return made, drawing.check_params(made, params).replace(**numbers)
 
 
 def _check_names(names: Iterable[str], owner: str, params: list[str], settings: set[str]) -> None:
@@ -195,15 +197,14 @@ def _check_names(names: Iterable[str], owner: str, params: list[str], settings: 
 
 
 def gymnasium_space(env: AnyEnvironment, params: Any) -> gymnasium.Space[Any]:
-    """The space of observations in Gymnasium's terms, without infinite bounds.
+    """The observation space in Gymnasium's terms, without infinite bounds.
 
-    Nothing is farther away than the diagonal of the map; distances in other environments than
-    those seen in first person end at the largest float32.
+    First-person depths are bounded by the diagonal of the map, others by the largest float32.
     """
     far = math.inf
     if isinstance(env, FirstPerson) and env.observation == "depth":
         far = math.hypot(*env.map_size)
-    return _space(env.observation_space(params), far)
+    return _space(env.observation_space(split_ranges(params)[0]), far)
 
 
 def _space(space: spaces.Space, far: float) -> gymnasium.Space[Any]:
@@ -219,7 +220,7 @@ def _space(space: spaces.Space, far: float) -> gymnasium.Space[Any]:
 
 
 def checked_actions(actions: Any, count: int, number: int) -> np.ndarray:
-    """int32[count]: the actions, each from 0 to number - 1."""
+    """Check actions from 0 to number - 1; returns int32[count]."""
     array = np.asarray(actions)
     if array.shape != (count,) or array.dtype.kind not in "iu":
         what = (
@@ -233,29 +234,29 @@ def checked_actions(actions: Any, count: int, number: int) -> np.ndarray:
 
 
 def check_render_mode(env: AnyEnvironment, mode: str | None, modes: list[str]) -> None:
-    """Complain of a mode that there is not, or for an environment that cannot be drawn."""
+    """Raise for an unknown render mode, or for an environment that cannot be rendered."""
     if mode is not None and mode not in modes:
         known = ", ".join(map(repr, (*modes, None)))
         raise SettingError(f"render_mode must be one of {known}, not {mode!r}")
     if mode is not None and not isinstance(env, FirstPerson):
-        raise SettingError(f"{env.name} is not seen in first person: it cannot be drawn")
+        raise SettingError(f"{env.name} cannot be rendered: it is not a first-person environment")
 
 
 def warn_of_no_render_mode(env: Any) -> None:
-    """What `render` does in an environment without a render mode."""
+    """Warn that `render` does nothing without a render mode."""
     gymnasium.logger.warn(
-        f"{env} was made without a render mode: render does nothing. "
-        'Add render_mode="rgb_array" where it is made.'
+        f"{env} was made without a render mode, so render does nothing; "
+        'make it with render_mode="rgb_array".'
     )
 
 
 def frames(batch: Batch, observation: Any = None) -> np.ndarray:
-    """uint8[N, height, width, 3]: pictures of the states of a batch, in colours.
+    """uint8[N, height, width, 3]: colour images of the states of a batch.
 
     Args:
-        batch: of environments that are seen in first person.
-        observation: of these states: where it shows colours there is nothing to draw. None if
-            it may have been written to.
+        batch: a batch of first-person environments.
+        observation: the observations of these states, which are reused if they are colour images;
+            None if they may have been overwritten.
     """
     if not batch.begun:
         raise gymnasium.error.ResetNeeded("call reset before render")
@@ -267,13 +268,13 @@ def frames(batch: Batch, observation: Any = None) -> np.ndarray:
 
 
 def _first(tree: Any) -> Any:
-    """The one entry of a batch, as numpy arrays of their own."""
+    """The only entry of a batch, as new numpy arrays."""
     return jax.tree.map(lambda leaf: np.array(np.asarray(leaf)[0]), tree)
 
 
 def _first_info(info: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """The info of the one environment of a batch."""
-    # Vector environments take together arrays, numbers of numpy, and bools of Python.
+    # Vector environments can stack arrays, numpy numbers and Python bools.
     return {
         name: value.item() if value.dtype == bool and value.ndim == 1 else value[0]
         for name, value in info.items()
@@ -294,7 +295,7 @@ class _Screen:
         """Show uint8[height, width, 3]."""
         time.sleep(max(0.0, self._due - time.monotonic()))
         self._due = time.monotonic() + 1 / RENDER_FPS
-        self._window.events()  # without this the window seems dead to the desktop
+        self._window.events()  # otherwise the desktop reports the window as not responding
         self._window.show(frame)
 
     def close(self) -> None:

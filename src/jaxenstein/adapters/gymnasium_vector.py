@@ -1,4 +1,4 @@
-"""Many environments as one `gymnasium.vector.VectorEnv`, stepped by one compiled call."""
+"""A `gymnasium.vector.VectorEnv` that steps many environments in one compiled call."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ _MODES = {
 
 
 class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
-    """N environments in the format of `gymnasium.vector.SyncVectorEnv`, which it equals.
+    """N environments with the same results as `gymnasium.vector.SyncVectorEnv`.
 
-    `gymnasium.make_vec("jaxenstein/my-way-home-v0", num_envs=64)` makes one, and so does this
-    class of an environment of your own. With the seed S, environment i does what a single one
-    does with the seed S + i: observations, rewards, ends and infos are the same.
+    `gymnasium.make_vec("jaxenstein/my-way-home-v0", num_envs=64)` makes one; for an environment of
+    your own, use this class. With the seed S, environment i has the same observations, rewards,
+    ends and infos as a single environment with the seed S + i.
 
-    Observations are views of what JAX computed, on a CPU without a copy; they are read-only and
-    no later step changes them. `copy=True` gives arrays that may be written to.
+    Observations are read-only views of JAX arrays, on a CPU without a copy; no later step changes
+    them. `copy=True` returns writable copies.
 
     Attributes:
         env: the environment.
         params: its params, with a leading axis N where they differ between environments.
-        autoreset_mode: what follows the end of an episode.
+        autoreset_mode: what happens at the end of an episode.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
@@ -68,24 +68,24 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         """Wrap N environments of one kind, or make them.
 
         Args:
-            env: an environment or an id of `jaxenstein.make`.
-            params: each one number for all environments or an array with a leading axis N; None
-                for the default params.
+            env: an environment, or an id for `jaxenstein.make`.
+            params: the params, each one number for all environments, an array with a leading axis
+                N, or a range from which each episode draws; None for the default params.
             num_envs: N, at least 1.
-            autoreset_mode: Gymnasium's modes, or their names `"NextStep"`: the step after the end
-                of an episode resets, ignores its action and has the reward 0; `"SameStep"`: the
-                step that ends an episode resets, and tells of the last state in
-                `infos["final_obs"]` and `infos["final_info"]`; `"Disabled"`: the caller resets,
+            autoreset_mode: one of Gymnasium's modes, or its name. `"NextStep"`: the step after
+                the end of an episode resets, ignores its action and has reward 0. `"SameStep"`:
+                the step that ends an episode resets, and puts the last state into
+                `infos["final_obs"]` and `infos["final_info"]`. `"Disabled"`: the caller resets,
                 with `reset(options={"reset_mask": ...})`.
-            copy: whether observations are copies, which may be written to.
+            copy: whether to return writable copies of observations.
             render_mode: `"rgb_array"` or None.
-            max_episode_steps: shortens the environment's `max_steps_in_episode`; each step is
-                `frame_skip` of it.
+            max_episode_steps: shortens the time limit `max_steps_in_episode`; each step counts as
+                `frame_skip` world steps.
             **settings: settings of `make` and params by name; only with an id.
 
         Raises:
-            SettingError: a setting or param is unknown or has a value that it cannot have.
-            UnknownEnvironmentError: there is no such id.
+            SettingError: a setting or param does not exist, or its value is invalid.
+            UnknownEnvironmentError: the id does not exist.
         """
         env, params = resolve(env, params, settings)
         check_render_mode(env, render_mode, self.metadata["render_modes"])
@@ -113,21 +113,21 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin new episodes.
+        """Start new episodes.
 
         Args:
-            seed: begins the random streams anew: N numbers, or one, which stands for seed,
-                seed + 1, ... None goes on with the stream. A first reset without a seed takes one
-                from `np_random`.
-            options: `{"reset_mask": bool[N]}` resets some and leaves the others as they are. The
-                first reset must be of all.
+            seed: restarts the random streams: N numbers, or one number for seed, seed + 1, ...
+                None continues the streams. A first reset without a seed takes one from
+                `np_random`.
+            options: `{"reset_mask": bool[N]}` resets some environments and keeps the others. The
+                first reset must reset all.
 
         Raises:
-            SettingError: for a wrong seed or mask.
+            SettingError: the seed or mask is invalid.
         """
         mask = None if options is None else options.get("reset_mask")
         if mask is not None and not np.any(mask):
-            raise SettingError("options['reset_mask'] must be True for one environment or more")
+            raise SettingError("options['reset_mask'] must be True for at least one environment")
         if seed is not None:
             one = is_whole(seed)
             seed = seeds_of(seed, self.num_envs)
@@ -149,12 +149,12 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
 
         Returns:
             observations; float64[N] rewards; bool[N] terminations; bool[N] truncations; infos,
-            each entry with its mask `_entry`. The infos of an environment that was reset are
-            those of a reset, so that entries on events, such as `reached_goal`, leave it out.
+            each entry with its mask `_entry`. Where an environment was reset, infos are those of
+            a reset, without events such as `reached_goal`.
 
         Raises:
-            gymnasium.error.ResetNeeded: before the first reset, or for an episode that is over
-                where automatic resets are disabled.
+            gymnasium.error.ResetNeeded: `reset` was not called, or automatic resets are disabled
+                and an episode is over.
             gymnasium.error.InvalidAction: an action is not an integer of the action space.
         """
         self._check_order()
@@ -222,7 +222,7 @@ def _taken(values: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndar
 
 
 def _spread(values: dict[str, Any], mask: np.ndarray) -> dict[str, Any]:
-    """Entries of an info with their masks, or none if no environment has them."""
+    """The entries of an info with their masks; {} if no environment has them."""
     if not mask.any():
         return {}
     return {key: part for name in values for key, part in _pair(name, values[name], mask)}
@@ -233,7 +233,7 @@ def _pair(name: str, value: Any, mask: np.ndarray) -> tuple[tuple[str, Any], tup
 
 
 def _final(ended: Ended[np.ndarray], mask: np.ndarray) -> dict[str, Any]:
-    """What infos say of the last states of the episodes that a step ended."""
+    """The infos of the last states of the episodes that a step ended."""
     count = mask.size
     last = np.full(count, None, object)
     for at, index in enumerate(ended.indices):

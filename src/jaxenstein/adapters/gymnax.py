@@ -1,24 +1,24 @@
-"""Environments as gymnax has them, for purejaxrl, rejax and other loops written for gymnax.
+"""gymnax environments, for purejaxrl, rejax and other loops written for gymnax.
 
     env, params = jaxenstein.adapters.gymnax.make("my-way-home", height=64, width=64)
 
-gives a subclass of gymnax's own `Environment` with gymnax's own spaces. It keeps the contract of
-the gymnax that is installed, told by the methods of its base class:
+returns a subclass of gymnax's `Environment` with gymnax's spaces. It follows the API of the
+installed gymnax version, which it recognises by the methods of the base class:
 
 - 1.x: `step` returns observation, state, reward, terminated, truncated, info.
-- 0.0.x: observation, state, reward, done, info. `done` is true at both kinds of ends, so a loop
-  that only looks at it takes the time limit for an end of the task and learns values that are too
-  low near it; `info["terminated"]`, `info["truncated"]` and `info["discount"]` tell them apart.
+- 0.0.x: observation, state, reward, done, info. `done` is true at both kinds of ends. A loop that
+  only looks at `done` treats the time limit as a terminal state, and learns values near it that
+  are too low. `info["terminated"]`, `info["truncated"]` and `info["discount"]` tell them apart.
 
-Other than gymnax 1.x itself, `info` has no `final_observation` unless the environment is made with
-`final_observation=True`: loops in the manner of purejaxrl store the whole `info` of every step, and
-the last frame costs a second render. gymnax' `FlattenObservationWrapper` and
-`GymnaxToDmEnvWrapper` of 1.x need it.
+Unlike in gymnax 1.x, `info` has no `final_observation` unless you make the environment with
+`final_observation=True`: loops such as purejaxrl store the whole `info` of every step, and the
+last frame costs a second render. The `FlattenObservationWrapper` and `GymnaxToDmEnvWrapper` of
+gymnax 1.x need it.
 
 Needs the extra `gymnax`.
 """
 
-# The partner is an extra, which need not be there to check the types.
+# gymnax is an optional extra and may be missing when types are checked.
 # pyright: reportMissingImports=false, reportIncompatibleMethodOverride=false
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from .. import registry
+from .. import drawing, registry
 from .. import spaces as own
 from ..environment import AnyEnvironment, Info
+from ..params import split_ranges
 from .functional import check_fit
 
 try:
@@ -43,42 +44,43 @@ except ImportError as error:
     ) from error
 
 STEP_VALUES: int = 6 if hasattr(base.Environment, "is_truncated") else 5
-"""How many values `step` returns: those of the gymnax that is installed."""
+"""The number of values that `step` returns in the installed gymnax."""
 
 _jit = functools.partial(jax.jit, static_argnames=("self",), inline=True)
 
 
 class GymnaxEnvironment(base.Environment):
-    """An environment of this package behind gymnax' contract.
+    """An environment of this package with the gymnax API.
 
-    States are those of the environment inside, which have gymnax' `time`; params are its params,
-    a dataclass with `max_steps_in_episode`. Keys may be typed or old. Adapters of equal
-    environments are equal, and share their compilations.
+    States are those of the wrapped environment, which have the `time` that gymnax needs, or
+    `jaxenstein.drawing.Drawn` if params have ranges. Params are its params, a dataclass with
+    `max_steps_in_episode`. Keys may be typed or raw. Adapters of equal environments are equal, and
+    share compiled programs.
 
     Attributes:
-        env: the environment inside.
+        env: the wrapped environment.
     """
 
     def __init__(self, env: AnyEnvironment) -> None:
         """Wrap `env`.
 
         Raises:
-            SettingError: it is no environment, or one without resets in the same step.
+            SettingError: `env` is not an environment, or its `autoreset` is not "same-step".
         """
         check_fit(env, ("same-step",), "gymnax")
         super().__init__()
         self.env = env
 
     def __eq__(self, other: object) -> bool:
-        """Whether the other one wraps an equal environment."""
+        """Whether the other adapter wraps an equal environment."""
         return type(other) is type(self) and other.env == self.env
 
     def __hash__(self) -> int:
-        """Of the environment inside."""
+        """The hash of the wrapped environment."""
         return hash((type(self), self.env))
 
     def __repr__(self) -> str:
-        """The id, and the contract."""
+        """The id and the number of values of `step`."""
         return f"GymnaxEnvironment({self.name!r}, step of {STEP_VALUES} values)"
 
     @property
@@ -88,35 +90,36 @@ class GymnaxEnvironment(base.Environment):
 
     @property
     def num_actions(self) -> int:
-        """Number of actions."""
+        """The number of actions."""
         return self.env.num_actions
 
     @property
     def frame_skip(self) -> int:
-        """Steps of the world in a step; `max_steps_in_episode` counts those of the world."""
+        """World steps per step; `max_steps_in_episode` counts world steps."""
         return self.env.frame_skip
 
     @property
     def default_params(self) -> Any:
-        """The params that `params=None` stands for."""
+        """The params used for `params=None`."""
         return self.env.default_params
 
     @_jit
     def reset(self, key: jax.Array, params: Any = None) -> tuple[Any, Any]:
-        """Begin an episode: observation and state."""
-        return self.env.reset(key, params)
+        """Start an episode; returns its first observation and state."""
+        return drawing.reset(self.env, key, params)
 
     @_jit
     def step(self, key: jax.Array, state: Any, action: Any, params: Any = None) -> tuple[Any, ...]:
-        """Take a step; one that ends the episode returns the next one's first observation.
+        """Take a step; if it ends the episode, return the first observation of the next one.
 
         Returns:
-            With gymnax 1.x observation, state, float32[] reward, bool[] terminated, bool[]
-            truncated, info; with gymnax 0.0.x bool[] done, which is either end, in the place of
-            the two. `info` is that of the environment with bool[] `terminated` and `truncated`,
-            and float32[] `discount`, 0 where terminated, else 1.
+            With gymnax 1.x: observation, state, float32[] reward, bool[] terminated, bool[]
+            truncated, info. With gymnax 0.0.x, bool[] done (either end) replaces terminated and
+            truncated. `info` is that of the environment, plus bool[] `terminated` and
+            `truncated`, and float32[] `discount`, 0 where terminated, else 1.
         """
-        *front, terminated, truncated, info = self.env.step(key, state, action, params)
+        told = drawing.step(self.env, key, state, action, params)
+        *front, terminated, truncated, info = told
         info = _with_ends(info, terminated, truncated)
         if STEP_VALUES == 6:
             return (*front, terminated, truncated, info)
@@ -124,8 +127,8 @@ class GymnaxEnvironment(base.Environment):
 
     @_jit
     def reset_env(self, key: jax.Array, params: Any = None) -> tuple[Any, Any]:
-        """The same as `reset`."""
-        return self.env.reset(key, params)
+        """As `reset`."""
+        return drawing.reset(self.env, key, params)
 
     @_jit
     def step_env(
@@ -133,37 +136,38 @@ class GymnaxEnvironment(base.Environment):
     ) -> tuple[Any, ...]:
         """Take a step without an automatic reset: observation, state, reward, end, info.
 
-        The end is bool[] terminated with gymnax 1.x, bool[] done with 0.0.x; `info` is that of
+        The end is bool[] terminated with gymnax 1.x, bool[] done with 0.0.x; `info` is as in
         `step`.
         """
-        state, reward, terminated, info = self.env.advance(key, state, action, params)
+        state, reward, terminated, info = drawing.advance(self.env, key, state, action, params)
         info = _with_ends(info, terminated, self.is_truncated(state, params))
         end = terminated if STEP_VALUES == 6 else state.done
         return self.get_obs(state, params), state, reward, end, info
 
     def observe(self, key: jax.Array, state: Any, action: Any, params: Any) -> Any:
-        """The observation of a state; key and action do not matter."""
+        """The observation of a state; key and action are ignored."""
         del key, action
         return self.get_obs(state, params)
 
     def get_obs(self, state: Any, params: Any = None, key: jax.Array | None = None) -> Any:
-        """The observation of a state; the key does not matter."""
+        """The observation of a state; the key is ignored."""
         del key
-        return self.env.observe(state, self.env.check_params(params))
+        state, params = drawing.undrawn(state, self._params(params))
+        return self.env.observe(state, params)
 
     def is_truncated(self, state: Any, params: Any = None) -> jax.Array:
         """bool[]: whether the state has reached the time limit."""
-        return self.env.time_is_up(state, self.env.check_params(params))
+        return self.env.time_is_up(*drawing.undrawn(state, self._params(params)))
 
     def is_terminated(self, state: Any, params: Any = None) -> jax.Array:
         """bool[]: whether the task ended in this state, before the time limit.
 
-        A state does not tell both ends at once apart from the time limit; `step` does.
+        If both ends coincide, the state only shows the time limit; use `step` to tell them apart.
         """
         return state.done & ~self.is_truncated(state, params)
 
     def is_terminal(self, state: Any, params: Any = None) -> jax.Array:
-        """bool[]: as gymnax has it, `is_terminated` in 1.x and either end in 0.0.x."""
+        """bool[]: `is_terminated` with gymnax 1.x, either end with 0.0.x."""
         return self.is_terminated(state, params) if STEP_VALUES == 6 else state.done
 
     def discount(self, state: Any, params: Any = None) -> jax.Array:
@@ -171,44 +175,48 @@ class GymnaxEnvironment(base.Environment):
         return 1.0 - self.is_terminated(state, params).astype(jnp.float32)
 
     def action_space(self, params: Any = None) -> spaces.Discrete:
-        """A `Discrete` of gymnax, of int32."""
+        """A gymnax `Discrete` of int32."""
         return _discrete(self.env.action_space(params).n)
 
     def observation_space(self, params: Any = None) -> spaces.Space:
-        """A `Box` of gymnax, or a `Dict` for `observation="dict"`."""
-        return _space(self.env.observation_space(params))
+        """A gymnax `Box`, or a `Dict` for `observation="dict"`."""
+        return _space(self.env.observation_space(split_ranges(self._params(params))[0]))
+
+    def _params(self, params: Any) -> Any:
+        return drawing.check_params(self.env, params)
 
 
 def make(id: str, **settings: Any) -> tuple[GymnaxEnvironment, Any]:
-    """Build an environment behind gymnax' contract; arguments as of `jaxenstein.make`.
+    """Build an environment with the gymnax API; the arguments are those of `jaxenstein.make`.
 
     Returns:
         The environment and its default params.
 
     Raises:
-        UnknownEnvironmentError: there is no such id.
-        SettingError: there is no such setting, its value is out of range, or `autoreset` is not
+        UnknownEnvironmentError: the id does not exist.
+        SettingError: a setting does not exist, its value is out of range, or `autoreset` is not
             "same-step".
     """
     return from_env(*registry.make(id, **settings))
 
 
 def from_env(env: AnyEnvironment, params: Any = None) -> tuple[GymnaxEnvironment, Any]:
-    """Put an environment, such as `jaxenstein.from_ascii` returns it, behind gymnax' contract.
+    """Wrap an environment, such as one from `jaxenstein.from_ascii`, with the gymnax API.
 
     Args:
         env: the environment, with `autoreset="same-step"`.
-        params: its params; None for the default ones.
+        params: its params; None for the default params. From a range each episode draws a number.
 
     Returns:
-        The environment and the params. A loop that passes no params to `step` gets the default
-        ones, as `default_params` of the environment.
+        The environment and the params. Loops that pass no params to `step` use its
+        `default_params`.
 
     Raises:
-        SettingError: the environment resets otherwise, or the params are of another kind.
+        SettingError: `autoreset` is not "same-step", or the params belong to another kind of
+            environment.
     """
     adapter = GymnaxEnvironment(env)
-    return adapter, env.check_params(params)
+    return adapter, drawing.check_params(env, params)
 
 
 def _with_ends(info: Info, terminated: jax.Array, truncated: jax.Array) -> Info:
@@ -226,6 +234,6 @@ def _space(space: own.Space) -> spaces.Space:
 
 def _discrete(n: int) -> spaces.Discrete:
     space = spaces.Discrete(n)
-    # gymnax 0.0.x says int64, of which JAX warns at every sample where 64 bits are switched off.
+    # gymnax 0.0.x uses int64, and JAX then warns at every sample unless 64-bit types are enabled.
     space.dtype = jnp.dtype(jnp.int32)
     return space

@@ -1,4 +1,4 @@
-"""Making the environments known to Gymnasium, whichever of the two packages is imported first."""
+"""Registration with Gymnasium, in either order of import."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ _VECTOR = "jaxenstein.adapters.gymnasium_vector:GymnasiumVectorEnv"
 
 
 def gymnasium_ids() -> dict[str, str]:
-    """The id of every environment in Gymnasium, such as `jaxenstein/simple-v0`, and ours."""
+    """The ids of all environments in Gymnasium, such as `jaxenstein/simple-v0`, with ours."""
     names = {name: name for name in ENTRIES} | ALIASES
     return {f"{NAMESPACE}/{new}-v{ENTRIES[ours].version}": ours for new, ours in names.items()}
 
 
 def register() -> None:
-    """Register all environments with Gymnasium; those that it knows already are left alone."""
+    """Register all environments with Gymnasium, except those that are already registered."""
     import gymnasium
 
     for id, name in gymnasium_ids().items():
         if id not in gymnasium.registry:
-            # The time limit is the environment's own, so that there is no `max_episode_steps`.
+            # The environment has its own time limit, so there is no `max_episode_steps`.
             gymnasium.register(
                 id, entry_point=_SINGLE, vector_entry_point=_VECTOR, kwargs={"env": name}
             )
 
 
 def register_once_imported() -> None:
-    """Register now if Gymnasium is imported, else when it will be: it is not imported here.
+    """Register now if Gymnasium is already imported, otherwise when it is; never import it here.
 
-    Gymnasium has had no plugins since 1.0: it asks no package for its environments.
+    Since 1.0, Gymnasium has no plugins that could load environments.
     """
     gymnasium = sys.modules.get("gymnasium")
     if hasattr(gymnasium, "register"):
@@ -50,7 +50,7 @@ LISTENERS.append(register_once_imported)
 
 
 class _Watch(importlib.abc.MetaPathFinder):
-    """Registers at the end of `import gymnasium`, which it leaves to the other finders."""
+    """Registers at the end of `import gymnasium`; other finders do the import."""
 
     def __init__(self) -> None:
         self._asking = False
@@ -71,7 +71,7 @@ class _Watch(importlib.abc.MetaPathFinder):
 
 
 class _Loader(importlib.abc.Loader):
-    """Loads as another loader does, then registers."""
+    """Loads a module with another loader, then registers."""
 
     def __init__(self, loader: importlib.abc.Loader, watch: _Watch) -> None:
         self._loader = loader
@@ -81,7 +81,7 @@ class _Loader(importlib.abc.Loader):
         return self._loader.create_module(spec)
 
     def exec_module(self, module: ModuleType) -> None:
-        # What the module says of itself afterwards is the truth: the other loader.
+        # Restore the real loader, which the module should report.
         module.__loader__ = self._loader
         if module.__spec__ is not None:
             module.__spec__.loader = self._loader

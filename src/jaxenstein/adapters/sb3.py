@@ -1,8 +1,8 @@
-"""Stable-Baselines3: many environments behind one compiled call, as its `VecEnv`.
+"""Stable-Baselines3: a `VecEnv` that steps many environments in one compiled call.
 
-Stable-Baselines3 wants the reset in the step that ends an episode, the last observation in that
-step's info, and NumPy arrays that it may write to. It draws no difference between an image that
-JAX drew and any other: its `CnnPolicy` turns uint8[H, W, C] round by itself, from 36x36 pixels on.
+Stable-Baselines3 expects the reset in the step that ends an episode, the last observation in the
+info of that step, and writable NumPy arrays. Its `CnnPolicy` transposes uint8[H, W, C] images
+itself, and needs at least 36x36 pixels.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from ..environment import AnyEnvironment
 from ..errors import SettingError, nearest, quoted
 from ..fields import names_of
+from ..params import ranges_of
 from .batch import Batch, Ended
 
 try:
@@ -37,16 +38,17 @@ Indices = None | int | Iterable[int]
 class SB3VecEnv(VecEnv):
     """N environments of one kind for the algorithms of Stable-Baselines3.
 
-    Observations are as of the environment with a leading axis N, but for images of one channel,
-    which are uint8[N, H, W, 1], because Stable-Baselines3 takes images with channels alone.
+    Observations have a leading axis N. Images of one channel become uint8[N, H, W, 1], because
+    Stable-Baselines3 needs a channel axis.
 
-    The info of a step that ends an episode has, besides what the environment tells of the last
-    state, `terminal_observation` and `episode` with the return `r`, the length `l` and the
-    seconds `t` since the making of the batch, as from a `Monitor`, in whose place
-    `env_is_wrapped(Monitor)` is true; and `is_success`, which SB3's evaluation logs. Every info has
-    `TimeLimit.truncated`: whether the time limit alone ended the episode.
+    The info of the step that ends an episode has the entries of the environment for the last
+    state, `terminal_observation`, and `is_success`, which SB3's evaluation logs. Like a `Monitor`,
+    it also has `episode` with the return `r`, the length `l` and the seconds `t` since the batch
+    was created; `env_is_wrapped(Monitor)` is therefore true. Every info has
+    `TimeLimit.truncated`: whether only the time limit ended the episode.
 
-    Attributes are those of the environment, equal for all, and its params, which may differ.
+    `get_attr` reads the attributes of the environment, the same for all N, and its params, which
+    may differ.
     """
 
     def __init__(
@@ -58,22 +60,21 @@ class SB3VecEnv(VecEnv):
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
-        """Hold `num_envs` environments; nothing is compiled or drawn before `reset`.
+        """Create `num_envs` environments; compiles and renders nothing before `reset`.
 
         Args:
             env: an environment, whose own `autoreset` and `final_observation` do not matter, or
-                an id of `jaxenstein.make`.
-            params: each one number for all environments or an array with a leading axis N; None
-                for the default params.
+                an id for `jaxenstein.make`.
+            params: the params, each one number for all environments, an array with a leading axis
+                N, or a range from which each episode draws; None for the default params.
             num_envs: N, at least 1.
-            render_mode: `"rgb_array"`, for `render` and `get_images` to draw what each agent
-                sees, or None.
+            render_mode: `"rgb_array"` for `render` and `get_images`, or None.
             **settings: settings of `make` and params by name, such as `max_steps_in_episode`;
                 only with an id.
 
         Raises:
-            SettingError: a setting or param is unknown or has a value that it cannot have.
-            UnknownEnvironmentError: there is no such id.
+            SettingError: a setting or param does not exist, or its value is invalid.
+            UnknownEnvironmentError: the id does not exist.
         """
         env, params = resolve(env, params, settings)
         check_render_mode(env, render_mode, ["rgb_array"])
@@ -84,29 +85,29 @@ class SB3VecEnv(VecEnv):
         super().__init__(num_envs, _space(env, params), spaces.Discrete(env.num_actions))
 
     def reset(self) -> Any:
-        """Begin new episodes everywhere; the seeds of `seed` count for this reset alone."""
+        """Start new episodes in all environments; seeds from `seed` apply only to this reset."""
         if any(self._options):
-            raise SettingError("the environments have no options for a reset: use params instead")
+            raise SettingError("reset takes no options: use params instead")
         observation, info = self.batch.reset(self._seeds)
         self._reset_seeds()
         self.reset_infos = _rows(info, self.num_envs)
         return _writable(observation)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take the actions of the step that `step_wait` makes: integers [N].
+        """Store the actions for `step_wait`: integers [N].
 
-        Actions outside of the action space do nothing.
+        Actions outside the action space do nothing.
         """
         self._actions = actions
 
     def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Step every environment; those whose episode ends show the first observation of the next.
+        """Step all environments; where an episode ends, return the next one's first observation.
 
         Returns:
             observations; float32[N] rewards; bool[N], whether the episode ended; infos.
 
         Raises:
-            SettingError: the actions have another shape or type, or `reset` was not called.
+            SettingError: the actions have another shape or dtype, or `reset` was not called.
         """
         if self._actions is None:
             raise SettingError("call step_async before step_wait")
@@ -121,31 +122,38 @@ class SB3VecEnv(VecEnv):
         return _writable(stepped.observation), reward, terminated | truncated, infos
 
     def close(self) -> None:
-        """Forget the episodes; the next call has to be `reset`."""
+        """Drop the episodes; call `reset` to use the environments again."""
         self.batch = Batch(self.batch.env, self.batch.params, self.num_envs)
 
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
-        """An attribute of the environment, or one of its params, once for each index.
+        """An attribute of the environment or one of its params, once for each index.
+
+        Of a param with a range it is what the current episodes drew; before a reset, the range.
 
         Raises:
-            AttributeError: there is neither.
+            AttributeError: there is no such attribute or param.
             SettingError: an index is out of range.
         """
         chosen = self._chosen(indices)
         if attr_name == "render_mode":
             return [self.render_mode] * len(chosen)
         if attr_name in names_of(self.batch.params):
+            if not self.batch.begun and attr_name in ranges_of(self.batch.params):
+                return [getattr(self.batch.params, attr_name)] * len(chosen)
             return self._param(attr_name)[chosen].tolist()
         if hasattr(self.batch.env, attr_name):
             return [getattr(self.batch.env, attr_name)] * len(chosen)
         raise AttributeError(f"{self.batch.env.name} has no attribute or param {quoted(attr_name)}")
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        """Set a param of all environments or of some, effective from the next step.
+        """Set a param of all or some environments, starting with the next step.
+
+        A range (low, high) is for all environments. A new one of a param that has had one counts
+        from the next episodes on.
 
         Raises:
-            SettingError: there is no such param, it cannot have the value, or an index is out of
-                range.
+            SettingError: the param does not exist, the value is invalid, or an index is out of
+                range; or a param would get or lose a range after the first reset.
         """
         params = self.batch.params
         names = names_of(params)
@@ -154,10 +162,12 @@ class SB3VecEnv(VecEnv):
                 f"there is no param {quoted(attr_name)}{nearest(attr_name, names)}; "
                 f"those that can be set: {', '.join(names)}"
             )
-        # Check the value before it is cast to the type of the others.
+        # Check the value before it is cast to the dtype of the others.
         changed = params.replace(**{attr_name: value})
         chosen = self._chosen(indices)
         if len(set(chosen)) < self.num_envs:
+            if attr_name in ranges_of(params) | ranges_of(changed):
+                raise SettingError(f"{attr_name} can have a range in all environments, not in some")
             numbers = self._param(attr_name)
             numbers[chosen] = value
             changed = params.replace(**{attr_name: numbers})
@@ -168,7 +178,7 @@ class SB3VecEnv(VecEnv):
     ) -> list[Any]:
         """Call a method of the environment, once for each index.
 
-        They are pure functions of their arguments; `"render"` draws what each agent sees.
+        Methods are pure functions of their arguments; `"render"` returns the agents' images.
         """
         chosen = self._chosen(indices)
         if method_name == "render" and not method_args and not method_kwargs:
@@ -178,14 +188,14 @@ class SB3VecEnv(VecEnv):
         return [method(*method_args, **method_kwargs) for _ in chosen]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Indices = None) -> list[bool]:
-        """Whether there is what a wrapper gives: true of `Monitor`, whose `episode` is here."""
+        """Whether a wrapper is built in: true for `Monitor`, whose `episode` entry infos have."""
         return [wrapper_class is Monitor] * len(self._chosen(indices))
 
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """What each agent sees: uint8[H, W, 3]; None for each without `render_mode`.
+        """The agents' images: uint8[H, W, 3] each; None without `render_mode`.
 
         Raises:
-            SettingError: before the first reset.
+            SettingError: `reset` was not called.
         """
         if self.render_mode is None:
             return [None] * self.num_envs
@@ -194,7 +204,7 @@ class SB3VecEnv(VecEnv):
         return list(frames(self.batch))
 
     def _endings(self, ended: Ended[np.ndarray]) -> Iterable[tuple[int, dict[str, Any]]]:
-        """The index of each environment that ended, and its info."""
+        """The index of each environment whose episode ended, with its info."""
         seconds = round(time.time() - self._began, 6)
         count = ended.indices.size
         last = _rows(_with_channel(ended.observation), count)
@@ -203,14 +213,14 @@ class SB3VecEnv(VecEnv):
         ):
             total, length = float(info["episode_return"]), int(info["episode_length"])
             episode = {"r": round(total, 6), "l": length, "t": seconds}
-            # What SB3's own evaluation logs as the success rate.
+            # SB3's evaluation logs this as the success rate.
             success = {"is_success": bool(info["success"])}
             last_of = {"terminal_observation": observation, "episode": episode}
             yield i, info | success | last_of
 
     def _param(self, name: str) -> np.ndarray:
-        """[N, ...]: a param of each environment."""
-        value = np.asarray(getattr(self.batch.params, name))
+        """[N, ...]: a param for each environment."""
+        value = np.asarray(getattr(self.batch.drawn_params, name))
         usual = np.shape(getattr(self.batch.env.default_params, name))
         return np.array(np.broadcast_to(value, (self.num_envs, *usual)))
 
@@ -223,7 +233,7 @@ class SB3VecEnv(VecEnv):
 
 
 def _space(env: AnyEnvironment, params: Any) -> spaces.Space:
-    """The space of observations, images of one channel with their channel."""
+    """The observation space, with a channel axis for images of one channel."""
 
     def add(space: spaces.Space) -> spaces.Space:
         if isinstance(space, spaces.Dict):
@@ -240,7 +250,7 @@ def _lacks_channel(shape: tuple[int, ...], dtype: Any) -> bool:
 
 
 def _with_channel(observation: Any) -> Any:
-    """Arrays [N, H, W] of uint8 as [N, H, W, 1]."""
+    """Turn uint8 arrays [N, H, W] into [N, H, W, 1]."""
 
     def add(leaf: np.ndarray) -> np.ndarray:
         return leaf[..., None] if _lacks_channel(leaf.shape[1:], leaf.dtype) else leaf
@@ -249,10 +259,10 @@ def _with_channel(observation: Any) -> Any:
 
 
 def _writable(observation: Any) -> Any:
-    """Observations on the host that torch may wrap: on a CPU the memory that JAX drew them in.
+    """Observations on the host that torch may wrap: on a CPU, without a copy.
 
-    NumPy's own view of a JAX array cannot be written to, at which torch warns. What lies on several
-    cores is copied.
+    NumPy's view of a JAX array is read-only, so torch would warn. Arrays spread over several
+    cores are copied.
     """
 
     def on_host(leaf: jax.Array) -> np.ndarray:
@@ -264,7 +274,7 @@ def _writable(observation: Any) -> Any:
 
 
 def _rows(tree: Any, count: int) -> list[Any]:
-    """A dict of arrays [K, ...] as K dicts; an array as its rows."""
+    """Split a dict of arrays [K, ...] into K dicts, an array into its rows."""
     if isinstance(tree, dict):
         return [{name: values[i] for name, values in tree.items()} for i in range(count)]
     return list(tree)

@@ -1,18 +1,18 @@
-"""Environments as Stoa has them, the interface of Stoix.
+"""Stoa environments, for Stoix.
 
     env = jaxenstein.adapters.stoa.make("my-way-home", height=64, width=64)
     env = stoa.RecordEpisodeMetrics(stoa.AutoResetWrapper(env, next_obs_in_extras=True))
 
-gives a subclass of Stoa's `Environment` with Stoa's time steps and spaces. It does not reset by
-itself, as Stoa has wrappers for that. They draw the frame of the step and that of the reset at
-every step. `make(..., autoreset="same-step")` gives an environment that resets by itself, as if in
-an `AutoResetWrapper`, and draws one frame a step; with `final_observation=True` the last
-observation is in `extras["next_obs"]`, as with `next_obs_in_extras`, at the price of the second.
+returns a subclass of Stoa's `Environment` with Stoa's time steps and spaces. It does not reset by
+itself, because Stoa has wrappers for that. These render two frames at every step: that of the step
+and that of a reset. `make(..., autoreset="same-step")` returns an environment that resets by
+itself, like an `AutoResetWrapper`, and renders one frame per step. With `final_observation=True`,
+which renders a second frame, `extras["next_obs"]` has the last observation.
 
 Needs the extra `stoa`.
 """
 
-# The partner is an extra, which need not be there to check the types.
+# Stoa is an optional extra and may be missing when types are checked.
 # pyright: reportMissingImports=false
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from .. import registry
+from .. import drawing, registry
 from .. import spaces as own
 from ..environment import AnyEnvironment
+from ..params import split_ranges
 from .functional import check_fit, first_info
 
 try:
@@ -34,19 +35,20 @@ except ImportError as error:
         f"jaxenstein.adapters.stoa needs stoa-env ({error}): pip install 'jaxenstein[stoa]'"
     ) from error
 
-# The entry of `extras` in which Stoa's wrappers put the last observation.
+# The entry of `extras` for the last observation, as in Stoa's wrappers.
 _LAST = "next_obs"
 
 
 class StoaEnvironment(stoa.Environment):
-    """An environment of this package behind Stoa's interface.
+    """An environment of this package with the Stoa API.
 
-    States are Stoa's `StateWithKey`: that of the environment and the stream's key. Keys may be
-    typed or old. A time step's `extras` are the `info` of the environment, also after a reset.
+    States are Stoa's `StateWithKey`: the environment's state and the key of its random stream.
+    Keys may be typed or raw. The `extras` of a time step are the `info` of the environment, also
+    after a reset.
 
     Attributes:
-        env: the environment inside.
-        params: the params that `env_params=None` stands for.
+        env: the wrapped environment.
+        params: the params used for `env_params=None`.
     """
 
     env: AnyEnvironment
@@ -57,38 +59,39 @@ class StoaEnvironment(stoa.Environment):
 
         Args:
             env: the environment, with `autoreset` None or "same-step".
-            params: its params; None for the default ones.
+            params: its params; None for the default params. From a range each episode draws a
+                number, and states are then `jaxenstein.drawing.Drawn`.
 
         Raises:
-            SettingError: it is no environment or resets in the next step, or the params are of
-                another kind or have a batch axis.
+            SettingError: `env` is not an environment, its `autoreset` is "next-step", or the
+                params belong to another kind of environment or have a batch axis.
         """
         check_fit(env, (None, "same-step"), "Stoa")
         super().__init__()
         self.env = env
-        self.params = env.single_params(params)
+        self.params = drawing.single_params(env, params)
 
     def __repr__(self) -> str:
-        """The id, and whether it resets."""
+        """The id and `autoreset`."""
         return f"StoaEnvironment({self.env.name!r}, autoreset={self.env.autoreset!r})"
 
-    # Stoa's base is a dataclass without fields, all of whose instances are equal.
+    # Stoa's base class is a dataclass without fields, so all its instances would be equal.
     def __eq__(self, other: object) -> bool:
-        """Whether it is the same object."""
+        """Whether both are the same object."""
         return self is other
 
     def __hash__(self) -> int:
-        """Of the object."""
+        """The hash of the object."""
         return id(self)
 
     def reset(
         self, rng_key: jax.Array, env_params: Any = None
     ) -> tuple[stoa.StateWithKey, stoa.TimeStep]:
-        """Begin an episode: a state, and a time step of type FIRST with reward 0, discount 1."""
+        """Start an episode: a state, and a time step of type FIRST with reward 0, discount 1."""
         params = self._params(env_params)
         reset_key, key = jax.random.split(rng_key)
-        observation, state = self.env.reset(reset_key, params)
-        extras = first_info(self.env, reset_key, state, params)
+        observation, state = drawing.reset(self.env, reset_key, params)
+        extras = first_info(self.env, reset_key, *drawing.undrawn(state, params))
         if self.env.final_observation:
             extras[_LAST] = observation
         first = stoa.TimeStep(
@@ -106,13 +109,13 @@ class StoaEnvironment(stoa.Environment):
         """Take a step.
 
         Returns:
-            The state and a time step: type TERMINATED and discount 0 where the task ended, also if
-            time is up in the same step; TRUNCATED and discount 1 at the time limit; else MID.
-            Both 0-dimensional, int8 and float32.
+            The state and a time step: TERMINATED with discount 0 if the task ended the episode,
+            even if time is up in the same step; TRUNCATED with discount 1 at the time limit;
+            otherwise MID. Step type int8[], discount float32[].
         """
         key, step_key = jax.random.split(state.rng_key)
-        observation, after, reward, terminated, truncated, info = self.env.step(
-            step_key, state.base_env_state, action, self._params(env_params)
+        observation, after, reward, terminated, truncated, info = drawing.step(
+            self.env, step_key, state.base_env_state, action, self._params(env_params)
         )
         extras = dict(info)
         if self.env.final_observation:
@@ -129,7 +132,8 @@ class StoaEnvironment(stoa.Environment):
 
     def observation_space(self, env_params: Any = None) -> stoa.Space:
         """Stoa's `BoundedArraySpace`, or a `DictSpace` for `observation="dict"`."""
-        return _space(self.env.observation_space(self._params(env_params)), "observation")
+        params = split_ranges(self._params(env_params))[0]
+        return _space(self.env.observation_space(params), "observation")
 
     def action_space(self, env_params: Any = None) -> stoa.DiscreteSpace:
         """Stoa's `DiscreteSpace` of int32."""
@@ -137,7 +141,7 @@ class StoaEnvironment(stoa.Environment):
         return stoa.DiscreteSpace(self.env.num_actions, dtype=jnp.int32, name="action")
 
     def state_space(self, env_params: Any = None) -> stoa.Space:
-        """Not to be had.
+        """States have no space.
 
         Raises:
             NotImplementedError: always.
@@ -145,19 +149,19 @@ class StoaEnvironment(stoa.Environment):
         raise NotImplementedError("states of jaxenstein have no space; observations have one")
 
     def _params(self, params: Any) -> Any:
-        return self.params if params is None else self.env.check_params(params)
+        return self.params if params is None else drawing.check_params(self.env, params)
 
 
 def make(id: str, **settings: Any) -> StoaEnvironment:
-    """Build an environment behind Stoa's interface.
+    """Build an environment with the Stoa API.
 
     Args:
-        id: as of `jaxenstein.make`.
-        **settings: those of `jaxenstein.make`; `autoreset` is None if left out.
+        id: as for `jaxenstein.make`.
+        **settings: those of `jaxenstein.make`; `autoreset` defaults to None.
 
     Raises:
-        UnknownEnvironmentError: there is no such id.
-        SettingError: there is no such setting, its value is out of range, or `autoreset` is
+        UnknownEnvironmentError: the id does not exist.
+        SettingError: a setting does not exist, its value is out of range, or `autoreset` is
             "next-step".
     """
     return StoaEnvironment(*registry.make(id, **{"autoreset": None, **settings}))

@@ -1,7 +1,7 @@
-"""PyTorch: many environments whose observations are tensors in the memory that JAX drew them in.
+"""PyTorch: many environments whose observations are tensors, without copies.
 
-Nothing is copied on the way to torch: JAX hands each array over by DLPack, on the device on which
-it lies, and torch waits for it as the protocol says.
+JAX hands each array over to torch by DLPack, on the device where it is stored. DLPack makes torch
+wait until the array is ready.
 """
 
 from __future__ import annotations
@@ -28,45 +28,44 @@ _INTEGERS = (torch.int64, torch.int32, torch.int16, torch.int8, torch.uint8)
 
 
 class TensorInfo(Mapping[str, torch.Tensor]):
-    """What a step tells, by name: an array becomes a tensor when it is first read.
+    """The info of a step by name; an array becomes a tensor when it is first read.
 
-    Most loops read few entries, and handing over an array costs as much as a small step.
+    Most loops read few entries, and converting an array takes as long as a small step.
     """
 
     def __init__(self, arrays: Mapping[str, jax.Array | np.ndarray], convert: Any) -> None:
-        """Hold the arrays and the function that makes a tensor of one."""
+        """Store the arrays and a function that converts an array to a tensor."""
         self._arrays = arrays
         self._convert = convert
         self._tensors: dict[str, torch.Tensor] = {}
 
     def __getitem__(self, name: str) -> torch.Tensor:
-        """The tensor of that name, each time the same."""
+        """The tensor of that name; each call returns the same one."""
         if name not in self._tensors:
             self._tensors[name] = self._convert(self._arrays[name])
         return self._tensors[name]
 
     def __iter__(self) -> Iterator[str]:
-        """The names."""
+        """Iterate over the names."""
         return iter(self._arrays)
 
     def __len__(self) -> int:
-        """How many entries there are."""
+        """The number of entries."""
         return len(self._arrays)
 
     def __repr__(self) -> str:
-        """As a dictionary."""
+        """Shown as a dictionary."""
         return repr(dict(self))
 
 
 class TorchBatch:
     """N environments of one kind for a training loop in PyTorch.
 
-    Every tensor keeps its values for as long as it is held, and may be written to: no step reads
-    or overwrites what an earlier one handed out. (Reading the same memory again as a JAX array
-    would show what was written.)
+    You may keep tensors and write to them: no later step reads or overwrites them. (A JAX array
+    that shares the memory would show what you wrote.)
 
-    On a GPU each step waits for the work that torch has queued on its current stream before the
-    step, and torch for the step. Work on other streams of torch is the caller's to order.
+    On a GPU, each step waits for the work that torch queued on its current stream before the step,
+    and torch waits for the step. If you use other torch streams, synchronise them yourself.
     """
 
     def __init__(
@@ -77,40 +76,40 @@ class TorchBatch:
         *,
         autoreset: Autoreset | None = "same-step",
     ) -> None:
-        """Hold `num_envs` environments; nothing is compiled or drawn before `reset`.
+        """Create `num_envs` environments; compiles and renders nothing before `reset`.
 
         Args:
-            env: the environment, as `jaxenstein.make` returns it; its own `autoreset` and
+            env: the environment from `jaxenstein.make`; its own `autoreset` and
                 `final_observation` do not matter.
-            params: its params, each one number for all environments or an array with a leading
-                axis N.
+            params: its params, each one number for all environments, an array with a leading
+                axis N, or a range from which each episode draws by its seed.
             num_envs: N, at least 1.
-            autoreset: `"same-step"`, `"next-step"` or None, as `jaxenstein.Environment.autoreset`.
+            autoreset: `"same-step"`, `"next-step"` or None; see `jaxenstein.Environment`.
 
         Raises:
-            SettingError: for a wrong `num_envs`, `autoreset` or `params`.
+            SettingError: `num_envs`, `autoreset` or `params` is invalid.
         """
         self.batch = Batch(env, params, num_envs, autoreset=autoreset, spread=False)
         self.num_envs = num_envs
         self.num_actions = env.num_actions
-        # Where JAX puts what it computes is where the tensors are.
+        # Tensors are on the device on which JAX computes.
         self.device = torch.from_dlpack(jnp.zeros(1, jnp.uint8)).device
 
     def reset(
         self, seed: int | list[int | None] | None = None, mask: torch.Tensor | None = None
     ) -> tuple[Any, TensorInfo]:
-        """Begin new episodes: observations and info.
+        """Start new episodes; returns observations and info.
 
         Args:
-            seed: of the random streams: N numbers, or one, which stands for seed, seed + 1, ...
-                None goes on with the stream; before the first reset it begins one by chance.
+            seed: seeds of the random streams: N numbers, or one number for seed, seed + 1, ...
+                None continues the streams; before the first reset it draws random seeds.
             mask: bool[N], which environments to reset; None for all.
 
         Returns:
             Observations of all environments (also of those that were not reset) and info.
 
         Raises:
-            SettingError: for a wrong seed or mask.
+            SettingError: the seed or mask is invalid.
         """
         host = mask.numpy(force=True) if mask is not None and torch.is_tensor(mask) else mask
         observation, info = self.batch.reset(seed, host)
@@ -120,11 +119,11 @@ class TorchBatch:
         """Step every environment.
 
         Args:
-            actions: integers [N], on any device; they may be overwritten afterwards. Actions
-                outside of the action space do nothing.
+            actions: integers [N] on any device; you may overwrite them afterwards. Actions
+                outside the action space do nothing.
 
         Raises:
-            SettingError: the actions have another shape or type, or `reset` was not called.
+            SettingError: the actions have another shape or dtype, or `reset` was not called.
         """
         *values, info, ended = self.batch.step(self._to_jax(actions))
         observation, reward, terminated, truncated = self._tensors(values)
@@ -137,8 +136,8 @@ class TorchBatch:
             raise SettingError(
                 f"actions must be a torch tensor of {self.num_envs} integers, not {kind}"
             )
-        # Cut off before the cast to int32 could wrap around. What JAX gets is always new memory:
-        # it may read it later than the caller writes to theirs.
+        # Clamp before the cast to int32 could wrap around. The result is new memory, because JAX
+        # may read it after the caller has overwritten the actions.
         known = actions.to(self.device, torch.int64).clamp(-1, self.num_actions)
         return jnp.from_dlpack(known.to(torch.int32))
 

@@ -1,9 +1,9 @@
-"""The running game of ViZDoom, seen the way that our `doom-` environments are seen.
+"""Play in ViZDoom itself, with the observations of our `doom-` environments.
 
-What was trained on `doom-my-way-home` acts in the game itself: `GameSession` makes observations
-of the same kind, size and units out of the game's buffers and passes actions on, so that every
-policy of `jaxenstein.record` plays there; `play_game` plays many episodes, and `GameEnv` is an
-environment for Gymnasium, to train in the game. Needs the extra `vizdoom`.
+An agent trained on `doom-my-way-home` can act in the game. `GameSession` turns the game's buffers
+into observations of the same kind, size and units, and passes actions on, so every policy of
+`jaxenstein.record` can play there. `play_game` plays many episodes, and `GameEnv` is a Gymnasium
+environment for training in the game. Needs the extra `vizdoom`.
 """
 
 from __future__ import annotations
@@ -41,30 +41,30 @@ from .vizdoom_buffers import (
 
 
 def check_scenario(env: AnyEnvironment) -> str:
-    """The name of the game's scenario that an environment is.
+    """The name of the ViZDoom scenario that matches an environment.
 
     Raises:
-        SettingError: it has no such scenario.
+        SettingError: there is no such scenario.
     """
     if not isinstance(env, DoomScenario) or env.scenario is None:
         raise SettingError(
-            f"{quoted(env.name)} is no scenario that ViZDoom comes with; the doom- environments "
-            "are, but for the sparse variants of doom-my-way-home"
+            f"ViZDoom has no scenario for {quoted(env.name)}; it has one for each doom- "
+            "environment except the sparse variants of doom-my-way-home"
         )
     return env.scenario
 
 
 class GameSession(Session):
-    """An episode of the game, in the place of one of our environment's.
+    """An episode in the game instead of in our environment.
 
-    Rewards, ends and the time limit are the game's. `state` is our state with the pose, the
-    health and the things of the game, for scripted players and maps. The last observation of an
-    episode is the one before its end: the game shows none after it. Close it, or use `with`.
+    Rewards, ends and the time limit are the game's. `state` is our state with the pose, health and
+    things of the game, for scripted players and maps. The last observation of an episode is the
+    one before its end, because the game shows none after it. Call `close`, or use `with`.
 
-    Observations come from the game's buffers: depths are in tiles, from 8 bits in steps of 7.1
-    map units; `labels` tell floor, ceiling, walls and things apart, and in maps of several
-    textures which one a wall shows is looked up on the map, because no buffer tells it; colours
-    are those of the textures, which ours are the mean of.
+    Observations come from the game's buffers. Depths are in tiles; they come from 8 bits, in steps
+    of 7.1 map units. `labels` distinguishes floor, ceiling, walls and things. In maps with several
+    textures, wall labels are looked up on the map, because no buffer has them. Colours are those
+    of the game's textures; ours are their means.
     """
 
     env: DoomScenario[Any, Any]  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -74,13 +74,13 @@ class GameSession(Session):
 
         Args:
             env: an environment of the `doom-` family; its buttons, frame skip, image size and
-                kind of observation hold in the game as well.
-            params: of the environment; only `max_steps_in_episode` matters in the game.
-            seed: of the first episode.
+                kind of observation also apply in the game.
+            params: its params; only `max_steps_in_episode` matters in the game.
+            seed: the seed of the first episode.
 
         Raises:
             SettingError: the game has no such scenario, the image is larger than its screens, the
-                params are not those of one environment, or the seed is none.
+                params have a batch axis, or the seed is invalid.
         """
         check_seed(seed)
         scenario = check_scenario(env)
@@ -114,7 +114,7 @@ class GameSession(Session):
             [held >> i & 1 for i in range(len(env.button_names))]
             for held in (*env.action_buttons.tolist(), 0)
         ]
-        # Sampled once: what the game does not tell stays as at our resets.
+        # Sampled once: parts of the state that the game does not report stay as after our reset.
         key = jax.random.key(0, impl="threefry2x32")
         self._first = jax.device_get(env.reset(key, params)[1])
         self._labels = env.game_labels
@@ -123,7 +123,7 @@ class GameSession(Session):
         super().__init__(env, params, seed)
 
     def __enter__(self) -> GameSession:
-        """Itself."""
+        """Return the session."""
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -135,10 +135,10 @@ class GameSession(Session):
         self._stack.close()
 
     def reset(self, seed: int) -> Any:
-        """Begin an episode of the game with `seed`; returns its first observation."""
+        """Start an episode of the game with `seed`; returns its first observation."""
         self.seed = check_seed(seed)
         self._key = None
-        # Its generator begins alike for neighbouring numbers.
+        # The game's generator starts similarly for neighbouring seeds.
         self._game.set_seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0]))
         self._game.new_episode()
         self.actions: list[int] = []
@@ -149,13 +149,13 @@ class GameSession(Session):
         return self.observation
 
     def step(self, action: SupportsIndex) -> Any:
-        """Hold an action's buttons for the frame skip's tics; returns the observation.
+        """Hold an action's buttons for the tics of the frame skip; returns the observation.
 
         Raises:
-            SettingError: the action is no whole number, or the episode is over.
+            SettingError: the action is not a whole number, or the episode is over.
         """
         if self.over:
-            raise SettingError("the episode is over; begin the next one with reset")
+            raise SettingError("the episode is over: call reset before step")
         chosen = whole_action(action)
         if not 0 <= chosen < self.env.num_actions:
             chosen = NO_OP
@@ -172,25 +172,25 @@ class GameSession(Session):
         return self.observation
 
     def _succeeded(self, dead: bool, late: bool) -> bool:
-        """Whether the aim was reached in an episode that is over."""
+        """Whether an episode that is over reached its aim."""
         if count := self.env.success_count:
             return self._game.get_game_variable(getattr(load_vizdoom().GameVariable, count)) > 0
-        # A player that lives on has reached the time limit or, before it, the event.
+        # A player who is still alive has reached the time limit or, before it, the event.
         return not dead and late != bool(self.env.success_event)
 
     def policy_key(self) -> jax.Array:
-        """A key for choosing the next action."""
+        """A random key for choosing the next action."""
         if self._key is None:  # not before: a game inside a compiled program must not call JAX
             self._key = jax.random.key(self.seed, impl="threefry2x32")
         return jax.random.fold_in(self._key, len(self.actions))
 
     @property
     def screen(self) -> np.ndarray:
-        """uint8[h, w, 3]: the game's screen before the last observation's sampling."""
+        """uint8[h, w, 3]: the game's screen from which the last observation was sampled."""
         return self._seen.screen_buffer
 
     def _look(self) -> None:
-        """Take in what the game shows now."""
+        """Read what the game shows now."""
         self._seen = self._game.get_state()
         kind, size = self.env.observation, (self.env.height, self.env.width)
         self._state: Any = None
@@ -218,7 +218,7 @@ class GameSession(Session):
                 self.observation = {"image": image, **variables}
 
     def _told_by_game(self, health: int, values: list[int]) -> Game:
-        """What the game tells besides the pose."""
+        """The variables of the game other than the pose."""
         rows = [
             (
                 to_fixed(o.position_x),
@@ -240,9 +240,9 @@ class GameSession(Session):
 
     @property
     def told(self) -> Any:
-        """Our state of what the game shows, in numpy, but for `position` and `heading`.
+        """Our state for what the game shows, in numpy, without `position` and `heading`.
 
-        These follow from the pose: `env.at_pose` works them out.
+        `env.at_pose` computes these from the pose.
         """
         if self._told is not None:
             return self._told
@@ -259,7 +259,7 @@ class GameSession(Session):
 
     @property
     def state(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Our state of what the game shows."""
+        """Our state for what the game shows."""
         if self._state is None:
             told = self.told
             pose = told.fixed_position, told.fixed_velocity, told.angle
@@ -268,7 +268,7 @@ class GameSession(Session):
 
 
 def _turns(angle: float) -> int:
-    """Degrees of the game as 2**32ths of a circle: it divides by the greatest angle there is."""
+    """Degrees as a 32-bit angle of the game, which counts 2**32 - 1 units per turn."""
     return round(angle / 360 * (2**32 - 1)) % 2**32
 
 
@@ -278,19 +278,19 @@ def _at_pose(env: Any, state: Any, position: Any, velocity: Any, angle: Any) -> 
 
 
 def _walls_ahead(env: Any, state: Any, params: Any) -> np.ndarray:
-    """uint8[width]: labels of the walls at the horizon, where nothing stands before them."""
+    """uint8[width]: wall labels at the horizon, where nothing hides the walls."""
     row = dataclasses.replace(env, height=1, observation="labels")
     return np.asarray(row.observe(state, params))[0]
 
 
 @dataclasses.dataclass(frozen=True)
 class Games:
-    """What came of E episodes in the game.
+    """The results of E episodes in the game.
 
     Attributes:
         returns: float32[E], undiscounted sums of rewards.
-        lengths: int32[E], steps, each of `frame_skip` tics.
-        successes: bool[E], whether the task's aim was reached.
+        lengths: int32[E], steps of `frame_skip` tics each.
+        successes: bool[E], whether the aim of the task was reached.
     """
 
     returns: np.ndarray
@@ -311,11 +311,11 @@ def play_game(
 
     Args:
         env: see `GameSession`.
-        params: of the environment.
-        policy: chooses the actions, as in `jaxenstein.record`: a trained policy, or one of
+        params: its params.
+        policy: a policy as in `jaxenstein.record`: a trained policy, or one from
             `episodes.policies.named_policy`.
-        episodes: how many.
-        seed: of the first episode; the others have the numbers after it.
+        episodes: the number of episodes.
+        seed: the seed of the first episode; each next episode adds 1.
         notify: called with the number of episodes played so far.
 
     Raises:
@@ -338,13 +338,13 @@ def play_game(
 
 
 class GameEnv(gymnasium.Env[Any, Any]):
-    """The game as a Gymnasium environment with our observations, to train in it.
+    """The game as a Gymnasium environment with our observations, for training in it.
 
-    Unlike ViZDoom's own environments it shows depths in tiles and labels as ours do, and the
-    infos have `success`.
+    Unlike ViZDoom's own environments, it has our depths in tiles and our labels, and its infos
+    have `success`.
 
     Attributes:
-        session: the episode in play.
+        session: the current episode.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
@@ -359,14 +359,14 @@ class GameEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode."""
+        """Start an episode."""
         seed = None if seed is None else checked_seed(seed)
         super().reset(seed=seed, options=options)
         game_seed = int(self.np_random.integers(2**32))
         return self.session.reset(game_seed), dict(self.session.info)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Take a step; the last observation is that before the end."""
+        """Take a step; at the end, the observation is the one before it."""
         session = self.session
         observation = session.step(action)
         flags = session.terminated, session.truncated

@@ -1,4 +1,4 @@
-"""Starting ViZDoom, and what its buffers show in the terms of our observations."""
+"""Start ViZDoom, and convert its buffers to our observations."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from PIL import Image
 from ..errors import JAXensteinError, SettingError
 from ..maps.symbols import CEILING, FLOOR
 
-# Screens of the ratio 4 to 3; the smallest one that has as many pixels as the image is taken.
+# Screens with ratio 4 to 3; the smallest one with enough pixels for the image is used.
 SCREENS = ((160, 120), (320, 240), (640, 480), (1280, 960))
-# Map units of a step of the 8-bit depth buffer, and per row of the screen those of value 0: fitted
-# to walls at known distances.
+# Map units per step of the 8-bit depth buffer, and an offset per row of the screen; both were
+# fitted to walls at known distances.
 DEPTH_STEP, DEPTH_START = 7.1376, 0.0227
-# The label buffer's value for floor and ceiling; walls have 0, things others.
+# The value of floor and ceiling in the label buffer; walls are 0, things have other values.
 FLATS = 1
-# Weights of red, green and blue in grey images, ITU-R BT.601.
+# Weights of red, green and blue for grey images, ITU-R BT.601.
 LUMA = (0.299, 0.587, 0.114)
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "VELOCITY_X", "VELOCITY_Y", "HEALTH")
 
 
 class MissingViZDoomError(JAXensteinError, ImportError):
-    """ViZDoom is needed and not installed."""
+    """ViZDoom is needed but not installed."""
 
 
 def load_vizdoom() -> Any:
     """The vizdoom module.
 
     Raises:
-        MissingViZDoomError: it is not installed; the message names the extra.
+        MissingViZDoomError: ViZDoom is not installed; the message names the extra.
     """
     try:
-        # By its name: a type checker would take the file beside this one for it.
+        # Imported by name: a type checker would otherwise find vizdoom.py in this folder.
         return importlib.import_module("vizdoom")
     except ImportError as error:
         raise MissingViZDoomError(
@@ -55,16 +55,16 @@ def running(
     size: tuple[int, int] = SCREENS[0],
     prepare: Callable[[Any], None] | None = None,
 ) -> Iterator[Any]:
-    """A running `vizdoom.DoomGame` with the settings of a scenario's own configuration.
+    """A running `vizdoom.DoomGame` with the configuration of a scenario.
 
-    The files that it would leave in the working directory go to a temporary folder.
+    Files that the game would write to the working directory go to a temporary folder.
 
     Args:
-        scenario: its name, such as `"my_way_home"`.
-        seed: of the game's random numbers.
-        variables: names of the game variables in each state, in this order.
+        scenario: the name of the scenario, such as `"my_way_home"`.
+        seed: the seed of the game.
+        variables: the names of the game variables in each state, in this order.
         size: width and height of the screen, one of `SCREENS`.
-        prepare: changes more settings before the game starts.
+        prepare: a function that changes more settings before the game starts.
     """
     vizdoom = load_vizdoom()
     game = vizdoom.DoomGame()
@@ -79,7 +79,7 @@ def running(
         if prepare is not None:
             prepare(game)
         try:
-            # It makes a folder of its own in the working directory.
+            # The game creates a folder in the working directory.
             with contextlib.chdir(folder):
                 game.init()
             yield game
@@ -88,10 +88,10 @@ def running(
 
 
 def screen_for(height: int, width: int) -> tuple[int, int]:
-    """The screen to make an image of.
+    """The smallest screen from which an image can be sampled.
 
     Raises:
-        SettingError: it is larger than all screens.
+        SettingError: the image is larger than all screens.
     """
     for screen in SCREENS:
         if width <= screen[0] and height <= screen[1]:
@@ -102,10 +102,10 @@ def screen_for(height: int, width: int) -> tuple[int, int]:
 
 
 def sample(buffer: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """[height, width] of a screen's buffer [rows, columns]: the pixel at each one's middle.
+    """[height, width] of a screen buffer [rows, columns]: the pixel at the middle of each cell.
 
     The game rounds all edges down to whole pixels, so a pixel shows what is at its lower right
-    corner: the one whose corner is nearest to the middle is taken.
+    corner; the pixel whose corner is nearest to the middle is used.
     """
     rows, columns = (
         ((np.arange(count) + 0.5) * (length / count) + 0.5).astype(int) - 1
@@ -115,7 +115,7 @@ def sample(buffer: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def depth_image(buffer: np.ndarray, size: tuple[int, int], unit: int) -> np.ndarray:
-    """float32[height, width]: distances in tiles of `unit` map units, of a depth buffer."""
+    """float32[height, width]: a depth buffer in tiles of `unit` map units."""
     start = DEPTH_START * buffer.shape[0]
     return ((start + DEPTH_STEP * (sample(buffer, size) + 0.5)) / unit).astype(np.float32)
 
@@ -123,12 +123,12 @@ def depth_image(buffer: np.ndarray, size: tuple[int, int], unit: int) -> np.ndar
 def label_image(
     buffer: np.ndarray, size: tuple[int, int], things: Mapping[int, int], walls: np.ndarray
 ) -> np.ndarray:
-    """uint8[height, width]: label ids, of a label buffer.
+    """uint8[height, width]: the label ids of a label buffer.
 
     Args:
         buffer: uint8[rows, columns].
         size: height and width.
-        things: the label id of each of the buffer's values that stands for a thing.
+        things: the label id for each buffer value that stands for a thing.
         walls: uint8[width], the label ids of the walls.
     """
     values = sample(buffer, size)
@@ -140,11 +140,11 @@ def label_image(
 
 
 def colour_image(screen: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """uint8[height, width, 3]: a screen, each pixel the mean of what it covers."""
+    """uint8[height, width, 3]: a screen; each pixel is the mean of the area it covers."""
     height, width = size
     return np.asarray(Image.fromarray(screen).resize((width, height), Image.Resampling.BOX))
 
 
 def grey(image: np.ndarray) -> np.ndarray:
-    """uint8[height, width]: the luma of an image of colours."""
+    """uint8[height, width]: the luma of a colour image."""
     return np.rint(image @ np.array(LUMA)).astype(np.uint8)

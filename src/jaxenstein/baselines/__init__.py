@@ -5,7 +5,7 @@
     state = learner.init(jax.random.key(0))
     state, metrics = learner.train_chunk(state, HParams(), updates=10)
 
-or, in a run directory with metrics and checkpoints, from which an agent can be loaded:
+Or train in a run directory, with metrics and checkpoints, and load an agent from it:
 
     folder = RunFolder.create("runs/simple", resolve({"env": "simple", "algo": "rnd", "seeds": 5}))
     train(folder)

@@ -1,7 +1,7 @@
-"""Exploration bonuses as the training loop sees them, and how their size is normalised.
+"""The interface of exploration bonuses, and the normalisation of their size.
 
-A bonus is computed once for each rollout, after it: its networks do not change while the agent
-plays, and one large call is faster than many small ones.
+The bonus of a rollout is computed at its end. Its networks do not change while the agent plays, and
+one large call is faster than many small ones.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from .config import HParams
 Metrics = dict[str, jax.Array]
 
 PER_ENVIRONMENT = {"per_environment": True}
-"""Metadata of a record's field whose leaves all begin with the axis of the environments, [N]."""
+"""Metadata of a dataclass field: the first axis of all its leaves is the environments, [N]."""
 
 
 class Experience(PyTreeNode):
-    """What a bonus sees of a rollout.
+    """The part of a rollout that a bonus sees.
 
     Attributes:
-        obs: observations with leading axes [T + 1, N]. Entry t + 1 is what step t led to, unless
-            the step ended an episode: then it is the first of the next one.
+        obs: observations with leading axes [T + 1, N]. Entry t + 1 follows step t. If the step
+            ended an episode, it is the first observation of the next episode.
         action: int32[T, N].
-        ended: bool[T, N], whether the step ended an episode, either way.
+        ended: bool[T, N], whether the step ended an episode, by termination or truncation.
     """
 
     obs: Any
@@ -37,32 +37,31 @@ class Experience(PyTreeNode):
 
     @property
     def led_to(self) -> Any:
-        """Observations [T, N] that the steps led to; see `obs` for those that ended an episode."""
+        """The observations after each step, leading axes [T, N]; see `obs` for ends of episodes."""
         return jax.tree.map(lambda leaf: leaf[1:], self.obs)
 
 
 class Bonus(Protocol):
-    """An exploration bonus: made by an `Algorithm`, for observations, actions and a config.
+    """An exploration bonus. An `Algorithm` makes it for given observations, actions and a config.
 
-    The loop zeroes it where a step ended its episode, divides it by its running size with
-    `normalise_bonus`, and multiplies it by `bonus_reward`.
+    The training loop sets the bonus to zero where a step ends an episode, divides it by its running
+    deviation if `normalise_bonus` is set, and multiplies it by `bonus_reward`.
     """
 
     @property
     def value_heads(self) -> int:
-        """How many values the network has.
+        """The number of value heads of the network.
 
-        With 1, the bonus is added to the reward. With more, it has `value_heads - 1` parts, each
-        with its own returns, which go on through the ends of episodes.
+        With 1, the bonus is added to the reward. With more, the bonus has `value_heads - 1` parts.
+        Each part has its own returns, which continue across the ends of episodes.
         """
         ...
 
     def init(self, key: jax.Array) -> Any:
-        """Initialise the state: networks, optimiser, statistics; a pytree of arrays.
+        """Initialise the state, a pytree of arrays: networks, optimiser, statistics.
 
-        All numbers must be finite: otherwise the run counts as diverged.
-        Arrays with an entry for each environment are fields of a record, declared with
-        `dataclasses.field(metadata=PER_ENVIRONMENT)`.
+        All numbers must be finite; otherwise the run counts as diverged. Declare fields with an
+        entry for each environment with `dataclasses.field(metadata=PER_ENVIRONMENT)`.
         """
         ...
 
@@ -72,7 +71,7 @@ class Bonus(Protocol):
         """Compute the bonus of each step.
 
         Returns:
-            float32[T, N], or [T, N, value_heads - 1]; the state; metrics.
+            float32[T, N] or [T, N, value_heads - 1]; the new state; metrics.
         """
         ...
 
@@ -84,9 +83,9 @@ class Bonus(Protocol):
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[Any, Metrics]:
-        """Learn from the rollout, after the policy; `rate` is the learning rate of this update.
+        """Learn from the rollout, after the policy has; `rate` is the learning rate of this update.
 
-        Metrics whose names end in `loss` or `gradient_norm` must be finite: otherwise the run
+        Metrics whose names end in `loss` or `gradient_norm` must be finite; otherwise the run
         counts as diverged.
         """
         ...
@@ -96,7 +95,7 @@ class RunningStats(PyTreeNode):
     """Mean and variance of all values merged so far (Chan et al. 1979).
 
     Attributes:
-        count: float32[], number of values of each entry.
+        count: float32[], number of values merged into each entry.
         mean: float32[...].
         squares: float32[...], sum of squared deviations from the mean.
     """
@@ -107,12 +106,12 @@ class RunningStats(PyTreeNode):
 
     @classmethod
     def empty(cls, shape: tuple[int, ...] = ()) -> RunningStats:
-        """Statistics of no values yet."""
+        """The statistics before the first value."""
         return cls(jnp.float32(0), jnp.zeros(shape, jnp.float32), jnp.zeros(shape, jnp.float32))
 
     @property
     def variance(self) -> jax.Array:
-        """float32[...], of the population; 1 where nothing was merged yet."""
+        """float32[...], the population variance; 1 before the first value."""
         some = self.count > 0
         return jnp.where(some, self.squares / jnp.maximum(self.count, 1), jnp.ones_like(self.mean))
 
@@ -122,11 +121,11 @@ class RunningStats(PyTreeNode):
         return jnp.sqrt(self.variance)
 
     def faded(self, share: jax.Array | float) -> RunningStats:
-        """The statistics with only a share of their weight."""
+        """The statistics with their weight multiplied by `share`."""
         return self.replace(count=self.count * share, squares=self.squares * share)
 
     def merge(self, values: jax.Array) -> RunningStats:
-        """The statistics with more values: float32[..., *shape], any leading axes."""
+        """The statistics including more values, float32[..., *shape] with any leading axes."""
         axes = tuple(range(values.ndim - self.mean.ndim))
         mean = jnp.mean(values, axis=axes)
         squares = jnp.sum((values - jnp.expand_dims(mean, axes)) ** 2, axis=axes)
@@ -139,12 +138,12 @@ class RunningStats(PyTreeNode):
 
 
 class BonusScale(PyTreeNode):
-    """The running size of discounted sums of the bonus, by which it can be divided.
+    """The running deviation of discounted sums of the bonus, which normalises the bonus.
 
     Attributes:
-        total: float32[N, ...], the sum of each environment, discounted towards the past. It goes
-            on over rollouts and over the ends of episodes.
-        stats: of all its values.
+        total: float32[N, ...], the sum in each environment, discounted towards the past. It
+            continues across rollouts and the ends of episodes.
+        stats: statistics of all values of `total`.
     """
 
     total: jax.Array = dataclasses.field(metadata=PER_ENVIRONMENT)
@@ -156,14 +155,14 @@ class BonusScale(PyTreeNode):
         return cls(jnp.zeros(shape, jnp.float32), RunningStats.empty(shape[1:]))
 
     def divide(self, bonus: jax.Array, gamma: Any, memory: Any) -> tuple[jax.Array, BonusScale]:
-        """Divide a bonus by the deviation of its discounted sum, with this rollout included.
+        """Divide a bonus by the deviation of its discounted sum, including this rollout.
 
-        No mean is subtracted. As OpenAI's RND (Burda et al. 2018), along time.
+        The mean is not subtracted, as in OpenAI's RND (Burda et al. 2018).
 
         Args:
             bonus: float32[T, N, ...].
             gamma: discount of the sum.
-            memory: share of their weight that earlier rollouts keep.
+            memory: the share of its weight that the past keeps.
         """
 
         def add(total: jax.Array, bonus: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -172,6 +171,6 @@ class BonusScale(PyTreeNode):
 
         total, totals = jax.lax.scan(add, self.total, bonus)
         stats = self.stats.faded(memory).merge(totals)
-        # One deviation for each part of a bonus of several.
+        # One deviation for each part of the bonus.
         deviation = jnp.expand_dims(jnp.maximum(stats.deviation, 1e-8), (0, 1))
         return bonus / deviation, BonusScale(total, stats)

@@ -1,4 +1,4 @@
-"""The options of a training: static settings, numbers, and the table of algorithms."""
+"""The options of a training: static settings, hyperparameters, and the registered algorithms."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ class Algorithm:
     """PPO with an exploration bonus.
 
     Attributes:
-        bonus: makes the bonus for an `ObservationSpec`, a number of actions and a `Config`.
+        bonus: makes the bonus from an `ObservationSpec`, a number of actions and a `Config`.
         options: a dataclass that declares the bonus' own options; see `register_bonus`.
-        grid: values of numbers that `jaxenstein sweep` tries; None leaves the algorithm out of it.
+        grid: the default grid of `jaxenstein sweep`; None leaves the algorithm out of sweeps.
     """
 
     bonus: Callable[..., Any]
@@ -74,33 +74,35 @@ _ALGORITHMS: dict[str, Algorithm] = {}
 def register_bonus(
     name: str, bonus: Callable[..., Any], options: type = NoOptions, *, grid: Grid | None = None
 ) -> None:
-    """Register an exploration bonus, so that `Config.algo` and `--algo` know its name.
+    """Register an exploration bonus under a name for `Config.algo` and `--algo`.
 
-    The fields of `options` become flags and names in files, with the docstring's `Attributes` as
-    help; `jaxenstein.fields` declares their ranges. A field annotated as `Any` is a number, which
-    may differ between runs of one compiled program: the bonus reads it from `HParams.bonus`. Any
-    other field is a static setting: the bonus reads it from `Config.bonus`.
+    The fields of `options` become flags and names in config files; `Attributes` in the docstring
+    is their help. Use `jaxenstein.fields` to declare ranges. A field of type `Any` is a number that
+    may differ between the runs of one compiled program; the bonus reads it from `HParams.bonus`.
+    Any other field is static; the bonus reads it from `Config.bonus`.
 
     Args:
         name: lower-case letters, digits and underscores.
         bonus: makes a `Bonus` from an `ObservationSpec`, a number of actions and a `Config`.
         options: a dataclass with a default for every field; field names begin with `name` and `_`.
-        grid: values of numbers that `jaxenstein sweep` tries when no algorithm is given.
+        grid: values for `jaxenstein sweep`, which trains this algorithm by default if a grid is
+            given.
 
     Raises:
         SettingError: the name is taken or invalid, or a field has a wrong name.
     """
     if not re.fullmatch("[a-z][a-z0-9_]*", name):
         raise SettingError(
-            f"the name of a bonus must be small letters, digits and underscores, not {quoted(name)}"
+            "the name of a bonus must be lower-case letters, digits and underscores, not "
+            f"{quoted(name)}"
         )
     if name in _ALGORITHMS:
-        raise SettingError(f"there is an algorithm {quoted(name)} already; choose another name")
+        raise SettingError(f"there already is an algorithm {quoted(name)}; choose another name")
     for field in names_of(options):
         if not field.startswith(f"{name}_"):
             raise SettingError(
-                f"options of {quoted(name)} must begin with '{name}_', not {quoted(field)}: they "
-                "share one list with those of the others"
+                f"options of {quoted(name)} must begin with '{name}_', not {quoted(field)}, since "
+                "all bonuses share one list of options"
             )
     row = Algorithm(bonus, options, grid)
     known = (*names_of(HParams), *row.numbers)
@@ -114,11 +116,11 @@ def algorithms() -> Mapping[str, Algorithm]:
 
 
 def algorithm(name: str) -> Algorithm:
-    """The algorithm of a name; a `SettingError` names the nearest if there is none."""
+    """The algorithm with a name; if there is none, a `SettingError` suggests the nearest."""
     try:
         check_value("algo", Domain("choice", choices=tuple(_ALGORITHMS)), name)
     except SettingError as error:
-        own = "a bonus of your own is known once its module is imported, in commands by --import"
+        own = "for your own bonus, import its module first (commands: --import MODULE)"
         raise SettingError(f"{error}; {own}") from None
     return _ALGORITHMS[name]
 
@@ -126,9 +128,9 @@ def algorithm(name: str) -> Algorithm:
 def _nested(
     cls: type, row: Algorithm, own: Sequence[str], values: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The arguments of `cls` from flat values, with the bonus' own under `bonus`.
+    """The arguments of `cls` from flat values, with the options of the bonus under `bonus`.
 
-    Options of the bonuses of other algorithms are left out.
+    Leaves out options of other bonuses.
     """
     others = {name for other in _ALGORITHMS.values() if other is not row
               for name in names_of(other.options)}  # fmt: skip
@@ -139,7 +141,7 @@ def _nested(
 
 
 def _flat(record: Any) -> dict[str, Any]:
-    """The fields of a record, with the bonus' own among the others."""
+    """The fields of a record as one flat dictionary, including those of the bonus."""
     flat = values_of(record)
     own = flat.pop("bonus")
     return {**flat, **own}
@@ -147,53 +149,53 @@ def _flat(record: Any) -> dict[str, Any]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Config:
-    """Static settings: everything that shapes the compiled program; frozen and hashable.
+    """Static settings, which shape the compiled program; frozen and hashable.
 
-    The defaults are those of the paper where it prints them; comments name the other sources.
+    Defaults are those of the paper where it states them; comments name other sources.
 
     Attributes:
-        algo: `"ppo"`, or the name of the exploration bonus that PPO has.
-        total_steps: environment steps of the whole run, over all environments. The learning rate
-            falls to zero over it, so it is part of the experiment.
-        num_envs: parallel environments, `N`.
-        rollout: steps of each environment between two updates, `T`.
-        epochs: passes of PPO over a rollout.
-        minibatches: parts of a rollout in one epoch: whole sequences of `N / minibatches`
+        algo: `"ppo"`, or the name of an exploration bonus to add to PPO.
+        total_steps: environment steps of the whole run, summed over environments; with annealing
+            the learning rate depends on it.
+        num_envs: number of parallel environments, `N`.
+        rollout: steps in each environment between two updates, `T`.
+        epochs: PPO epochs per rollout.
+        minibatches: minibatches per epoch; each has whole sequences of `N / minibatches`
             environments.
-        anneal: let the learning rates fall linearly to zero; constant within one update.
+        anneal: decay the learning rates linearly to zero, in steps of one update.
         value_loss_half: halve the value loss.
-        bootstrap_truncation: where the time limit cuts an episode off, continue its return with
-            the value of the last observation; if false, the limit counts as an end.
-        convolutions: (kernel, stride, features) of each convolution; None: those of the Nature
-            paper, or two small ones for images below 36 pixels.
+        bootstrap_truncation: if the time limit ends an episode, bootstrap its return from the value
+            of the last observation; if false, the time limit counts as termination.
+        convolutions: (kernel, stride, features) of each layer; None: the Nature DQN layers, or two
+            small layers for images below 36 pixels.
         features: size of the image features.
         hidden: size of the recurrent state.
-        head: size of the hidden layer of the actor and of the critic.
-        zero_values: start with values near zero (gain 0.01, as OpenAI's RND), so that before the
-            first reward there is nothing to learn from.
-        contrast: give the policy contrast * (x - 0.3) of the pixels x from 0 to 1, whose mean is
-            about 0.3 and whose deviation is about 0.1 (labels are not changed); 0: x.
-        persistence: added to the logit of the previous action, one learned number for each action
-            that starts at this value: with 5 actions, 2 makes random play repeat itself in 65 %.
-        recurrent: if false, memory and previous action are cleared at every step, for
-            comparison.
-        dtype: of the networks' computations; parameters and losses are always float32.
-        convolution: `"matmul"`: as matrix products, several times faster on a CPU and with many
-            parallel runs; `"lax"`: XLA's own. The results are the same up to rounding.
-        bonus_epochs: passes of the bonus' own update over a rollout.
+        head: size of the hidden layers of actor and critic.
+        zero_values: start with values near zero (gain 0.01, as in OpenAI's RND), so that initial
+            values do not affect learning before the first reward.
+        contrast: feed the policy contrast * (x - 0.3) for pixels x from 0 to 1, whose mean is about
+            0.3 and deviation about 0.1; labels are unchanged; 0: feed x.
+        persistence: initial value of learned numbers, one per action, added to the logit of the
+            previous action; with 5 actions, 2 makes a new policy repeat 65 % of its actions.
+        recurrent: keep memory and previous action; if false, clear both at every step.
+        dtype: dtype of network computations; parameters and losses are always float32.
+        convolution: how to compute convolutions; `"matmul"`: as matrix products, several times
+            faster on a CPU or with many parallel runs; `"lax"`: with XLA's convolution; results are
+            equal up to rounding.
+        bonus_epochs: epochs per rollout that train the bonus.
         normalise_bonus: divide the bonus by the running deviation of its discounted sum.
-        bonus_values: give the bonus of ICM and E3B a value head of its own, as RND always has; if
-            false the bonus is added to the reward.
-        stop_success: stop learning once the mean success of about the last hundred episodes has
-            reached this share: what was learned can be lost again; 0: never.
-        on_divergence: what happens if a loss, gradient or parameter of a run is not finite:
-            `"stop"`: the run stops learning and keeps its last finite parameters;
-            `"continue"`: the run continues as it is.
-        random_clocks: start each environment's first episode at a random time, so that episodes
-            of one length do not all end at once.
-        shards: groups of environments from which minibatches are sampled evenly: the number of
-            devices that the environments are spread over.
-        bonus: the bonus' own settings by name; those not given have their defaults.
+        bonus_values: give ICM and E3B a separate value head for the bonus, as RND always has; if
+            false, the bonus is added to the reward.
+        stop_success: stop learning once the mean success over about the last hundred episodes
+            reaches this rate, since further training can unlearn the task; 0: never stop.
+        on_divergence: what to do with a run whose loss, gradient or parameters are not finite;
+            `"stop"`: stop learning and keep the last finite parameters; `"continue"`: continue as
+            it is.
+        random_clocks: start the first episode of each environment at a random time, so that
+            episodes of equal length do not all end together.
+        shards: groups of environments that contribute equally to each minibatch; set it to the
+            number of devices over which the environments are spread.
+        bonus: settings of the bonus by name; missing ones have their defaults.
     """
 
     algo: str = "ppo"
@@ -225,7 +227,7 @@ class Config:
     bonus: Mapping[str, Any] = FrozenDict()
 
     def __post_init__(self) -> None:
-        """Check every field alone, then those that must fit each other."""
+        """Check every field, then combinations of fields."""
         row = self.algorithm
         check_names(self.bonus, row.settings)
         own = row.options(**self.bonus)
@@ -240,8 +242,8 @@ class Config:
         if self.num_envs % groups:
             shards = f" times shards = {self.shards}" if self.shards > 1 else ""
             raise SettingError(
-                f"num_envs must be a multiple of minibatches = {self.minibatches}{shards}, since "
-                f"a minibatch holds whole sequences of environments, not {self.num_envs}"
+                f"num_envs must be a multiple of minibatches = {self.minibatches}{shards}, not "
+                f"{self.num_envs}, since a minibatch holds whole sequences of environments"
             )
         if self.total_steps < self.steps_per_update:
             raise SettingError(
@@ -251,8 +253,8 @@ class Config:
         if self.updates > MOST_UPDATES:
             raise SettingError(
                 f"total_steps must be at most {MOST_UPDATES} * num_envs * rollout = "
-                f"{MOST_UPDATES * self.steps_per_update}, since int32 counts the updates, not "
-                f"{self.total_steps}"
+                f"{MOST_UPDATES * self.steps_per_update}, not {self.total_steps}, since updates "
+                "are counted in int32"
             )
 
     @property
@@ -267,7 +269,7 @@ class Config:
 
     @property
     def algorithm(self) -> Algorithm:
-        """The algorithm of the name `algo`."""
+        """The algorithm named `algo`."""
         return algorithm(self.algo)
 
     @property
@@ -276,7 +278,7 @@ class Config:
         return jnp.bfloat16 if self.dtype == "bfloat16" else jnp.float32
 
     def replace(self, **changes: Any) -> Config:
-        """Return a copy with the named settings changed, also the bonus' own.
+        """Return a copy with changed settings, which may be settings of the bonus.
 
         Raises:
             SettingError: a setting is unknown, or its value is out of range.
@@ -285,9 +287,9 @@ class Config:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Config:
-        """A config from flat options: the bonus' settings among the others.
+        """Make a config from flat options, which include the settings of the bonus.
 
-        Settings of the bonuses of other algorithms are left out.
+        Leaves out settings of other bonuses.
 
         Raises:
             SettingError: a setting is unknown, or its value is out of range.
@@ -301,29 +303,28 @@ class Config:
 
 
 class HParams(PyTreeNode):
-    """Numbers of a run: a pytree of scalars, traced, so `jax.vmap` can run many at once.
+    """Hyperparameters of a run: a pytree of traced scalars, so `jax.vmap` can train many runs.
 
     Attributes:
-        learning_rate: of PPO's Adam, at the start.
+        learning_rate: initial learning rate of PPO.
         gamma: discount; None: the environment's own.
-        gae_lambda: weight of longer returns in the advantages, 0 to 1.
-        clip: range of the probability ratio around 1.
-        value_clip: how far a value may move from its old one within an update.
-        entropy: coefficient of the entropy.
+        gae_lambda: lambda of generalised advantage estimation.
+        clip: PPO's clip range of the probability ratio.
+        value_clip: clip range of value changes within an update.
+        entropy: coefficient of the policy's entropy in the loss.
         value: coefficient of the value loss.
-        gradient_norm: global norm that gradients are clipped to, PPO's and the bonus' alike.
-        advantage_floor: added to the advantages' deviation where they are divided by it.
-        target_kl: once the policy has moved so far from the one that played (approximate_kl of a
-            minibatch), skip the rest of the update; None: never.
-        bonus_learning_rate: of the bonus' Adam, at the start.
-        bonus_reward: factor of the exploration bonus.
-        bonus_advantage: weight of the intrinsic advantages beside the extrinsic ones, where the
-            bonus has a value head of its own.
-        bonus_gamma: discount of the intrinsic returns; None: that of the extrinsic ones.
-        bonus_value_clip: as value_clip, for the bonus' own values; None: the same.
-        bonus_memory: share of its weight that normalise_bonus keeps of earlier rollouts at each
-            new one; 1 forgets nothing.
-        bonus: the bonus' own numbers by name; those not given have their defaults.
+        gradient_norm: clip gradients, also of the bonus, to this global norm.
+        advantage_floor: added to the deviation that normalises the advantages.
+        target_kl: skip the rest of an update once the approximate KL divergence of a minibatch from
+            the rollout policy exceeds this; None: never.
+        bonus_learning_rate: initial learning rate of the bonus.
+        bonus_reward: factor on the exploration bonus.
+        bonus_advantage: weight of the intrinsic advantages, if the bonus has a separate value head.
+        bonus_gamma: discount of the intrinsic returns; None: gamma.
+        bonus_value_clip: clip range for the values of the bonus; None: value_clip.
+        bonus_memory: for normalise_bonus, the share of their weight that past rollouts keep at each
+            rollout; 1: never forget.
+        bonus: hyperparameters of the bonus by name; missing ones have their defaults.
     """
 
     learning_rate: Any = number(2.5e-4, 0)
@@ -346,9 +347,9 @@ class HParams(PyTreeNode):
 
     @classmethod
     def of(cls, algo: str, values: Mapping[str, Any]) -> HParams:
-        """The numbers of an algorithm from flat options, complete with those of its bonus.
+        """Make the hyperparameters of an algorithm from flat options, with all of its bonus.
 
-        Numbers of the bonuses of other algorithms are left out.
+        Leaves out hyperparameters of other bonuses.
 
         Raises:
             SettingError: a number is unknown or out of range.
@@ -360,17 +361,17 @@ class HParams(PyTreeNode):
         return numbers
 
     def flat(self) -> dict[str, Any]:
-        """The numbers as flat options."""
+        """The hyperparameters as flat options."""
         return _flat(self)
 
     def check(self, algo: str = "ppo") -> HParams:
-        """Check the numbers of an algorithm, and complete them with those of its bonus.
+        """Check the hyperparameters of an algorithm, and fill in the defaults of its bonus.
 
         Returns:
-            All of them as float32 arrays; traced values pass unchecked.
+            All of them as float32 arrays; traced values are not checked.
 
         Raises:
-            SettingError: a value is no number, or out of range.
+            SettingError: a value is not a number, or out of range.
         """
         row = algorithm(algo)
         check_names(self.bonus, row.numbers)

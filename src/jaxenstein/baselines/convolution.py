@@ -14,25 +14,25 @@ from ..convolution import Padding, pair, patch_convolution
 
 
 class PatchConvolution(nn.Module):
-    """`flax.linen.Conv` by matrix products, many times faster in a compiled training on a CPU.
+    """`flax.linen.Conv` as matrix products: many times faster in compiled training on a CPU.
 
-    It has the parameters of `flax.linen.Conv`, `kernel` float[rows, columns, channels, features]
-    and `bias` float[features], in the same order, so that either module takes those of the other.
-    `jaxenstein.patch_convolution` is the same without flax.
+    Its parameters are those of `flax.linen.Conv`: `kernel` float[rows, columns, channels,
+    features] and `bias` float[features]. Each module accepts the parameters of the other.
+    `jaxenstein.patch_convolution` is the same operation without flax.
 
     Attributes:
-        features: number of channels of the result.
+        features: number of output channels.
         kernel_size: rows and columns of the kernel, or one number for both.
-        strides: pixels from one window to the next: down and across, or one number for both.
+        strides: pixels between windows, down and across, or one number for both.
         padding: "SAME" or "VALID", as in `jaxenstein.patch_convolution`.
-        use_bias: whether to add a number for each feature.
-        dtype: of the computation and the result; None: the widest of images and parameters.
-        param_dtype: of the parameters.
-        kernel_init: draws the kernel.
-        bias_init: draws the bias.
+        use_bias: whether to add a bias for each feature.
+        dtype: dtype of the computation and the result; None promotes images and parameters.
+        param_dtype: dtype of the parameters.
+        kernel_init: initialises the kernel.
+        bias_init: initialises the bias.
 
     Raises:
-        SettingError: when it is called, as in `jaxenstein.patch_convolution`.
+        SettingError: when called, for the same reasons as `jaxenstein.patch_convolution`.
 
     Examples:
         >>> import jax
@@ -57,7 +57,7 @@ class PatchConvolution(nn.Module):
 
     @nn.compact
     def __call__(self, images: jax.Array) -> jax.Array:
-        """Return float[..., height', width', features] of float[..., height, width, channels]."""
+        """Map float[..., height, width, channels] to float[..., height', width', features]."""
         shape = (*pair("kernel_size", self.kernel_size), images.shape[-1], self.features)
         kernel = self.param("kernel", self.kernel_init, shape, self.param_dtype)
         dtype = self.dtype or jnp.promote_types(images.dtype, kernel.dtype)
@@ -70,7 +70,7 @@ class PatchConvolution(nn.Module):
 
 
 def conv_lax(images: jax.Array, weights: jax.Array, stride: int) -> jax.Array:
-    """As `jaxenstein.patch_convolution` without padding, by `jax.lax`."""
+    """Like `jaxenstein.patch_convolution` without padding, but computed by `jax.lax`."""
     lead = images.shape[:-3]
     flat = images.reshape(-1, *images.shape[-3:])
     out = lax.conv_general_dilated(

@@ -1,8 +1,8 @@
-"""Divergence of runs: the update detects it and is then undone.
+"""Divergence of runs: an update that diverges is undone.
 
-A run diverges if its loss, gradient or state has a number that is not finite. That update sets
-`TrainState.diverged` and changes nothing else, and later updates change nothing at all. So every
-checkpoint holds the last finite parameters of the run and the record of its divergence.
+A run diverges if its loss, gradient or state has a number that is not finite. That update only sets
+`TrainState.diverged`, and later updates change nothing. So every checkpoint holds the last finite
+parameters of the run and the cause of its divergence.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .state import TrainState
 PARTS = ("loss", "gradient", "parameters")
 """The parts that must be finite; part n is bit n of `TrainState.diverged`."""
 
-# The metric, and the endings of the names of metrics that must be finite.
+# The name of the metric. Metrics whose names end in LOSS or GRADIENT must be finite.
 METRIC = "diverged"
 LOSS, GRADIENT = "loss", "gradient_norm"
 
@@ -34,12 +34,12 @@ def guard(
     Args:
         before: the state before the update, with `diverged`.
         after: the state after the update.
-        learnt: the metrics of the training of policy and bonus.
+        learnt: training metrics of policy and bonus.
         metrics: all metrics of the update.
 
     Returns:
         The state, and the metrics with `diverged`. The other metrics of a diverged run are 0 or
-        NaN, since its rollout is undone too.
+        NaN, since its rollout is undone as well.
     """
     assert before.diverged is not None
     code = jnp.where(before.diverged > 0, before.diverged, _found(after, learnt))
@@ -71,11 +71,11 @@ def _nothing(value: jax.Array) -> jax.Array:
 
 @dataclasses.dataclass(frozen=True)
 class Divergence:
-    """The divergence of a run.
+    """When and how a run diverged.
 
     Attributes:
         update: the update in which the run diverged, from 1; the run keeps the state before it.
-        code: as `TrainState.diverged`.
+        code: the bits of `TrainState.diverged`.
     """
 
     update: int
@@ -84,7 +84,7 @@ class Divergence:
     @property
     def parts(self) -> str:
         """The parts that were not finite, such as "loss and gradient"."""
-        # A file may hold any code.
+        # A code from a file may have no valid bit.
         found = [part for bit, part in enumerate(PARTS) if self.code >> bit & 1] or ["numbers"]
         return " and ".join(filter(None, [", ".join(found[:-1]), found[-1]]))
 
@@ -93,12 +93,12 @@ class Divergence:
         one = self.code in (1, 2)
         return (
             f"{name} diverged at update {self.update}: its {self.parts} {'was' if one else 'were'} "
-            f"not finite; it keeps the parameters of update {self.update - 1}, the last finite ones"
+            f"not finite. It keeps the parameters of update {self.update - 1}, the last finite ones"
         )
 
 
 def of_state(update: np.ndarray, diverged: np.ndarray | None) -> dict[int, Divergence]:
-    """The diverged runs by number, from `TrainState.update` and `diverged`, int32[runs]."""
+    """The diverged runs by number, from the int32[runs] of `TrainState.update` and `diverged`."""
     if diverged is None:
         return {}
     pairs = enumerate(zip(update.tolist(), diverged.tolist(), strict=True))
@@ -106,9 +106,9 @@ def of_state(update: np.ndarray, diverged: np.ndarray | None) -> dict[int, Diver
 
 
 def updates_that_count(metrics: Mapping[str, np.ndarray]) -> int:
-    """The updates of a chunk up to and including the one in which the last run diverged.
+    """The number of updates in a chunk until all runs have diverged, or of all its updates.
 
-    `metrics` are [runs, updates].
+    `metrics` have shape [runs, updates].
     """
     updates = next(iter(metrics.values())).shape[1]
     if METRIC not in metrics:

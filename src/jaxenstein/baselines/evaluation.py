@@ -1,4 +1,4 @@
-"""Playing whole episodes with the networks of some runs."""
+"""Plays whole episodes with the networks of one or more runs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .simulator import Simulator
 def begin(
     simulator: Simulator, network: ActorCritic, key: jax.Array, runs: int, episodes: int
 ) -> Playing:
-    """Every episode before its first step, [R, E]; those of all runs begin alike.
+    """All episodes before their first step, [R, E]; the episodes of all runs start alike.
 
-    The actors are those of `R * E` environments, run after run.
+    The actors belong to `R * E` environments, ordered by run.
     """
     actors = start(simulator, network, jax.random.split(key)[0], episodes)
     actors = jax.tree.map(lambda leaf: jnp.concatenate([leaf] * runs), actors)
@@ -35,10 +35,10 @@ def advance(
     until: jax.Array,
     greedy: jax.Array,
 ) -> Playing:
-    """Play until the last episode ends, or `until` (int32[]) steps have been taken from the start.
+    """Play until all episodes have ended, or `until` (int32[]) steps after the start.
 
-    `params` are [R, ...]; `key` gives each run the same random numbers; with `greedy` (bool[]) the
-    agents take the most likely action instead of sampling one.
+    `params` have shape [R, ...]. `key` gives each run the same random numbers. With `greedy`
+    (bool[]), the agents take the most likely action instead of sampling one.
     """
     play_key = jax.random.split(key)[1]
     runs, episodes = playing.running.shape
@@ -69,7 +69,7 @@ def advance(
 def _choose(
     network: ActorCritic, params: Any, actors: Actors, key: jax.Array, greedy: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """The actions of one run's agents, int32[E], and their memory."""
+    """The actions of the agents of one run, int32[E], and their next memory."""
     logits, _, memory = network.step(
         params, actors.obs, actors.previous, actors.first, actors.memory
     )

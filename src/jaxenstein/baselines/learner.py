@@ -1,4 +1,4 @@
-"""Training on an environment: chunks of updates in one compiled program, evaluation, acting."""
+"""Trains on an environment in one compiled program; evaluates agents and acts."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from .state import TrainState, key_data, wrap_key
 
 
 class PolicyCarry(PyTreeNode):
-    """What a policy remembers between two steps of one episode.
+    """The memory of a policy between two steps of an episode.
 
     Attributes:
         memory: float32[hidden].
         previous: int32[], the last action.
-        first: bool[], whether the episode begins.
+        first: bool[], whether the next step is the first of an episode.
     """
 
     memory: jax.Array
@@ -40,30 +40,29 @@ class PolicyCarry(PyTreeNode):
 class Learner:
     """Trains on one environment with one config.
 
-    All functions are pure and compiled on their first call for each shape. `many` has the same
-    functions for many runs at once.
+    All functions are pure, and compiled on their first call for each shape.
 
     Attributes:
         env: the environment.
         env_params: its params.
         config: the static settings.
-        network: the recurrent network; `network.unroll` for whole sequences.
+        network: the recurrent network; `network.unroll` processes whole sequences.
         bonus: the exploration bonus.
-        many: the same functions for many runs at once, along a leading axis of everything.
+        many: the same functions for many runs at once, along a leading axis.
     """
 
     def __init__(self, env: Any, env_params: Any, config: Config) -> None:
         """Build the training loop of an environment.
 
         Args:
-            env: an environment of `jaxenstein.make` with any `autoreset`, or one of gymnax'
-                contract of six values whose `info` has `final_observation`.
-            env_params: its params; fixed into the program. Each episode draws a number of its own
-                from a range among them.
+            env: an environment from `jaxenstein.make` with any `autoreset`, or a gymnax
+                environment whose `step` returns six values, with `final_observation` in `info`.
+            env_params: its params, which become constants of the program. Each episode draws its
+                own value for a param that is a range.
             config: the static settings.
 
         Raises:
-            SettingError: the environment and the config do not fit.
+            SettingError: the config does not suit the environment.
         """
         self.env, self.env_params, self.config = env, env_params, config
         self.simulator = make_simulator(env, env_params)
@@ -101,9 +100,9 @@ class Learner:
         """Begin a run.
 
         Args:
-            key: a random key, typed or old: the run's seed.
-            hparams: its numbers; None for the defaults. They are only checked here; pass them to
-                every `train_chunk`.
+            key: a random key, typed or raw.
+            hparams: the hyperparameters; None for the defaults. They are only checked here; pass
+                them to every `train_chunk`.
 
         Raises:
             SettingError: a number is out of range.
@@ -116,27 +115,27 @@ class Learner:
     ) -> tuple[TrainState, Metrics]:
         """Train for some updates in one compiled program.
 
-        Two chunks of one update are the same as one chunk of two, bit for bit on a CPU.
+        Two chunks of one update give the same result as one chunk of two, bit for bit on a CPU.
 
         Args:
-            state: of the last update.
-            hparams: the run's numbers; None for the defaults.
-            updates: how many updates; each number compiles another program.
+            state: the state after the last update.
+            hparams: the hyperparameters; None for the defaults.
+            updates: number of updates; each number compiles another program.
 
         Returns:
-            The state, and metrics [updates], which `loop.Loop.update` lists.
+            The new state, and metrics [updates]; `loop.Loop.update` lists them.
         """
         return self._train(state, self.loop.numbers(hparams), number=updates)
 
     def evaluate(
         self, params: Any, key: jax.Array, episodes: int, greedy: bool = False
     ) -> Evaluation:
-        """Play whole episodes, all at once, each in an environment of its own.
+        """Play whole episodes in parallel, each in its own environment.
 
         Args:
             params: `TrainState.params`.
             key: a random key.
-            episodes: how many.
+            episodes: number of episodes.
             greedy: take the most likely action instead of sampling one.
         """
         several = jax.tree.map(lambda leaf: leaf[None], params)
@@ -144,7 +143,7 @@ class Learner:
         return jax.tree.map(lambda leaf: leaf[0], played)
 
     def initial_carry(self) -> PolicyCarry:
-        """The policy's memory at the beginning of an episode."""
+        """The policy's memory at the start of an episode."""
         memory = self.network.initial_memory(1)[0]
         return PolicyCarry(memory, jnp.int32(-1), jnp.bool_(True))
 
@@ -156,8 +155,8 @@ class Learner:
         Args:
             params: `TrainState.params`.
             obs: one observation.
-            carry: `initial_carry()` at the beginning of an episode, then what was returned.
-            key: to sample the action with; None for the most likely one.
+            carry: `initial_carry()` at the start of an episode, then the carry returned before.
+            key: samples the action; None takes the most likely one.
 
         Returns:
             int32[] action, and the next carry.
@@ -167,7 +166,7 @@ class Learner:
     def act(
         self, params: Any, obs: Any, carry: PolicyCarry, key: jax.Array | None = None
     ) -> tuple[jax.Array, PolicyCarry]:
-        """As `policy`, in `N` environments at once, along a leading axis of `obs` and `carry`.
+        """Like `policy`, in `N` environments at once, along a leading axis of `obs` and `carry`.
 
         Returns:
             int32[N] actions, and the next carry.
@@ -179,13 +178,13 @@ class Learner:
             return
         if self.config.bootstrap_truncation and not self.simulator.has_final:
             raise SettingError(
-                "step of this environment gives no info['final_observation'], which the value at "
-                "a time limit is taken from; take an environment that does, or set "
+                "step of this environment returns no info['final_observation'], which "
+                "bootstrap_truncation needs; use another environment, or set "
                 "bootstrap_truncation=False"
             )
         if self.config.random_clocks:
             raise SettingError(
-                "random_clocks needs an environment of this package: it sets the clock of states"
+                "random_clocks needs an environment of this package, since it sets state.time"
             )
 
     def _act_one(
@@ -210,11 +209,11 @@ class Learner:
 class ManyRuns:
     """Parallel runs in one program: every argument and result has a leading axis [R].
 
-    A run among others is the same as alone up to rounding.
+    A run gives the same result as when it is trained alone, up to rounding.
     """
 
     def __init__(self, loop: Loop) -> None:
-        """Take the loop of one run."""
+        """Build from the loop of one run."""
 
         def train(state: TrainState, hparams: HParams, updates: int) -> tuple[TrainState, Metrics]:
             return jax.vmap(lambda s, h: loop.updates(s, h, updates))(state, hparams)
@@ -234,18 +233,20 @@ class ManyRuns:
     def init(self, keys: jax.Array, hparams: HParams | None = None) -> TrainState:
         """Begin a run for each of keys[R]; `hparams` as in `train_chunk`."""
         _spread(self._loop.numbers(hparams), keys.shape[0])
-        # One after another, in one small program: a vmapped program of four runs never ended on
-        # two CPU cores with JAX 0.10.2.
+        # One run after another: with JAX 0.10.2, a vmapped program of four runs hangs on two CPU
+        # cores.
         states = [self._start(key) for key in key_data(keys)]
         return jax.tree.map(lambda *leaves: jnp.stack(leaves), *states)
 
     def train_chunk(
         self, state: TrainState, hparams: HParams | None, updates: int
     ) -> tuple[TrainState, Metrics]:
-        """Train all runs; numbers of `hparams` are scalars, for all, or [R]. Metrics [R, updates].
+        """Train all runs; metrics are [R, updates].
+
+        Each of `hparams` is a scalar for all runs, or has shape [R].
 
         Raises:
-            SettingError: a number is out of range or of another shape.
+            SettingError: a number is out of range or has a wrong shape.
         """
         hparams = _spread(self._loop.numbers(hparams), state.update.shape[0])
         return self._train(state, hparams, updates=updates)
@@ -260,8 +261,8 @@ class ManyRuns:
     ) -> Evaluation:
         """Evaluate all runs with the same random numbers; results [R, episodes].
 
-        `notify` is called now and then with the unfinished episodes, bool[R, episodes], and the
-        lengths so far, int32[R, episodes].
+        `notify` is called from time to time with the unfinished episodes, bool[R, episodes], and
+        all lengths so far, int32[R, episodes].
         """
         data, runs = key_data(key), len(jax.tree.leaves(params)[0])
         return play_out(
@@ -277,7 +278,7 @@ def _spread(hparams: HParams, runs: int) -> HParams:
     def spread(number: jax.Array) -> jax.Array:
         if number.shape not in ((), (runs,)):
             raise SettingError(
-                f"numbers of hparams must be scalars or [{runs}], one for each run, not of shape "
+                f"hparams must be scalars or have shape [{runs}], one value per run, not "
                 f"{list(number.shape)}"
             )
         return jnp.broadcast_to(number, (runs,))

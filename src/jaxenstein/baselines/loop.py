@@ -1,4 +1,4 @@
-"""A run as pure functions: its start, and updates that play, reward, estimate and learn."""
+"""The training loop as pure functions: the first state, and updates that play and learn."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from .rollout import Actors, Finals, Steps, Sums, final_values, rollout, start
 from .simulator import Simulator
 from .state import TrainState, wrap_key
 
-# Episodes over which the mean success is taken, for `stop_success`.
+# Number of episodes in the running mean of successes, for `stop_success`.
 RECENT = 100
 
 
 @dataclasses.dataclass(frozen=True)
 class Loop:
-    """The parts of a training loop; none of its functions knows an algorithm by name.
+    """A training loop and its parts; no function depends on the name of an algorithm.
 
     Attributes:
         config: the static settings.
         simulator: the environments.
         network: policy and values.
         bonus: the exploration bonus.
-        slots: truncations of each environment that a rollout can hold; 0 counts the time limit
-            as an end.
-        discount: the environment's own.
-        clocks: as in `rollout.start`.
+        slots: the most truncations of one environment in a rollout; 0: the time limit counts as
+            termination.
+        discount: the environment's own discount.
+        clocks: see `rollout.start`.
     """
 
     config: Config
@@ -44,11 +44,11 @@ class Loop:
     clocks: tuple[Any, int] | None
 
     def numbers(self, hparams: HParams | None) -> HParams:
-        """The numbers of a run as `HParams.check` returns them; None: the defaults."""
+        """The hyperparameters as `HParams.check` returns them; None for the defaults."""
         return (hparams or HParams()).check(self.config.algo)
 
     def start(self, data: jax.Array) -> TrainState:
-        """The state of a run before its first update; `data` is that of its random key."""
+        """The state of a run before its first update; `data` is the data of its random key."""
         params_key, bonus_key, env_key, key = jax.random.split(wrap_key(data), 4)
         params, number = self.network.init(params_key), self.config.num_envs
         scale = BonusScale.empty(number, *self.parts) if self.config.normalise_bonus else None
@@ -67,7 +67,7 @@ class Loop:
     def updates(
         self, state: TrainState, hparams: HParams, number: int
     ) -> tuple[TrainState, Metrics]:
-        """A number of updates; `hparams` as in `numbers`. The metrics are [number]."""
+        """Run `number` updates with `hparams` from `numbers`; metrics are [number]."""
         gamma = hparams.gamma
         if gamma is None:
             gamma = jnp.asarray(self.discount, jnp.float32)
@@ -77,22 +77,27 @@ class Loop:
 
     @property
     def parts(self) -> tuple[int, ...]:
-        """The shape of the bonus of a step: (), or (value_heads - 1,) where it has own values."""
+        """The shape of the bonus of a step: (), or (value_heads - 1,) with separate value heads."""
         return () if self.bonus.value_heads == 1 else (self.bonus.value_heads - 1,)
 
     def update(self, state: TrainState, hparams: HParams) -> tuple[TrainState, Metrics]:
-        """One update: play, reward, estimate and learn; `hparams` have both discounts.
+        """One update: collect a rollout, compute the bonus and the advantages, and learn.
+
+        `hparams` must have both discounts.
 
         Returns:
-            The next state, and scalars: those of `rollout`; `loss`, `policy_loss`,
-            `value_loss`, `entropy`, `approximate_kl`, `clip_fraction` and `gradient_norm` (before
-            the clip), means over the minibatches;
-            `advantage_mean`, `advantage_deviation`, `value_mean`, `reward_mean`, `bonus_mean`,
-            `bonus_max` and `explained_variance` of the rollout, before any normalisation;
-            `learning_rate`; `bonus_explained_variance` where the bonus has a value head of its own
-            (`bonus_explained_variance_1`, ... where several); and the bonus' own metrics. If
-            `on_divergence` is `"stop"`, the update of a diverged run is undone, and the metrics
-            have `diverged`, as in `TrainState`.
+            The next state, and a dictionary of scalar metrics:
+
+            - those of `rollout`;
+            - means over the minibatches: `loss`, `policy_loss`, `value_loss`, `entropy`,
+              `approximate_kl`, `clip_fraction`, and `gradient_norm` before clipping;
+            - statistics of the rollout before normalisation: `advantage_mean`,
+              `advantage_deviation`, `value_mean`, `reward_mean`, `bonus_mean`, `bonus_max`,
+              `explained_variance`, and, if the bonus has a separate value head,
+              `bonus_explained_variance` (`bonus_explained_variance_1`, ... for several heads);
+            - `learning_rate`, and the metrics of the bonus;
+            - `diverged`, as in `TrainState`, if `on_divergence` is `"stop"`. The update of a
+              diverged run is then undone.
         """
         before = state
         key, play_key, train_key, bonus_key = jax.random.split(wrap_key(state.key), 4)
@@ -135,9 +140,9 @@ class Loop:
     def reward(
         self, state: TrainState, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, TrainState, Metrics]:
-        """The bonus of a rollout that the agent learns from: float32[T, N, *parts].
+        """The scaled bonus of a rollout, float32[T, N, *parts].
 
-        It is zero where a step ended its episode, since the world at that end is not kept.
+        It is zero where a step ended an episode, since the last observation is not kept.
         """
         bonus, own, metrics = self.bonus.reward(state.bonus, hparams, experience)
         batch = experience.ended.shape
@@ -157,13 +162,13 @@ class Loop:
         finals: Finals,
         bonus: jax.Array,
     ) -> jax.Array:
-        """Advantages of a rollout: float32[T, N, V].
+        """Advantages of a rollout, float32[T, N, V].
 
-        First those of the rewards, to which the bonus is added if there is one value, then those
-        of the parts of a bonus with returns of their own.
+        The first advantages are those of the rewards; they include the bonus if it has no separate
+        value head. The advantages of each part of the bonus follow.
 
-        `params` are of the network that played, `actors` follow the rollout, `finals` are the
-        episodes that the time limit cut off, and `bonus` is float32[T, N, *parts].
+        `params` are those of the rollout policy, `actors` is the state after the rollout, `finals`
+        are the truncated episodes, and `bonus` is float32[T, N, *parts].
         """
         _, last, _ = self.network.step(
             params, actors.obs, actors.previous, actors.first, actors.memory
@@ -199,7 +204,7 @@ class Loop:
         return ppo.Batch(steps, memory[None], total, advantages + steps.value)
 
     def _recent(self, recent: jax.Array | None, sums: Sums) -> jax.Array | None:
-        """The mean success with the episodes of a rollout; once high enough it stays."""
+        """The running mean success including this rollout; fixed once it reaches `stop_success`."""
         if recent is None:
             return None
         number = sums["episodes"].astype(jnp.float32)
@@ -208,7 +213,7 @@ class Loop:
         return jnp.where(recent < self.config.stop_success, mean, recent)
 
     def _left(self, update: jax.Array, recent: jax.Array | None) -> jax.Array:
-        """float32[], the factor of the learning rates."""
+        """float32[], the factor on the learning rates."""
         left = jnp.float32(1)
         if self.config.anneal:
             left = jnp.maximum(1 - update.astype(jnp.float32) / self.config.updates, 0)
@@ -218,7 +223,7 @@ class Loop:
 
 
 def _diagnose(batch: ppo.Batch, bonus: jax.Array) -> Metrics:
-    """Metrics that explain a failed run, over the whole rollout, before any normalisation."""
+    """Metrics of the whole rollout before normalisation, which help to explain a failed run."""
     steps = batch.steps
     error = jnp.var(batch.target - steps.value, axis=(0, 1))
     spread = jnp.maximum(jnp.var(batch.target, axis=(0, 1)), 1e-12)

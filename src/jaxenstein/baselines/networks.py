@@ -1,10 +1,10 @@
-"""The networks: image encoder, GRU with resets inside the sequence, heads.
+"""The networks: image encoder, GRU with resets inside a sequence, actor and critic.
 
-Every function takes any leading axes; sequences have time first. Parameters are float32,
-computations are of the config's dtype, results float32.
+Every function accepts any leading axes; the first axis of a sequence is time. Parameters and
+results are float32; computations use the dtype of the config.
 """
 
-# The type of flax' `apply` allows it to return variables too, which ours never do.
+# By its type, flax' `apply` may also return variables; ours never does.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from __future__ import annotations
@@ -26,32 +26,32 @@ from .observations import ObservationSpec
 
 Layers = tuple[tuple[int, int, int], ...]
 
-# Pixels that are encoded at once on a CPU: 16 frames of 64x64, 256 of 16x16.
+# Number of pixels to encode at once on a CPU: 16 frames of 64x64, or 256 of 16x16.
 PIECE = 16 * 64 * 64
 
 NATURE: Layers = ((8, 4, 32), (4, 2, 64), (3, 1, 64))
-"""(kernel, stride, features) of Mnih et al. 2015; for images from 36 pixels on."""
+"""(kernel, stride, features) of Mnih et al. 2015; for images of at least 36 pixels a side."""
 
 SMALL: Layers = ((4, 2, 16), (3, 2, 32))
 """Layers for smaller images."""
 
 PATCHES: Layers = ((4, 4, 32),)
-"""Patches that do not overlap (as Dosovitskiy et al. 2021 embed them): one matrix product."""
+"""Patches without overlap, as in Dosovitskiy et al. 2021: a single matrix product."""
 
-# The mean of all pixels of our frames, about; `contrast` subtracts it.
+# About the mean over the pixels of our frames; `contrast` subtracts it.
 MEAN = 0.3
 
 _SQRT2 = 2.0**0.5
 
 
 def dense(size: int, gain: float, dtype: DTypeLike) -> nn.Dense:
-    """A layer with orthogonal initial weights and zero bias."""
+    """A dense layer with orthogonal initial weights and zero bias."""
     initial = nn.initializers.orthogonal(gain)
     return nn.Dense(size, kernel_init=initial, dtype=dtype, param_dtype=jnp.float32)
 
 
 class Encoder(nn.Module):
-    """Features of an observation: convolutions for each image, then one layer over all parts."""
+    """Encodes an observation: convolutions for each image, then a dense layer over all parts."""
 
     spec: ObservationSpec
     features: int
@@ -61,7 +61,7 @@ class Encoder(nn.Module):
 
     @nn.compact
     def __call__(self, images: list[jax.Array], vector: jax.Array) -> jax.Array:
-        """Return dtype[..., features] of what `ObservationSpec.prepare` returned."""
+        """Map the result of `ObservationSpec.prepare` to dtype[..., features]."""
         parts = [
             self._convolve(image, shape, index)
             for index, (image, shape) in enumerate(zip(images, self.spec.images, strict=True))
@@ -89,7 +89,7 @@ def layers_for(shape: tuple[int, int, int], layers: Layers | None) -> Layers:
     """The convolutions for an image.
 
     Raises:
-        SettingError: it is too small for the layers that were asked for.
+        SettingError: the image is too small for the layers.
     """
     height, width, _ = shape
     if layers is None:
@@ -97,15 +97,15 @@ def layers_for(shape: tuple[int, int, int], layers: Layers | None) -> Layers:
     for kernel, stride, _ in layers:
         if min(height, width) < kernel:
             raise SettingError(
-                f"convolutions {list(layers)} do not fit images of {shape[0]}x{shape[1]}: one "
-                f"with kernel {kernel} would see {height}x{width}; use fewer or smaller ones"
+                f"convolutions {list(layers)} are too large for images of {shape[0]}x{shape[1]}: "
+                f"the input of kernel {kernel} is {height}x{width}; use fewer or smaller layers"
             )
         height, width = output_size(height, kernel, stride), output_size(width, kernel, stride)
     return layers
 
 
 def _orthogonal_gates(key: jax.Array, shape: tuple[int, int], dtype: DTypeLike) -> jax.Array:
-    """Recurrent weights, orthogonal for each of the three gates."""
+    """Recurrent weights, orthogonal in each of the three gates."""
     size = shape[0]
     orthogonal = nn.initializers.orthogonal()
     gates = [orthogonal(k, (size, size), dtype) for k in jax.random.split(key, 3)]
@@ -113,7 +113,7 @@ def _orthogonal_gates(key: jax.Array, shape: tuple[int, int], dtype: DTypeLike) 
 
 
 class GRU(nn.Module):
-    """A gated recurrent unit (Cho et al. 2014), with the reset gate after the matrix, as in cuDNN.
+    """A gated recurrent unit (Cho et al. 2014), with the reset gate after the matrix as in cuDNN.
 
     r = sig(Wr x + br + Ur h),  z = sig(Wz x + bz + Uz h)
     n = tanh(Wn x + bn + r (Un h + cn)),  h' = (1 - z) n + z h
@@ -130,11 +130,11 @@ class GRU(nn.Module):
 
         Args:
             inputs: dtype[T, N, F].
-            reset: bool[T, N], where the memory is cleared before the step.
+            reset: bool[T, N], whether to clear the memory before the step.
             hidden: float32[N, size], the memory before the first step.
 
         Returns:
-            float32[T, N, size], the memory after each step, and the last of them.
+            float32[T, N, size], the memory after each step, and float32[N, size], the last one.
         """
         gates = nn.Dense(3 * self.size, dtype=self.dtype, param_dtype=jnp.float32)(inputs)
         size = (self.size, 3 * self.size)
@@ -160,7 +160,7 @@ class GRU(nn.Module):
 
 
 class Heads(nn.Module):
-    """The policy's logits and the values, each after a hidden layer of its own."""
+    """Policy logits and values, each with its own hidden layer."""
 
     actions: int
     values: int
@@ -180,14 +180,14 @@ class Heads(nn.Module):
 
 @dataclasses.dataclass(frozen=True)
 class ImageEncoder:
-    """An image encoder with parameters of its own.
+    """An image encoder with its own parameters.
 
     Attributes:
-        spec: what observations are.
+        spec: the arrays of an observation.
         features: size of the result.
-        config: for the convolutions.
-        dtype: of the computations.
-        contrast: as in `Config`; 0 leaves images as they are.
+        config: defines the convolutions.
+        dtype: dtype of the computations.
+        contrast: as in `Config`; 0 leaves images unchanged.
     """
 
     spec: ObservationSpec
@@ -202,7 +202,7 @@ class ImageEncoder:
         return self._module.init(key, images, jnp.zeros((1, self.spec.vector), self.dtype))
 
     def encode(self, params: Any, obs: Any) -> jax.Array:
-        """dtype[..., features] of observations."""
+        """Map observations to dtype[..., features]."""
         images, vector = self.spec.prepare(obs, self.dtype)
         if self.contrast:
             images = [
@@ -212,10 +212,10 @@ class ImageEncoder:
         return self._module.apply(params, images, vector)
 
     def encode_sequence(self, params: Any, obs: Any) -> jax.Array:
-        """The same for leading axes [T, N].
+        """Encode observations with leading axes [T, N].
 
-        On a CPU it is computed piece by piece, and again in the backward pass, so that each piece
-        stays in the cache: that is twice as fast and takes far less memory.
+        A CPU encodes them piece by piece, so that each piece stays in the cache, and again in the
+        backward pass. This is twice as fast and needs far less memory.
         """
         length, batch = jax.tree.leaves(obs)[0].shape[:2]
         pixels = max((shape[0] * shape[1] for shape in self.spec.images), default=1)
@@ -244,12 +244,12 @@ class ActorCritic:
     """The recurrent network of policy and values.
 
     Attributes:
-        spec: what observations are.
+        spec: the arrays of an observation.
         actions: number of actions, `A`.
         values: number of values, `V`.
         config: sizes, dtype and convolutions.
-        dtype: of the computations.
-        state_dtype: of the memory and the results; float64 for tests.
+        dtype: dtype of the computations.
+        state_dtype: dtype of memory and results; tests use float64.
     """
 
     spec: ObservationSpec
@@ -281,7 +281,7 @@ class ActorCritic:
         return params
 
     def initial_memory(self, batch: int) -> jax.Array:
-        """float[batch, hidden], zeros."""
+        """The memory at the start of an episode: float[batch, hidden], zeros."""
         return jnp.zeros((batch, self.config.hidden), self.state_dtype)
 
     def unroll(
@@ -290,10 +290,10 @@ class ActorCritic:
         """Run over sequences.
 
         Args:
-            params: of `init`.
+            params: parameters from `init`.
             obs: observations with leading axes [T, N].
-            previous: int32[T, N], the actions before; ignored where `first`.
-            first: bool[T, N], whether an episode begins with the observation.
+            previous: int32[T, N], the actions before each observation; ignored where `first`.
+            first: bool[T, N], whether the observation is the first of an episode.
             memory: float32[N, hidden] before the first step.
 
         Returns:
@@ -303,7 +303,7 @@ class ActorCritic:
         features = self.encoder.encode_sequence(params["encoder"], obs)
         if not self.config.recurrent:
             first = jnp.ones_like(first)
-        # -1 is no action: its one-hot vector is zero.
+        # The one-hot vector of -1, for no action, is zero.
         action = jnp.where(first, jnp.full_like(previous, -1), previous)
         action = jax.nn.one_hot(action, self.actions, dtype=self.dtype)
         inputs = jnp.concatenate([features, action], axis=-1)
@@ -318,7 +318,7 @@ class ActorCritic:
     def step(
         self, params: Any, obs: Any, previous: jax.Array, first: jax.Array, memory: jax.Array
     ) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """One step of `unroll`: the same without the axis of time."""
+        """One step of `unroll`, without the time axis."""
         obs = jax.tree.map(lambda leaf: leaf[None], obs)
         logits, values, memory = self.unroll(params, obs, previous[None], first[None], memory)
         return logits[0], values[0], memory

@@ -1,4 +1,4 @@
-"""What a network is given of an observation: images and one vector, as numbers of order one."""
+"""Converts observations to network inputs: images and one vector, with numbers of order one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..params import split_ranges
 
 Scaling = Literal["bounds", "log", "distance", "bits"]
 
-# The smallest side that a convolution is used for; smaller arrays are taken as vectors.
+# The smallest side of an image; smaller arrays are flattened into the vector.
 SMALLEST_IMAGE = 8
 
 
@@ -25,7 +25,7 @@ class Part:
     """One array of an observation.
 
     Attributes:
-        shape: its shape.
+        shape: shape of the array.
         image: whether it is an image, [height, width] or [height, width, channels].
         scaling: `"bounds"`: from [low, high] to [0, 1]; `"log"`: sign(x) log(1 + |x|);
             `"distance"`: 1 / (1 + x); `"bits"`: the eight bits of an id.
@@ -48,7 +48,7 @@ class ObservationSpec:
 
     @property
     def image_parts(self) -> tuple[Part, ...]:
-        """Those that are images."""
+        """The parts that are images."""
         return tuple(part for part in self.parts if part.image)
 
     @property
@@ -72,7 +72,7 @@ class ObservationSpec:
         """Scale observations with any leading axes.
 
         Returns:
-            The images, dtype[..., height, width, channels], and dtype[..., vector].
+            The images, dtype[..., height, width, channels], and the vector, dtype[..., vector].
         """
         leaves = jax.tree.leaves(obs)
         lead = leaves[0].shape[: leaves[0].ndim - len(self.parts[0].shape)]
@@ -88,10 +88,10 @@ class ObservationSpec:
 
 
 def observation_spec(env: Any, params: Any) -> ObservationSpec:
-    """The arrays in the observations of an environment of this package or of gymnax' contract.
+    """The arrays in the observations of an environment of this package, or of a gymnax one.
 
     Raises:
-        SettingError: an array has more than three axes, or a dtype that is no number.
+        SettingError: an array has more than three axes, or does not hold numbers.
     """
     params = split_ranges(params)[0]
     shapes = jax.eval_shape(env.reset, jax.random.key(0), params)[0]
@@ -136,7 +136,7 @@ def _scale(part: Part, leaf: jax.Array, dtype: DTypeLike) -> jax.Array:
     if part.scaling == "bits":
         bits = jnp.arange(8, dtype=leaf.dtype).reshape((1,) * leaf.ndim + (8,))
         return ((leaf[..., None] >> bits) & 1).astype(dtype)
-    # Small whole numbers are exact in bfloat16 too, so bytes need no float32 in between.
+    # bfloat16 represents bytes exactly, so they need no conversion to float32 first.
     exact = leaf.dtype == jnp.uint8 or dtype != jnp.bfloat16
     values = leaf.astype(dtype if exact else jnp.float32)
     if part.scaling == "bounds":

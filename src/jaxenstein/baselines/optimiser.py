@@ -1,4 +1,4 @@
-"""Adam behind a clip of the gradient's global norm, over minibatches of whole sequences."""
+"""Adam with gradient clipping by global norm, over minibatches of whole sequences."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import optax
 from .bonus import Metrics
 from .config import Config
 
-# As in pobax, Craftax' baselines and SB3; with the usual 1e-8 early steps are larger.
+# As in pobax, Craftax' baselines and SB3; the usual 1e-8 makes early steps larger.
 _ADAM = optax.scale_by_adam(eps=1e-5)
 
 
@@ -27,7 +27,7 @@ def norm(tree: Any) -> jax.Array:
 
 
 def clip(gradients: Any, highest: jax.Array) -> tuple[Any, jax.Array]:
-    """Scale the gradients down to a global norm; return them and their norm before, float32[]."""
+    """Clip gradients to a global norm; return them and their norm before clipping, float32[]."""
     size = norm(gradients)
     factor = jnp.minimum(1, highest / jnp.maximum(size, 1e-12))
     return jax.tree.map(lambda leaf: leaf * factor, gradients), size
@@ -39,10 +39,10 @@ def step(
     """Clip the gradients, then take a step of Adam.
 
     Returns:
-        Parameters, state, and float32[] the gradient's norm before the clip.
+        Parameters, state, and the norm of the gradients before clipping, float32[].
     """
     gradients, size = clip(gradients, highest)
-    # Optax raises a float to a whole number, which strict promotion would refuse.
+    # Optax raises a float to an integer power, which strict promotion would refuse.
     with jax.numpy_dtype_promotion("standard"):
         updates, state = _ADAM.update(gradients, state, params)
     params = jax.tree.map(lambda p, u: p - learning_rate * u, params, updates)
@@ -50,7 +50,7 @@ def step(
 
 
 def sample_minibatches(key: jax.Array, config: Config) -> jax.Array:
-    """Shuffle the environments: int32[minibatches, shards, n], indices within each shard."""
+    """Shuffle the environments: int32[minibatches, shards, n], indices within shards."""
     within = config.num_envs // config.shards
     keys = jax.random.split(key, config.shards)
     order = jax.vmap(lambda k: jax.random.permutation(k, within))(keys).astype(jnp.int32)
@@ -58,7 +58,7 @@ def sample_minibatches(key: jax.Array, config: Config) -> jax.Array:
 
 
 def take(tree: Any, environments: jax.Array) -> Any:
-    """The leaves [T, shards * n, ...] of one minibatch; nothing is moved between shards.
+    """Take one minibatch: leaves [T, shards * n, ...]; no data moves between shards.
 
     `tree` has leaves [T, N, ...], and `environments` is int32[shards, n].
     """
@@ -82,9 +82,10 @@ def passes(
     body: Callable[[Any, jax.Array], tuple[Any, Any]],
     carry: Any,
 ) -> tuple[Any, Any]:
-    """The last carry of `body(carry, environments)` over all minibatches of `epochs` shuffles.
+    """Scan `body(carry, environments)` over the minibatches of `epochs` shuffles.
 
-    With it goes the mean of the other results of `body`.
+    Returns:
+        The last carry, and the mean of the other results of `body`.
     """
 
     def epoch(carry: Any, key: jax.Array) -> tuple[Any, Any]:
@@ -109,20 +110,20 @@ def train(
     """Train networks on a rollout.
 
     Args:
-        key: of the shuffles.
-        config: for the minibatches.
-        epochs: passes over the rollout.
-        loss: of (params, the part of `data` of some environments): float32[] and metrics.
+        key: random key for the shuffles.
+        config: defines the minibatches.
+        epochs: number of passes over the rollout.
+        loss: maps params and a minibatch of `data` to float32[] and metrics.
         data: leaves [T, N, ...].
-        networks: parameters and the state of their Adam.
+        networks: parameters and their Adam state.
         rate: learning rate.
-        highest: norm that gradients are clipped to.
-        prefix: of the metric `gradient_norm`.
-        near: whether the metrics of a minibatch allow its step; after the first that does not,
-            no step is taken. None: all steps are taken.
+        highest: clip gradients to this norm.
+        prefix: prefix of the metric `gradient_norm`.
+        near: maps the metrics of a minibatch to whether to take its step; after the first False,
+            no more steps are taken. None: take all steps.
 
     Returns:
-        Parameters, state of Adam, and means of the metrics over all minibatches.
+        Parameters, Adam state, and means of the metrics over all minibatches.
     """
 
     def body(carry: Any, environments: jax.Array) -> tuple[Any, Metrics]:

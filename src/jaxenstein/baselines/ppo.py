@@ -23,22 +23,22 @@ def advantages(
     gamma: jax.Array | float,
     gae_lambda: jax.Array | float,
 ) -> jax.Array:
-    """Advantages of steps that may cross the ends of episodes.
+    """Advantages along sequences in which episodes may end.
 
         delta_t = r_t + gamma V'_t - V_t
         A_t     = delta_t + gamma lambda (1 - ended_t) A_{t+1}
 
-    Targets of the values are `advantages + values`.
+    The value targets are `advantages + values`.
 
     Args:
         rewards: float[T, ...].
-        values: float[T, ...], of the observations acted on.
-        next_values: float[T, ...], V': of the observations that the actions led to: zero where
-            the task ended, the value of the last observation where the time limit did.
-        ended: bool[T, ...], whether the step ended an episode of either kind; all false for
-            returns that go on through the ends.
+        values: float[T, ...], V, values of the observations before each step.
+        next_values: float[T, ...], V', values of the observations after each step: zero after a
+            termination, the value of the last observation after a truncation.
+        ended: bool[T, ...], whether the step ended an episode; all false for returns that
+            continue across the ends of episodes.
         gamma: discount.
-        gae_lambda: weight of longer returns.
+        gae_lambda: lambda of generalised advantage estimation.
     """
     delta = rewards + gamma * next_values - values
     keep = gamma * gae_lambda * (1 - ended.astype(values.dtype))
@@ -59,14 +59,14 @@ def next_values(
     truncated: jax.Array,
     final_values: jax.Array,
 ) -> jax.Array:
-    """The value of what each step led to.
+    """Values of the observations after each step, as `advantages` needs them.
 
     Args:
-        values: float[T, N], of the observations acted on.
-        last_value: float[N], of the observation after the last step.
-        terminated: bool[T, N], the task's own end: nothing follows.
-        truncated: bool[T, N], the time limit: the episode would continue.
-        final_values: float[T, N], of the last observations of truncated episodes.
+        values: float[T, N], values of the observations before each step.
+        last_value: float[N], values of the observations after the last step.
+        terminated: bool[T, N], whether the task ended the episode.
+        truncated: bool[T, N], whether the time limit ended the episode.
+        final_values: float[T, N], values of the last observations of truncated episodes.
     """
     following = jnp.concatenate([values[1:], last_value[None]])
     following = jnp.where(truncated, final_values, following)
@@ -74,13 +74,13 @@ def next_values(
 
 
 class Batch(PyTreeNode):
-    """What PPO learns from.
+    """The data for one update of PPO.
 
     Attributes:
         steps: the rollout, leading axes [T, N].
-        memory: float32[1, N, hidden], before the rollout.
+        memory: float32[1, N, hidden], the memory before the rollout.
         advantage: float32[T, N], not normalised.
-        target: float32[T, N, V], for the values.
+        target: float32[T, N, V], value targets.
     """
 
     steps: Steps
@@ -100,7 +100,7 @@ def loss(
         loss = policy + c_v value - c_e entropy
 
     Returns:
-        float32[], and its parts with measures of how far the policy moved.
+        float32[], and metrics: its terms, and how far the policy moved.
     """
     steps, memory = batch.steps, batch.memory[0]
     logits, value, _ = network.unroll(params, steps.obs, steps.previous, steps.first, memory)
@@ -122,7 +122,7 @@ def loss(
 
 
 def normalise(advantage: jax.Array, hparams: HParams) -> jax.Array:
-    """Advantages with mean 0 and, up to the floor, deviation 1."""
+    """Normalise advantages to mean 0 and deviation 1, up to the floor."""
     centred = advantage - jnp.mean(advantage)
     return centred / (jnp.std(advantage) + hparams.advantage_floor)
 
@@ -130,13 +130,13 @@ def normalise(advantage: jax.Array, hparams: HParams) -> jax.Array:
 def policy_loss(
     logits: jax.Array, steps: Steps, advantage: jax.Array, hparams: HParams
 ) -> tuple[jax.Array, Metrics]:
-    """The clipped surrogate, and how far the policy is from the one that played."""
+    """The clipped surrogate loss, and how far the policy moved from the rollout policy."""
     moved = log_prob(logits, steps.action) - steps.log_prob
     ratio = jnp.exp(moved)
     clipped = jnp.clip(ratio, 1 - hparams.clip, 1 + hparams.clip)
     surrogate = jnp.minimum(ratio * advantage, clipped * advantage)
     return -jnp.mean(surrogate), {
-        # An estimate that is never negative: Schulman, "Approximating KL divergence", 2020.
+        # A non-negative estimate: Schulman, "Approximating KL divergence", 2020.
         "approximate_kl": jnp.mean(ratio - 1 - moved),
         "clip_fraction": jnp.mean((jnp.abs(ratio - 1) > hparams.clip).astype(ratio.dtype)),
     }
@@ -145,7 +145,8 @@ def policy_loss(
 def value_loss(value: jax.Array, old: jax.Array, target: jax.Array, clip: jax.Array) -> jax.Array:
     """The larger squared error of value and clipped value; mean over steps, sum over heads.
 
-    All are float32[T, N, V], `old` of the network that played; `clip` is float32[V].
+    `value`, `old` and `target` are float32[T, N, V]; `old` are the values from the rollout. `clip`
+    is float32[V].
     """
     clip = clip[None, None]
     clipped = old + jnp.clip(value - old, -clip, clip)

@@ -1,4 +1,4 @@
-"""Playing: `T` steps of `N` environments with the current policy."""
+"""Collects rollouts: `T` steps in `N` environments with the current policy."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ Sums = dict[str, jax.Array]
 
 
 class Actors(PyTreeNode):
-    """The environments between two steps, and what the policy remembers of each.
+    """The environments between two steps, and the memory of the policy in each.
 
     Attributes:
-        env_state: the environments' states.
-        obs: the observations to act on next.
+        env_state: states of the environments.
+        obs: current observations.
         previous: int32[N], the last actions.
-        first: bool[N], whether an episode begins with `obs`; then `previous` and `memory` are
-            those of the episode before, and the network ignores them.
+        first: bool[N], whether `obs` is the first observation of an episode; `previous` and
+            `memory` then belong to the episode before, and the network ignores them.
         memory: float32[N, hidden], the recurrent state before `obs`.
-        episode_return: float32[N], undiscounted, of the episode so far.
-        episode_length: int32[N], steps of it.
-        reached: bool[N], whether the task's aim was reached in it.
+        episode_return: float32[N], undiscounted return of the episode so far.
+        episode_length: int32[N], steps in the episode so far.
+        reached: bool[N], whether the episode has reached the task's aim.
     """
 
     env_state: Any
@@ -40,18 +40,18 @@ class Actors(PyTreeNode):
 
 
 class Steps(PyTreeNode):
-    """A rollout; every leaf has the leading axes [T, N].
+    """The steps of a rollout; every leaf has leading axes [T, N].
 
     Attributes:
-        obs: the observations acted on.
-        previous: int32, the actions before.
-        first: bool, whether an episode begins with `obs`.
+        obs: observations before each step.
+        previous: int32, the actions before `obs`.
+        first: bool, whether `obs` is the first observation of an episode.
         action: int32.
-        log_prob: float32, of the action.
+        log_prob: float32, log-probability of the action.
         value: float32[T, N, V].
         reward: float32.
-        terminated: bool, the task's own end.
-        truncated: bool, the time limit, where not terminated.
+        terminated: bool, whether the task ended the episode.
+        truncated: bool, whether only the time limit did.
     """
 
     obs: Any
@@ -66,7 +66,7 @@ class Steps(PyTreeNode):
 
     @property
     def ended(self) -> jax.Array:
-        """bool[T, N], either end."""
+        """bool[T, N], terminated or truncated."""
         return self.terminated | self.truncated
 
 
@@ -74,11 +74,11 @@ class Finals(PyTreeNode):
     """The first few truncations of each environment in a rollout.
 
     Attributes:
-        time: int32[N, K], the step; `T` where there is none.
-        count: int32[N], how many there are.
+        time: int32[N, K], the step of each truncation; `T` in empty slots.
+        count: int32[N], number of truncations.
         final: as `Outcome.final`, with leading axes [N, K].
-        action: int32[N, K], the actions that led to them.
-        memory: float32[N, K, hidden], the recurrent states before them.
+        action: int32[N, K], the last action of each episode.
+        memory: float32[N, K, hidden], the recurrent state before the last observation.
     """
 
     time: jax.Array
@@ -97,8 +97,8 @@ def start(
 ) -> Actors:
     """Reset `batch` environments.
 
-    `clocks`, where given, are the most steps of an episode and the steps of the world in each: the
-    clock of each state then starts at a random step of the episode.
+    With `clocks`, (most steps in an episode, world steps per step), the clock of each state starts
+    at a random step of the episode.
     """
     reset_key, clock_key = jax.random.split(key)
     obs, state = simulator.reset(jax.random.split(reset_key, batch))
@@ -113,7 +113,7 @@ def start(
         first=jnp.ones(batch, bool),
         memory=network.initial_memory(batch),
         episode_return=jnp.zeros(batch, jnp.float32),
-        # The steps that were played, also where the clock starts later.
+        # Counts steps played, even if the clock starts later.
         episode_length=jnp.zeros(batch, jnp.int32),
         reached=jnp.zeros(batch, bool),
     )
@@ -128,14 +128,13 @@ def rollout(
     length: int,
     slots: int,
 ) -> tuple[Actors, Steps, Finals, Sums]:
-    """Play `length` steps of each environment, `T`, from `actors` on.
+    """Play `length` steps, `T`, in each environment, starting from `actors`.
 
-    `slots` is how many truncations of each environment to remember, `K`; 0 for none.
+    `slots`, `K`, is the number of truncations to keep for each environment.
 
     Returns:
-        The actors after it, the steps, the truncations, and sums over the episodes that ended:
-        their number `episodes`, `return_sum` and `return_square_sum` of their returns,
-        `length_sum` of their steps, and the number of `successes`.
+        The next actors, the steps, the truncations, and sums over the episodes that ended:
+        `episodes` (their number), `return_sum`, `return_square_sum`, `length_sum` and `successes`.
     """
     batch = actors.first.shape[0]
 
@@ -184,7 +183,7 @@ def log_prob(logits: jax.Array, action: jax.Array) -> jax.Array:
 def final_values(
     simulator: Simulator, network: ActorCritic, params: Any, finals: Finals, length: int
 ) -> jax.Array:
-    """Values of the last observations of truncated episodes: float32[T, N, V], zero elsewhere."""
+    """Values of the last observations of truncated episodes, float32[T, N, V]; zero elsewhere."""
     batch, slots = finals.time.shape
     merge = lambda leaf: leaf.reshape(batch * slots, *leaf.shape[2:])  # noqa: E731
     obs = simulator.final_observation(jax.tree.map(merge, finals.final))
@@ -200,7 +199,7 @@ def final_values(
 def _follow(
     actors: Actors, outcome: Outcome, action: jax.Array, memory: jax.Array
 ) -> tuple[Actors, Sums]:
-    """The actors after a step, and the sums over the episodes that it ended."""
+    """The next actors, and sums over the episodes that the step ended."""
     ended = outcome.terminated | outcome.truncated
     total = actors.episode_return + outcome.reward
     steps = actors.episode_length + 1
@@ -226,7 +225,7 @@ def _follow(
 
 
 def _no_finals(simulator: Simulator, actors: Actors, length: int, slots: int) -> Finals:
-    """Room for `slots` truncations, filled with current states, which can be rendered."""
+    """Empty slots for truncations, filled with the current states so that they can be rendered."""
     batch = actors.first.shape[0]
 
     def fill(leaf: jax.Array) -> jax.Array:

@@ -1,37 +1,38 @@
-"""Environments as the training loop steps them: a batch, with resets.
+"""Steps a batch of environments with resets, for the training loop.
 
 All simulators have the same methods. Environments of this package are stepped without an
-observation, reset where an episode ended, and rendered once; of episodes that the time limit cut
-off a state is kept, not a frame. Other environments follow gymnax' contract of six values.
+observation, reset if the episode ended, and rendered once. For truncated episodes, the last state
+is kept instead of a frame. Other environments use gymnax' interface: `step` returns six values.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .. import drawing
+from ..drawing import Drawn
 from ..environment import Environment, outcome_of
 from ..errors import SettingError
-from ..params import Range, draw_numbers, split_ranges, with_numbers
+from ..params import ranges_of, split_ranges
 from ..pytree import PyTreeNode
 
 
 class Outcome(PyTreeNode):
-    """What one step of `N` environments led to.
+    """The result of one step of `N` environments.
 
     Attributes:
-        obs: the next observations to act on: first ones where an episode ended.
-        state: their states.
+        obs: next observations; the first ones of new episodes where an episode ended.
+        state: states that belong to `obs`.
         reward: float32[N].
-        terminated: bool[N], the task's own end.
-        truncated: bool[N], the time limit, where not terminated.
-        reached: bool[N], whether this step reached the aim, `info["success"]`.
-        final: from this `final_observation` makes the last observations of ended episodes.
+        terminated: bool[N], whether the task ended the episode.
+        truncated: bool[N], whether only the time limit did.
+        reached: bool[N], whether this step reached the task's aim, `info["success"]`.
+        final: `final_observation` turns it into the last observations of ended episodes.
     """
 
     obs: Any
@@ -44,12 +45,12 @@ class Outcome(PyTreeNode):
 
 
 def most_truncations(params: Any, steps: int, frame_skip: int = 1) -> int:
-    """How many time limits one environment can meet in `steps` steps.
+    """The most truncations that one environment can have in `steps` steps.
 
     Args:
-        params: with concrete `max_steps_in_episode`; without it, `steps` is the answer.
+        params: if they have no `max_steps_in_episode`, the result is `steps`.
         steps: at least 1.
-        frame_skip: of the environment.
+        frame_skip: frame skip of the environment.
     """
     limit = getattr(params, "max_steps_in_episode", None)
     if limit is None:
@@ -59,32 +60,32 @@ def most_truncations(params: Any, steps: int, frame_skip: int = 1) -> int:
 
 
 class OwnSimulator:
-    """A batch of environments of this package, whatever their `autoreset`.
+    """A batch of environments of this package, with any `autoreset`.
 
     Attributes:
-        num_actions: of each.
-        frame_skip: how many steps of the world one step is; time limits count those of the world.
+        num_actions: number of actions.
+        frame_skip: world steps per step; time limits count world steps.
     """
 
     def __init__(self, env: Environment[Any, Any], params: Any) -> None:
         """Take an environment and its params.
 
         Raises:
-            SettingError: the params are not those of one environment.
+            SettingError: the params have a batch axis.
         """
         env.single_params(params)
         self.num_actions, self.frame_skip = env.num_actions, env.frame_skip
-        # Equal to the environment of sessions, so that rendering is traced once for both.
+        # Equal to the environment of sessions, so that both share one trace of the rendering.
         self._env = dataclasses.replace(env, autoreset=None, final_observation=False)
         self._resetting = dataclasses.replace(self._env, autoreset="same-step")
         self._params = params
 
     def reset(self, keys: jax.Array) -> tuple[Any, Any]:
-        """First observations and states, for keys[N]."""
-        return jax.vmap(lambda key: self._env.reset(key, self._params))(keys)
+        """The first observations and states, for keys[N]."""
+        return jax.vmap(lambda key: drawing.reset(self._env, key, self._params))(keys)
 
     def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
-        """As `Environment.step` with `"same-step"`, key for key; `final` are the states."""
+        """Like `Environment.step` with `"same-step"` and the same keys; `final` holds states."""
         return jax.vmap(self._step)(keys, state, action)
 
     def _step(self, key: jax.Array, state: Any, action: jax.Array) -> Outcome:
@@ -94,7 +95,7 @@ class OwnSimulator:
         return _told(out, env.observe(out.state, params), out.state, out.final)
 
     def final_of(self, obs: Any, state: Any) -> Any:
-        """`Outcome.final` of any observations and states of the batch: here the states."""
+        """What `Outcome.final` would be for these observations and states: here the states."""
         del obs
         return state
 
@@ -104,76 +105,30 @@ class OwnSimulator:
         return jax.vmap(lambda state: self._env.observe(state, params))(final)
 
 
-class Drawn(PyTreeNode):
-    """A state, and the params that its episode drew.
+class DrawingSimulator(OwnSimulator):
+    """Each episode draws some params from ranges; states are `Drawn`.
 
-    Attributes:
-        state: of the environment.
-        numbers: float32[] each, by name.
+    The key of a reset draws the numbers of the episode that it begins.
     """
 
-    state: Any
-    numbers: dict[str, jax.Array]
+    def __init__(self, env: Environment[Any, Any], params: Any) -> None:
+        """As `OwnSimulator`, for params with ranges."""
+        super().__init__(env, split_ranges(params)[0])
+        self._params = drawing.single_params(env, params)
 
-
-class DrawingSimulator:
-    """As `OwnSimulator`, where each episode draws some params from ranges; states are `Drawn`."""
-
-    def __init__(
-        self, env: Environment[Any, Any], params: Any, ranges: Mapping[str, Range]
-    ) -> None:
-        """Take an environment, its params with any numbers in the place of ranges, and the ranges.
-
-        Raises:
-            SettingError: the params are not those of one environment.
-        """
-        self.num_actions, self.frame_skip = env.num_actions, env.frame_skip
-        self._env = dataclasses.replace(env, autoreset=None, final_observation=False)
-        self._params, self._ranges = env.single_params(params), ranges
-
-    def reset(self, keys: jax.Array) -> tuple[Any, Any]:
-        """As `OwnSimulator.reset`."""
-
-        def first(key: jax.Array) -> tuple[Any, Drawn]:
-            numbers, key = draw_numbers(self._ranges, key)
-            obs, state = self._env.reset(key, with_numbers(self._params, numbers))
-            return obs, Drawn(state, numbers)
-
-        return jax.vmap(first)(keys)
-
-    def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
-        """Step; the numbers of the next episode are drawn by the key of its reset."""
-        return jax.vmap(self._step)(keys, state, action)
-
-    def _step(self, key: jax.Array, before: Drawn, action: jax.Array) -> Outcome:
-        env, old = self._env, before.numbers
+    def _step(self, key: jax.Array, state: Drawn, action: jax.Array) -> Outcome:
         step_key, reset_key = jax.random.split(key)
-        new, reset_key = draw_numbers(self._ranges, reset_key)
-        params = with_numbers(self._params, old)
-        out = outcome_of(env, step_key, reset_key, before.state, action, params)
-        over = out.final.done
-        numbers = jax.tree.map(lambda drawn, kept: jnp.where(over, drawn, kept), new, old)
-        following = with_numbers(self._params, numbers)
-        state = env.reset_where(over, reset_key, out.final, following)
-        after, final = Drawn(state, numbers), Drawn(out.final, old)
-        return _told(out, env.observe(state, following), after, final)
-
-    def final_of(self, obs: Any, state: Any) -> Any:
-        """As `OwnSimulator.final_of`."""
-        del obs
-        return state
+        out = drawing.outcome(self._resetting, step_key, reset_key, state, action, self._params)
+        obs = drawing.observe(self._env, out.state, self._params)
+        return _told(out, obs, out.state, out.final)
 
     def final_observation(self, final: Any) -> Any:
         """As `OwnSimulator.final_observation`."""
-
-        def observe(drawn: Drawn) -> Any:
-            return self._env.observe(drawn.state, with_numbers(self._params, drawn.numbers))
-
-        return jax.vmap(observe)(final)
+        return jax.vmap(lambda drawn: drawing.observe(self._env, drawn, self._params))(final)
 
 
 def _told(out: Any, obs: Any, state: Any, final: Any) -> Outcome:
-    """What a step led to in one environment."""
+    """The outcome of a step in one environment."""
     return Outcome(
         obs=obs,
         state=state,
@@ -186,24 +141,24 @@ def _told(out: Any, obs: Any, state: Any, final: Any) -> Outcome:
 
 
 def at_times(state: Any, times: jax.Array) -> Any:
-    """States of a simulator of this package with other clocks, int32[N]."""
+    """Set the clocks of states to int32[N]."""
     if isinstance(state, Drawn):
         return state.replace(state=at_times(state.state, times))
     return state.replace(time=times)
 
 
 class GymnaxSimulator:
-    """Environments of gymnax' contract: six values, resets in the same step.
+    """Environments with gymnax' interface: `step` returns six values and resets in the same step.
 
-    `info["final_observation"]` is the observation before a reset. An environment that takes several
-    steps of the world in one step has `frame_skip`, if `max_steps_in_episode` counts those.
+    `info["final_observation"]` is the observation before a reset. If one step takes several world
+    steps and `max_steps_in_episode` counts world steps, the environment has `frame_skip`.
     """
 
     def __init__(self, env: Any, params: Any) -> None:
         """Take an environment and its params.
 
         Raises:
-            SettingError: its actions are not discrete, or `step` returns other than six values.
+            SettingError: its actions are not discrete, or `step` does not return six values.
         """
         actions = getattr(env.action_space(params), "n", None)
         if actions is None:
@@ -217,8 +172,8 @@ class GymnaxSimulator:
         values = jax.eval_shape(env.step, key, state, jnp.int32(0), params)
         if len(values) != 6:
             raise SettingError(
-                "step must return observation, state, reward, terminated, truncated, info, as "
-                f"gymnax 1.0 does; {type(env).__name__} returns {len(values)} values"
+                "step must return observation, state, reward, terminated, truncated and info, as "
+                f"in gymnax 1.0; {type(env).__name__} returns {len(values)} values"
             )
         self.has_final = "final_observation" in values[-1]
 
@@ -227,7 +182,7 @@ class GymnaxSimulator:
         return jax.vmap(lambda key: self._env.reset(key, self._params))(keys)
 
     def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
-        """Step; `final` are the observations before the resets, () if `info` has none."""
+        """Step; `final` holds the observations before resets, or () if `info` has none."""
         step = jax.vmap(lambda *args: self._env.step(*args, self._params))
         obs, state, reward, terminated, truncated, info = step(keys, state, action)
         terminated = terminated.astype(bool)
@@ -252,28 +207,27 @@ class GymnaxSimulator:
 
 
 def _reached(info: Any, terminated: jax.Array, reward: jax.Array) -> jax.Array:
-    """Success in an environment of another package: `info["success"]`, or an end with a reward."""
+    """Success in other packages' environments: `info["success"]`, or termination with a reward."""
     if "success" in info:
         return info["success"].astype(bool)
     return terminated & (reward > 0)
 
 
-Simulator = OwnSimulator | DrawingSimulator | GymnaxSimulator
+Simulator = OwnSimulator | GymnaxSimulator
 
 
 def make_simulator(env: Any, params: Any) -> Simulator:
-    """Wrap an environment of this package or of gymnax' contract.
+    """Wrap an environment of this package, or one with gymnax' interface.
 
     Raises:
-        SettingError: actions are not discrete, or it lacks the contract's functions.
+        SettingError: actions are not discrete, or a method is missing.
     """
     if isinstance(env, Environment):
-        plain, ranges = split_ranges(params)
-        return DrawingSimulator(env, plain, ranges) if ranges else OwnSimulator(env, params)
+        return (DrawingSimulator if ranges_of(params) else OwnSimulator)(env, params)
     for name in ("reset", "step", "action_space", "observation_space"):
         if not callable(getattr(env, name, None)):
             raise SettingError(
-                f"an environment needs {name}(...), as those of jaxenstein.make or gymnax have "
-                f"it; {type(env).__name__} has none"
+                f"an environment needs {name}(...), like those of jaxenstein.make or gymnax; "
+                f"{type(env).__name__} has none"
             )
     return GymnaxSimulator(env, params)

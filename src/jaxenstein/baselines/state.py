@@ -1,4 +1,4 @@
-"""The state of a run: its arrays, its random keys, and the devices that hold it."""
+"""The state of a run: its arrays, random keys, and placement on devices."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from .bonus import PER_ENVIRONMENT, BonusScale
 from .config import Config
 from .rollout import Actors
 
-# Named, so that no setting of JAX changes what a seed means.
+# Named explicitly, so that no setting of JAX changes the meaning of a seed.
 IMPLEMENTATION = "threefry2x32"
 
 
 class TrainState(PyTreeNode):
-    """A run between two updates: a pytree of plain arrays, all that is needed to continue.
+    """A run between two updates: a pytree with all arrays needed to continue.
 
     Attributes:
-        key: uint32[2], data of the random key of the next updates.
-        update: int32[], updates so far.
-        params: of the policy and value network.
-        optimiser: its Adam's state.
-        bonus: the exploration bonus' state.
-        scale: of the bonus; None without `normalise_bonus`.
-        recent: float32[], mean success of the last episodes, fixed once it has reached
-            `stop_success`; None without it.
-        actors: the environments, and the policy's memory of them.
-        diverged: int32[], 0 while all numbers are finite. After a divergence its bits tell which
-            of `divergence.PARTS` were not finite, and all other fields stay fixed, `update`
-            included. None if `on_divergence` is `"continue"`.
+        key: uint32[2], data of the random key for the next updates.
+        update: int32[], number of updates so far.
+        params: parameters of the policy and value network.
+        optimiser: their Adam state.
+        bonus: state of the exploration bonus.
+        scale: scale of the bonus; None without `normalise_bonus`.
+        recent: float32[], mean success of recent episodes, fixed once it reaches `stop_success`;
+            None without `stop_success`.
+        actors: the environments, and the policy's memory in each.
+        diverged: int32[], 0 while all numbers are finite. After a divergence, its bits name the
+            `divergence.PARTS` that were not finite, and no other field changes any more. None if
+            `on_divergence` is `"continue"`.
     """
 
     key: jax.Array
@@ -51,17 +51,17 @@ class TrainState(PyTreeNode):
 
 
 def key_data(key: jax.Array) -> jax.Array:
-    """Raw data of a typed or old key.
+    """The raw data of a typed or raw key.
 
     Raises:
-        SettingError: it is of another implementation than JAX's default, threefry2x32.
+        SettingError: the key does not use JAX's default implementation, threefry2x32.
     """
     key = jnp.asarray(key)
     data = jax.random.key_data(key) if jnp.issubdtype(key.dtype, jax.dtypes.prng_key) else key
     if data.shape[-1:] != (2,):
         raise SettingError(
-            f"a key must be one of {IMPLEMENTATION}, as jax.random.key(seed, "
-            f"impl={IMPLEMENTATION!r}) makes it, not {key.dtype}{list(key.shape)}"
+            f"a key must be a {IMPLEMENTATION} key, from jax.random.key(seed, "
+            f"impl={IMPLEMENTATION!r}), not {key.dtype}{list(key.shape)}"
         )
     return data
 
@@ -72,9 +72,9 @@ def wrap_key(data: jax.Array) -> jax.Array:
 
 
 def per_environment(tree: Any) -> Any:
-    """The tree with True for leaves that begin with the axis of the environments, else False.
+    """A tree of bools: whether the first axis of each leaf is the environments.
 
-    Fields of records, at any depth, declare this with `PER_ENVIRONMENT`.
+    Dataclass fields, at any depth, declare this with `PER_ENVIRONMENT`.
     """
     if not isinstance(tree, PyTreeNode):
         return jax.tree.map(
@@ -93,20 +93,20 @@ def per_environment(tree: Any) -> Any:
 
 
 def place(state: TrainState, config: Config, devices: Sequence[Any] | None = None) -> TrainState:
-    """Spread the state of a run, or of many, over the devices of this process.
+    """Spread the state of one or more runs over the devices of this process.
 
-    Every function of a learner works on a spread state without changes: JAX derives from the
-    placement of its arguments where each computation runs, and what the devices must exchange:
-    sums for gradients and statistics, no frames, if `Config.shards` is the number of devices.
+    All functions of a learner accept the result: JAX derives from the placement where each
+    computation runs. If `Config.shards` is the number of devices, the devices exchange only sums
+    for gradients and statistics, no frames.
 
-    Many runs are spread where their number is a multiple of that of the devices; otherwise the
-    environments of every run, where `shards` is one. If neither holds, the first device does all
-    the work, and a warning says so.
+    If the number of runs is a multiple of the number of devices, each device gets some runs.
+    Otherwise, if `shards` is such a multiple, each device gets some environments of every run. If
+    neither is, the first device does all the work, and a warning says so.
 
     Args:
-        state: of one run, or with a leading axis of many.
-        config: of its learner.
-        devices: by default all.
+        state: the state of one run, or of several runs along a leading axis.
+        config: the config of the learner.
+        devices: all devices by default.
     """
     devices = list(devices or jax.devices())
     size, runs = len(devices), state.update.shape
@@ -118,8 +118,8 @@ def place(state: TrainState, config: Config, devices: Sequence[Any] | None = Non
     if config.shards % size:
         several = f"the number of runs, {runs[0]}, or " if runs else ""
         warnings.warn(
-            f"{size} devices are here and one is used: {several}shards would have to be a "
-            f"multiple of {size}",
+            f"only one of {size} devices is used: to use all, {several}shards must be a multiple "
+            f"of {size}",
             stacklevel=2,
         )
         return state

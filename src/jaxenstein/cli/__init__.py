@@ -1,6 +1,6 @@
 """The command line: `jaxenstein list | play | rollout | record | train | ...`.
 
-Importing this package is cheap; JAX is imported by the commands that need it, when they run.
+Importing this package is cheap: a command imports JAX only when it runs and needs it.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 from ..errors import JAXensteinError, concise, one_line
 from ..files import OutputError
@@ -29,9 +30,10 @@ from . import (
 )
 from .arguments import Parser, UsageError
 from .compile_cache import keep_programs
-from .opening import IMPORT, import_modules, named_modules, plain_warnings
+from .opening import IMPORT, handling, import_modules, named_modules, plain_warnings
 
 FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
+ENDING = ("SIGTERM", "SIGHUP")
 
 COMMANDS = {
     "list": listing,
@@ -72,22 +74,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Args:
-        argv: the arguments, by default those of the process.
+        argv: the arguments; `sys.argv[1:]` by default.
 
     Returns:
-        The exit code: 0; 1 if something could not be written or run, or a replay is not the
-        same; 2 for wrong arguments; 3 if all runs of a training diverged; 130 after Ctrl-C; 141 if
-        the reader of the output went away.
+        The exit code: 0 for success; 1 if something could not be written or run, or a replay
+        differs; 2 for wrong arguments; 3 if all runs of a training diverged; 130 after Ctrl-C;
+        141 if the reader closed the pipe.
     """
     try:
         given = sys.argv[1:] if argv is None else argv
-        # Before the flags are known: bonuses that a module registers have some of their own.
+        # Import first: a module may register bonuses, whose options become flags.
         import_modules(named_modules(given))
         options = build_parser().parse_args(given)
-        # A program that gives the arguments decides for itself what JAX does.
+        # A program that passes arguments to `main` configures JAX itself.
         if argv is None and not options.no_cache:
             keep_programs()
-        with plain_warnings():
+        with plain_warnings(), handling(ENDING, _end):
             code = options.run(options)
         sys.stdout.flush()
     except UsageError as error:
@@ -100,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         shown = f"cannot print {error.object[error.start]!a} as {error.encoding}"
         return _complain(f"jaxenstein: {shown}; set PYTHONIOENCODING=utf-8", FAILED)
     except BrokenPipeError:
-        # Python would complain about the rest of the buffer at exit.
+        # Without this, Python would complain at exit about output that it could not write.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
     except KeyboardInterrupt:
@@ -112,7 +114,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def build_parser() -> Parser:
-    """The parser of all commands."""
+    """Build the parser of all commands."""
     parser = Parser(
         prog="jaxenstein",
         description="First-person visual environments for reinforcement learning, in JAX.",
@@ -135,7 +137,7 @@ def build_parser() -> Parser:
             dest="modules",
             action="append",
             metavar="MODULE",
-            help="import a module with tasks or bonuses of your own, which a file or a flag names",
+            help="import a module that defines tasks or bonuses of your own",
         )
         sub.add_argument(
             "--no-cache",
@@ -143,6 +145,12 @@ def build_parser() -> Parser:
             help="do not keep compiled programs for the next call",
         )
     return parser
+
+
+def _end(number: int, frame: object) -> NoReturn:
+    """Turn a signal that ends a process into an ordinary exit, which leaves nothing half done."""
+    del frame
+    raise SystemExit(128 + number)
 
 
 def _complain(message: str, code: int) -> int:

@@ -1,4 +1,4 @@
-"""What the commands share: the parser, kinds of arguments, and making an environment from them."""
+"""The parser that all commands share, argument types, and functions that add common flags."""
 
 from __future__ import annotations
 
@@ -14,19 +14,18 @@ from ..fields import Domain, Option
 
 
 class UsageError(Exception):
-    """Wrong arguments; the message is one line."""
+    """The arguments are wrong; the message is one line."""
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that reports mistakes as `UsageError` and keeps the layout of texts."""
+    """An argument parser that raises `UsageError` and keeps the line breaks of help texts."""
 
     def __init__(self, *, fill: Callable[[Parser], None] | None = None, **kwargs: Any) -> None:
-        """Build.
+        """Build the parser.
 
         Args:
-            fill: adds the arguments when they are needed, for a command whose arguments take
-                long to find out.
-            **kwargs: those of `argparse.ArgumentParser`.
+            fill: adds the arguments on first use; useful where finding them out takes long.
+            **kwargs: passed to `argparse.ArgumentParser`.
         """
         kwargs.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
         super().__init__(allow_abbrev=False, **kwargs)
@@ -35,7 +34,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]
         self, args: Any = None, namespace: Any = None
     ) -> Any:
-        """Parse; the nearest flag is named for one that there is not."""
+        """Parse; the error for an unknown flag suggests the nearest one."""
         self._filled()
         known, unknown = super().parse_known_args(args, namespace)
         for word in unknown:
@@ -62,7 +61,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def plain_value(text: str) -> Any:
-    """What a text stands for: a number, true, false, none, a list with commas, or the text."""
+    """Parse a number, true, false, none, or a list with commas; other text is returned as is."""
     if "," in text:
         return [plain_value(part) for part in text.split(",")]
     words: dict[str, Any] = {"true": True, "false": False, "none": None}
@@ -75,7 +74,7 @@ def plain_value(text: str) -> Any:
 
 
 def reader(domain: Domain) -> Callable[[str], Any]:
-    """An argument type: the values of a field, which are checked as those of a file are."""
+    """An argument type for the values of a field, checked like those in a file."""
 
     def read(text: str) -> Any:
         value: Any = text if domain.form in ("text", "choice", "images") else plain_value(text)
@@ -109,19 +108,19 @@ def size(text: str) -> tuple[int, int]:
     )
 
 
-# What the help calls a value of each form.
+# The placeholder in the help for a value of each form.
 METAVARS = {
     "whole": "N", "number": "X", "choice": "NAME", "text": "TEXT", "layers": "KxSxF,...",
     "angle": "DEGREES", "seeds": "FIRST,STOP", "images": "FOLDER",
 }  # fmt: skip
-# Flags of options that are tables, and what one entry looks like; other names of others.
+# Options that are tables: their flag and the form of one entry. Then aliases of other flags.
 TABLES = {
     "settings": ("--set", "NAME=VALUE"),
     "params": ("--param", "NAME=VALUE"),
     "grid": ("--grid", "NAME=V,V"),
 }
 ALIASES = {"field_of_view": ("--fov",)}
-# Where the parsed arguments keep the options that were given.
+# Prefix of option names in the parsed arguments.
 PREFIX = "option_"
 
 
@@ -136,12 +135,12 @@ def flag(
     """Add a flag such as "--steps T", or a switch such as "--native".
 
     Args:
-        parser: where.
-        words: the flag, and the word that its value has in the help.
-        help: what it does, to which the default is added.
-        convert: what makes the value of its text; None for a switch.
-        default: its value if it is not given.
-        **more: as of `argparse`.
+        parser: the parser or group to add to.
+        words: the flag and the placeholder of its value.
+        help: the help text; the default is appended.
+        convert: converts the text to the value; None for a switch.
+        default: the value without the flag.
+        **more: passed to `add_argument`.
     """
     name, _, metavar = words.partition(" ")
     if convert is None:
@@ -156,10 +155,10 @@ def flag(
 def add_options(
     parser: argparse.ArgumentParser, options: Mapping[str, Option], without: Sequence[str] = ()
 ) -> None:
-    """Add a flag for every option, but for those named; one that is not given leaves no trace."""
+    """Add a flag for every option not in `without`; a flag not given sets no attribute."""
     groups: dict[str, argparse._ArgumentGroup] = {}
     for option in options.values():
-        # A map as text is for files.
+        # Only files hold a map as text.
         if option.name not in (*without, "map"):
             if option.group not in groups:
                 groups[option.group] = parser.add_argument_group(option.group)
@@ -184,7 +183,7 @@ def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
 
 
 def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()) -> None:
-    """Add ID, and the flags of everything that can be set of an environment."""
+    """Add ID and the flags for all options of an environment."""
     from ..settings import environment_options
 
     if "env" not in without:
@@ -193,7 +192,7 @@ def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()
             nargs="?",
             metavar="ID",
             default=argparse.SUPPRESS,
-            help="an environment, see 'jaxenstein list', or MODULE:NAME",
+            help="an environment id ('jaxenstein list' shows all) or MODULE:NAME",
         )
     add_options(parser, environment_options(), (*without, "env"))
 
@@ -202,14 +201,14 @@ OF_FILES, OWN = "FILE.npz or pretrained/NAME", "MODULE:FUNCTION"
 
 
 def add_agent(parser: argparse._ActionsContainer) -> None:
-    """Add --run and --greedy, for an agent of a run directory."""
+    """Add --run and --greedy, which choose an agent in a run directory and how it acts."""
     add_run(parser)
-    flag(parser, "--greedy", "the agent takes its most likely actions (default: sampled ones)")
+    flag(parser, "--greedy", "take the most likely actions (default: sample them)")
 
 
 def add_run(parser: argparse._ActionsContainer) -> None:
     """Add --run."""
-    help = "which run of the directory acts, from 0 (default: the best one)"
+    help = "number of the run to use, from 0 (default: the best run)"
     flag(parser, "--run N", help, whole(0), dest="number")
 
 
@@ -220,7 +219,7 @@ def add_seed(parser: argparse._ActionsContainer) -> None:
 
 
 def add_suite(parser: argparse._ActionsContainer, help: str) -> None:
-    """Add --suite, whose value may be left out."""
+    """Add --suite, with an optional value."""
     from ..suite import SUITES
 
     parser.add_argument(
@@ -228,5 +227,5 @@ def add_suite(parser: argparse._ActionsContainer, help: str) -> None:
         nargs="?",
         const="small",
         choices=tuple(SUITES),
-        help=f"{help}: small (the default), for a processor, or large, for an accelerator",
+        help=f"{help}: small (default; for a CPU) or large (for a GPU or TPU)",
     )

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 HELP = "measure steps per second, compile time and memory"
 DESCRIPTION = """\
-Measure rollouts under a uniform random policy inside one compiled scan: sampled actions, dynamics,
-automatic resets and a frame every step. Each configuration (environment and batch size) runs
-in a process of its own: it compiles, warms up, and repeats the rollout. Shown are the median
-of the repeats with the quartiles, the steps of the world a second (--frame-skip times as many),
-the time to compile reset and step, and the peak memory.
+Measure rollouts of a uniform random policy in one compiled scan. Every step samples actions, moves
+the world, resets finished episodes and draws a frame. Each pair of environment and batch size runs
+in its own process, which compiles, warms up, and repeats the rollout. The table shows the median
+and the quartiles over the repeats, world steps per second (--frame-skip times as many), the time to
+compile reset and step, and the peak memory.
 """
 EPILOG = """\
 examples:
@@ -32,14 +32,14 @@ examples:
   jaxenstein bench my-way-home --size 160x120 --core 0
   jaxenstein bench my-way-home --frame-skip 4
 
-Close other programs first; where the quartiles lie far apart, something else was running.
+Close other programs first. If the quartiles are far apart, something else was running.
 """
 
 
 def fill(parser: Parser) -> None:
     """Add the arguments."""
     parser.add_argument(
-        "ids", nargs="*", metavar="ID", help="environments to measure (default my-way-home)"
+        "ids", nargs="*", metavar="ID", help="environments to measure (default: my-way-home)"
     )
     add_environment(parser, without=("env",))
     parser.add_argument(
@@ -47,14 +47,14 @@ def fill(parser: Parser) -> None:
         type=batches,
         default=[64, 256, 1024],
         metavar="N,N,...",
-        help="numbers of environments side by side (default 64,256,1024)",
+        help="batch sizes: numbers of parallel environments (default 64,256,1024)",
     )
     flag(parser, "--steps T", "steps of each environment in a repeat", whole(), 256)
-    flag(parser, "--repeats R", "measured repeats, after one that warms up", whole(), 9)
-    flag(parser, "--size WxH", "both --width and --height (default 64x64)", size)
-    core = "use only processor core N, with one thread (default: all cores)"
+    flag(parser, "--repeats R", "measured repeats, after one warm-up", whole(), 9)
+    flag(parser, "--size WxH", "width and height of a frame (default 64x64)", size)
+    core = "use only CPU core N, with one thread (default: all cores)"
     flag(parser, "--core N", core, whole(0))
-    report = "also write every repeat, with versions, hardware and settings, as JSON"
+    report = "also write all repeats as JSON, with versions, hardware and settings"
     flag(parser, "--json FILE", report, Path)
     add_seed(parser)
 
@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> None:
             seed=options.seed,
             core=options.core,
         )
-        # A wrong id or setting is told before anything is measured.
+        # Report a wrong id or setting before measuring anything.
         for spec, name in _environments(options)
         for batch in options.batch
     ]
@@ -99,7 +99,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _environments(options: argparse.Namespace) -> list[tuple[Spec, str]]:
-    """How to build what is measured, and its names."""
+    """The specs and names of the environments to measure."""
     given = given_options(options)
     for id in options.ids:
         import_module_of(id)

@@ -1,4 +1,4 @@
-"""One episode of a trained agent here and in the running ViZDoom, from the same start."""
+"""Film one episode of a trained agent here and one in ViZDoom, from the same start."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ from ..episodes.recorder import play
 from ..episodes.session import Session
 from ..view.episode import Episode, Pictures
 
-# Both are shown at the size of the game's smallest screen.
+# Both pictures have the size of the game's smallest screen.
 HEIGHT, WIDTH, SCALE, MAP = 120, 160, 2, 240
 
 
 class Both(Sequence[np.ndarray]):
-    """The pictures of two episodes side by side; the shorter one waits at its end."""
+    """The pictures of two episodes side by side; the shorter one repeats its last picture."""
 
     def __init__(self, left: Pictures, right: Pictures) -> None:
-        """Take both."""
+        """Take the pictures of both episodes."""
         self._parts = left, right
 
     def __len__(self) -> int:
-        """How many there are."""
+        """The number of pictures."""
         return max(map(len, self._parts))
 
     def __getitem__(self, index: int) -> np.ndarray:  # type: ignore[override]
-        """One of them."""
+        """One picture."""
         return np.concatenate([part[min(index, len(part) - 1)] for part in self._parts], axis=1)
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """All of them in order."""
+        """All pictures in order."""
         return (self[index] for index in range(len(self)))
 
 
 def film(policy: Any, seed: int, every: int = 1) -> tuple[Both, str]:
-    """Play an episode in the game and one here that starts where that did.
+    """Play an episode in ViZDoom, then one here from the same start.
 
     Args:
         policy: a trained policy; see `baselines.load_policy`.
-        seed: of both.
-        every: show every so many steps.
+        seed: seed of both episodes.
+        every: show every `every`-th step.
 
     Returns:
-        The pictures, ours at the left, and both summaries in one line.
+        The pictures, with ours on the left, and both summaries in one line.
     """
     env, params = policy.env, policy.params
     shown = dataclasses.replace(
@@ -68,7 +68,7 @@ def film(policy: Any, seed: int, every: int = 1) -> tuple[Both, str]:
 
 
 def _episode(session: Any, policy: Policy, see: Callable[[Any], np.ndarray], name: str) -> Episode:
-    """Play to the end; frames are what `see` makes of the session."""
+    """Play to the end; `see` returns the frame of each step."""
     frames = []
 
     def act(session: Session) -> Any:

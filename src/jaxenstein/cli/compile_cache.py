@@ -1,4 +1,4 @@
-"""Compiled programs, kept between calls of the command, so that the second one begins at once."""
+"""A cache of compiled programs, so that later calls of a command start at once."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-# The most bytes that are kept when a command begins; the programs that were used last stay.
+# Bytes of programs to keep; those used least recently are removed.
 LIMIT = 2**30
-# What JAX says where it cannot read or write the program of a function.
+# JAX's warning if it cannot read or write the program of a function.
 _TROUBLE = re.compile(r"Error (?:reading|writing) persistent compilation cache entry for '(.*?)'")
 
 
 def keep_programs() -> None:
-    """Let JAX keep what it compiles in a folder of the user's own, and find it there again.
+    """Make JAX cache compiled programs in a folder of the user.
 
-    Nothing happens where the user has set a folder for JAX, or where other users could write to
-    ours: JAX runs what it finds there.
+    Does nothing if the user has set a cache folder for JAX. Does nothing either if other users
+    could write to the folder, since JAX runs the programs that it finds there.
     """
     if os.environ.get("JAX_COMPILATION_CACHE_DIR"):
         return
@@ -31,7 +31,7 @@ def keep_programs() -> None:
             if not is_ours(path):
                 return
         make_room(folder.parent)
-    except (OSError, RuntimeError):  # the latter where there is no home
+    except (OSError, RuntimeError):  # RuntimeError: there is no home folder
         return
     import jax
 
@@ -47,12 +47,12 @@ def keep_programs() -> None:
 
 
 def forget(warning: str) -> bool:
-    """Remove the programs that JAX says it cannot read or write, so that they are made anew.
+    """Remove the programs that JAX could not read or write, so that they are compiled again.
 
-    It would keep one that a full disk or a kill has cut off, and complain of it in every call.
+    JAX would otherwise keep a file cut off by a full disk or a kill, and warn in every call.
 
     Returns:
-        Whether the warning is about that.
+        Whether the warning is about such a program.
     """
     found = _TROUBLE.match(warning)
     if found is None or os.environ.get("JAX_COMPILATION_CACHE_DIR"):
@@ -64,17 +64,17 @@ def forget(warning: str) -> bool:
 
 
 def programs_folder() -> Path:
-    """Where programs for this processor are kept; JAX itself tells versions apart."""
+    """The folder for programs of this processor; JAX itself distinguishes versions."""
     from ..machine import cpu_fact, cpu_model
 
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    # Machines that share a home must not run each other's code.
+    # Machines that share a home folder must not run each other's programs.
     processor = f"{cpu_model()} {cpu_fact('flags', 'Features')}"
     return Path(base) / "jaxenstein" / hashlib.sha256(processor.encode()).hexdigest()[:16]
 
 
 def is_ours(folder: Path) -> bool:
-    """Whether this process can write to a folder, and no other user can."""
+    """Whether only this user can write to a folder."""
     about, above = folder.lstat(), folder.parent.stat().st_mode
     if above & stat.S_IWOTH and not above & stat.S_ISVTX:
         return False  # other users could replace it
@@ -86,7 +86,7 @@ def is_ours(folder: Path) -> bool:
 
 
 def make_room(parent: Path, limit: int = LIMIT) -> None:
-    """Remove the programs in the folders of `parent` that have not been used for longest."""
+    """Remove the least recently used programs below `parent` until at most `limit` bytes remain."""
     found = [(path.lstat(), path) for path in parent.glob("*/*-cache")]
     total = sum(about.st_size for about, _ in found)
     for about, path in sorted(found, key=lambda pair: max(pair[0].st_atime, pair[0].st_mtime)):

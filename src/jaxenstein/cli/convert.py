@@ -1,4 +1,4 @@
-"""`jaxenstein convert`: maps of other environments as text maps."""
+"""`jaxenstein convert`: convert maps of other projects to text maps."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 HELP = "convert maps of DeepMind Lab and MiniGrid to text"
 DESCRIPTION = """\
-Convert a map to the text that --map-file of the other commands reads: a .map file of a DeepMind
-Lab maze, or the layout that a MiniGrid environment has after a reset. Where a wall's sides look
-different, as with pictures on it, a file NAME.faces.txt is written beside NAME.txt.
+Convert a .map file of a DeepMind Lab maze, or the layout of a MiniGrid environment after a reset,
+to a text map, which other commands read with --map-file. If the sides of a wall look different, for
+example because of pictures on it, NAME.faces.txt is written beside NAME.txt.
 """
 EPILOG = """\
 examples:
@@ -39,11 +39,11 @@ def fill(parser: Parser) -> None:
     parser.add_argument(
         "file", nargs="?", metavar="FILE", type=Path, help="a .map file of a DeepMind Lab maze"
     )
-    other = "a MiniGrid environment instead of FILE, such as MiniGrid-FourRooms-v0"
+    other = "convert a MiniGrid environment, such as MiniGrid-FourRooms-v0"
     flag(parser, "--minigrid ID", other, str)
     add_seed(parser)
-    flag(parser, "--out FILE", "where to write the map (default: print it)", Path)
-    flag(parser, "--name NAME", "what to call the map (default: as FILE or ID)", str)
+    flag(parser, "--out FILE", "file for the map (default: print it)", Path)
+    flag(parser, "--name NAME", "name of the map (default: from FILE or ID)", str)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> None:
     if options.out is None:
         sys.stdout.write(text)
         if faces is not None:
-            summary.append("not shown: how the sides of walls differ, which --out writes as well")
+            summary.append("the sides of walls differ: --out also writes how they look")
     else:
         _check_out(options.out, options.file, faces is not None)
         written = _write(options.out, text, faces)
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _convert_maze(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
-    """The map of a .map file, and what to tell about it."""
+    """The map of a .map file, and lines of summary."""
     from ..maps.importers.dmlab import build_tilemap, read_maze
     from ..maps.reach import problems
 
@@ -84,7 +84,7 @@ def _convert_maze(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
 
 
 def _convert_minigrid(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
-    """The map of a MiniGrid environment, and what to tell about it."""
+    """The map of a MiniGrid environment, and lines of summary."""
     from ..maps.importers.minigrid import convert_id
 
     found = convert_id(options.minigrid, options.seed)
@@ -97,7 +97,7 @@ def _convert_minigrid(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
 
 
 def _summary(tilemap: TileMap, cells: str, more: dict[str, int]) -> list[str]:
-    """What to tell about a map: its size and how much of what it holds."""
+    """Lines that give the size of a map and count its contents."""
     counts = {"start": len(tilemap.spawns), "goal": len(tilemap.goals)}
     others = {"apple": len(tilemap.apples), **more}
     counts |= {noun: count for noun, count in others.items() if count}
@@ -105,27 +105,27 @@ def _summary(tilemap: TileMap, cells: str, more: dict[str, int]) -> list[str]:
     lines = [f"{tilemap.name}: {cells}{tilemap.columns} x {tilemap.rows} tiles; {things}"]
     if not tilemap.goals:
         lines.append(
-            "it has no goal: put a G on a tile to use it as --map-file; a task without a goal "
-            "reads it with parse_ascii(text, goal_required=False)"
+            "it has no goal: put a G on a tile before you use it with --map-file; for a task "
+            "without a goal, read it with parse_ascii(text, goal_required=False)"
         )
     return lines
 
 
 def _check_out(out: Path, file: Path | None, with_faces: bool) -> None:
-    """Find out whether writing the map would destroy its source or mix it with other files."""
+    """Raise if the output would overwrite the source, or be read together with old files."""
     if file is not None and os.path.exists(out) and out.samefile(file):
-        raise UsageError(f"jaxenstein convert: --out {out} is the file that is converted")
+        raise UsageError(f"jaxenstein convert: --out {out} is the input file")
     for kind in ("regions",) if with_faces else ("regions", "faces"):
         other = beside(out, kind)
         if os.path.exists(other):
             raise UsageError(
-                f"jaxenstein convert: {other} exists and would be read with {out}; "
+                f"jaxenstein convert: {other} exists and would be read together with {out}; "
                 "remove it or choose another name for --out"
             )
 
 
 def _write(out: Path, text: str, faces: str | None) -> list[Path]:
-    """Write the map and how its walls look, both or none of them."""
+    """Write the map and, if given, the looks of its walls: both files or neither."""
     texts = {out: text} if faces is None else {out: text, beside(out, "faces"): faces}
     with contextlib.ExitStack() as files:
         for path, content in texts.items():

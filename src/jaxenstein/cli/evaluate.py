@@ -1,4 +1,4 @@
-"""`jaxenstein evaluate`: what trained agents achieve, and how they look doing it."""
+"""`jaxenstein evaluate`: measure the returns of agents, and film one of them."""
 
 from __future__ import annotations
 
@@ -47,28 +47,30 @@ if TYPE_CHECKING:
     from ..baselines.runs.trained import Trained
     from ..results import Results
 
-HELP = "evaluate agents, and record one"
+HELP = "evaluate agents over many episodes"
 DESCRIPTION = f"""\
-Play whole episodes with the agents of a run directory, of a file of 'jaxenstein export' or of
-'jaxenstein list --pretrained'. Show the means for the most likely actions ("greedy") and for
-sampled actions ("sampled"), with 95 % bootstrap intervals over runs and episodes. --gif also writes
-an episode beside the map. --env, --map-file, --set and --param test the agents in another
-environment, without further training and with the same observations. Agents trained with a split of
-levels play that split; --set split=test plays the test levels. A diverged run plays with its last
+Play whole episodes with the agents of a run directory, an agent from 'jaxenstein export', or a
+pretrained agent ('jaxenstein list --pretrained'). The table shows mean returns and success rates
+for the most likely actions ("greedy") and for sampled actions ("sampled"), with 95 % bootstrap
+intervals over runs and episodes. --gif also films one episode beside the map.
+
+--env, --map-file, --set and --param test the agents in another environment with the same
+observations and actions, without further training. Agents that were trained on a split of levels
+play the same split; --set split=test plays the test levels. A diverged run plays with its last
 finite parameters, and a warning says so.
 
---in vizdoom also plays the same number of episodes in ViZDoom itself, without further training.
---gif then shows one episode from the same start in both. It needs the extra 'vizdoom' and agents of
+--in vizdoom also plays the same number of episodes in ViZDoom, without further training. --gif then
+shows one episode in both, from the same start. This needs the extra 'vizdoom' and agents trained in
 a doom- environment that is not a sparse variant.
 
 --policy MODULE:FUNCTION plays with your own policy, in --env ID or on --map-file FILE.
 {CONVENTION}
---policy random, idle, expert or another player of the task plays with a scripted player, which sees
-the whole state.
+--policy NAME plays with a scripted player of the task, such as random, idle or expert. Scripted
+players see the whole state.
 
---suite tests an agent on every task of the benchmark, with sampled actions: RUN is a folder of
-'jaxenstein train --suite', or --policy plays. Tasks with a split are played on their test levels.
-'jaxenstein score --suite' takes the file of --json."""
+--suite tests an agent on every task of the benchmark, with sampled actions. Give --policy, or the
+folder of 'jaxenstein train --suite' as RUN. Tasks with a split are played on their test levels.
+'jaxenstein score --suite' reads the file that --json writes."""
 EPILOG = """\
 examples:
   jaxenstein evaluate runs/simple-rnd
@@ -90,30 +92,30 @@ def fill(parser: Parser) -> None:
     """Add the arguments."""
     help = "a run directory, FILE.npz or pretrained/NAME"
     parser.add_argument("folder", metavar="RUN", nargs="?", type=Path, help=help)
-    what = f"a scripted player, or {OWN} for a policy of your own, instead of RUN"
+    what = f"evaluate a scripted player, or your own policy, {OWN}, instead of RUN"
     flag(parser, "--policy NAME", what, str)
     add_suite(parser, "test on every task of the benchmark")
-    flag(parser, "--episodes N", "episodes of each run", whole(), 100)
+    flag(parser, "--episodes N", "episodes for each run", whole(), 100)
     add_seed(parser)
-    flag(parser, "--json FILE", "also write every episode's results as JSON", Path)
+    flag(parser, "--json FILE", "also write the result of every episode as JSON", Path)
     parser.add_argument(
-        "--in", dest="game", choices=["vizdoom"], help="play in the original game as well"
+        "--in", dest="game", choices=["vizdoom"], help="also play in the original game"
     )
     from ..settings import environment_options
 
     elsewhere = ("env", "map_file", "heading", "settings", "params")
     add_options(parser, {name: environment_options()[name] for name in elsewhere})
-    shown = parser.add_argument_group("an episode beside the map")
-    flag(shown, "--gif FILE", "write it: .gif, or .mp4 with extra 'video'", Path)
+    shown = parser.add_argument_group("film of one episode")
+    flag(shown, "--gif FILE", "write a film: .gif, or .mp4 with the extra 'video'", Path)
     add_agent(shown)
-    flag(shown, "--fps RATE", "frames a second, 1 to 50", real(1, 50), 15.0)
+    flag(shown, "--fps RATE", "frames per second, 1 to 50", real(1, 50), 15.0)
 
 
 def run(options: argparse.Namespace) -> None:
     """Evaluate, print the table, write the files."""
     if (options.folder is None) == (options.policy is None):
         raise UsageError(
-            f"jaxenstein evaluate: give either RUN, or --policy {OWN} for an agent of your own"
+            f"jaxenstein evaluate: give either RUN or --policy {OWN} for your own agent"
         )
     _check_policy(options)
     if options.json is not None:
@@ -134,17 +136,15 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _check_policy(options: argparse.Namespace) -> None:
-    """Check that --policy goes with the other flags, and --suite too."""
+    """Check that the other flags are allowed with --policy and --suite."""
     text = options.policy
     if text is not None:
         if options.greedy or options.number is not None or options.game is not None:
-            raise UsageError(
-                "jaxenstein evaluate: --run, --greedy and --in go with RUN, not --policy"
-            )
+            raise UsageError("jaxenstein evaluate: --run, --greedy and --in need RUN, not --policy")
         if not is_own(text) and not text.isidentifier():
             raise UsageError(
-                f"jaxenstein evaluate: --policy must be {OWN}, or the name of a player, not "
-                f"{quoted(text)}; a run directory is given without --policy"
+                f"jaxenstein evaluate: --policy must be {OWN} or the name of a scripted player, "
+                f"not {quoted(text)}; give a run directory without --policy"
             )
     if options.suite is not None:
         given = [f"--{name.replace('_', '-')}" for name in given_options(options)]
@@ -169,13 +169,13 @@ def _write(path: Path, results: list[Results]) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Evaluated:
-    """What was played.
+    """The results of an evaluation.
 
     Attributes:
-        heading: a line that tells it.
-        env: where.
-        results: by a word for the way of acting.
-        actor: returns who acts in the episode that is shown.
+        heading: a line that describes the evaluation.
+        env: the environment.
+        results: by the kind of actions, such as "greedy".
+        actor: returns the policy to film.
     """
 
     heading: str
@@ -185,20 +185,20 @@ class Evaluated:
 
 
 def _own(options: argparse.Namespace) -> Evaluated:
-    """Play with a policy of the user's own, or with a scripted player."""
+    """Evaluate the user's own policy, or a scripted player."""
     from ..evaluation import evaluate, evaluate_player
     from ..params import drawn
     from ..players import player_of
 
-    given, by_own = named(given_options(options), "evaluate"), is_own(options.policy)
-    env, params, where = open_environment(given, ranges=by_own)
+    given = named(given_options(options), "evaluate")
+    env, params, where = open_environment(given, ranges=True)
     heading = f"{options.policy} in {where}: {options.episodes} episodes"
-    if not by_own:
-        results = evaluate_player(env, params, options.policy, options.episodes, options.seed)
-        scripted = Scripted(player_of(env, options.policy), env, params, options.policy)
-        return Evaluated(heading, env, {"its own": results}, lambda: scripted)
-    # The evaluation itself draws for each episode.
+    # These params serve the film; the evaluation draws its own for each episode.
     shown = drawn(params, options.seed) if options.gif is None else drawn_by(params, options.seed)
+    if not is_own(options.policy):
+        results = evaluate_player(env, params, options.policy, options.episodes, options.seed)
+        scripted = Scripted(player_of(env, options.policy), env, shown, options.policy)
+        return Evaluated(heading, env, {"its own": results}, lambda: scripted)
     own = load_own(options.policy, env, shown)
     with Progress(options.episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate(
@@ -215,10 +215,10 @@ def _own(options: argparse.Namespace) -> Evaluated:
 
 
 def _trained(options: argparse.Namespace) -> Evaluated:
-    """Play with the agents of a run directory or a file."""
+    """Evaluate the agents of a run directory or a file."""
     agents = baselines("agents")
     if options.game is not None:
-        # Before anything is played, lest it be for nothing that the game is missing.
+        # Report a missing game before playing any episode.
         from ..adapters.vizdoom_buffers import load_vizdoom
 
         load_vizdoom()
@@ -259,7 +259,7 @@ def _trained(options: argparse.Namespace) -> Evaluated:
 
 
 def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
-    """The same networks in another environment, or in theirs with other settings and params."""
+    """The same networks in another environment, or with other settings and params."""
     from ..settings import changed
 
     if not given:
@@ -283,15 +283,13 @@ def _split_of(env: Any) -> str:
 
 
 def _ranges_of(results: dict[str, Results]) -> str:
-    """A line for each param that every episode draws from a range; "" without one."""
-    from ..spec import ranges_of
-
-    ranges = ranges_of(next(iter(results.values())).environment)
-    return "".join(f"{name} {ends}, drawn for each episode\n" for name, ends in ranges.items())
+    """A line for each param that episodes draw from a range; "" if there is none."""
+    ranges = next(iter(results.values())).environment.ranges
+    return "".join(f"{name} from {ends}, drawn for each episode\n" for name, ends in ranges.items())
 
 
 def table(results: dict[str, Results]) -> str:
-    """The means with their intervals, as text."""
+    """A table of the means with their intervals."""
     rows = [("ACTIONS", "RETURN", "95 %", "SUCCESS", "95 %", "STEPS")]
     for name, result in results.items():
         earned, reached = mean_interval(result.returns), mean_interval(result.successes)

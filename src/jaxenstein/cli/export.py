@@ -1,4 +1,4 @@
-"""`jaxenstein export`: one trained agent as a small file, to be handed on."""
+"""`jaxenstein export`: write one trained agent into a small file that you can share."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .opening import baselines, telling_warnings
 
 HELP = "write a trained agent into a small file"
 DESCRIPTION = """\
-Write one agent of a run directory into a file of its own: its network with a description of every
-layer, the configuration of its run, and what it achieves in so many episodes. 'play', 'record' and
-'evaluate' take the file's name where they take a run directory. --program writes a second file, a
-program of jax.export that acts as the agent on CPUs and GPUs and needs only jax and flatbuffers.
+Write one agent of a run directory into a file: its network with a description of every layer, the
+config of its run, and its score over --episodes episodes. 'play', 'record' and 'evaluate' accept
+the file in place of a run directory. --program also writes the agent as a jax.export program, which
+runs on CPUs and GPUs and needs only jax and flatbuffers.
 """
 EPILOG = """\
 examples:
@@ -30,19 +30,19 @@ def fill(parser: Parser) -> None:
     parser.add_argument("folder", metavar="RUN", type=Path, help="a run directory")
     flag(parser, "--out FILE.npz", "the file to write", Path, required=True)
     add_run(parser)
-    weights = "precision of the network's numbers, float16 or float32"
+    weights = "precision of the weights, float16 or float32"
     flag(parser, "--weights NAME", weights, str, "float16", choices=("float16", "float32"))
-    flag(parser, "--episodes N", "episodes that its score is of", whole(), 100)
+    flag(parser, "--episodes N", "episodes for the score", whole(), 100)
     add_seed(parser)
     flag(parser, "--program FILE.jaxexport", "also write the agent as a program", Path)
-    greedy = "the program takes the most likely actions (default: sampled ones)"
+    greedy = "the program takes the most likely actions (default: it samples them)"
     flag(parser, "--greedy", greedy)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Write the file, and say how good its agent is."""
+    """Write the files, and print the score of the agent."""
     if options.greedy and options.program is None:
-        raise UsageError("jaxenstein export: --greedy is of --program, which is not given")
+        raise UsageError("jaxenstein export: --greedy needs --program")
     agents = baselines("agents")
     total = len(agents.WAYS) * options.episodes
     with (

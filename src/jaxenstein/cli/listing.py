@@ -1,4 +1,4 @@
-"""`jaxenstein list`: the environments there are."""
+"""`jaxenstein list`: list environments, maps, agents, tasks and configs."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from typing import Any
 from .arguments import Parser, add_suite, flag
 from .opening import import_module_of
 
-HELP = "list the environments"
+HELP = "list environments, sample maps, pretrained agents and configs"
 DESCRIPTION = """\
-List the environments, with --all further sizes and variants in rows of their own, with
---symbols the characters of text maps, with --samples small maps to play with, with
---pretrained the trained agents that come with this package, with --configs the
-configurations of trainings that come with it, with --suite the tasks of the benchmark.
+List the environments; --all gives every size and variant its own row. The other flags list
+something else instead: the symbols of text maps, sample maps, pretrained agents, training configs,
+or the tasks of the benchmark.
 """
 EPILOG = """\
 examples:
@@ -31,9 +30,9 @@ examples:
 
 
 LIST_WIDTH = 100
-# Of the list of configurations, which has long names.
+# For tables with long names.
 WIDER = 140
-# Stands behind the size of a map that is not always the same.
+# Marks the size of a generated map.
 GENERATED = "*"
 WRAPPING: dict[str, Any] = {"break_on_hyphens": False, "break_long_words": False}
 
@@ -41,14 +40,14 @@ WRAPPING: dict[str, Any] = {"break_on_hyphens": False, "break_long_words": False
 def fill(parser: Parser) -> None:
     """Add the arguments."""
     parser.add_argument(
-        "ids", nargs="*", metavar="ID", help="which ones, also MODULE:NAME (default: all)"
+        "ids", nargs="*", metavar="ID", help="ids to list, or MODULE:NAME (default: all)"
     )
-    flag(parser, "--all", "further sizes and variants in rows of their own, too")
-    flag(parser, "--symbols", "explain the characters of text maps instead")
-    flag(parser, "--samples", "the small maps to play with instead")
-    flag(parser, "--pretrained", "the trained agents of this package instead")
-    add_suite(parser, "the tasks of the benchmark instead")
-    flag(parser, "--configs", "the configurations of this package instead")
+    flag(parser, "--all", "list every size and variant in its own row")
+    flag(parser, "--symbols", "explain the symbols of text maps")
+    flag(parser, "--samples", "show the sample maps")
+    flag(parser, "--pretrained", "list the pretrained agents")
+    add_suite(parser, "list the tasks of the benchmark")
+    flag(parser, "--configs", "list the training configs of this package")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -93,13 +92,13 @@ def run(options: argparse.Namespace) -> None:
     print(format_table(table, right=(1, 2, 3, 4), width=LIST_WIDTH))
     print()
     aliases = {alias: name for alias, name in registry.ALIASES.items() if name in found}
-    notes = ["map: columns x rows, in tiles; horizon: steps in an episode"]
+    notes = ["map: columns x rows, in tiles; horizon: most steps in an episode"]
     if any(row[1].endswith(GENERATED) for row in table):
-        notes.append(f"{GENERATED} a new map is generated at every reset")
+        notes.append(f"{GENERATED} every reset generates a new map")
     if any(row[2] for row in table[1:]):
-        notes.append("levels: the number of different levels; + means at least so many")
+        notes.append("levels: number of different levels; + means at least this many")
     for name, others in variants.items():
-        notes.append(f"as {name} (--all): {', '.join(others)}")
+        notes.append(f"variants of {name} (--all): {', '.join(others)}")
     if aliases:
         pairs = ", ".join(f"{alias} = {name}" for alias, name in aliases.items())
         notes.append(f"other names: {pairs}")
@@ -109,12 +108,14 @@ def run(options: argparse.Namespace) -> None:
 
 
 def pretrained_agents() -> str:
-    """The trained agents of this package, with what their files say of them."""
+    """A table of the pretrained agents and their scores."""
+    from ..params import Range
     from .opening import baselines
 
     trained = baselines("trained")
+    own: list[str] = []
     table: list[tuple[str, ...]] = [
-        ("NAME", "ENVIRONMENT", "ALGO", "STEPS", "RETURN", "SUCCESS", "GREEDY")
+        ("NAME", "ENVIRONMENT", "SKIP", "ALGO", "DECISIONS", "RETURN", "SUCCESS", "GREEDY")
     ]
     for name, file in trained.pretrained().items():
         plain = trained.read_config(file)
@@ -123,16 +124,22 @@ def pretrained_agents() -> str:
         place, algo = plain["environment"]["id"] or "a map", config["algo"]
         earned = f"{score['sampled']['return']['mean']:.3g}"
         rates = [f"{score[way]['success']['mean']:.0%}" for way in ("sampled", "greedy")]
-        table.append((name, place, algo, f"{steps:,}", earned, *rates))
+        skip = str(plain["environment"]["settings"].get("frame_skip", 1))
+        table.append((name, place, skip, algo, f"{steps:,}", earned, *rates))
+        if params := plain["environment"]["params"]:
+            told = (f"{p}={Range(*v) if isinstance(v, list) else v}" for p, v in params.items())
+            own.append(f"the return of {name} counts with {', '.join(told)}, as in its training")
     notes = (
-        "steps of the training; return and success rate of sampled actions, success of greedy ones",
-        "'jaxenstein play --policy pretrained/NAME' shows one, and with --greedy as it is then",
+        "skip: world steps per decision",
+        "return, success: with sampled actions; greedy: success rate with the most likely actions",
+        *own,
+        "'jaxenstein play --policy pretrained/NAME' plays one (--greedy: its most likely actions)",
     )
-    return "\n".join([format_table(table, right=(3, 4, 5, 6)), "", *notes])
+    return "\n".join([format_table(table, right=(2, 4, 5, 6, 7)), "", *notes])
 
 
 def tasks_of(name: str) -> str:
-    """The tasks of a suite, as text."""
+    """A table of the tasks of a suite."""
     from .. import suite
 
     chosen, reference = suite.suite_of(name), suite.references()
@@ -154,16 +161,16 @@ def tasks_of(name: str) -> str:
         )
     notes = (
         f"{name} suite, version {suite.VERSION}: {chosen.total_steps:,} decisions, {suite.SEEDS} "
-        f"seeds, {suite.EPISODES} test episodes of each agent with sampled actions",
-        "skip: steps of the world in one decision; image: columns x rows",
+        f"seeds, {suite.EPISODES} test episodes per agent with sampled actions",
+        "skip: world steps per decision; image: columns x rows",
         "split: agents train on one part of the levels and are tested on the other",
-        "random, expert: returns of the players that scores are normalised by",
+        "random, expert: returns of the two players that normalise the scores",
     )
     return "\n".join([format_table(rows, right=(2, 3, 5, 6), width=WIDER), "", *notes])
 
 
 def configurations() -> str:
-    """The configurations of this package, with what they train."""
+    """A table of the training configs of this package."""
     from .opening import baselines
 
     table: list[tuple[str, ...]] = [
@@ -173,14 +180,14 @@ def configurations() -> str:
         row = (of.name, of.environment, of.algo, str(of.frame_skip), f"{of.decisions:,}", of.about)
         table.append(row)
     notes = (
-        "skip: steps of the world in a decision; decisions: of each seed",
-        "'jaxenstein train --config NAME --out RUN' trains one, and flags change its options",
+        "skip: world steps per decision; decisions: for each seed",
+        "'jaxenstein train --config NAME --out RUN' trains one; flags override its options",
     )
     return "\n".join([format_table(table, right=(3, 4), width=WIDER), "", *notes])
 
 
 def extent(env: Any) -> str:
-    """The size of an environment's map as columns x rows, marked if it is generated."""
+    """The size of an environment's map as columns x rows, marked if the map is generated."""
     from ..tasks.first_person import FirstPerson
 
     if not isinstance(env, FirstPerson):
@@ -190,10 +197,10 @@ def extent(env: Any) -> str:
 
 
 def actions_of(names: Mapping[str, tuple[str, ...]]) -> list[str]:
-    """What the actions are, a line for each set of them, that of the most environments first.
+    """A line for each set of actions; the most common set comes last, as "all others".
 
     Args:
-        names: the actions of each environment.
+        names: the action names of each environment.
     """
     users: dict[tuple[str, ...], list[str]] = {}
     for name, actions in names.items():
@@ -211,12 +218,12 @@ def actions_of(names: Mapping[str, tuple[str, ...]]) -> list[str]:
 def format_table(
     rows: list[tuple[str, ...]], right: tuple[int, ...] = (), width: int | None = None
 ) -> str:
-    """Rows of cells as lines with aligned columns.
+    """Format rows of cells as lines with aligned columns.
 
     Args:
-        rows: the cells of each.
-        right: columns that are aligned to the right.
-        width: characters in a line; the last column is wrapped to it.
+        rows: the cells of each row.
+        right: columns to align to the right.
+        width: the most characters in a line; the last column is wrapped.
     """
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     if width is not None:

@@ -1,4 +1,4 @@
-"""What becomes of parsed arguments: options, environments, trainings, and warnings."""
+"""Turns parsed arguments into options, environments and trainings, and prints warnings."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def given_options(options: argparse.Namespace) -> dict[str, Any]:
-    """The options that were given as arguments, by name; those of a map file are its texts."""
+    """The options that the user gave, by name."""
     given = {
         name.removeprefix(PREFIX): value
         for name, value in vars(options).items()
@@ -52,7 +53,7 @@ def given_options(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _entry(option: str, text: str) -> tuple[str, Any]:
-    """NAME and the value of NAME=VALUE, which is a number, true, false, a list or a text."""
+    """Split NAME=VALUE; the value is a number, true, false, a list or a text."""
     flag, metavar = TABLES[option]
     name, equals, value = text.partition("=")
     if not equals or not name or not value:
@@ -68,19 +69,19 @@ def _entry(option: str, text: str) -> tuple[str, Any]:
 def open_environment(
     given: Mapping[str, Any], instead_of: Spec | None = None, *, ranges: bool = False
 ) -> tuple[FirstPerson[Any, Any], Any, str]:
-    """An environment, without automatic resets; warnings about its map are printed.
+    """Build an environment without automatic resets, and print warnings about its map.
 
     Args:
-        given: as `given_options` returns it.
-        instead_of: what is not given is as in this one.
-        ranges: whether the params may hold ranges, which `drawn_by` draws from.
+        given: options from `given_options`.
+        instead_of: supplies the options that are not in `given`.
+        ranges: whether params may be ranges; `drawn_by` then draws from them.
 
     Returns:
         The environment, its params, and a name for files.
 
     Raises:
         UsageError: neither an ID nor a map is given.
-        JAXensteinError: it cannot be built.
+        JAXensteinError: the environment cannot be built.
     """
     spec, name = open_spec(given, instead_of, ranges=ranges)
     env, params = spec.build()
@@ -90,9 +91,8 @@ def open_environment(
 def open_spec(
     given: Mapping[str, Any], instead_of: Spec | None = None, *, ranges: bool = False
 ) -> tuple[Spec, str]:
-    """How to build that environment, and the name for files."""
+    """The spec of the environment of `open_environment`, and its name for files."""
     from ..settings import changed, spec_from
-    from ..spec import ranges_of
 
     named = len({"env", "map_file"} & set(given))
     if named == 2 or (named == 0 and instead_of is None):
@@ -105,7 +105,7 @@ def open_spec(
     with telling_warnings():
         options = with_map(given)
         spec = changed(instead_of, options) if instead_of else spec_from(options)
-    for param, range in ranges_of(spec).items() if not ranges else ():
+    for param, range in spec.ranges.items() if not ranges else ():
         raise UsageError(
             f"jaxenstein: --param {param} must be one number in this command, not the range {range}"
         )
@@ -113,7 +113,7 @@ def open_spec(
 
 
 def drawn_by(params: Any, seed: int) -> Any:
-    """The params of one episode; numbers that are drawn from ranges are printed."""
+    """The params of one episode; prints the numbers that it draws from ranges."""
     from ..params import drawn, ranges_of
 
     numbers = drawn(params, seed)
@@ -124,9 +124,15 @@ def drawn_by(params: Any, seed: int) -> Any:
 
 @contextlib.contextmanager
 def handling(names: Iterable[str], handler: Callable[[int, object], None]) -> Iterator[None]:
-    """Answer the signals of these names, as far as this system has them, by a handler."""
-    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    before = {number: signal.signal(number, handler) for number in numbers}
+    """Install a handler for these signals, if the system has them; restore the old ones after.
+
+    Signals that the process ignores, as under `nohup`, stay ignored. Only the main thread can
+    handle signals, so this does nothing in other threads.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in names if main and hasattr(signal, name)]
+    heard = [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in heard}
     try:
         yield
     finally:
@@ -136,7 +142,7 @@ def handling(names: Iterable[str], handler: Callable[[int, object], None]) -> It
 
 @contextlib.contextmanager
 def telling_warnings() -> Iterator[None]:
-    """Print the warnings about maps, levels and agents, one line each."""
+    """Print warnings about maps, levels and agents at the end, each once and on one line."""
     with warnings.catch_warnings(record=True) as caught:
         for kind in (MapWarning, LevelWarning, DivergenceWarning):
             warnings.simplefilter("always", kind)
@@ -147,7 +153,7 @@ def telling_warnings() -> Iterator[None]:
 
 @contextlib.contextmanager
 def plain_warnings() -> Iterator[None]:
-    """Print every other `UserWarning` as one line, without a place in the code."""
+    """Print every other `UserWarning` as one line, without its place in the code."""
     with warnings.catch_warnings():
         others = warnings.showwarning
 
@@ -163,9 +169,9 @@ def plain_warnings() -> Iterator[None]:
 
 @contextlib.contextmanager
 def written_anyway(path: Path | None, write: Callable[[Path], object]) -> Iterator[None]:
-    """Write a file, if there is one, after a block that prints what is in it.
+    """Write a file, if a path is given, after a block that prints its content.
 
-    It is written as well if the output cannot take what is printed.
+    The file is written even if printing fails.
     """
     try:
         yield
@@ -177,10 +183,10 @@ def written_anyway(path: Path | None, write: Callable[[Path], object]) -> Iterat
 
 
 def write_json(path: Path, plain: object) -> None:
-    """Write plain values as JSON, whole or not at all.
+    """Write plain values as JSON; the file is complete or absent.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     with atomic(path) as temporary:
         temporary.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
@@ -192,7 +198,7 @@ def _tell(warning: str) -> None:
 
 
 def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """The options with the texts of a map file, which may be relative to a folder, for its name."""
+    """Replace the option `map_file`, a path relative to `folder`, by the texts of that file."""
     from ..maps.map_files import read_map
 
     given = dict(given)
@@ -201,13 +207,13 @@ def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
         texts["map"] = texts.pop("text")
         for name in texts:
             if name in given:
-                raise SettingError(f"give either {name} or map_file, which brings one, not both")
+                raise SettingError(f"give either {name} or map_file, which sets {name}, not both")
         given |= texts
     return given
 
 
 def named_modules(arguments: Sequence[str]) -> list[str]:
-    """The modules that `--import` names among the arguments of any command."""
+    """The modules that `--import` names in the arguments of any command."""
     found = []
     for place, word in enumerate(arguments):
         flag, equals, name = word.partition("=")
@@ -217,30 +223,28 @@ def named_modules(arguments: Sequence[str]) -> list[str]:
 
 
 def import_modules(names: Sequence[str]) -> None:
-    """Import modules with the user's own tasks or bonuses, also from the current folder.
+    """Import modules with the user's own tasks or bonuses; the current folder is searched last.
 
     Raises:
-        UsageError: there is no such module.
+        UsageError: a module does not exist.
     """
     if names and os.getcwd() not in sys.path:
-        # At the end, so that nothing there takes the place of a library.
+        # Last, so that files in the folder cannot shadow a library.
         sys.path.append(os.getcwd())
     for name in names:
         if not all(part.isidentifier() for part in name.split(".")):
-            raise UsageError(f"jaxenstein: {quoted(name)} names no module")
+            raise UsageError(f"jaxenstein: {quoted(name)} is not the name of a module")
         try:
             importlib.import_module(name)
         except ModuleNotFoundError as error:
-            # A module that the named one asks for is missing: that is its own error.
+            # An import inside the module failed: let that error through.
             if not f"{name}.".startswith(f"{error.name}."):
                 raise
-            raise UsageError(
-                f"jaxenstein: there is no module {quoted(error.name)} to import"
-            ) from error
+            raise UsageError(f"jaxenstein: no module named {quoted(error.name)}") from error
 
 
 def import_module_of(id: str | None) -> None:
-    """Import the module of an ID such as my_module:my-task; of others there is none."""
+    """Import the module of an id such as my_module:my-task; do nothing for other ids."""
     module, colon, _ = (id or "").rpartition(":")
     import_modules([module] * bool(colon))
 
@@ -263,31 +267,31 @@ def baselines(module: str) -> Any:
 
 def add_config(parser: argparse._ActionsContainer) -> None:
     """Add --config."""
-    help = "options from a .toml or .yaml file, or a configuration of 'jaxenstein list --configs'"
+    help = "a .toml or .yaml file with options, or a config from 'jaxenstein list --configs'"
     flag(parser, "--config FILE", help, Path)
 
 
 def add_training_options(parser: Parser, without: Sequence[str] = ()) -> None:
-    """Add a flag for every option of a training, but for those named."""
+    """Add a flag for every option of a training not in `without`."""
     add_options(parser, baselines("options").all_options(), without)
 
 
 def named(given: dict[str, Any], command: str) -> dict[str, Any]:
-    """The options of a command, which must say where.
+    """Return the options of a command if they name an environment or a map.
 
     Raises:
-        UsageError: they name neither an environment nor a map.
+        UsageError: they name neither.
     """
     if not {"env", "map", "map_file"} & set(given):
         raise UsageError(
-            f"jaxenstein {command}: give an environment, --env ID ('jaxenstein list' shows them), "
-            "or a map, --map-file FILE"
+            f"jaxenstein {command}: give an environment with --env ID ('jaxenstein list' shows "
+            "all ids) or a map with --map-file FILE"
         )
     return given
 
 
 def given_training(options: argparse.Namespace) -> dict[str, Any]:
-    """The options of the file and of the flags together."""
+    """The options of the config file, overridden by the flags."""
     from ..settings import checked, merge
 
     parsing = baselines("options")

@@ -1,4 +1,4 @@
-"""Policies of one's own, which MODULE:FUNCTION names on the command line."""
+"""Users' own policies, given on the command line as MODULE:FUNCTION."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ if TYPE_CHECKING:
     from ..environment import AnyEnvironment
 
 CONVENTION = """\
-MODULE:FUNCTION names a function of your own, in a module that can be imported from here. It takes
-(env, params) and returns (policy, carry): policy(carry, obs, key) returns the next carry and the
-action, and carry is the memory at the start of an episode. Without a memory carry is None, and
-policy(obs, key) returns the action. docs/training.md, 'Agents of your own', has an example.
+MODULE:FUNCTION is your own function, in a module that Python can import from the current folder. It
+takes (env, params) and returns (policy, carry). policy(carry, obs, key) returns the next carry and
+the action; carry is the memory at the start of an episode. For a policy without memory, carry is
+None and policy(obs, key) returns the action. See 'Agents of your own' in docs/training.md.
 """
 _NAMED = re.compile(r"\w+(\.\w+)*:\w+")
 
 
 def is_own(text: object) -> bool:
-    """Whether a text is of the form MODULE:FUNCTION."""
+    """Whether a text has the form MODULE:FUNCTION."""
     return isinstance(text, str) and _NAMED.fullmatch(text) is not None
 
 
 def load_own(text: str, env: AnyEnvironment, params: Any) -> Own:
-    """The policy that MODULE:FUNCTION makes for an environment.
+    """Call MODULE:FUNCTION to get its policy for an environment.
 
     Raises:
-        UsageError: there is no such module or function, or it returns no pair.
-        SettingError: the policy takes or returns something else than `jaxenstein.evaluate` says.
+        UsageError: the module or function does not exist, or it does not return a pair.
+        SettingError: the policy does not take or return what `jaxenstein.evaluate` documents.
     """
     module, _, name = text.partition(":")
     import_modules([module])
@@ -47,6 +47,6 @@ def load_own(text: str, env: AnyEnvironment, params: Any) -> Own:
         shown = quoted(made)
         raise UsageError(
             f"jaxenstein: --policy: {text} must take (env, params) and return (policy, carry), "
-            f"where carry is None for a policy without a memory; it returned {shown}"
+            f"with carry None for a policy without memory; it returned {shown}"
         )
     return Own(*made, env, params, text)

@@ -1,4 +1,4 @@
-"""`jaxenstein play`: play in a window or in the terminal."""
+"""`jaxenstein play`: play in a window or in a terminal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import itertools
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from .arguments import (
     flag,
     real,
 )
-from .opening import drawn_by, given_options, handling, open_environment
+from .opening import drawn_by, given_options, open_environment
 from .own_policy import is_own, load_own
 from .record import load_agent, open_for
 
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from ..interactive.window import Window
     from ..tasks.first_person import FirstPerson
 
-HELP = "play with the keyboard, in a window or in the terminal"
+HELP = "play with the keyboard, or watch an agent"
 DESCRIPTION = """\
-Play an environment with the keyboard, in a window (extra 'play': pygame-ce) or, with --terminal,
-in a terminal with 24-bit colour, also over SSH.
+Play an environment with the keyboard, in a window (needs the extra 'play') or, with --terminal, in
+a terminal with 24-bit colour, which also works over SSH.
 
   W A S D, arrows   walk and turn          M       map from above
   Z, C              step aside             P       pause
@@ -49,9 +49,9 @@ in a terminal with 24-bit colour, also over SSH.
   E, F, G           pick up, drop, done    H       help
   X                 wait                   Q, Esc  quit
 
-Keys that are held act again and again. Time passes only with actions, as it does for an agent.
-With --policy RUN an agent that 'jaxenstein train' made plays, and you watch; with --policy
-MODULE:FUNCTION one of your own, as 'jaxenstein evaluate --help' explains.
+Hold a key to repeat its action. Time passes only when you act, as for an agent. --policy RUN lets
+you watch a trained agent, --policy MODULE:FUNCTION your own ('jaxenstein evaluate --help' explains
+how to write one).
 """
 EPILOG = """\
 examples:
@@ -63,38 +63,37 @@ examples:
   jaxenstein play --policy simple.npz
   jaxenstein play t-maze --policy my_module:agent
 """
-# (height, width) of pictures for people, of those that agents get by default, and the largest
-# that a terminal gets, which a slow line has to carry.
+# (height, width) of pictures for people, of the default pictures for agents, and of the largest
+# pictures in a terminal, which a slow connection has to carry.
 COMFORTABLE, NATIVE, TERMINAL = (120, 160), (64, 64), (72, 96)
-# The height in pixels to which a window enlarges the view at first.
+# Height in pixels of the view in a new window.
 VIEW_HEIGHT = 480
 STATUS_LINES = 2
 # Heights of the view and the map in a recording.
 RECORDED_VIEW, RECORDED_MAP = 240, 256
-STOPPING = ("SIGTERM", "SIGHUP")
 
 
 def fill(parser: Parser) -> None:
     """Add the arguments."""
     add_environment(parser)
-    how = parser.add_argument_group("how it is played")
-    flag(how, "--terminal", "play in the terminal, in as many pixels as fit, up to 96x72")
+    how = parser.add_argument_group("play")
+    flag(how, "--terminal", "play in the terminal, with as many pixels as fit, up to 96x72")
     flag(how, "--native", "show the 64x64 pixels that agents get by default")
-    flag(how, "--fps RATE", "the most steps a second, 1 to 60", real(1, 60), 15.0)
-    watched = "watch a trained agent, where it was trained or in ID"
-    where = f"of a run directory, {OF_FILES}; or in ID one of your own, {OWN}"
-    flag(how, "--policy RUN", f"{watched}: {where}", _run_or_own)
+    flag(how, "--fps RATE", "maximum steps per second, 1 to 60", real(1, 60), 15.0)
+    trained = f"a run directory, {OF_FILES}, in ID or where it was trained"
+    watched = f"watch an agent instead: {trained}; or your own, {OWN}, in ID"
+    flag(how, "--policy RUN", watched, _run_or_own)
     add_agent(how)
     add_seed(how)
-    out = parser.add_argument_group("what is written at the end")
-    film = "everything played as an animation beside the map: .gif, or .mp4 with extra 'video'"
+    out = parser.add_argument_group("output at the end")
+    film = "film everything you played, beside the map: .gif, or .mp4 with the extra 'video'"
     flag(out, "--record FILE", film, Path)
-    last = "the last episode as a trajectory for 'jaxenstein replay'"
+    last = "write the last episode as a trajectory for 'jaxenstein replay'"
     flag(out, "--save FILE.json", last, Path)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Play, then write what was asked for, however the game ended."""
+    """Play, then write the requested files, however the game ended."""
     if options.record is not None:
         check_animation(options.record)
     terminal = _open_terminal() if options.terminal else None
@@ -128,7 +127,7 @@ def run(options: argparse.Namespace) -> None:
 
     game = None
     try:
-        with handling(STOPPING, _stop), terminal or _open_window(env, name) as display:
+        with terminal or _open_window(env, name) as display:
             game = wait_for(display, load)
             if game is not None:
                 play(display, game)
@@ -167,7 +166,7 @@ def _open_window(env: FirstPerson[Any, Any], name: str) -> Window:
 
 
 def _size(given: Mapping[str, Any], native: bool, terminal: Terminal | None) -> dict[str, int]:
-    """The size of the picture where none was given."""
+    """The default size of the picture."""
     chosen = {"height", "width"} & set(given)
     if chosen and native:
         raise UsageError("jaxenstein play: give either --native or --height and --width")
@@ -182,16 +181,16 @@ def _size(given: Mapping[str, Any], native: bool, terminal: Terminal | None) -> 
 
 
 def _note(env: FirstPerson[Any, Any]) -> str:
-    """What to say of the size of the picture."""
+    """A note on the size of the picture."""
     here = f"{env.width}x{env.height} pixels"
     high, wide = NATIVE
     if (env.height, env.width) == NATIVE:
-        return f"{here}, as agents see by default"
-    return f"{here}; agents see {wide}x{high} by default (--native)"
+        return f"{here}, the default for agents"
+    return f"{here}; the default for agents is {wide}x{high} (--native)"
 
 
 def _write(game: Game, options: argparse.Namespace, name: str) -> None:
-    """Write what was asked for and say so."""
+    """Write the requested files and print their names."""
     session = game.last_played
     summary = f"{name}: nothing was played"
     if session is not None:
@@ -201,7 +200,7 @@ def _write(game: Game, options: argparse.Namespace, name: str) -> None:
         try:
             print(summary, flush=True)
         except OSError:
-            # The terminal is gone, which must not cost the files.
+            # The terminal is gone; still write the files.
             nowhere = stack.enter_context(open(os.devnull, "w"))
             stack.enter_context(contextlib.redirect_stdout(nowhere))
             stack.enter_context(contextlib.redirect_stderr(nowhere))
@@ -229,20 +228,20 @@ def _record(game: Game, path: Path, fps: float) -> None:
 
 
 class Film(Sequence[np.ndarray]):
-    """The pictures of several episodes, one after the other, each drawn when it is needed."""
+    """The pictures of several episodes in order, each drawn when it is needed."""
 
     def __init__(self, episodes: Sequence[Episode], progress: Progress) -> None:
-        """Take episodes of one environment, so that all pictures are of one size."""
+        """Take episodes of one environment, whose pictures have equal sizes."""
         self._progress = progress
         scale = scale_to(episodes[0].frames.shape[1:3], RECORDED_VIEW)
         self._parts = [Pictures(part, scale=scale, map_size=RECORDED_MAP) for part in episodes]
 
     def __len__(self) -> int:
-        """How many there are."""
+        """The number of pictures."""
         return sum(map(len, self._parts))
 
     def __getitem__(self, index: int) -> np.ndarray:  # type: ignore[override]
-        """One of them."""
+        """One picture."""
         for part in self._parts:
             if index < len(part):
                 return part[index]
@@ -250,13 +249,7 @@ class Film(Sequence[np.ndarray]):
         raise IndexError(index)
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """All of them in order."""
+        """All pictures in order."""
         for done, picture in enumerate(itertools.chain.from_iterable(self._parts), 1):
             self._progress.update(done)
             yield picture
-
-
-def _stop(number: int, frame: object) -> NoReturn:
-    """Turn a signal that ends a process into an ordinary exit, so that nothing is lost."""
-    del frame
-    raise SystemExit(128 + number)

@@ -8,15 +8,15 @@ from pathlib import Path
 from .arguments import Parser, flag, whole
 from .opening import baselines
 
-HELP = "draw learning curves of runs that 'jaxenstein train' made, and of others beside them"
+HELP = "plot learning curves"
 DESCRIPTION = """\
-Draw the learning curves of run directories: the mean over seeds, and the band in which it lies
-with 95 % confidence by a bootstrap over seeds. A run that still trains is drawn as far as it is.
+Plot the learning curves of run directories: the mean over seeds with a 95 % bootstrap band. You can
+plot a run while it trains.
 
-Metrics of other programs are drawn by the same rules: a file with a JSON object in each line, or a
-folder of TensorBoard (which needs tensorboard), in which each folder with event files is a seed.
-In JSON lines a column says the step and perhaps one named 'seed' the seed. Steps should count
-decisions over all environments of a seed, as those of 'jaxenstein train' do.
+Metrics of other programs can be plotted beside them. A file has one JSON object per line, with a
+column for the step and optionally a column 'seed'. In a TensorBoard folder (needs tensorboard),
+every folder with event files is a seed. Steps should count decisions over all environments of a
+seed, as 'jaxenstein train' does.
 """
 EPILOG = """\
 examples:
@@ -29,7 +29,7 @@ examples:
 
 def fill(parser: Parser) -> None:
     """Add the arguments."""
-    what = "run directories, files of JSON lines, or folders of TensorBoard"
+    what = "run directories, JSON Lines files, or TensorBoard folders"
     parser.add_argument("runs", nargs="+", metavar="PATH", type=Path, help=what)
     parser.add_argument(
         "--out",
@@ -37,25 +37,25 @@ def fill(parser: Parser) -> None:
         required=True,
         type=Path,
         metavar="FILE",
-        help="the picture, .png or .svg; may be given again",
+        help="the plot, .png or .svg; repeat for several files",
     )
-    metric = "a column (default: return); may be given again: the first that a PATH has counts"
+    metric = "the metric (default: return); repeat to name alternatives for some PATHs"
     flag(parser, "--metric NAME", metric, str, action="append")
-    step = "the column of steps in JSON lines (default: by its name); may be given again"
+    step = "the step column in JSON Lines (default: known names); repeat to name alternatives"
     flag(parser, "--step NAME", step, str, action="append")
     parser.add_argument(
         "--over",
         choices=("decisions", "minutes"),
         default="decisions",
-        help="what the curves go along: decisions of a run, the default, or minutes of training, "
-        "of all runs of a folder together",
+        help="the horizontal axis: decisions of each run (default), or minutes of training of all "
+        "runs of a folder together",
     )
-    flag(parser, "--points N", "pool the updates into N parts", whole(), 50)
-    parser.add_argument("--title", default="", metavar="TEXT", help="a line above the plot")
+    flag(parser, "--points N", "pool the updates into at most N points", whole(), 50)
+    parser.add_argument("--title", default="", metavar="TEXT", help="title of the plot")
 
 
 def run(options: argparse.Namespace) -> None:
-    """Draw, and say what was written."""
+    """Plot the curves, and print the names of the files."""
     drawing = baselines("curves")
     for path in options.out:
         drawing.check_picture(path)

@@ -1,4 +1,4 @@
-"""`jaxenstein record`: one episode as an animation, first person beside the map."""
+"""`jaxenstein record`: film one episode, in first person beside the map."""
 
 from __future__ import annotations
 
@@ -34,15 +34,16 @@ if TYPE_CHECKING:
     from ..spec import Spec
     from ..tasks.first_person import FirstPerson
 
-HELP = "write one episode as a GIF or MP4, with the map from above"
+HELP = "film one episode as a GIF or MP4, beside the map"
 DESCRIPTION = """\
-Play one episode and write it as a GIF or MP4: what the agent sees, beside the map from above
-with the agent, its field of view and its path so far, over a line with step, return and events.
-MP4 needs the extra 'video': pip install 'jaxenstein[video]'.
-The episode stops at the goal, at the horizon, after --steps, or after the last of --actions.
-An agent that 'jaxenstein train' made acts with --policy RUN, its run directory; without ID it
-does so in the environment that it was trained in. One of your own acts with --policy
-MODULE:FUNCTION, as 'jaxenstein evaluate --help' explains.
+Play one episode and film it. The left side shows the view of the agent, the right side the map with
+the agent, its field of view and its path; a line below shows the step, the return and events. MP4
+needs the extra 'video': pip install 'jaxenstein[video]'.
+
+The episode stops when the task ends, at the horizon, after --steps, or after the last of --actions.
+
+--policy RUN plays with a trained agent, by default in the environment that it was trained in.
+--policy MODULE:FUNCTION plays with your own; 'jaxenstein evaluate --help' explains how to write it.
 """
 EPILOG = """\
 examples:
@@ -55,24 +56,26 @@ examples:
   jaxenstein record --policy runs/simple-rnd --out agent.gif
   jaxenstein record t-maze --policy my_module:agent --out agent.gif
 
-actions are numbers or names (see 'jaxenstein list'), separated by commas; 2*10 is ten times 2.
+--actions takes numbers or names ('jaxenstein list' shows them), separated by commas; 2*10 repeats
+action 2 ten times.
+
 policies:
 """ + "\n".join(f"  {name}: {summary}" for name, summary in GENERAL.items())
 EPILOG += """
-and the other players that an environment has, such as shortest_path where there is a goal; a name
-that it does not have is answered with those it has."""
+Environments have further scripted players, such as shortest_path in tasks with a goal; the error
+for an unknown name lists them."""
 
 
 def fill(parser: Parser) -> None:
     """Add the arguments."""
     add_environment(parser)
-    out = parser.add_argument_group("what is written")
+    out = parser.add_argument_group("output")
     add_pictures(out)
-    flag(out, "--save FILE.json", "seed, settings and actions, for 'jaxenstein replay'", Path)
-    played = parser.add_argument_group("what is played")
+    flag(out, "--save FILE.json", "write seed, settings and actions, for 'jaxenstein replay'", Path)
+    played = parser.add_argument_group("play")
     flag(played, "--steps T", "stop after T steps (default: at the horizon)", whole())
     how = played.add_mutually_exclusive_group()
-    policy = f"what acts, see below, or an agent: a run directory, {OF_FILES}, {OWN}"
+    policy = f"a policy named below, or an agent: a run directory, {OF_FILES}, or {OWN}"
     flag(how, "--policy NAME", policy, policy_or_run, "forward")
     add_agent(played)
     flag(how, "--actions LIST", 'the actions to take, such as "2,2,0,1"', str)
@@ -80,20 +83,20 @@ def fill(parser: Parser) -> None:
 
 
 def add_pictures(out: argparse._ArgumentGroup) -> None:
-    """Add the arguments that say what pictures of an episode are written, and their looks."""
-    film = "the animation, .gif or .mp4; .png writes the contact sheet alone"
+    """Add the arguments for the pictures of an episode."""
+    film = "write a film, .gif or .mp4; .png writes only a contact sheet"
     flag(out, "--out FILE", film, Path)
-    flag(out, "--sheet FILE.png", f"a contact sheet of up to {SHEET_VIEWS} views", Path)
+    flag(out, "--sheet FILE.png", f"write a contact sheet of up to {SHEET_VIEWS} views", Path)
     out.add_argument(
         "--map",
         action=argparse.BooleanOptionalAction,
         default=True,
         help="show the map from above (default: yes)",
     )
-    larger = "enlarge the view N times (default: to a height of about 384 pixels)"
+    larger = "enlarge the view N times (default: to about 384 pixels high)"
     flag(out, "--scale N", larger, whole(1, 64))
-    flag(out, "--fps RATE", "frames a second, 1 to 50", real(1, 50), 15.0)
-    flag(out, "--every N", "show every N-th step, for long episodes", whole(), 1)
+    flag(out, "--fps RATE", "frames per second, 1 to 50", real(1, 50), 15.0)
+    flag(out, "--every N", "show only every N-th step, for long episodes", whole(), 1)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -131,7 +134,7 @@ def play_shown(
     steps: int,
     spec: Spec | None = None,
 ) -> Episode:
-    """Play an episode, of at most so many steps, under a progress line."""
+    """Play an episode of at most `steps` steps, with a progress line."""
     from ..episodes.recorder import play
     from ..episodes.session import Session
 
@@ -160,7 +163,7 @@ def load_agent(path: Path | None, options: argparse.Namespace) -> TrainedPolicy 
             raise UsageError(
                 f"jaxenstein: {missing}, which --run and --greedy need"
                 if missing
-                else "jaxenstein: --run and --greedy go with the run directory of --policy"
+                else "jaxenstein: --run and --greedy need --policy with a run directory"
             )
         return None
     with telling_warnings():
@@ -168,7 +171,7 @@ def load_agent(path: Path | None, options: argparse.Namespace) -> TrainedPolicy 
 
 
 def _missing_run(options: argparse.Namespace) -> str:
-    """A phrase if --policy may mean a run directory that is missing, else ""."""
+    """A message if --policy seems to name a missing run directory, else ""."""
     name = options.policy
     if not isinstance(name, str) or name in GENERAL or is_own(name):
         return ""
@@ -178,18 +181,18 @@ def _missing_run(options: argparse.Namespace) -> str:
 def open_for(
     agent: TrainedPolicy | None, options: argparse.Namespace
 ) -> tuple[FirstPerson[Any, Any], Any, str]:
-    """As `open_environment`; what is not given is that of the agent's own environment.
+    """Like `open_environment`; options not given are those of the agent's own environment.
 
     Raises:
         UsageError: there is no agent, and neither an ID nor a map is given.
-        SettingError: the agent cannot act there.
+        SettingError: the agent cannot act in the environment.
     """
     given = given_options(options)
     if agent is None:
         missing = _missing_run(options)
         if missing and not {"env", "map_file"} & set(given):
             raise UsageError(
-                f"jaxenstein: {missing}, and a policy of an environment needs the ID of one"
+                f"jaxenstein: {missing}; to play with a scripted player, also give the ID"
             )
         return open_environment(given, ranges=True)
     if not given:
@@ -200,7 +203,7 @@ def open_for(
 
 
 def check_pictures(options: argparse.Namespace) -> None:
-    """Find out before anything is played whether the pictures can be written."""
+    """Raise before the episode is played if the pictures cannot be written."""
     if options.out is not None and options.out.suffix.lower() == ".png" and not options.sheet:
         options.out, options.sheet = None, options.out
     if options.out is not None:
@@ -215,7 +218,7 @@ def check_pictures(options: argparse.Namespace) -> None:
 
 
 def save_pictures(episode: Episode, options: argparse.Namespace) -> list[Path]:
-    """Write what was asked for; returns the paths."""
+    """Write the requested pictures, and return their paths."""
     if options.out is not None:
         frames = -(-episode.steps // options.every) + 1
         with Progress(frames, "drawing", unit="frames") as progress:
@@ -247,14 +250,14 @@ def _policy(
 
 
 def parse_actions(text: str, names: Sequence[str]) -> list[int]:
-    """The actions of a text like "2,2,forward*10".
+    """Parse actions such as "2,2,forward*10".
 
     Args:
         text: numbers or names separated by commas, each optionally with `*` and a count.
         names: the names of the actions.
 
     Raises:
-        UsageError: if the text names no action, or one that there is not.
+        UsageError: a part is not an action, or its count is not valid.
     """
     actions: list[int] = []
     for part in text.split(","):
@@ -269,6 +272,6 @@ def parse_actions(text: str, names: Sequence[str]) -> list[int]:
                 f"jaxenstein record: --actions: no action {quoted(word)}; known: {known}"
             )
         if star and not (times.isdecimal() and 0 < int(times) <= 100_000):
-            raise UsageError(f"jaxenstein record: --actions: {quoted(part.strip())} is not a count")
+            raise UsageError(f"jaxenstein record: --actions: wrong count in {quoted(part.strip())}")
         actions += [action] * (int(times) if star else 1)
     return actions

@@ -1,4 +1,4 @@
-"""`jaxenstein replay`: a trajectory file played again, bit for bit."""
+"""`jaxenstein replay`: play a trajectory file again, and compare it bit for bit."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from ..progress import Progress
 from .arguments import Parser
 from .record import add_pictures, check_pictures, save_pictures
 
-HELP = "play a trajectory file again, and tell whether it is the same"
+HELP = "replay a trajectory file, and check that it is the same"
 DESCRIPTION = """\
-Play the episode of a trajectory file again and compare every reward, state and observation with
-what they were. Exit code 0: all are the same, bit for bit. Exit code 1: some are not, and the
-first steps that differ are named, with the versions that made the file and those that run now.
+Play the episode of a trajectory file again, and compare every reward, state and observation with
+the recorded one. The exit code is 0 if all are the same, bit for bit. Otherwise it is 1, and the
+output names the first steps that differ, with the versions then and now.
 """
 EPILOG = """\
 examples:
   jaxenstein replay walk.json
   jaxenstein replay walk.json --out walk.gif --sheet walk.png
 
-'jaxenstein record ... --save FILE.json' and 'jaxenstein play ... --save FILE.json' write such
-files. With the same versions on the same hardware an episode is always the same.
+'jaxenstein record' and 'jaxenstein play' write such files with --save FILE.json. With the same
+versions on the same hardware, an episode is always the same.
 """
 
 
 def fill(parser: Parser) -> None:
     """Add the arguments."""
-    parser.add_argument("file", type=Path, metavar="FILE", help="a trajectory, .json")
-    add_pictures(parser.add_argument_group("what is written"))
+    parser.add_argument("file", type=Path, metavar="FILE", help="a trajectory file, .json")
+    add_pictures(parser.add_argument_group("output"))
 
 
 def run(options: argparse.Namespace) -> int:
-    """Replay the file, write the pictures, and say whether it is the same."""
+    """Replay the file, write the pictures, and print whether it is the same."""
     check_pictures(options)
     from ..episodes.recorder import replay
     from ..episodes.trajectory_file import load_trajectory

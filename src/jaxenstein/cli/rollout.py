@@ -1,4 +1,4 @@
-"""`jaxenstein rollout`: many environments under a random policy, and what they saw."""
+"""`jaxenstein rollout`: run many environments with a random policy, and picture their views."""
 
 from __future__ import annotations
 
@@ -22,12 +22,11 @@ from .opening import given_options, open_environment
 if TYPE_CHECKING:
     from ..environment import AnyEnvironment
 
-HELP = "run many environments with a random policy, and picture what they see"
+HELP = "run many environments with a random policy"
 DESCRIPTION = """\
-Step many environments side by side with a uniform random policy, resetting each when its
-episode ends, and report the speed, the returns and how many episodes succeeded.
-With --out also write DIR/ID.gif, the views of up to 16 of them over time, and DIR/ID.png,
-a contact sheet: one row an environment, time running to the right.
+Run many environments in parallel with a uniform random policy, and report the speed, the mean
+return and the success rate. --out also writes two pictures: DIR/ID.gif shows the views of up to 16
+environments over time, and DIR/ID.png is a contact sheet with a row for each environment.
 """
 EPILOG = """\
 examples:
@@ -35,15 +34,15 @@ examples:
   jaxenstein rollout key-door --envs 64 --width 160 --height 120 --fov 90
   jaxenstein rollout --map-file maze.txt --observation depth --out pictures
 """
-# Frames of the GIF, environments in it, and rows and columns of the contact sheet.
+# Frames, environments and columns of the GIF; rows and columns of the contact sheet.
 GIF_FRAMES, GIF_ENVS, GIF_COLUMNS = 100, 16, 4
 SHEET_ENVS, SHEET_COLUMNS = 6, 8
 GIF_FPS = 12.5
-# Without pictures, the number of steps between updates of the progress bar aims at this time.
+# Without pictures, the progress bar is updated after about this time.
 CALL_SECONDS = 0.2
-# Larger images are thinned out for the pictures, to at most this many pixels a side.
+# Pictures show larger images with rows and columns left out, at most this many pixels a side.
 THUMBNAIL = 192
-# Pixels that the mosaic of the GIF and each view on the contact sheet are high, at least.
+# Minimum height in pixels of the GIF, and of each view on the contact sheet.
 GIF_HEIGHT, SHEET_HEIGHT = 480, 112
 Carry = dict[str, Any]
 
@@ -51,24 +50,24 @@ Carry = dict[str, Any]
 def fill(parser: Parser) -> None:
     """Add the arguments."""
     add_environment(parser)
-    flag(parser, "--envs N", "environments side by side", whole(), 256)
-    flag(parser, "--steps T", "steps of each environment", whole(), 500)
+    flag(parser, "--envs N", "parallel environments", whole(), 256)
+    flag(parser, "--steps T", "steps in each environment", whole(), 500)
     add_seed(parser)
-    help = "folder for the pictures, made if missing (default: no pictures)"
+    help = "folder for the pictures, created if missing (default: no pictures)"
     flag(parser, "--out DIR", help, Path)
 
 
 @dataclasses.dataclass
 class Tally:
-    """What a rollout came to.
+    """The results of a rollout.
 
     Attributes:
-        episodes: episodes that ended.
-        returns: the sum of their returns.
-        successes: how many of them reached the task's aim at least once.
-        goals: how often they reached it; where they go on after that, more than once.
-        seconds: time spent stepping, without compiling.
-        compiling: seconds it took to compile.
+        episodes: number of episodes that ended.
+        returns: sum of their returns.
+        successes: number of episodes that reached the task's aim at least once.
+        goals: how often they reached the aim, which some tasks allow several times per episode.
+        seconds: time spent stepping, without compilation.
+        compiling: seconds of compilation.
     """
 
     episodes: int
@@ -80,7 +79,7 @@ class Tally:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Run the rollout, print its figures, write its pictures."""
+    """Run the rollout, print its results, and write its pictures."""
     env, params, name = open_environment(given_options(options))
     env = dataclasses.replace(env, autoreset="same-step")
     targets: tuple[Path, ...] = ()
@@ -110,14 +109,14 @@ def compile_rollout(
     Args:
         env: the environment, with automatic resets.
         params: its params.
-        envs: how many run side by side.
-        seed: of the resets, the policy and the steps.
-        watched: of how many the images are returned.
+        envs: number of parallel environments.
+        seed: seed of resets, policy and steps.
+        watched: number of environments whose images are returned.
 
     Returns:
-        `(advance, carry)`: `advance(carry, n)` takes n steps, for any n, with one compilation, and
-        returns the new carry, reusing the old one's memory, and the latest images of the first
-        `watched` environments.
+        `(advance, carry)`. `advance(carry, n)` takes n steps and returns the new carry and the
+        latest images of the first `watched` environments. It is compiled once for all n, and
+        reuses the memory of the old carry.
     """
     import jax
     import jax.numpy as jnp
@@ -152,7 +151,7 @@ def compile_rollout(
     keys = jax.random.split(reset_key, envs)
     obs, state = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(keys, params)
     carry = {"key": key, "obs": obs, "state": state, "returns": jnp.zeros(envs, jnp.float32)}
-    # Distinct arrays: their memory is reused one by one.
+    # Separate arrays, since the program donates the memory of each.
     counted = ("episodes", "goals", "successes", "so_far")
     carry |= {name: jnp.zeros(envs, jnp.int32) for name in counted}
     return jax.jit(advance, donate_argnums=0).lower(carry, np.int32(0)).compile(), carry
@@ -165,11 +164,11 @@ def play(
     envs: int,
     with_frames: bool,
 ) -> tuple[list[np.ndarray], Tally]:
-    """Run a compiled rollout under a progress bar.
+    """Run a compiled rollout with a progress bar.
 
     Returns:
-        images [watched, h, w, ...] at regular times from the reset on if `with_frames`, else
-        none; and the figures.
+        Images [watched, h, w, ...] at regular times from the reset on, or none without
+        `with_frames`; and the results.
     """
     import jax
 
@@ -199,18 +198,18 @@ def play(
 
 def _report(options: argparse.Namespace, tally: Tally) -> None:
     total = options.envs * options.steps
-    times = f"{total} steps in {tally.seconds:.2f} s, after {tally.compiling:.1f} s of compiling"
+    times = f"{total} steps in {tally.seconds:.2f} s, after {tally.compiling:.1f} s of compilation"
     print(f"speed         {si(total / tally.seconds)} steps/s ({times})")
     print(f"episodes      {tally.episodes} ended")
     if tally.episodes:
         print(f"mean return   {tally.returns / tally.episodes:.4g}")
-        more = f", {tally.goals / tally.episodes:.3g} goals an episode"
-        success = f"{tally.successes / tally.episodes:.1%} of the episodes"
+        more = f", {tally.goals / tally.episodes:.3g} goals per episode"
+        success = f"{tally.successes / tally.episodes:.1%} of episodes"
         print(f"success       {success}{more if tally.goals > tally.successes else ''}")
 
 
 def write_pictures(frames: np.ndarray, gif: Path, sheet: Path) -> None:
-    """Write the animation and the contact sheet of uint8[T, N, H, W, 3]."""
+    """Write the animation and the contact sheet of frames, uint8[T, N, H, W, 3]."""
     height, width = frames.shape[2:4]
     columns = min(GIF_COLUMNS, frames.shape[1])
     scale = scale_to((height * -(-frames.shape[1] // columns), width * columns), GIF_HEIGHT)

@@ -1,4 +1,4 @@
-"""`jaxenstein score`: aggregates of results over tasks and runs, for publishing."""
+"""`jaxenstein score`: aggregate results over tasks and runs, for publication."""
 
 from __future__ import annotations
 
@@ -20,22 +20,23 @@ if TYPE_CHECKING:
     from ..comparison import Compared
     from ..scores import Estimate, Profile
 
-HELP = "aggregate results over tasks and runs, with intervals"
+HELP = "compare policies over tasks, with confidence intervals"
 DESCRIPTION = """\
-Read files of 'jaxenstein evaluate --json' and show, for every task and policy, the mean return with
-its 95 % bootstrap interval, over runs and episodes, or with one run over episodes. Results of one
-policy bear the same name in all files, or --label gives them one. Greedy and sampled actions are
-two policies. Results of a task with different versions, settings or params of its environment are
-refused, and so are policies with different tasks.
+Read files from 'jaxenstein evaluate --json', and show the mean return of every policy in every task
+with a 95 % bootstrap interval over runs and episodes. Results with the same name belong to the same
+policy; --label sets the name. Greedy and sampled actions are two policies. All policies must have
+the same tasks, and a task must have the same version, settings and params everywhere. With two
+policies, the command also shows the probability that a run of the first has a higher return than a
+run of the second.
 
---reference FILE has the returns of a random player and of an expert for every task, as JSON:
-{"simple": {"random": 0.1, "expert": 0.9}}. A run's score is (return - random) / (expert - random).
-With it the command shows the interquartile mean (IQM), mean, median and optimality gap over all
-tasks, as in Agarwal et al. 2021, with 95 % intervals from resampling the runs of every task. With
-two policies it shows the probability that a run of the first scores higher than one of the second.
+--reference FILE gives the returns of a random and an expert policy in every task, as JSON:
+{"simple": {"random": 0.1, "expert": 0.9}}. The score of a run is then
+(return - random) / (expert - random), and the command shows the interquartile mean (IQM), mean,
+median and optimality gap over all tasks (Agarwal et al. 2021). Their 95 % intervals come from
+resampling the runs of every task.
 
---suite scores results of 'jaxenstein evaluate --suite'. It needs all tasks of the benchmark, and
-uses the references that come with the package.
+--suite scores results of 'jaxenstein evaluate --suite', with the references of the benchmark. It
+needs results in all tasks.
 """
 EPILOG = """\
 examples:
@@ -44,25 +45,25 @@ examples:
   jaxenstein score rnd.json mine.json --suite --plot scores.png
   jaxenstein score rnd.json ppo.json --reference reference.json --plot scores.png --json scores.json
 """
-# What the table calls the aggregates.
+# Headings of the aggregates in the table.
 HEADINGS = {
     "interquartile_mean": "IQM",
     "mean": "MEAN",
     "median": "MEDIAN",
     "optimality_gap": "GAP",
 }
-# Thresholds of a profile.
+# Number of thresholds in a profile.
 POINTS = 201
 
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """What is computed of normalised scores, by policy.
+    """Statistics of the normalised scores of each policy.
 
     Attributes:
-        scores: of the runs of each task.
-        aggregates: over all tasks.
-        profiles: at the same thresholds.
+        scores: an array for each task, with the score of each run.
+        aggregates: over all tasks, by name.
+        profiles: performance profiles, all at the same thresholds.
     """
 
     scores: dict[str, list[np.ndarray]]
@@ -72,7 +73,7 @@ class Summary:
 
 def fill(parser: Parser) -> None:
     """Add the arguments."""
-    help = "files of 'jaxenstein evaluate --json'"
+    help = "files from 'jaxenstein evaluate --json'"
     parser.add_argument("results", nargs="*", metavar="RESULTS", type=Path, help=help)
     parser.add_argument(
         "--label",
@@ -81,22 +82,22 @@ def fill(parser: Parser) -> None:
         nargs="+",
         default=[],
         metavar=("NAME", "FILE"),
-        help="files of one policy, and the name that it is shown by; may be given again",
+        help="a name for a policy, and its files; repeat for each policy",
     )
-    add_suite(parser, "the results are of the benchmark, whose references come with the package")
-    flag(parser, "--reference FILE", "returns between which scores are normalised", Path)
+    add_suite(parser, "score results of the benchmark")
+    flag(parser, "--reference FILE", "returns that normalise the scores", Path)
     parser.add_argument(
         "--actions",
         choices=("greedy", "sampled"),
-        help="leave out the results of the other way of acting (default: each is a policy)",
+        help="use only results with greedy or with sampled actions (default: both)",
     )
-    flag(parser, "--plot FILE", "draw aggregates and profiles: .png or .svg", Path)
+    flag(parser, "--plot FILE", "plot aggregates and performance profiles: .png or .svg", Path)
     flag(parser, "--json FILE", "also write the numbers as JSON", Path)
     add_seed(parser)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Read, print the tables, write the files."""
+    """Read the results, print the tables, and write the files."""
     from ..comparison import gather, read_reference
 
     files = _files(options)
@@ -107,7 +108,7 @@ def run(options: argparse.Namespace) -> None:
     if options.plot is not None:
         if options.suite is None and options.reference is None:
             raise UsageError(
-                "jaxenstein score: --plot draws normalised scores: give --suite or --reference"
+                "jaxenstein score: --plot needs normalised scores: give --suite or --reference"
             )
         baselines("curves").check_picture(options.plot)
     compared = gather(files, options.actions)
@@ -120,17 +121,23 @@ def run(options: argparse.Namespace) -> None:
     chance = _chance(compared, options.seed)
     report = _report(compared, summary, chance, options.seed)
     with written_anyway(options.json, lambda path: write_json(path, report)):
-        _print(compared, summary, chance, options.seed)
+        _print(compared, summary, chance, options.seed, options.suite is not None)
     if options.plot is not None and summary is not None:
         figure = baselines("score_plot").plot_scores(summary.aggregates, summary.profiles)
         baselines("curves").save_figure(figure, [options.plot])
         print(f"wrote {options.plot}")
 
 
-def _print(compared: Compared, summary: Summary | None, chance: Estimate | None, seed: int) -> None:
+def _print(
+    compared: Compared,
+    summary: Summary | None,
+    chance: Estimate | None,
+    seed: int,
+    of_suite: bool,
+) -> None:
     """Print the tables."""
     print(table_of_tasks(compared, summary, seed))
-    print(end=_notes(compared))
+    print(end=_notes(compared, of_suite))
     if summary is not None:
         print(f"\n{table_of_aggregates(summary)}")
     if chance is not None:
@@ -142,14 +149,14 @@ def _print(compared: Compared, summary: Summary | None, chance: Estimate | None,
 
 
 def _files(options: argparse.Namespace) -> list[tuple[str | None, Path]]:
-    """Every file with the label that it was given."""
+    """Every file with its label, or None."""
     files: list[tuple[str | None, Path]] = [(None, path) for path in options.results]
     for label, *paths in options.labels:
         if not paths:
-            raise UsageError(f"jaxenstein score: --label {label} needs files after the name")
+            raise UsageError(f"jaxenstein score: --label {label}: give files after the name")
         files += [(label, Path(path)) for path in paths]
     if not files:
-        raise UsageError("jaxenstein score: give files of 'jaxenstein evaluate --json'")
+        raise UsageError("jaxenstein score: give files from 'jaxenstein evaluate --json'")
     return files
 
 
@@ -171,7 +178,7 @@ def summarised(compared: Compared, reference: Mapping[str, Any], seed: int) -> S
 
 
 def _chance(compared: Compared, seed: int) -> Estimate | None:
-    """The probability of improvement, where there are two policies."""
+    """The probability of improvement; None unless there are two policies."""
     from ..comparison import run_returns
     from ..scores import probability_of_improvement
 
@@ -182,7 +189,7 @@ def _chance(compared: Compared, seed: int) -> Estimate | None:
 
 
 def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> str:
-    """A row for each task and policy, as text."""
+    """A table with a row for each task and policy."""
     from ..intervals import mean_interval
 
     heading = ("TASK", "POLICY", "RUNS", "EPISODES", "RETURN", "95 %", "SUCCESS")
@@ -205,22 +212,24 @@ def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> st
     return format_table(rows, right=(2, 3, 4, 5, 6, 7))
 
 
-def _notes(compared: Compared) -> str:
-    """A line for each policy whose intervals leave out the chance of training."""
+def _notes(compared: Compared, of_suite: bool) -> str:
+    """A line for each policy with a single run, or that departs from the benchmark's protocol."""
     lines = []
     for policy, mine in compared.items():
         single = [task for task, results in mine.items() if len(results.names) == 1]
         if single:
             which = "every task" if len(single) == len(mine) > 1 else ", ".join(single)
             lines.append(
-                f"{policy} has a single run of {which}: its intervals do not tell how much another "
-                "training would differ\n"
+                f"{policy} has a single run of {which}: its intervals do not include the variation "
+                "between training runs\n"
             )
+        if of_suite and (departures := suite.departures(mine.values())):
+            lines.append(f"{policy} departs from the protocol: {', '.join(departures)}\n")
     return "".join(lines)
 
 
 def table_of_aggregates(summary: Summary) -> str:
-    """A row for each policy, as text."""
+    """A table with a row for each policy."""
     heading = (word for name in HEADINGS.values() for word in (name, "95 %"))
     rows: list[tuple[str, ...]] = [("POLICY", *heading)]
     for policy, found in summary.aggregates.items():

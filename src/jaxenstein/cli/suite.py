@@ -1,4 +1,4 @@
-"""What `--suite` does: train, test and list all tasks of the benchmark."""
+"""The flag `--suite`: train and test on all tasks of the benchmark."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 
 def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experiment]:
-    """The trainings of a suite by task.
+    """The trainings of a suite, by task.
 
     Args:
-        name: of the suite.
-        given: the options of a file and of flags together.
-        budget: the part of the suite's decisions that each agent gets.
+        name: the name of the suite.
+        given: the options from the config file and the flags.
+        budget: factor on the number of decisions of each agent.
 
     Raises:
-        UsageError: an option is given that the suite fixes.
+        UsageError: `given` has an option that the suite fixes.
         JAXensteinError: an option has a wrong value.
     """
     from ..settings import PLACES, environment_options
@@ -44,7 +44,7 @@ def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experi
         flags = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(fixed))
         raise UsageError(
             f"jaxenstein train: --suite fixes {flags}; leave it out"
-            + ("; --budget X trains for a part of the decisions" * ("total_steps" in fixed))
+            + ("; --budget X multiplies the decisions" * ("total_steps" in fixed))
         )
     resolve = baselines("options").resolve
     common = {
@@ -60,11 +60,11 @@ def evaluated(options: argparse.Namespace) -> Iterator[tuple[suite.Task, Results
     """Test an agent on one task after the other.
 
     Args:
-        options: of `evaluate`: `suite`, `folder` or `policy`, `episodes` and `seed`.
+        options: the arguments of `evaluate`: `suite`, `folder` or `policy`, `episodes` and `seed`.
 
     Raises:
         SettingError: a run is missing or was trained in another environment, or the policy does
-            not fit a task.
+            not suit a task.
     """
     chosen = suite.suite_of(options.suite)
     play = _policy(options) if options.policy is not None else _runs(options.folder, chosen)
@@ -81,19 +81,30 @@ Play = Callable[[suite.Task, int, int, Callable[[float], object]], "Results"]
 
 
 def _policy(options: argparse.Namespace) -> Play:
-    """Test a policy that a module or a task names."""
-    from ..evaluation import evaluate, evaluate_player
+    """Test the user's own policy, or a scripted player, after a check of it on all tasks."""
+    from ..evaluation import check_policy, evaluate, evaluate_player
+    from ..players import player_of
+
+    made = {task.id: suite.make(task.id, options.suite, test=True) for task in suite.TASKS}
+    own = {}
+    for id, (env, params) in made.items():
+        if is_own(options.policy):
+            own[id] = load_own(options.policy, env, params)
+            check_policy(env, params, own[id].policy, own[id].carry)
+        else:
+            player_of(env, options.policy)
 
     def play(task: suite.Task, episodes: int, seed: int, notify: Any) -> Results:
-        env, params = suite.make(task.id, options.suite, test=True)
+        env, params = made[task.id]
 
         def part(done: float) -> None:
             notify(done / episodes)
 
-        if not is_own(options.policy):
+        if not own:
             return evaluate_player(env, params, options.policy, episodes, seed)
-        own = load_own(options.policy, env, params)
-        return evaluate(env, params, own.policy, own.carry, episodes, seed, own.name, notify=part)
+        mine = own[task.id]
+        told = mine.policy, mine.carry, episodes, seed, mine.name
+        return evaluate(env, params, *told, notify=part)
 
     return play
 
@@ -111,7 +122,7 @@ def _runs(folder: Path, chosen: suite.Suite) -> Play:
         about = trained.experiment
         if fault := difference(chosen.spec(task), about.environment):
             raise SettingError(
-                f"{path}: {fault[0]} is {fault[2]}, and {fault[1]} in the {chosen.name} suite"
+                f"{path}: {fault[0]} is {fault[2]}, but {fault[1]} in the {chosen.name} suite"
             )
         full = about.config.replace(total_steps=chosen.total_steps)
         if trained.update < full.updates:
@@ -121,8 +132,8 @@ def _runs(folder: Path, chosen: suite.Suite) -> Play:
 
     if short:
         print(
-            f"jaxenstein: warning: {folder} has agents with fewer than the benchmark's "
-            f"{chosen.total_steps:,} decisions: {', '.join(short)}",
+            f"jaxenstein: warning: agents in {folder} were trained for fewer than the "
+            f"benchmark's {chosen.total_steps:,} decisions: {', '.join(short)}",
             file=sys.stderr,
         )
 
@@ -137,7 +148,7 @@ def _runs(folder: Path, chosen: suite.Suite) -> Play:
 
 
 def table(results: list[tuple[suite.Task, Results]]) -> str:
-    """Means of all tasks with their intervals, as text."""
+    """A table of the means of all tasks with their intervals."""
     reference = suite.references()
     rows = [("TASK", "RETURN", "95 %", "SUCCESS", "STEPS", "RANDOM", "EXPERT", "SCORE")]
     for task, result in results:

@@ -1,4 +1,4 @@
-"""`jaxenstein sweep`: the paper's grids, or others, with all runs of a grid side by side."""
+"""`jaxenstein sweep`: train all runs of a grid in parallel, by default the paper's grids."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ from .opening import (
     named,
     telling_warnings,
 )
-from .train import DIVERGED, add_training, beginning, carry_out, spread
+from .train import INTERRUPTED, add_training, beginning, carry_out, spread
 
 if TYPE_CHECKING:
     from ..baselines.runs.sweeps import Point
 
-HELP = "train the grids of the paper, or others"
+HELP = "train over a grid of hyperparameters"
 DESCRIPTION = """\
 Train every algorithm at every point of its grid, with five seeds. One compiled program trains all
-runs of an algorithm in parallel, in one run directory per algorithm below DIR. Without --grid the
-grids are those of the paper: none for ppo; --bonus-reward 0.1, 1, 10 and --rnd-loss
-0.01, 0.1 for rnd; --bonus-learning-rate 3e-4, 1e-4 and --bonus-reward 0.1, 1, 10 for icm.
-The final table sorts the points by the mean return over the last tenth of the training. A warning
-names each diverged run, as in 'train'; the exit status is 3 if all runs diverged.
+runs of an algorithm in parallel, in one run directory per algorithm below DIR. The final table
+sorts the points by mean return over the last tenth of training. A warning names each diverged run,
+as in 'train'; the exit status is 3 if all runs diverged.
+
+The default grids are those of the paper: a single point for ppo; bonus_reward 0.1, 1, 10 and
+rnd_loss 0.01, 0.1 for rnd; bonus_learning_rate 3e-4, 1e-4 and bonus_reward 0.1, 1, 10 for icm. A
+flag that fixes one of these numbers takes it out of the grid.
 """
 EPILOG = """\
 examples:
@@ -38,36 +40,37 @@ examples:
   jaxenstein sweep --algo rnd --grid bonus_reward=0.1,1 --at-once 10 --out runs/rnd
   jaxenstein sweep --algo ppo rnd --no-grid --minutes 25 --config maze.toml --out runs/maze
 
---resume skips finished runs and continues the others; give the same options again.
-The best of many points looks better than it is: train it again with other seeds (--seed) before
-you compare it with anything.
+--resume skips finished runs and continues the others; repeat the same options.
+
+The best of many points looks better than it is. Train it again with other seeds (--seed) before you
+compare it with anything.
 """
 
 
 def fill(parser: Parser) -> None:
-    """Add the arguments, which the options of the baselines decide."""
-    out = parser.add_argument_group("where and what")
-    flag(out, "--out DIR", "folder of the run directories", Path, required=True)
-    flag(out, "--resume", "go on with the sweep in DIR")
+    """Add the arguments, including a flag for every option of the baselines."""
+    out = parser.add_argument_group("sweep")
+    flag(out, "--out DIR", "folder for the run directories", Path, required=True)
+    flag(out, "--resume", "continue the sweep in DIR")
     add_config(out)
-    which = f"the algorithms (default {' '.join(baselines('sweeps').swept())})"
+    which = f"the algorithms (default: {' '.join(baselines('sweeps').swept())})"
     algorithms = baselines("options").all_options()["algo"].domain
     flag(out, "--algo NAME", which, reader(algorithms), nargs="+")
-    few = "train at most N runs side by side, where memory is short (default: all of a grid)"
+    few = "train at most N runs in parallel, to save memory (default: a whole grid)"
     flag(out, "--at-once N", few, whole())
-    flag(out, "--no-grid", "only the numbers given, or else the defaults")
+    flag(out, "--no-grid", "train a single point, with the given or default hyperparameters")
     add_training(parser)
     add_training_options(parser, without=("algo",))
 
 
 def run(options: argparse.Namespace) -> int:
-    """Train what is to be trained, one grid after the other, and list what it gave."""
+    """Train one grid after the other, and print a table of the results."""
     spread(options)
     sweeps = baselines("sweeps")
     given = named(given_training(options), "sweep")
     algos = options.algo or ([given["algo"]] if "algo" in given else sweeps.swept())
     if options.no_grid and given.get("grid"):
-        raise UsageError("jaxenstein sweep: --no-grid or --grid, not both")
+        raise UsageError("jaxenstein sweep: give either --no-grid or --grid, not both")
     with telling_warnings():
         planned = sweeps.plan(given, algos, options.at_once, paper=not options.no_grid)
     check_links(options.out)
@@ -75,17 +78,14 @@ def run(options: argparse.Namespace) -> int:
         beginning(options.out / name, experiment, options.resume)
         for name, experiment in planned.items()
     ]
-    codes = []
-    for folder in folders:
-        codes.append(carry_out(folder, options))
-        if codes[-1] not in (0, DIVERGED):
-            return codes[-1]
-    print(table(sweeps.summary([folder.path for folder in folders])))
-    return min(codes)
+    code = carry_out(folders, options)
+    if code != INTERRUPTED:
+        print(table(sweeps.summary([folder.path for folder in folders])))
+    return code
 
 
 def table(points: list[Point]) -> str:
-    """The points as text."""
+    """A table of the points."""
     rows = [("RUNS", "SEEDS", "RETURN", "95 %", "SUCCESS", "95 %")]
     for point in points:
         earned, success = point.earned, point.success

@@ -1,4 +1,4 @@
-"""`jaxenstein train`: recurrent PPO with an exploration bonus, in a run directory."""
+"""`jaxenstein train`: train recurrent PPO, with or without an exploration bonus."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from ..baselines.runs.folder import RunFolder
     from ..baselines.runs.metrics import Row, Sink
 
-HELP = "train recurrent PPO, RND, ICM or E3B, with checkpoints"
+HELP = "train recurrent PPO, alone or with RND, ICM or E3B"
 DESCRIPTION = """\
 Train recurrent PPO on any environment, alone (--algo ppo) or with an exploration bonus: random
-network distillation (rnd), intrinsic curiosity (icm), an elliptical episodic bonus (e3b). All
-seeds train in parallel in one compiled program. The run directory holds the resolved
-configuration, a row of metrics for each update and seed as JSON lines, and the last two
-checkpoints. Needs the extra 'baselines': pip install 'jaxenstein[baselines]'.
+network distillation (rnd), intrinsic curiosity (icm), or an elliptical episodic bonus (e3b). All
+seeds train in parallel in one compiled program. The run directory holds the config with every
+option, the metrics of each update and seed as JSON Lines, and the last two checkpoints. Needs the
+extra 'baselines': pip install 'jaxenstein[baselines]'.
 """
 EPILOG = """\
 examples:
@@ -54,32 +54,31 @@ examples:
   jaxenstein train --config maze.toml --learning-rate 1e-4 --out runs/maze
   jaxenstein train --suite --algo rnd --out runs/rnd
 
-Ctrl-C stops after the current update, with a checkpoint. --resume continues from the newest
-checkpoint, also after a crash, with the same result as without the interruption. It takes every
-option from the run directory. Options given again must be the same, except for a larger
---total-steps, which trains for longer unless the learning rate falls with the total (--anneal).
+Ctrl-C stops after the current update and saves a checkpoint. --resume continues from the newest
+checkpoint, even after a crash, with the same result as an uninterrupted run. It reads every option
+from the run directory. Options that you repeat must be the same, with one exception: a larger
+--total-steps trains for longer if the learning rate is constant (--no-anneal).
 
-A seed diverges if its loss, gradient or parameters are not finite. It stops learning and keeps its
-last finite parameters, which 'evaluate', 'play' and 'export' use. The other seeds continue. If all
-seeds diverge, training ends with exit status 3, also with --resume. With --on-divergence continue
-such seeds continue as they are, and a warning at the end names those with parameters that are not
-finite.
+A seed diverges if its loss, gradient or parameters are not finite. It then stops learning and keeps
+its last finite parameters, which 'evaluate', 'play' and 'export' use. The other seeds continue. If
+all seeds diverge, training ends with exit status 3. With --on-divergence continue, diverged seeds
+continue as they are, and a warning at the end names seeds whose parameters are not finite.
 
-A --config file holds options as names with values, such as
+A --config file sets options by name, with underscores instead of hyphens:
 
   env = "simple"
   algo = "rnd"
   learning_rate = 3e-4
   seeds = 5
 
-with underscores for hyphens; 'map' is a map as text, and 'settings', 'params' and 'grid' are
-tables. RUN/config.json shows all options. Flags override the file. Configurations come with this
-package, such as simple-skip6: 'jaxenstein list --configs' names them.
+'map' is a map as text; 'settings', 'params' and 'grid' are tables. RUN/config.json shows all
+options. Flags override the file. 'jaxenstein list --configs' shows the configs of this package,
+such as simple-skip6.
 """
-# Updates whose episodes the progress line shows.
+# Number of updates whose episodes the progress line averages.
 RECENT = 10
 DIVERGED, INTERRUPTED = 3, 130
-# What to do about a run that diverged.
+# Advice for a run that diverged.
 ADVICE = (
     "try a lower --learning-rate, a smaller --gradient-norm, or smaller rewards "
     "(docs/training.md, 'Where it diverges')"
@@ -88,63 +87,63 @@ STOPPING = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def fill(parser: Parser) -> None:
-    """Add the arguments, which the options of the baselines decide."""
-    out = parser.add_argument_group("where")
-    flag(out, "--out DIR", "the run directory, a new one", Path, required=True)
-    flag(out, "--resume", "go on with the run in DIR")
+    """Add the arguments, including a flag for every option of the baselines."""
+    out = parser.add_argument_group("run directory")
+    flag(out, "--out DIR", "the run directory; must be new without --resume", Path, required=True)
+    flag(out, "--resume", "continue the run in DIR")
     add_config(out)
     add_suite(out, "train on every task of the benchmark, in DIR/TASK")
-    flag(out, "--budget X", "with --suite: the part of its decisions", real(0, 1000), 1.0)
+    flag(out, "--budget X", "with --suite: factor on the number of decisions", real(0, 1000), 1.0)
     add_training(parser)
     add_training_options(parser)
 
 
 def add_training(parser: Parser) -> None:
-    """Add what says how a run is carried out, which does not change its result."""
-    how = parser.add_argument_group("how it is carried out; the result is the same")
-    flag(how, "--chunk K", "updates in one call of the compiled program", whole(), 1)
+    """Add the flags that do not change the result of a run."""
+    how = parser.add_argument_group("execution (no effect on the result)")
+    flag(how, "--chunk K", "updates per call of the compiled program", whole(), 1)
     flag(how, "--save-every SECONDS", "seconds between checkpoints", real(0, 1e9), 60.0)
-    flag(how, "--cores N", "processor cores, each with seeds of its own", whole())
+    flag(how, "--cores N", "use N CPU cores, each with its own seeds", whole())
     how.add_argument(
         "--minutes",
         type=_end_after,
         default=math.inf,
         dest="end",
         metavar="M",
-        help="stop after so many, with a checkpoint (default: when it is done)",
+        help="stop after M minutes, with a checkpoint (default: at the end of training)",
     )
     how.add_argument(
         "--tensorboard",
         action=argparse.BooleanOptionalAction,
         default=None,
-        help="write DIR/tensorboard (default: where tensorboard is installed)",
+        help="write DIR/tensorboard (default: if tensorboard is installed)",
     )
     flag(how, "--wandb PROJECT", "also log to Weights & Biases", str)
 
 
 def _end_after(minutes: str) -> float:
-    """The time of the monotonic clock when the training is to stop."""
+    """The time on the monotonic clock at which to stop."""
     return time.monotonic() + 60 * real(0, 1e9)(minutes)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Train, and say how it went."""
+    """Train, and return the exit code."""
     spread(options)
     if options.suite is not None:
         return train_suite(options)
     if options.budget != 1:
-        raise UsageError("jaxenstein train: --budget goes with --suite; give --total-steps")
+        raise UsageError("jaxenstein train: --budget needs --suite; use --total-steps instead")
     with telling_warnings():
         folder = open_folder(options)
-    return carry_out(folder, options)
+    module, colon, _ = (folder.experiment.environment.id or "").rpartition(":")
+    modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])
+    again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]
+    again += [word for module in modules for word in (IMPORT, module)]
+    return carry_out([folder], options, shlex.join(again))
 
 
 def train_suite(options: argparse.Namespace) -> int:
-    """Train on one task of a suite after the other.
-
-    Returns:
-        As `carry_out`, of the first task that was stopped; else the least of all.
-    """
+    """Train on one task of a suite after the other; returns the exit code of `carry_out`."""
     check_links(options.out)
     with telling_warnings():
         planned = planned_suite(options.suite, given_training(options), options.budget)
@@ -152,42 +151,36 @@ def train_suite(options: argparse.Namespace) -> int:
         beginning(options.out / task, experiment, options.resume)
         for task, experiment in planned.items()
     ]
-    codes = [0]
-    for folder in folders:
-        codes.append(carry_out(folder, options))
-        if codes[-1] not in (0, DIVERGED):
-            return codes[-1]
-    return min(codes[1:])
+    return carry_out(folders, options)
 
 
 def beginning(path: Path, experiment: Experiment, resume: bool) -> RunFolder:
-    """The run directory of one of several trainings, a new one unless `resume`.
+    """The run directory of one of several trainings; it must be new unless `resume`.
 
     Raises:
-        UsageError: there is a run already, and `resume` is not set.
-        SettingError: the run there has another configuration.
+        UsageError: the directory has a run, and `resume` is not set.
+        SettingError: the run in the directory has another config.
     """
     runs = baselines("folder")
     if not resume and os.path.exists(path / runs.CONFIG):
         raise UsageError(
-            f"jaxenstein: there is a run in {path} already: --resume goes on with it, or choose "
-            "another folder"
+            f"jaxenstein: {path} already has a run: --resume continues it, or choose another folder"
         )
     try:
         return runs.RunFolder.open_or_create(path, experiment)
     except SettingError as error:
-        again = "; give the options again that the training was begun with"
+        again = "; repeat the options that the training was started with"
         raise SettingError(f"{error}{again if resume else ''}") from error
 
 
 def spread(options: argparse.Namespace) -> None:
-    """Make devices of the cores that were asked for."""
+    """Turn the requested number of cores into devices."""
     if options.cores is not None:
         use_cores(options.cores)
 
 
 def open_folder(options: argparse.Namespace) -> RunFolder:
-    """A new run directory, or the one to go on with."""
+    """Create the run directory, or open the one to resume."""
     runs, parsing = baselines("folder"), baselines("options")
     from ..settings import merge
 
@@ -201,12 +194,39 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
     return folder
 
 
-def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
-    """Train in a run directory with a progress line, until it is done or stopped.
+def carry_out(
+    folders: Sequence[RunFolder],
+    options: argparse.Namespace,
+    again: str = "the same command with --resume",
+) -> int:
+    """Train in one run directory after the other, until the end or a signal.
+
+    Args:
+        folders: the run directories.
+        options: of the command.
+        again: the command that continues, for the message.
 
     Returns:
-        The exit code: `DIVERGED` if all runs have, `INTERRUPTED` if there is more to do, else 0.
-        Runs that continue after a divergence count as diverged at the end of the training.
+        The exit code: `INTERRUPTED` if training is not complete, `DIVERGED` if all runs of all
+        folders diverged, otherwise 0.
+    """
+    codes = []
+    with stopping() as stop:
+        for folder in folders:
+            codes.append(_carry_out(folder, options, stop))
+            if codes[-1] == INTERRUPTED or (stop() and folder is not folders[-1]):
+                print(f"stopped; to continue: {again}", file=sys.stderr)
+                return INTERRUPTED
+    return min(codes)
+
+
+def _carry_out(folder: RunFolder, options: argparse.Namespace, stop: Callable[[], bool]) -> int:
+    """Train in a run directory, with a progress line, until the end or a stop.
+
+    Returns:
+        The exit code: `DIVERGED` if all runs diverged, `INTERRUPTED` if training is not complete,
+        otherwise 0. With `--on-divergence continue`, a run counts as diverged only if its
+        parameters at the end are not finite.
     """
     experiment = folder.experiment
     total, runs = experiment.config.updates, len(experiment.runs)
@@ -218,20 +238,19 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
         folder.locked(),
         opened_sinks(folder, options) as sinks,
         Progress(total * many, folder.path.name, compiles=True) as progress,
-        stopping() as stop,
     ):
         watch = baselines("training").StallWatch(runs)
 
         def notify(update: int, rows: Sequence[Row]) -> None:
             recent.extend(rows)
-            # A run that goes on has rows of before.
+            # A resumed run already has rows.
             seen = rows or (baselines("metrics").read_metrics(folder.path) if update else [])
             if (warning := watch.check(seen)) is not None:
                 progress.say(f"jaxenstein: warning: {warning}")
             for run, found in baselines("metrics").diverged_runs(seen, runs).items():
                 if run not in diverged:
                     diverged[run] = found
-                    told = f"{found.told(names[run])}; it stops learning; {ADVICE}"
+                    told = f"{found.told(names[run])}. It stops learning; {ADVICE}"
                     progress.say(f"jaxenstein: warning: {told}")
             if rows or update == total:
                 progress.note = note_of(recent)
@@ -256,18 +275,12 @@ def carry_out(folder: RunFolder, options: argparse.Namespace) -> int:
     if len(diverged) == runs or (done == total and len(lost) == runs):
         print(f"all {runs} runs diverged" if runs > 1 else "the run diverged", file=sys.stderr)
         return DIVERGED
-    if done < total:
-        module, colon, _ = (experiment.environment.id or "").rpartition(":")
-        modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])
-        again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]
-        again += [word for module in modules for word in (IMPORT, module)]
-        print(f"stopped; to go on: {shlex.join(again)}", file=sys.stderr)
     return 0 if done == total else INTERRUPTED
 
 
 def _not_finite(folder: RunFolder) -> list[str]:
-    """The names of the runs whose parameters are not finite at the end of a training."""
-    # Runs that stop at a divergence keep finite parameters.
+    """The names of runs whose parameters are not finite at the end of training."""
+    # Runs that stop when they diverge keep finite parameters.
     if folder.experiment.config.on_divergence == "stop":
         return []
     trained = baselines("trained").trained_in(folder)
@@ -276,7 +289,7 @@ def _not_finite(folder: RunFolder) -> list[str]:
 
 
 def note_of(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Mean return and success rate of the episodes that ended in some rows, for people."""
+    """The mean return and success rate of the episodes in some rows, as text; "" without any."""
     episodes = sum(row["episodes"] for row in rows)
     if not episodes:
         return ""
@@ -287,7 +300,7 @@ def note_of(rows: Sequence[Mapping[str, Any]]) -> str:
 
 @contextlib.contextmanager
 def opened_sinks(folder: RunFolder, options: argparse.Namespace) -> Iterator[list[Sink]]:
-    """Where metrics go besides the files; closed at the end."""
+    """Open TensorBoard and Weights & Biases if requested; close them at the end."""
     metrics, runs = baselines("metrics"), baselines("folder")
     names = runs.run_names(folder.experiment)
     with contextlib.ExitStack() as stack:
@@ -309,7 +322,7 @@ def opened_sinks(folder: RunFolder, options: argparse.Namespace) -> Iterator[lis
 
 @contextlib.contextmanager
 def stopping() -> Iterator[Callable[[], bool]]:
-    """Yield a function that tells whether a signal has asked to stop; a second one does at once."""
+    """Yield a function that returns whether a signal asked to stop; a second signal interrupts."""
     asked: list[int] = []
 
     def ask(signum: int, frame: object) -> None:
@@ -317,9 +330,9 @@ def stopping() -> Iterator[Callable[[], bool]]:
         if asked:
             raise KeyboardInterrupt
         asked.append(signum)
-        # Not by `print`, which may be at work already; the terminal may be what has gone.
+        # `print` may be running already, and the terminal may be gone.
         with contextlib.suppress(OSError):
-            os.write(2, b"\nstopping after this update; once more: at once\n")
+            os.write(2, b"\nstopping after this update; repeat to stop at once\n")
 
     with handling(STOPPING, ask):
         yield lambda: bool(asked)

@@ -1,4 +1,4 @@
-"""The camera: image size and field of view, and the constants that follow from them."""
+"""The camera: image size and field of view, and the constants derived from them."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from typing import Any
 
 import numpy as np
 
-# Vector lanes of 32-bit numbers that compilers for CPUs use. Rows of another length are finished
-# pixel by pixel, which at 84 columns costs half as much again as the rest.
+# The vector width in 32-bit numbers for which CPU compilers generate code. The rest of a row is
+# computed pixel by pixel; at 84 columns this costs half as much as everything else.
 LANES = 8
 
 
 @dataclasses.dataclass(frozen=True)
 class Camera:
-    """A pinhole camera that looks horizontally, and the height of what it looks at.
+    """A pinhole camera that looks horizontally, and the heights of eye and walls.
 
     Attributes:
         height: image rows, in pixels.
         width: image columns, in pixels.
         field_of_view: horizontal angle of view in degrees, 30 to 120.
-        extra: columns computed past the right edge of the image, and thrown away at the end.
+        extra: columns that are computed past the right edge of the image and then discarded.
         eye: height of the eye above the floor in tiles.
         wall: height of the walls in tiles.
-        row_focal_share: None if pixels are square. Else what the focal length down the rows would
-            be at a field of view of 90 degrees, as a share of the image's height: the image is
-            that of a screen of one shape, squeezed or stretched to any size.
-        column: where rays pass a pixel, from 0 at its left edge to 1 at its right one.
-        row: likewise from its upper edge to its lower one.
+        row_focal_share: None for square pixels. Otherwise, the vertical focal length at a field
+            of view of 90 degrees, as a share of the image height: the image is that of a screen
+            of fixed shape, resized to height x width.
+        column: where rays pass a pixel, from 0 at its left edge to 1 at its right edge.
+        row: the same from its upper edge to its lower edge.
     """
 
     height: int = 64
@@ -43,24 +43,24 @@ class Camera:
 
     @property
     def half_plane(self) -> float:
-        """Half the width of the image plane at distance one."""
+        """Half the width of the image plane at distance 1."""
         return math.tan(math.radians(self.field_of_view) / 2)
 
     @property
     def focal(self) -> float:
-        """Distance of the image plane in columns."""
+        """The focal length in columns."""
         return self.width / (2 * self.half_plane)
 
     @property
     def row_focal(self) -> float:
-        """Distance of the image plane in rows: a tile at depth `d` is `row_focal / d` rows high."""
+        """The focal length in rows: a tile at depth `d` is `row_focal / d` rows high."""
         if self.row_focal_share is None:
             return self.focal
         return self.row_focal_share * self.height / self.half_plane
 
     @property
     def wall_drop(self) -> float:
-        """How far the middle of a wall is below the eye, in halves of the wall."""
+        """How far the middle of a wall is below the eye, in half wall heights."""
         return 2 * self.eye / self.wall - 1
 
     def at(self, place: tuple[float, float]) -> Camera:
@@ -73,27 +73,27 @@ class Camera:
         return dataclasses.replace(self, width=2 * self.width, row_focal_share=share)
 
     def widened(self) -> Camera:
-        """The camera with as many extra columns as fill the last vector of a row."""
+        """The camera with enough extra columns to fill the last vector of a row."""
         return dataclasses.replace(self, extra=-self.width % LANES)
 
     def column_slopes(self) -> np.ndarray:
-        """float32[width + extra]: sideways offset of each column at distance one."""
+        """float32[width + extra]: the sideways offset of each column at distance 1."""
         centres = (
             2 * (np.arange(self.width + self.extra) + self.column) / self.width - 1
         ) * self.half_plane
         return centres.astype(np.float32)
 
     def row_offsets(self) -> np.ndarray:
-        """float32[height]: pixels of each row below the horizon."""
+        """float32[height]: how far each row is below the horizon, in pixels."""
         return (np.arange(self.height) + self.row - self.height / 2).astype(np.float32)
 
     def row_distances(self, lift: Any = None) -> Any:
-        """float32[height]: depth in tiles at which floor or ceiling shows in each row.
+        """float32[height]: the depth in tiles at which each row shows floor or ceiling.
 
-        On the host, but for a lifted eye (`Scene.lift`, float32[]).
+        A host array unless the eye is lifted (`Scene.lift`, float32[]).
 
-        The row on the horizon (images of odd height) would be infinitely far; it gets the depth
-        of a hundredth of a pixel, which a wall always hides.
+        The row on the horizon (images of odd height) would be infinitely far. It gets the depth
+        for a hundredth of a pixel, which a wall always hides.
         """
         below = self.row_offsets()
         far = np.where(below > 0, self.eye, self.wall - self.eye) * self.row_focal

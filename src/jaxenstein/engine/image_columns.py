@@ -1,4 +1,4 @@
-"""What the pixels of an image column have in common."""
+"""The values that all pixels of an image column share."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from .scene import Theme
 from .shade import ImageKind, pack_rgb, tone
 from .sprites import Layers, Spots, project
 
-# A panel's shadow plane has the wall's colour times this.
+# The colour of a panel's shadow plane is the wall's colour times this.
 PANEL_SHADOW = 0.45
 
 
 class ImageColumns(PyTreeNode):
-    """The columns of one image, ready to paint; W of them.
+    """The W columns of one image, ready to paint.
 
-    Paints are what ends up in the image: packed colours, grey values, labels (uint32) or depths
+    Paints are the values in the image: packed colours, grey values or labels (uint32), or depths
     (float32).
 
     Attributes:
         half: float32[W], half the height of the wall in pixels.
-        drop: float32[W], how far its middle is below the horizon, or None if it is not.
+        drop: float32[W], how far the wall's middle is below the horizon, or None if it is not.
         wall: paint[W].
-        ray: float32[2, W], the ray's direction (x, y) on the map, scaled to depth one.
-        panels: the panels on the walls, or None if no wall of the theme has one.
+        ray: float32[2, W], the direction (x, y) of the ray on the map, scaled to depth 1.
+        panels: the panels on the walls, or None if no wall of the theme has a panel.
         layers: the billboards, or None if the scene has none.
     """
 
@@ -44,12 +44,12 @@ class ImageColumns(PyTreeNode):
 
 
 class Panels(PyTreeNode):
-    """Panels: shadows and accents on a wall.
+    """Shadows and accents on the walls.
 
     Attributes:
-        scale: float32[W], bits a pixel.
-        offset: float32[W], the bit at the wall's middle, less one half.
-        planes: uint32[P, W], words of shadow and, if one is used, accent, greatest bit on top.
+        scale: float32[W], bits per pixel.
+        offset: float32[W], the bit at the middle of the wall, minus one half.
+        planes: uint32[P, W], words of shadow and, if used, accent; the top is the highest bit.
         paint: paint[P, W].
     """
 
@@ -73,10 +73,10 @@ def prepare(
 
     Args:
         heading: float32[], radians.
-        hits: what the rays hit.
+        hits: the walls that the rays hit.
         spots: the billboards to draw, or None.
         lift: `Scene.lift`.
-        theme: how everything looks.
+        theme: the colours and pictures.
         camera: size and field of view of the image.
         kind: the kind of image.
     """
@@ -101,7 +101,7 @@ def half_height(depth: jax.Array, camera: Camera) -> jax.Array:
 
 
 def drop_of(half: jax.Array, lift: jax.Array | None, camera: Camera) -> jax.Array | None:
-    """float32[W]: how far the middle of the wall is below the horizon, if it is."""
+    """float32[W]: how far the middle of the wall is below the horizon; None if it is not."""
     if lift is None:
         return half * jnp.float32(camera.wall_drop) if camera.wall_drop else None
     return half * (lift * jnp.float32(2 / camera.wall) + jnp.float32(camera.wall_drop))
@@ -119,7 +119,7 @@ def _panels(
     if kind in ("depth", "labels") or not may_hold(theme.wall_panels):
         return None
     texel = jnp.minimum((hits.along * WORD).astype(jnp.int32), WORD - 1)
-    # Of each wall if that is known, so that a column looks up once.
+    # Combine tables on the host if they are known, so that a column needs a single lookup.
     known = isinstance(theme.wall_panels, np.ndarray)
     panel = index if known else _looked_up(theme.wall_panels, index)
     rows: Any = theme.wall_panels if known else slice(None)
@@ -129,7 +129,7 @@ def _panels(
     ]
     shadow = light * PANEL_SHADOW
     if theme.panel_reach is not None:
-        # The first panel is empty, so it does not matter how far it is seen.
+        # The first panel is empty, so its reach does not matter.
         one = len(np.unique(theme.panel_reach[1:])) == 1
         reach = theme.panel_reach[1] if one else _looked_up(theme.panel_reach[rows], panel)
         left = jnp.clip(1 - hits.depth / reach, 0, 1)
@@ -150,5 +150,5 @@ def _looked_up(table: Array, index: jax.Array) -> jax.Array:
 
 
 def may_hold(table: Array) -> bool:
-    """Whether an entry of a table may be other than zero; of one that is not known yet, yes."""
+    """Whether a table may have a nonzero entry; True if its values are traced."""
     return not isinstance(table, np.ndarray) or bool(table.any())

@@ -1,4 +1,4 @@
-"""Levels: a tile map compiled into the words that rays test.
+"""Levels: tile maps compiled into the bit words that rays test.
 
 Coordinates: x grows along a row of the map, y down the rows; tile (column, row) covers
 [column, column + 1) x [row, row + 1). Everything outside the map is solid.
@@ -15,7 +15,7 @@ import numpy as np
 from ..pytree import PyTreeNode, static
 
 WORD = 32
-# What the margin looks like: the first wall (see `scene.Theme`).
+# The look of the margin: the first wall (see `scene.Theme`).
 OUTSIDE = 2
 Array = jax.Array | np.ndarray
 
@@ -23,15 +23,15 @@ Array = jax.Array | np.ndarray
 class Level(PyTreeNode):
     """The geometry of one map, either a constant of the program or part of a state.
 
-    C and R are the map's columns and rows with the margin on both sides, D the number of doors.
+    C and R are the columns and rows of the map including the margin, D is the number of doors.
 
     Attributes:
-        column_bits: uint32[C, ceil(R / 32)], the solid rows of each column as bits, least first.
+        column_bits: uint32[C, ceil(R / 32)], the solid rows of each column as bits, lowest first.
         row_bits: uint32[R, ceil(C / 32)], the solid columns of each row as bits.
-        walls: uint8[F, R, C], what each solid tile looks like. F is 1, or 4 if the faces differ:
-            the faces that look west, east, north and south.
+        walls: uint8[F, R, C], the wall on each solid tile. F is 1, or 4 if the faces differ: the
+            west, east, north and south faces.
         doors: int32[D, 2], (column, row) of each door, margin included. Doors are not solid in
-            `column_bits` and `row_bits`; a closed one adds its bit.
+            `column_bits` and `row_bits`; a closed door adds its bit.
         margin: solid tiles added on each side of the map: 0 if its border was solid already.
     """
 
@@ -48,7 +48,7 @@ class Level(PyTreeNode):
 
 
 def compile_level(walls: np.ndarray, doors: np.ndarray) -> Level:
-    """Compile a fixed map on the host, in numpy; nothing touches a device.
+    """Compile a fixed map on the host, in numpy, without using a device.
 
     Args:
         walls: uint8[rows, columns] or uint8[4, rows, columns] (see `Level.walls`), 0 where open.
@@ -73,12 +73,12 @@ def compile_level(walls: np.ndarray, doors: np.ndarray) -> Level:
 
 
 def level_from_walls(walls: jax.Array, doors: jax.Array | None = None) -> Level:
-    """Build a level inside a traced program, for maps that are generated at reset.
+    """Build a level in a traced program, for maps that are generated at reset.
 
     Args:
         walls: uint8[rows, columns], 0 where open; the border must be solid.
-        doors: int32[D, 2], (column, row) of each door. A row of the map's border, such as
-            (0, 0), stands for a door that this layout does not have.
+        doors: int32[D, 2], (column, row) of each door. A tile of the border, such as (0, 0),
+            stands for a door that this layout does not have.
     """
     if doors is None:
         doors = jnp.zeros((0, 2), jnp.int32)
@@ -98,9 +98,9 @@ def level_from_walls(walls: jax.Array, doors: jax.Array | None = None) -> Level:
 
 
 def pack_bits(bits: Any) -> Any:
-    """bool[n, m] -> uint32[n, ceil(m / 32)], bit j % 32 of word j // 32 for entry j.
+    """bool[n, m] -> uint32[n, ceil(m / 32)]; entry j is bit j % 32 of word j // 32.
 
-    Numpy in, numpy out; JAX in, JAX out. Bits past the end are set.
+    Returns numpy arrays for numpy arrays, else JAX arrays. Bits past the end are set.
     """
     xp = np if isinstance(bits, np.ndarray) else jnp
     lines, length = bits.shape
@@ -112,7 +112,7 @@ def pack_bits(bits: Any) -> Any:
 
 
 def unpack_bits(words: np.ndarray) -> np.ndarray:
-    """uint32[n, k] -> bool[n, 32 k], on the host: what `pack_bits` packed, and the bits past it."""
+    """uint32[n, k] -> bool[n, 32 k], on the host; the inverse of `pack_bits`, with bits past m."""
     bits = np.right_shift(words[:, :, None], np.arange(WORD, dtype=np.uint32)) & np.uint32(1)
     return bits.astype(bool).reshape(len(words), -1)
 
@@ -143,18 +143,18 @@ def _door_bits(
     here = word == (line * words + place // WORD)[:, None, None]
     bit = jnp.left_shift(jnp.uint32(1), (place % WORD).astype(jnp.uint32))
     bits = jnp.where(here & closed[:, None, None], bit[:, None, None], jnp.uint32(0))
-    # No two doors share a tile, but absent doors may: hence or, not sum.
+    # Doors never share a tile, but absent doors may, so combine with or instead of adding.
     return jax.lax.reduce(bits, np.uint32(0), jax.lax.bitwise_or, (0,))
 
 
 def is_solid(level: Level, closed: jax.Array, column: jax.Array, row: jax.Array) -> jax.Array:
-    """bool[]: whether a tile stops a body: a wall, a closed door or a place outside the map.
+    """bool[]: whether a tile stops a body: a wall, a closed door, or a tile outside the map.
 
     Args:
         level: the level.
         closed: bool[D], which doors are closed.
-        column: int32[], tile column in map coordinates (without the margin).
-        row: int32[], tile row.
+        column: int32[], column of the tile in map coordinates (without the margin).
+        row: int32[], row of the tile.
     """
     column, row = column + level.margin, row + level.margin
     columns, rows = level.size
@@ -166,6 +166,6 @@ def is_solid(level: Level, closed: jax.Array, column: jax.Array, row: jax.Array)
 
 
 def door_at(level: Level, column: jax.Array, row: jax.Array) -> jax.Array:
-    """bool[D]: which door stands at a tile of the level (margin included)."""
+    """bool[D]: which door is on a tile of the level (margin included)."""
     doors = jnp.asarray(level.doors)
     return (doors[:, 0] == column) & (doors[:, 1] == row)

@@ -1,7 +1,7 @@
-"""The lines of the grid that rays are tested against; named for the vertical ones.
+"""The grid lines that rays are tested against; names describe the vertical lines.
 
-Of a map that is a constant of the program they are those that have a face; of one in the state all
-of them, in the order in which a ray crosses them.
+If the map is a constant of the program, these are the lines that have a wall face. If the map is
+in the state, these are all lines, in the order in which a ray crosses them.
 """
 
 from __future__ import annotations
@@ -15,12 +15,11 @@ from .level import Level, unpack_bits
 
 
 class Crossed(PyTreeNode):
-    """All lines in the order in which rays cross them, of which there are K.
+    """All K lines in the order in which rays cross them.
 
     Attributes:
-        ahead: int32[K, words], bits of the solid rows of the columns entered by rays that go
-            forwards.
-        behind: int32[K, words], the same for the others.
+        ahead: int32[K, words], bits of the solid rows in the columns that forward rays enter.
+        behind: int32[K, words], the same for the other rays.
     """
 
     ahead: jax.Array
@@ -28,12 +27,12 @@ class Crossed(PyTreeNode):
 
 
 class Fixed(PyTreeNode):
-    """The lines of a constant map that have a face.
+    """The lines of a constant map that have a wall face.
 
     Attributes:
-        doors: int32[L, words] where the map has doors: bits of the solid rows of each column.
+        doors: int32[L, words] if the map has doors: bits of the solid rows of each column.
         columns: these columns.
-        words: the bits, where the map has no doors.
+        words: the bits, if the map has no doors.
         most: more lines than a ray can cross.
     """
 
@@ -44,7 +43,7 @@ class Fixed(PyTreeNode):
 
 
 def fixed_lines(level: Level) -> tuple[Fixed, Fixed] | None:
-    """The vertical and horizontal lines that rays can hit; None if the map is no constant."""
+    """The vertical and horizontal lines that rays can hit; None if the map is not constant."""
     if not all(isinstance(part, np.ndarray) for part in (level.column_bits, level.doors)):
         return None
     doors = np.zeros(level.size, bool)
@@ -57,7 +56,7 @@ def fixed_lines(level: Level) -> tuple[Fixed, Fixed] | None:
 
 
 def _with_faces(bits: np.ndarray, solid: np.ndarray, doors: np.ndarray) -> Fixed:
-    """The lines of one kind: those with a tile that may stop a ray beside one that may not."""
+    """The lines of one kind where a tile that may stop a ray is next to one that may not."""
     entered, left = solid | doors, ~solid
     faces = np.zeros(len(solid), bool)
     faces[1:] |= (entered[1:] & left[:-1]).any(axis=1)
@@ -67,7 +66,7 @@ def _with_faces(bits: np.ndarray, solid: np.ndarray, doors: np.ndarray) -> Fixed
 
 
 def crossed(words: jax.Array, column: jax.Array) -> Crossed:
-    """The words of all columns but that of the eye, each way."""
+    """The words of all columns except the eye's, in each direction."""
     last = words.shape[0] - 1
     order = jnp.arange(last, dtype=jnp.int32)
     ahead, behind = jnp.minimum(column + 1 + order, last), jnp.maximum(column - 1 - order, 0)
@@ -78,6 +77,6 @@ def crossed(words: jax.Array, column: jax.Array) -> Crossed:
 
 
 def shut(words: jax.Array, fixed: Fixed) -> Fixed:
-    """The same lines with the doors that are closed now, if the map has doors."""
+    """The same lines with the currently closed doors, if the map has doors."""
     columns = np.asarray(fixed.columns, np.int32)
     return fixed if fixed.words else fixed.replace(doors=words[columns])

@@ -1,4 +1,4 @@
-"""Moving through a level: turning, walking, touching. Bodies are points."""
+"""Motion through a level: turning, walking, touching. Bodies are points."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from jax import lax
 
 from .level import Level, door_at, is_solid
 
-# Headings are rounded to this many parts of a degree: about as fine as float32, and coarse enough
-# that a heading with `DRIFT` radians of rounding still identifies its part after one more turn.
+# Headings are rounded to this many parts of a degree. This is about as fine as float32, and coarse
+# enough that a heading with `DRIFT` radians of rounding still identifies its part after a turn.
 PARTS = 4000
 DRIFT = 1.2e-6
 
 
 def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
-    """float32[]: the heading turned clockwise on the map by an angle, in [0, 2 pi).
+    """float32[]: the heading after a clockwise turn on the map, in [0, 2 pi).
 
     If the angle is a whole number of parts of a degree, the heading stays within `DRIFT` radians of
     the exact sum after any number of turns. Other angles are added as they are.
@@ -31,7 +31,7 @@ def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
     )
     near = _in_parts(turned)
     off = jnp.abs(near - turned)
-    # Half a part away, the next part would be as close.
+    # Half a part away, the next part would be equally close.
     strayed = (off > np.float32(DRIFT)) & (off < np.float32(math.pi / 360 / PARTS))
     near = jnp.where(near >= jnp.float32(2 * math.pi), 0, near)
     exact = jnp.where(whole & strayed, near, turned)
@@ -42,8 +42,8 @@ def turn(heading: jax.Array, angle: jax.Array) -> jax.Array:
 def _in_parts(angle: jax.Array) -> jax.Array:
     """float32[]: an angle rounded to a whole number of parts of a degree.
 
-    The factors have so few bits that their products are exact in float32. So the sum is the same
-    whether a compiler rounds the products or not.
+    The factors have so few bits that their products are exact in float32, so the sum does not
+    depend on whether a compiler rounds the products.
     """
     parts = jnp.round(angle * np.float32(180 * PARTS / math.pi))
     degrees = jnp.floor(parts * np.float32(1 / PARTS))
@@ -54,7 +54,7 @@ def _in_parts(angle: jax.Array) -> jax.Array:
 
 
 def _in_two(number: float, bits: int) -> tuple[np.float32, np.float32]:
-    """A positive number as the sum of two numbers with `bits` bits each."""
+    """Split a positive number into the sum of two numbers with `bits` bits each."""
     parts = []
     for _ in range(2):
         unit = 2.0 ** (math.floor(math.log2(number)) + 1 - bits)
@@ -69,10 +69,10 @@ def forward(heading: jax.Array) -> jax.Array:
 
 
 def length(offset: jax.Array) -> jax.Array:
-    """float32[...]: the lengths of float32[..., 2] offsets, the same bits in every program.
+    """float32[...]: the lengths of float32[..., 2] offsets, bit-identical in every program.
 
-    Compilers may or may not round a product before a sum. Here each number is split into halves of
-    12 bits, whose products are exact, so the sum is the same either way.
+    Compilers may or may not round a product before adding it. Here each number is split into
+    halves of 12 bits, whose products are exact, so the sum is the same either way.
     """
     upper = lax.bitcast_convert_type(offset, jnp.uint32) & np.uint32(0xFFFFF000)
     high = lax.bitcast_convert_type(upper, jnp.float32)
@@ -88,13 +88,13 @@ def path_tiles(start: jax.Array, end: jax.Array) -> tuple[jax.Array, jax.Array]:
     """int32[2], int32[2]: the tiles (column, row) that a short segment enters.
 
     A segment shorter than one tile crosses at most one vertical and one horizontal grid line.
-    The first tile is the one entered at the first crossing, the second the one of the end; they
-    are equal, or equal to the start's, where there are fewer crossings.
+    The first result is the tile entered at the first crossing, the second the tile of the end.
+    With fewer crossings they are equal, or equal to the tile of the start.
     """
     tile, last = jnp.floor(start), jnp.floor(end)
     crossed = tile != last
     step = end - start
-    # Where along the segment each line is crossed.
+    # Where the segment crosses each line, as a fraction of its length.
     line = jnp.maximum(tile, last)
     when = (line - start) / jnp.where(crossed, step, 1)
     x_first = crossed[0] & (~crossed[1] | (when[0] <= when[1]))
@@ -103,7 +103,7 @@ def path_tiles(start: jax.Array, end: jax.Array) -> tuple[jax.Array, jax.Array]:
 
 
 def walk(level: Level, closed: jax.Array, position: jax.Array, step: jax.Array) -> jax.Array:
-    """float32[2]: the position after a step, or the old one if anything solid is in the way.
+    """float32[2]: the position after a step, or the old one if something solid is in the way.
 
     Args:
         level: the level.
@@ -121,7 +121,7 @@ def walk(level: Level, closed: jax.Array, position: jax.Array, step: jax.Array) 
 def touched_door(
     level: Level, closed: jax.Array, position: jax.Array, reach: jax.Array
 ) -> jax.Array:
-    """bool[D]: the closed door that an arm of this reach touches, if any; never through a wall.
+    """bool[D]: the closed door within reach of an arm, if any; never through a wall.
 
     Args:
         level: the level.

@@ -1,4 +1,4 @@
-"""Painting: one expression a pixel, over its row's constants and its column's words."""
+"""Painting: one expression per pixel, from the constants of its row and the words of its column."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .scene import CEILING, FLOOR, Scene, Theme
 from .shade import ImageKind, Light, pack_rgb, tone
 from .sprites import Layers
 
-# Depths in tiles from which to which the floor's checker fades, and its stripes, which are finer:
-# beyond, they are finer than a pixel.
+# The range of depths, in tiles, over which the floor's checker and its finer stripes fade;
+# farther away they are finer than a pixel.
 CHECKER_FADES = (3.0, 14.0)
 STRIPES_FADE = (1.0, 9.0)
-# Stripes of a tile, of which the floor's words have those of two.
+# Stripes per tile; a floor word covers two tiles.
 STRIPES = WORD // 2
 # Adding this to a float32 of magnitude below 2**22 leaves its nearest integer in the low bits.
 _ROUNDER = 1.5 * 2**23
@@ -31,13 +31,13 @@ _ROUNDER_BITS = int(np.float32(_ROUNDER).view(np.uint32))
 
 
 class Rows(PyTreeNode):
-    """What the pixels of a row have in common.
+    """The values that the pixels of a row share.
 
     Attributes:
-        distance: float32[height, 1], of floor and ceiling.
+        distance: float32[height, 1], the depth of floor and ceiling.
         ceiling: paint[height, 1].
-        first: paint[height, 1] of the floor's first colour.
-        second: paint[height, 1] of its second one.
+        first: paint[height, 1], the floor's first colour.
+        second: paint[height, 1], its second colour.
         words: `Theme.floor_words`.
     """
 
@@ -51,13 +51,13 @@ class Rows(PyTreeNode):
 def paint(
     columns: ImageColumns, rows: Rows, scene: Scene, camera: Camera, kind: ImageKind
 ) -> jax.Array:
-    """Paint an image; see `render.render` for its shape and type."""
+    """Paint an image; see `render.render` for its shape and dtype."""
     stage = partial(paint_words, rows=rows, theme=scene.theme, camera=camera, kind=kind)
-    # Without extra columns, one pass paints and cuts pixels to bytes.
+    # Without extra columns, a single pass paints pixels and unpacks their bytes.
     image = (staged(stage) if camera.extra else stage)(scene.position, columns)
     image = image[:, : camera.width]
     if kind == "rgb":
-        # Bytes of whole words vectorise; an image made with three channels does not.
+        # Unpacking bytes from whole words vectorises; computing three channels does not.
         return lax.bitcast_convert_type(image, jnp.uint8)[..., :3]
     return image if kind == "depth" else image.astype(jnp.uint8)
 
@@ -75,18 +75,18 @@ def paint_words(
     columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
     below = jnp.asarray(camera.row_offsets())[:, None]
     image = _background(columns, rows, below, position, theme, kind)
-    # Rows are counted from the horizon, or from the walls' middle where that is lower or higher.
+    # Rows relative to the horizon, or to the walls' middle if that is lower or higher.
     across = below if columns.drop is None else below - columns.drop
     image = jnp.where(jnp.abs(across) < columns.half, _walls(columns, across), image)
     return image if columns.layers is None else _billboards(columns.layers, below, image)
 
 
 def whole(value_less_half: jax.Array) -> jax.Array:
-    """uint32: the integer part of a value, modulo 2**32, given the value less one half.
+    """uint32: the integer part of a value, modulo 2**32, from the value minus one half.
 
-    For magnitudes below 2**22. A conversion would do, but XLA clamps those, which costs more
-    than all the rest of a pixel. The bound keeps the rounder apart from constants in the value,
-    with which some compilers would merge it, and it cannot hold their fractions.
+    For magnitudes below 2**22. XLA clamps ordinary conversions, which costs more than the rest of
+    a pixel. The bound keeps compilers from merging the rounding constant with constants in the
+    value, whose fractions it could not hold.
     """
     return rounded(jnp.maximum(value_less_half, jnp.float32(-(2.0**22))))
 
@@ -98,9 +98,9 @@ def rounded(value: jax.Array) -> jax.Array:
 
 
 def test_bit(word: jax.Array, bit: jax.Array) -> jax.Array:
-    """bool: whether a bit of a word, counted from its greatest, is set; never for bits past it.
+    """bool: whether a bit of a word is set, counted from the highest; False for bits past it.
 
-    As the sign of a number, which takes one shift and no mask.
+    Tests the sign, which takes one shift and no mask.
     """
     return lax.bitcast_convert_type(jnp.left_shift(word, bit), jnp.int32) < 0
 
@@ -134,7 +134,7 @@ def _second_colour(
     eye = position * jnp.float32(STRIPES) - jnp.float32(0.5)
     ahead = distance * np.float32(STRIPES)
     stripes = (whole(eye[i] + ahead * columns.ray[i]) & jnp.uint32(WORD - 1) for i in (0, 1))
-    # The sign of the one or of the other, but not of both.
+    # One of the signs, but not both.
     across = [jnp.left_shift(jnp.asarray(words)[i], stripe) for i, stripe in enumerate(stripes)]
     return lax.bitcast_convert_type(across[0] ^ across[1], jnp.int32) < 0
 
@@ -142,7 +142,7 @@ def _second_colour(
 def paint_rows(
     theme: Theme, camera: Camera, kind: ImageKind, lift: jax.Array | None = None
 ) -> Rows:
-    """What the rows of an image have in common; of constants on the host."""
+    """The shared values of the rows of an image; on the host if they are constants."""
     distance = camera.row_distances(lift)[:, None]
     paints = partial(
         _row_paints,
@@ -154,7 +154,7 @@ def paint_rows(
     known = all(part is None or isinstance(part, np.ndarray) for part in looks)
     if known or kind in ("depth", "labels"):
         return paints(*looks)
-    # Apart, or some compilers compute them again for each pixel.
+    # A separate stage, or some compilers compute this again for each pixel.
     return staged(paints)(*jax.tree.map(jnp.asarray, looks))
 
 
@@ -187,7 +187,7 @@ def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:
     panels = columns.panels
     if panels is None:
         return columns.wall
-    # Bounded on the wall, and the others are hidden; the offset is no constant here.
+    # Bounded on the wall; other pixels are hidden. The offset is not a constant here.
     bit = rounded(across * panels.scale + panels.offset)
     image = columns.wall
     for plane in range(panels.planes.shape[0]):
@@ -196,7 +196,7 @@ def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:
 
 
 def _billboards(layers: Layers, below: jax.Array, image: jax.Array) -> jax.Array:
-    """The image with the billboards over it, the farthest first."""
+    """The image with the billboards painted over it, farthest first."""
     for k in reversed(range(layers.scale.shape[0])):
         bit = whole(layers.scale[k] * below + layers.offset[k])
         own = jnp.where(

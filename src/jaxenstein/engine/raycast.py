@@ -1,19 +1,20 @@
-"""Casting one ray a column through a level, without a gather a step.
+"""Ray casting: one ray per column through a level, without a gather per step.
 
-A ray is `forward + right * slope`, so its parameter is the perpendicular depth. The vertical
-grid lines x = 0, 1, 2, ... that it crosses are marched apart from the horizontal ones. The
-k-th line crossed has its occupancy word in common for all rays of the image, so a ray only
-shifts that word by the tile it crosses the line at and looks at one bit. The march goes from
-far to near and keeps the last hit, which needs no branch. Where the map is a constant of the
-program, only lines with a face on them are looked at: one by one, wherever the eye is.
+A ray is `forward + right * slope`, so its parameter is the perpendicular depth. The vertical grid
+lines x = 0, 1, 2, ... are marched separately from the horizontal ones. All rays of the image share
+the occupancy word of the k-th line, so a ray only shifts that word by the tile where it crosses
+the line, and tests one bit. The march goes from far to near and keeps the last hit, which needs no
+branch. If the map is a constant of the program, only lines with a wall face are tested, in the
+same order for every position of the eye.
 
-Places along a grid line are fixed-point numbers: adding a step and taking the tile are then one
-integer operation each. A ray that leaves the map wraps around and may report a hit that is not
-there, but always farther away than where it left the map through a solid tile of the other
-kind of line, and the nearer hit of the two kinds wins.
+Places along a grid line are fixed-point numbers, so that adding a step and finding the tile are
+one integer operation each. A ray that leaves the map wraps around and may report a false hit. But
+it has left the map through a solid tile of the other kind of line, which is nearer, and the nearer
+hit of the two kinds wins.
 
-The rays are aimed, marched and looked up in three stages (see `staging`): every result of a stage
-that used a march directly would repeat it, and a place rounded twice might be two tiles.
+Aiming, marching and looking up are three stages (see `staging`). Otherwise the compiler would
+repeat the march in everything that uses it, and a place that is rounded twice might be in two
+different tiles.
 """
 
 from __future__ import annotations
@@ -33,28 +34,28 @@ from .camera import Camera
 from .level import WORD, Level, occupancy
 from .lines import Crossed, Fixed, crossed, fixed_lines, shut
 
-# More lines than this are marched in a loop of blocks of this size, to bound the program; in
-# smaller ones where a line has more than two words, which makes each line dearer to compile.
+# More lines than this are marched in a loop over blocks of this size, to bound the program. Blocks
+# are smaller if a line has more than two words, because such lines take longer to compile.
 BLOCK = 64
 SMALL_BLOCK = 16
-# A direction component below this never crosses a line inside any map.
+# A ray with a direction component below this never crosses a line inside any map.
 PARALLEL = 1e-12
-# What a ray enters is looked up for one so much of a tile beside it. A ray through a corner then
-# passes it on one side for both kinds of line, whichever way each is rounded: it slips neither
-# through the tile across nor between two that touch there. Where it hits a face counts as so much
-# further on.
+# Which tile a ray enters is looked up this fraction of a tile beside the ray. A ray through a
+# corner then passes it on the same side for both kinds of line, however each is rounded: it can
+# neither slip through the tile opposite nor between two tiles that touch there. The place of a hit
+# on a face is shifted by as much.
 NUDGE = 2.0**-16
-# On a line that is met at a small angle the ray beside is this many times as far off at most.
+# On a line met at a small angle, that shift is at most this many times as large.
 SLANT = 64.0
 
 
 class Hits(PyTreeNode):
-    """What each ray hit; W is the number of image columns.
+    """The walls that the rays hit; W is the number of image columns.
 
     Attributes:
         depth: float32[W], perpendicular distance in tiles.
         wall: uint8[W], the entry of `Level.walls` of the face that was hit.
-        along: float32[W] in [0, 1], place on the face from its left edge to its right as seen.
+        along: float32[W] in [0, 1], the place on the face from its left to its right edge as seen.
         horizontal: bool[W], whether the face looks north or south.
         tile: int32[W, 2], (column, row) of the tile that was hit, without the margin.
         side: int32[W], where the face looks: west, east, north, south; None if nobody asked.
@@ -71,18 +72,18 @@ class Hits(PyTreeNode):
 
 
 class Aim(PyTreeNode):
-    """Each ray on its way to the grid lines of one kind; named for the vertical ones.
+    """The rays relative to the grid lines of one kind; names describe the vertical lines.
 
     Attributes:
         first: float32[W], depth of the first line.
         spacing: float32[W], depth from one line to the next.
-        place: int32[W], y at the first line of the ray beside it, in fixed point.
-        shift: int32[W], from there to the ray's own place.
+        place: int32[W], y at the first line of the shifted ray, in fixed point.
+        shift: int32[W], from there to the place of the ray itself.
         stride: int32[W], y from one line to the next.
         forwards: bool[W], whether x grows along the ray.
         home: int32[], column of the eye.
-        lines: what there is to hit.
-        fraction_bits: bits of a place after the point.
+        lines: the lines to test.
+        fraction_bits: the number of fractional bits of a place.
     """
 
     first: jax.Array
@@ -104,7 +105,7 @@ def direction(heading: jax.Array) -> tuple[jax.Array, jax.Array]:
 
 
 def rays(heading: jax.Array, camera: Camera) -> tuple[jax.Array, jax.Array]:
-    """float32[W] x and y of the ray through each column, scaled to depth one."""
+    """float32[W] x and y of the ray through each column, scaled to depth 1."""
     slopes = jnp.asarray(camera.column_slopes())
     cos, sin = direction(heading)
     return cos - sin * slopes, sin + cos * slopes
@@ -141,13 +142,13 @@ def aim(
     camera: Camera,
     fixed: tuple[Fixed, Fixed] | None = None,
 ) -> tuple[Aim, Aim]:
-    """Aim the rays at the vertical and at the horizontal lines, those of `fixed_lines` if any."""
+    """Aim the rays at the vertical and the horizontal lines, or at those of `fixed_lines`."""
     columns, rows = occupancy(level, closed)
-    # The tile and the place in it apart, so that the margin rounds nothing.
+    # The tile and the place in it separately, so that adding the margin rounds nothing.
     floor = jnp.floor(position)
     home, inside = floor.astype(jnp.int32) + level.margin, position - floor
     ray_x, ray_y = rays(heading, camera)
-    # Towards the centre of the eye's tile, or the ray beside might begin beyond a line.
+    # Shift towards the centre of the eye's tile, or the shifted ray might start beyond a line.
     centre = 0.5 - inside
     left = ray_x * centre[1] < ray_y * centre[0]
     side = jnp.where(left, jnp.float32(-NUDGE), jnp.float32(NUDGE))
@@ -170,12 +171,12 @@ def _aim_at_lines(
 
     Args:
         words: uint32[C, words], solid rows of each column.
-        fixed: the columns that rays can hit; None if that may change.
+        fixed: the columns that rays can hit; None if the map may change.
         home: int32[2], (column, row) of the eye's tile.
         inside: float32[2], (x, y) of the eye within that tile.
         ray: float32[W], x component of each ray.
         across: float32[W], y component.
-        side: float32[W], how far the ray beside is on the side where y grows for who looks along x.
+        side: float32[W], the sideways shift of each ray, positive to the right seen along +x.
     """
     lines, n_words = words.shape
     fraction_bits = WORD - 1 - max(lines, n_words * WORD).bit_length()
@@ -203,12 +204,12 @@ def _aim_at_lines(
 
 
 def march(aims: tuple[Aim, Aim]) -> tuple[jax.Array, jax.Array]:
-    """int32[W] twice: how many lines of each kind a ray crosses before the one it hits."""
+    """int32[W] twice: how many lines of each kind a ray crosses before it hits one."""
     return _march(aims[0]), _march(aims[1])
 
 
 def _march(aim: Aim) -> jax.Array:
-    """int32[W]: how many lines each ray crosses before the one at which it hits."""
+    """int32[W]: how many lines each ray crosses before it hits one."""
     lines = aim.lines
     if isinstance(lines, Fixed):
         return _march_fixed(aim, lines)
@@ -231,12 +232,12 @@ def _march(aim: Aim) -> jax.Array:
 
 
 def _most_lines(words: int) -> int:
-    """Of so many words: how many are marched without a loop."""
+    """How many lines of this many words are marched without a loop."""
     return BLOCK if words <= 2 else SMALL_BLOCK
 
 
 def _march_fixed(aim: Aim, lines: Fixed) -> jax.Array:
-    """The same, over the lines of a constant map that have a face; their order does not matter."""
+    """As `_march`, over the lines of a constant map that have a wall face, in any order."""
     count = len(lines.columns)
     words = np.asarray(lines.words, np.int32) if lines.doors is None else lines.doors
     columns = np.asarray(lines.columns, np.int32)
@@ -247,7 +248,7 @@ def _march_fixed(aim: Aim, lines: Fixed) -> jax.Array:
             hit = _look_at(aim, column, list(word), lines.most, hit)
         return hit
     blocks = -(-count // size)
-    # The last block begins earlier, and looks at some lines again.
+    # The last block starts earlier, and tests some lines again.
     starts = np.minimum(np.arange(blocks, dtype=np.int32) * size, count - size)
 
     def visit(i: jax.Array, hit: jax.Array) -> jax.Array:
@@ -262,12 +263,12 @@ def _march_fixed(aim: Aim, lines: Fixed) -> jax.Array:
 
 
 def _look_at(aim: Aim, column: Any, words: list[Any], most: int, hit: jax.Array) -> jax.Array:
-    """`hit`, or how many lines each ray crosses before that of a column, if it hits there."""
+    """Update `hit`: how many lines each ray crosses before that of a column, if it hits there."""
     passed = column - aim.home - 1
     forwards = jnp.where(passed >= 0, passed, most)
     backwards = jnp.where(passed <= -2, -2 - passed, most)
     passed = jnp.where(aim.forwards, forwards, backwards)
-    # The complement of a place has that of its tile, by which the tile's bit becomes a word's sign.
+    # The complement of the tile shifts the tile's bit to the sign of the word.
     place = ~aim.place - aim.stride * passed
     tile = lax.shift_right_arithmetic(place, jnp.int32(aim.fraction_bits))
     word = jnp.broadcast_to(words[0], tile.shape)
@@ -280,9 +281,9 @@ def _look_at(aim: Aim, column: Any, words: list[Any], most: int, hit: jax.Array)
 def _march_block(
     aim: Aim, ahead: jax.Array, behind: jax.Array, base: jax.Array, hit: jax.Array
 ) -> jax.Array:
-    """`hit` after the lines from `base` on, the farthest first, one for each pair of words."""
+    """`hit` after the lines from `base` on, farthest first, one for each pair of words."""
     steps = ahead.shape[0]
-    # The complement of a place has that of its tile, by which the tile's bit becomes a word's sign.
+    # The complement of the tile shifts the tile's bit to the sign of the word.
     place = ~(aim.place + aim.stride * (base + steps - 1))
     for k in reversed(range(steps)):
         tile = lax.shift_right_arithmetic(place, jnp.int32(aim.fraction_bits))
@@ -294,7 +295,7 @@ def _march_block(
 
 
 def _word(aim: Aim, ahead: jax.Array, behind: jax.Array, tile: jax.Array) -> jax.Array:
-    """int32[W]: of the words of one line, int32[words] each way, the one with the tile's bit.
+    """int32[W]: the word with the tile's bit, from the words of one line in each direction.
 
     `tile` is the complement of the tile's number.
     """
@@ -307,7 +308,7 @@ def _word(aim: Aim, ahead: jax.Array, behind: jax.Array, tile: jax.Array) -> jax
 def look_up(
     aims: tuple[Aim, Aim], hits: tuple[jax.Array, jax.Array], level: Level, sides: bool = False
 ) -> Hits:
-    """What the rays hit at the nearer of the two lines that the marches found."""
+    """Look up the nearer of the two hits that the marches found."""
     vertical, crosswise = aims
     depths = [
         aim.first + hit.astype(jnp.float32) * aim.spacing
@@ -330,7 +331,7 @@ def look_up(
     one = 1 << bits
     within = jnp.clip(place + shift - (across << bits), 0, one)
     along = within.astype(jnp.float32) / one.astype(jnp.float32)
-    # Seen from outside, places on the north and east faces run against the axis.
+    # Seen from outside, left to right on north and east faces runs against the axis.
     mirrored = jnp.where(horizontal, crosswise.forwards, ~vertical.forwards)
     side = _side(aims, horizontal)
     index = row * level.size[0] + column

@@ -2,10 +2,10 @@
 
 Each stage is finished before the next one starts (see `_jax.staging`):
 
-1. `raycast.cast`: one ray a column finds its wall.
-2. `image_columns.prepare`: all that the pixels of a column have in common, billboards included.
-3. `pixels.paint`: one comparison tells wall from floor and ceiling, one shifted word a panel from
-   its wall and a billboard from what is behind it.
+1. `raycast.cast`: one ray per column finds its wall.
+2. `image_columns.prepare`: everything that the pixels of a column share, billboards included.
+3. `pixels.paint`: a comparison separates wall from floor and ceiling; a shifted word separates a
+   panel from its wall and a billboard from what is behind it.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from .shade import ImageKind
 from .sprites import Spots, choose, layers_seen, nearest, pick, project, see
 from .textures import Sampling
 
-# Layers of billboards that are painted in any case.
+# This many layers of billboards are always painted.
 FEW = 2
-# Where images are painted one by one, the compiler of JAX 0.10 copies all of a batch for each, so
-# that it takes sixty times as long; that of 0.12 does not.
+# When images are painted one by one, JAX 0.10 copies the whole batch for each image and takes
+# sixty times as long; JAX 0.12 does not.
 _COPIES_IMAGES = jax.__version_info__ < (0, 12)
 
 
 def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 4) -> jax.Array:
-    """Draw what the eye sees; to automatic differentiation a picture is a constant.
+    """Render what the eye sees. Gradients do not flow through images.
 
     Args:
-        scene: what there is to see, and from where.
+        scene: the scene and the pose of the eye.
         camera: size and field of view of the image.
         kind: `"rgb"` uint8[height, width, 3]; `"gray"` uint8[height, width], BT.601 luma of the
             same colours; `"depth"` float32[height, width], perpendicular distance in tiles;
-            `"labels"` uint8[height, width], what each pixel shows (see `scene.Theme`).
-        layers: how many billboards one column can show behind each other.
+            `"labels"` uint8[height, width], the label id of each pixel (see `scene.Theme`).
+        layers: how many billboards a column can show, one behind another.
     """
-    # Rays end where they hit, by loops and conditionals that cannot be differentiated.
+    # Rays use loops and conditionals that cannot be differentiated.
     scene = scene.replace(
         position=lax.stop_gradient(scene.position),
         heading=lax.stop_gradient(scene.heading),
@@ -119,7 +119,7 @@ def _draw(
 
         return draw
 
-    # Where no member of the batch sees more than a few layers, the others are not looked up.
+    # If no member of the batch sees more than a few layers, the others are not looked up.
     more = (seen > FEW).astype(jnp.int32)
     steps = [with_layers(most) for most in (FEW, layers)]
     return by_most(steps)(more, columns, hits.depth, scene.lift, spots, keys)
@@ -136,6 +136,6 @@ def _paint_layers(
     kind: ImageKind,
     way: _Way,
 ) -> jax.Array:
-    """The image with so many of the billboards' layers."""
+    """The image with `count` layers of billboards."""
     nearest = jax.tree.map(lambda leaf: leaf[..., :count, :], layers)
     return way.paint(columns.replace(layers=nearest), rows, scene, camera, kind)

@@ -1,4 +1,4 @@
-"""What the renderer draws: a level seen from a pose, its look, and billboards."""
+"""The input of the renderer: a level seen from a pose, a theme, and billboards."""
 
 from __future__ import annotations
 
@@ -9,38 +9,39 @@ from .level import Array, Level
 from .shade import Light
 from .textures import Textures
 
-# Labels of what is neither wall nor sprite.
+# Labels of floor and ceiling.
 CEILING = 0
 FLOOR = 1
 
 
 class Theme(PyTreeNode):
-    """How walls, floor, ceiling and sprites look: tables, constants of the program in numpy.
+    """The look of walls, floor, ceiling and sprites: tables in numpy, constants of the program.
 
-    `wall_colours`, `wall_panels`, `floor`, `ceiling` and `floor_words` may differ between the
-    scenes of one program, at the price of looking them up.
+    `wall_colours`, `wall_panels`, `floor`, `ceiling` and `floor_words` may also be arrays that
+    differ between the scenes of one program, at the cost of looking them up.
 
     Attributes:
         wall_colours: float32[n, 3], RGB 0 to 255 of each entry of `Level.walls`.
-        wall_panels: int32[n], row of `panels` drawn on each; 0 is the empty panel.
-        panels: uint32[m, 2, 32], bit planes (shadow, accent) by column, greatest bit on top.
+        wall_panels: int32[n], the row of `panels` for each wall; row 0 is the empty panel.
+        panels: uint32[m, 2, 32], bit planes (shadow, accent) by column; the top is the highest
+            bit.
         panel_accent: float32[3], colour of the accent plane.
         floor: float32[2, 3], the floor's two colours.
         ceiling: float32[3].
         sprite_art: uint32[s, 2, 32], bit planes (shape, detail) of each sprite picture, likewise.
         sprite_colours: float32[s, 2, 3], colours of the shape and of the detail.
         sprite_radius: float32[s], half the side of the square billboard, in tiles.
-        sprite_drop: float32[s], tiles from the eye's height down to the billboard's centre.
-        sprite_labels: uint8[s], what the `labels` image says of each; of a wall it says the
-            entry of `Level.walls`, of ceiling and floor `CEILING` and `FLOOR`.
+        sprite_drop: float32[s], tiles from eye height down to the billboard's centre.
+        sprite_labels: uint8[s], the label of each picture in the `labels` image; walls have their
+            entry of `Level.walls`, ceiling and floor `CEILING` and `FLOOR`.
         panel_reach: float32[m], tiles from the eye at which the shadows of each panel have faded,
-            or None if none does.
-        floor_words: uint32[2], where the floor has its second colour: bit i, counted from the
-            greatest, is that of the i-th of 32 stripes across two tiles, along x and along y; it
-            is where one of the two is set. None for a checker of tiles.
-        light: how bright they are.
-        textures: pictures for colours and greys in the place of these tables, or None. Labels and
-            depth stay as they are.
+            or None if none fade.
+        floor_words: uint32[2], the pattern of the floor along x and along y. Bit i, counted from
+            the highest, is the i-th of 32 stripes across two tiles. The floor has its second
+            colour where exactly one of the two bits is set. None for a checker of tiles.
+        light: the brightness of surfaces.
+        textures: pictures that replace these tables in colours and greys, or None. Labels and
+            depth do not depend on them.
     """
 
     wall_colours: Array
@@ -60,12 +61,12 @@ class Theme(PyTreeNode):
     textures: Textures | None = None
 
     def __repr__(self) -> str:
-        """Short: JAX asks for the words of every function that it traces, and of its tables."""
+        """Short, because JAX asks for the name of every function that it traces, and its tables."""
         return f"Theme({len(self.wall_colours)} walls, {len(self.sprite_art)} sprites)"
 
 
 class Sprites(PyTreeNode):
-    """Billboards, which always face the camera. N is their number.
+    """N billboards, which always face the camera.
 
     Attributes:
         position: float32[N, 2], (x, y) in tiles.
@@ -79,7 +80,7 @@ class Sprites(PyTreeNode):
 
 
 class Scene(PyTreeNode):
-    """All that one image depends on.
+    """Everything that determines an image.
 
     Attributes:
         level: the geometry.
@@ -88,9 +89,9 @@ class Scene(PyTreeNode):
         heading: float32[], radians, 0 along +x, growing clockwise on the map; or float32[2], the
             cosine and the sine of it.
         sprites: the billboards.
-        theme: how everything looks.
-        lift: float32[], tiles by which the eye is higher than the camera's, within the room; None
-            for none.
+        theme: the colours and pictures.
+        lift: float32[], how many tiles the eye is above the camera's eye height, within the room;
+            None for 0.
     """
 
     level: Level

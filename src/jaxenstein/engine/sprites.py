@@ -1,7 +1,7 @@
-"""Billboards: which of them each image column sees, nearest first.
+"""Billboards: which ones each image column sees, nearest first.
 
-A billboard is 32 columns of 32-bit words, so an image column fetches its words once and a pixel
-shifts and tests a bit. Of the billboards over a column, the nearest few are kept.
+A billboard is 32 columns of 32-bit words, so an image column fetches its words once, and a pixel
+shifts and tests a bit. Only the nearest few billboards of a column are kept.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .shade import ImageKind, pack_rgb, tone
 
 # Billboards nearer than this are behind the eye or around it.
 NEAREST = 0.05
-# Billboards are looked through in a loop of blocks of this size, to bound the program.
+# Billboards are searched in a loop over blocks of this size, to bound the program.
 BLOCK = 8
 # Of more pictures than this, what differs between them is fetched.
 MOST_SELECTS = 64
@@ -33,16 +33,16 @@ _NONE = 0xFFFFFFFF
 
 
 class Layers(PyTreeNode):
-    """The nearest billboards over each column, near to far: K layers, W columns.
+    """The nearest billboards of each column, near to far: K layers, W columns.
 
-    A pixel `y` rows below the horizon shows bit `round(scale * y + offset)` of the planes. What
-    is the same in all columns has one column.
+    A pixel `y` rows below the horizon shows bit `round(scale * y + offset)` of the planes. Values
+    that are equal in all columns have one column.
 
     Attributes:
         shape: uint32[K, W], words of the shape; 0 where there is no billboard.
         detail: uint32[K, W], words of the detail.
-        scale: float32[K, W or 1], bits a pixel.
-        offset: float32[K, W or 1], less one half.
+        scale: float32[K, W or 1], bits per pixel.
+        offset: float32[K, W or 1], minus one half.
         shape_paint: paint[K, W or 1] of the shape (see `image_columns.ImageColumns`).
         detail_paint: paint[K, W or 1] of the detail.
     """
@@ -56,13 +56,13 @@ class Layers(PyTreeNode):
 
 
 class Spots(PyTreeNode):
-    """Billboards as the eye sees them; any shape, the same for all.
+    """Billboards as the eye sees them, in any common shape.
 
-    A column of slope s sees column `stretch * s + start` of a billboard's 32, if there is one.
+    An image column of slope s sees column `stretch * s + start` of a billboard's 32 columns.
 
     Attributes:
-        stretch: float32, 0 if it is not to be drawn.
-        start: float32, -1 if it is not to be drawn.
+        stretch: float32, 0 if the billboard is not drawn.
+        start: float32, -1 if the billboard is not drawn.
         picture: int32.
     """
 
@@ -83,16 +83,16 @@ def choose(
     camera: Camera,
     layers: int,
 ) -> Spots:
-    """The billboards to draw over each column, [K, W] near to far; walls are not looked at.
+    """The billboards to draw in each column, [K, W] near to far, ignoring walls.
 
     Args:
         position: float32[2], the eye.
         heading: float32[], radians.
-        sprites: the billboards, N of them.
+        sprites: the N billboards.
         theme: their pictures.
         camera: width and field of view.
-        layers: how many billboards a column can show, one behind the other. If there are no
-            more than that, the result is [N, 1]: all of them.
+        layers: how many billboards a column can show, one behind another. If there are no more
+            than that, the result is [N, 1], all of them.
     """
     spots = see(position, heading, sprites, theme)
     if sprites.picture.shape[0] <= layers:
@@ -101,27 +101,27 @@ def choose(
 
 
 def see(position: jax.Array, heading: jax.Array, sprites: Sprites, theme: Theme) -> Spots:
-    """All billboards, [N]; arguments as of `choose`."""
+    """All billboards, [N]; the arguments are as in `choose`."""
     return staged(partial(_spot, theme=theme))(position, heading, sprites)
 
 
 def nearest(spots: Spots, theme: Theme, camera: Camera, layers: int) -> jax.Array:
-    """uint32[layers, W]: keys of the nearest billboards over each column, in order."""
+    """uint32[layers, W]: sort keys of the nearest billboards in each column, in order."""
     return staged(partial(_nearest, theme=theme, camera=camera, layers=layers))(spots)
 
 
 def pick(spots: Spots, keys: jax.Array) -> Spots:
-    """The billboards of keys from `nearest`, [K, W]."""
+    """The billboards for keys from `nearest`, [K, W]."""
     return staged(_pick)(spots, keys)
 
 
 def layers_seen(keys: jax.Array, wall_depth: jax.Array, count: int) -> jax.Array:
-    """int32[W]: how many layers of keys from `nearest` may be seen before the walls.
+    """int32[W]: how many layers of keys from `nearest` may be visible in front of the walls.
 
     Args:
         keys: uint32[layers, W].
         wall_depth: float32[W].
-        count: of all billboards.
+        count: the number of billboards.
     """
     depth = lax.bitcast_convert_type(wall_depth, jnp.uint32)
     before = (keys & ~_index_mask(count)) <= depth[None]
@@ -137,7 +137,7 @@ def project(
     camera: Camera,
     kind: ImageKind,
 ) -> Layers:
-    """What the chosen billboards show in each column.
+    """The pixels of the chosen billboards in each column.
 
     Args:
         spots: the billboards from `choose`.
@@ -159,7 +159,7 @@ def project(
     for plane in (0, 1):
         colour = [_of_picture(palette[:, plane, channel], spots.picture) for channel in range(3)]
         paint.append(tone(kind, pack_rgb(colour, light), labels, depth))
-    # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
+    # A separate stage, or some compilers fuse it with the lookup, whose loop is scalar.
     words = staged(partial(_words, theme=theme, camera=camera))(spots, wall_depth)
     art = np.asarray(theme.sprite_art)
     tables = [np.append(art[:, i].reshape(-1), np.uint32(0)) for i in (0, 1)]
@@ -175,19 +175,19 @@ def project(
 
 
 def _words(spots: Spots, wall_depth: jax.Array, *, theme: Theme, camera: Camera) -> jax.Array:
-    """int32[K, W]: which word of all the art each column sees; the one past them for none."""
+    """int32[K, W]: the word of the art that each column sees; past the end for none."""
     depth = spots.depth(theme)
     across = spots.stretch * jnp.asarray(camera.column_slopes())[None] + spots.start
     seen = (across >= 0) & (across < WORD) & (depth < wall_depth[None])
     texel = jnp.clip(across.astype(jnp.int32), 0, WORD - 1)
     pictures = theme.sprite_art.shape[0]
-    # With a single picture, no column need fetch which one it shows.
+    # With a single picture, no column needs to look up its picture.
     row = spots.picture if pictures > 1 else jnp.zeros_like(spots.picture)
     return jnp.where(seen, row * WORD + texel, np.int32(pictures * WORD))
 
 
 def _spot(position: jax.Array, heading: jax.Array, sprites: Sprites, *, theme: Theme) -> Spots:
-    """Where N billboards are, [N]."""
+    """Project N billboards, [N]."""
     cos, sin = direction(heading)
     offset = sprites.position - position[None]
     depth = offset[:, 0] * cos + offset[:, 1] * sin
@@ -229,10 +229,10 @@ def _sorted(spots: Spots, theme: Theme) -> Spots:
 
 
 def _nearest(spots: Spots, *, theme: Theme, camera: Camera, layers: int) -> jax.Array:
-    """uint32[layers, W]: keys of the nearest billboards over each column.
+    """uint32[layers, W]: sort keys of the nearest billboards in each column.
 
-    A key is the leading bits of a depth with the billboard's index below, so that one minimum
-    finds both; billboards whose depths agree to about 1e-5 are ordered by index.
+    A key has the leading bits of a depth and, below them, the index of the billboard, so that one
+    minimum finds both. Billboards whose depths agree to about 1e-5 are ordered by index.
     """
     count = spots.picture.shape[0]
     index = np.arange(count, dtype=np.uint32)
@@ -267,7 +267,7 @@ def _index_mask(count: int) -> np.uint32:
 
 
 def _pick(spots: Spots, keys: jax.Array) -> Spots:
-    """The billboards of keys from `_nearest`; where there is none, one that is not drawn."""
+    """The billboards for keys from `_nearest`; where there is none, one that is not drawn."""
     none = keys == np.uint32(_NONE)
     index = jnp.where(none, np.uint32(0), keys & _index_mask(spots.picture.shape[0]))
     chosen = index.astype(jnp.int32)

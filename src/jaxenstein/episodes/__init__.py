@@ -1,1 +1,1 @@
-"""Single episodes on the host: playing them step by step, recording them, replaying them."""
+"""Single episodes on the host: play them step by step, record them, replay them."""

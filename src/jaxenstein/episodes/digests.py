@@ -1,4 +1,4 @@
-"""Digests of all states and observations of a session, and the trajectory with them."""
+"""Digests of all states and observations of a session, and the trajectory that holds them."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from .session import Session
 
 
 class Digests:
-    """Digests of every state and observation that a session has shown."""
+    """Digests of all states and observations of a session."""
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Start without digests."""
         self._states: list[bytes] = []
         self._observations: list[bytes] = []
 
     def add(self, session: Session) -> None:
-        """Add those of what the session shows; call it after the reset and after each step."""
+        """Add the current state and observation; call it after the reset and after each step."""
         self._states.append(digest(session.state))
         self._observations.append(digest(session.observation))
 
     def checks(self, session: Session) -> Checks:
-        """What the session came to."""
+        """The checks for a trajectory."""
         every = digest_spacing(len(self._states))
         return Checks(
             rewards=tuple(session.rewards),
@@ -53,17 +53,17 @@ def digest(tree: Any) -> bytes:
 
 
 def _thinned(digests: Sequence[bytes], every: int) -> tuple[str, ...]:
-    """One digest for every so many."""
+    """One digest for every `every` digests."""
     groups = (digests[start : start + every] for start in range(0, len(digests), every))
     return tuple(hashlib.sha256(b"".join(group)).hexdigest()[:DIGITS] for group in groups)
 
 
 def trajectory_of(session: Session, spec: Spec | None = None) -> Trajectory:
-    """The trajectory of a session, found by playing its actions once more.
+    """The trajectory of a session; replays its actions to compute the digests.
 
     Args:
         session: an episode, finished or not.
-        spec: how its environment is built, if that is known.
+        spec: the spec of its environment, if known.
 
     Raises:
         TrajectoryError: neither `make` nor `from_ascii` builds its environment.
@@ -79,7 +79,7 @@ def trajectory_of(session: Session, spec: Spec | None = None) -> Trajectory:
 
 
 def make_trajectory(session: Session, digests: Digests, spec: Spec) -> Trajectory:
-    """The trajectory of a session, given the digests of all that it has shown."""
+    """The trajectory of a session, from the digests of all its states and observations."""
     return Trajectory(
         environment=spec,
         seed=session.seed,

@@ -1,6 +1,6 @@
-"""Who acts in an episode that is recorded.
+"""The policies for recording an episode.
 
-Importing this module does not import JAX, so that the command line can list the names.
+Importing this module does not import JAX, so that the command line can list policies quickly.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 class Policy(Protocol):
-    """Chooses actions, seeing all of the episode so far.
+    """Chooses actions from the episode so far.
 
-    Any function of a session is one. A policy with a memory begins anew where
+    Any function of a session is a policy. A policy with a memory must reset it when
     `session.actions` is empty.
     """
 
@@ -28,7 +28,7 @@ class Policy(Protocol):
         """The next action: a whole number, from Python, numpy or JAX.
 
         Args:
-            session: with `observation`, `state`, `actions`, `rewards`, and `policy_key()` for
+            session: has `observation`, `state`, `actions` and `rewards`, and `policy_key()` for
                 random choices.
         """
         ...
@@ -42,23 +42,23 @@ class Script:
         self._actions = tuple(actions)
 
     def __call__(self, session: Session) -> int:
-        """The action whose turn it is."""
+        """The next action of the list."""
         return self._actions[len(session.actions)]
 
 
 class Forward:
-    """Walks on; where it is blocked it tries to open a door, and if that fails turns away.
+    """Walks forward; if blocked, tries to open a door, and then turns away.
 
-    Now and then it also turns a little on its way, so as to come around.
+    Now and then it also turns a little, so that it gets around.
     """
 
     DRIFT = 0.04
 
     def __init__(self, action_names: Sequence[str], rng: np.random.Generator) -> None:
-        """Take the actions by their names; an environment without `interact` never gets it.
+        """Find the actions by their names; `interact` is optional.
 
         Raises:
-            SettingError: there is no action to walk or turn with.
+            SettingError: an action for walking or turning is missing.
         """
         from ..players.walking import walking_actions
 
@@ -70,7 +70,7 @@ class Forward:
         self._tried = False
 
     def __call__(self, session: Session) -> int:
-        """Forward, unless the last step forward did not move."""
+        """Forward, unless the last step forward did not move the agent."""
         position = np.asarray(session.state.position)
         if not self._plan:
             self._plan = self._next(position)
@@ -93,40 +93,40 @@ class Forward:
 
 
 class Scripted:
-    """Plays as a scripted player, which sees the whole state.
+    """Plays like a scripted player, which sees the whole state.
 
     Attributes:
-        env: the environment that it plays in.
+        env: the environment.
         params: its params.
-        name: of the player.
+        name: the name of the player.
         waits: as `Player.waits`.
     """
 
     def __init__(self, player: Player, env: AnyEnvironment, params: Any, name: str = "") -> None:
-        """Take the player."""
+        """Store the player."""
         self.env, self.params, self.name, self.waits = env, params, name, player.waits
         self._choose = _compiled(player, env)
 
     def __call__(self, session: Session) -> int:
-        """What the player does in the state."""
+        """The action that the player chooses."""
         return int(self._choose(self.params, session.policy_key(), session.state))
 
 
 @functools.lru_cache(maxsize=32)
 def _compiled(player: Player, env: AnyEnvironment) -> Callable[..., Any]:
-    """A function of params, key and state, compiled once for each player and environment."""
+    """A function of params, key and state, compiled once per player and environment."""
     import jax
 
     return jax.jit(lambda params, key, state: player(env, params)(key, state))
 
 
 class Own:
-    """A policy of observations, in JAX, as `jaxenstein.evaluate` takes one.
+    """A policy of observations written in JAX, as for `jaxenstein.evaluate`.
 
     Attributes:
-        env: the environment that it plays in.
+        env: the environment.
         params: its params.
-        name: of the policy, to show.
+        name: the name of the policy.
         policy: the function.
         carry: its memory at the start of an episode, as arrays; None without one.
     """
@@ -134,10 +134,10 @@ class Own:
     def __init__(
         self, policy: Callable[..., Any], carry: Any, env: AnyEnvironment, params: Any, name: str
     ) -> None:
-        """Take the policy.
+        """Check and store the policy.
 
         Raises:
-            SettingError: it takes or returns something else than `jaxenstein.evaluate` says.
+            SettingError: the policy takes or returns the wrong values; see `jaxenstein.evaluate`.
         """
         import jax
 
@@ -158,19 +158,19 @@ class Own:
 
 
 GENERAL = {
-    "random": "draws every action uniformly",
-    "forward": "walks on and turns where it is blocked",
-    "expert": "does the task: the best of the players that know it",
+    "random": "samples every action uniformly",
+    "forward": "walks forward and turns where it is blocked",
+    "expert": "the best scripted player of the task",
     "idle": "does nothing",
 }
-"""The policies that there are in every environment, in words."""
+"""The policies that every environment has, with descriptions."""
 
 
 def named_policy(name: str, env: AnyEnvironment, params: Any, seed: int) -> Policy:
-    """The policy of a name: one of `GENERAL`, or a player of the environment's own.
+    """Look up a policy: one of `GENERAL`, or a player of the environment.
 
     Raises:
-        SettingError: there is none; the message names those of this environment.
+        SettingError: there is no such policy; the message names those of this environment.
     """
     from ..players import player_of
 

@@ -1,4 +1,4 @@
-"""Playing one episode, keeping what pictures and replays of it need, and playing it again."""
+"""Record an episode with everything that pictures and replays need, and replay it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ..maps.tilemap import TileMap
 
 COMPARED = ("rewards", "states", "observations")
-# Billboards this near to the eye, in tiles, are in the hand, and not on the map.
+# Billboards closer to the eye than this, in tiles, are in the hand, and not on the map.
 IN_HAND = 0.08
 
 
@@ -41,21 +41,21 @@ def record(
     seed: int = 0,
     steps: int | None = None,
 ) -> Episode:
-    r"""Play one episode and keep it: a notebook shows it, `save` writes it.
+    r"""Record an episode: a notebook shows it, `save` writes it to a file.
 
     Args:
-        env: an environment that is seen in first person; its `autoreset` does not matter.
-        params: its params, None for the default ones.
-        policy: who acts: a name of `episodes.policies.POLICIES`, such as "forward", "random" or
-            "expert"; a list of actions; or any function of a `Session` that returns an action,
-            such as `lambda session: agent(session.observation)`.
-        seed: of the episode and of the named policies, 0 to 2**32 - 1.
-        steps: the most steps; None for as many as the episode, or the list of actions, has.
+        env: a first-person environment; its `autoreset` does not matter.
+        params: its params; None for the default params.
+        policy: a name from `episodes.policies.POLICIES`, such as "forward", "random" or "expert";
+            a list of actions; or any function of a `Session` that returns an action, such as
+            `lambda session: agent(session.observation)`.
+        seed: the seed of the episode and of the named policies, 0 to 2**32 - 1.
+        steps: the maximum number of steps; None for the whole episode or list of actions.
 
     Raises:
-        SettingError: the environment is not seen in first person, there is no such policy, it
-            does not know this task, an action, `seed` or `steps` is no whole number in range, or
-            the params are not those of one environment.
+        SettingError: the environment is not first-person; the policy does not exist or cannot
+            play this task; an action, `seed` or `steps` is not a whole number in range; or the
+            params have a batch axis.
 
     Examples:
         >>> import jaxenstein
@@ -66,9 +66,7 @@ def record(
         ('terminated', 1.0)
     """
     if not isinstance(env, FirstPerson):
-        raise SettingError(
-            f"only environments seen in first person are recorded, not {quoted(env)}"
-        )
+        raise SettingError(f"only first-person environments can be recorded, not {quoted(env)}")
     params = env.single_params(params)
     seed = check_seed(seed)
     chosen, length = _policy(policy, env, params, seed)
@@ -86,7 +84,7 @@ def record(
 def _policy(
     policy: str | Sequence[int] | Policy, env: AnyEnvironment, params: Any, seed: int
 ) -> tuple[Policy, int | None]:
-    """The policy, and how many actions it has if that is known."""
+    """The policy, and its number of actions if that is known."""
     if isinstance(policy, str):
         return named_policy(policy, env, params, seed), None
     if callable(policy):
@@ -95,7 +93,7 @@ def _policy(
     for index, action in enumerate(actions):
         if not NO_OP <= action < env.num_actions:
             raise SettingError(
-                f"action {index} (from 0) is {action}; {quoted(env.name)} has the actions 0 to "
+                f"action {index} (from 0) is {action}, but {quoted(env.name)} has the actions 0 to "
                 f"{env.num_actions - 1}, and {NO_OP} for none"
             )
     return Script(actions), len(actions)
@@ -113,11 +111,11 @@ def play(
     """Play one episode to its end, or the first `steps` steps of it.
 
     Args:
-        session: just reset.
+        session: a session right after a reset.
         policy: chooses the actions.
-        steps: the most steps to take.
-        spec: how the environment is built, for the trajectory; None for none.
-        beyond: whether to take all steps, even after the end, where the old episode goes on.
+        steps: the maximum number of steps.
+        spec: the spec of the environment, for the trajectory; None for no trajectory.
+        beyond: whether to continue after the end of the episode until all steps are taken.
         notify: called with the number of steps taken.
     """
     builder, digests = EpisodeBuilder(), Digests()
@@ -148,16 +146,17 @@ def play(
 
 
 def longest_step(env: FirstPerson[Any, Any], params: Any) -> float:
-    """Tiles beyond which a step on the map from above is a new start."""
-    # With some room for rounding.
+    """How many tiles a step can move the agent; a longer move on the map is a new start."""
+    # With some tolerance for rounding.
     return max(JUMP, 1.001 * env.frame_skip * env.stride(params))
 
 
 def snapshots(env: Any, params: Any) -> Callable[[Any], dict[str, Any]]:
-    """A function of a state that gives what the map and the caption show of it, on the host.
+    """A function from a state to what the map and the caption show, on the host.
 
-    Its keys are those of `Episode` that it fills, by frame, and `"variables"`; `"closed"` in the
-    order of `"doors"`, int32[D, 2], the places of the level's doors (`levels.closed_doors`).
+    Its keys are the `Episode` attributes that it fills, per frame, and `"variables"`. `"closed"`
+    follows the order of `"doors"`, int32[D, 2], the tiles of the level's doors
+    (`levels.closed_doors`).
     """
     env = dataclasses.replace(env, autoreset=None, final_observation=False)
     return lambda state: jax.device_get(_snapshot(env, state, params))
@@ -190,17 +189,17 @@ class EpisodeBuilder:
     events: list[str] = dataclasses.field(default_factory=list)
 
     def add_frame(self, image: Any, snapshot: dict[str, Any]) -> None:
-        """Add what the agent sees in a state, and the state's snapshot."""
+        """Add an image and the snapshot of its state."""
         self.frames.append(np.asarray(image))
         self.snapshots.append(snapshot)
 
     def add_step(self, session: Session) -> None:
-        """Add what the last step of a session brought."""
+        """Add the outcome of a session's last step."""
         self.rewards.append(session.rewards[-1])
         self.events.append(event_text(session))
 
     def build(self, env: FirstPerson[Any, Any], params: Any, tilemap: TileMap | None) -> Episode:
-        """The finished episode of an environment."""
+        """The finished episode."""
 
         def over_time(name: str, dtype: type) -> np.ndarray:
             return np.stack([np.asarray(shot[name]) for shot in self.snapshots]).astype(dtype)
@@ -230,18 +229,18 @@ class EpisodeBuilder:
 
 
 def event_text(session: Session) -> str:
-    """What the last step brought, in words; else what the task asks for, or "" for nothing."""
+    """The events of the last step in words, or else the instruction of the task; may be ""."""
     late = session.truncated and not session.terminated
     words = event_words(session.env.about().events, session.info) + ["time is up"] * late
     return ", ".join(words) or session.env.instruction(session.state)
 
 
 def event_words(events: Mapping[str, Event], info: Mapping[str, Any]) -> list[str]:
-    """What happened in a step, each event in words.
+    """Describe each event of a step in words.
 
     Args:
-        events: those of the environment, as its `about()` has them.
-        info: of the step.
+        events: the events of the environment, from its `about()`.
+        info: the info of the step.
     """
     counts = {name: int(info.get(name, 0)) for name in events}
     return [events[name].in_words(count) for name, count in counts.items() if count]
@@ -249,13 +248,13 @@ def event_words(events: Mapping[str, Event], info: Mapping[str, Any]) -> list[st
 
 @dataclasses.dataclass(frozen=True)
 class Replay:
-    """A trajectory played again.
+    """The replay of a trajectory.
 
     Attributes:
-        episode: as it was played now; its `trajectory` says what runs now.
-        original: the trajectory that was played again.
-        differences: what is not as it was, each in words with its first steps; () if the
-            rewards, states and observations are the same bit for bit.
+        episode: the replayed episode, with a trajectory of its own.
+        original: the trajectory that was replayed.
+        differences: descriptions of all differences, with their first steps; () if rewards,
+            states and observations are bit-identical.
     """
 
     episode: Episode
@@ -264,11 +263,11 @@ class Replay:
 
     @property
     def identical(self) -> bool:
-        """Whether all rewards, states and observations are the same bit for bit."""
+        """Whether all rewards, states and observations are bit-identical."""
         return not self.differences
 
     def report(self) -> str:
-        """Lines that say whether it is identical; if not, where it differs and what differs."""
+        """Report whether the replay is identical, and if not, where and what differs."""
         if self.identical:
             return f"{self.episode.summary()}, the same bit for bit"
         assert self.episode.trajectory is not None
@@ -279,7 +278,7 @@ class Replay:
         lines += [f"  {' and '.join(same)} are the same bit for bit"] * bool(same)
         versions = self.original.environment.version, now.environment.version
         if versions[0] != versions[1]:
-            lines.append(f"  the environment was version {versions[0]}, now it is {versions[1]}")
+            lines.append(f"  the environment had version {versions[0]}, now {versions[1]}")
         lines.append(f"  made by  {described(self.original.made_by)}")
         lines.append(f"  running  {described(now.made_by)}")
         return "\n".join(lines)
@@ -291,14 +290,14 @@ def described(made_by: Mapping[str, str]) -> str:
 
 
 def replay(trajectory: Trajectory, *, notify: Callable[[int], object] | None = None) -> Replay:
-    """Play a trajectory again.
+    """Replay a trajectory.
 
     Args:
-        trajectory: as `load_trajectory` reads it or `Episode.trajectory` holds it.
+        trajectory: a trajectory from `load_trajectory` or `Episode.trajectory`.
         notify: called with the number of steps taken.
 
     Raises:
-        JAXensteinError: its environment cannot be built any more.
+        JAXensteinError: the environment can no longer be built.
     """
     spec = trajectory.environment
     env, params = spec.build()

@@ -1,4 +1,4 @@
-"""One episode at a time, step by step on the host: what playing, recording and replaying share."""
+"""One episode at a time, step by step on the host, for playing, recording and replaying."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from ..players.chance import NO_OP
 
 
 class Session:
-    r"""An environment in play, without automatic resets.
+    r"""An episode in progress, without automatic resets.
 
-    A seed and the actions since the reset decide everything: the same ones give the same episode
-    again, bit for bit, with the same version of this package and of JAX on the same hardware.
+    The seed and the actions since the reset determine the episode. With the same versions of this
+    package and of JAX on the same hardware, it is bit-identical.
 
     Attributes:
         env: the environment, with `autoreset=None`.
         params: its params, as arrays.
-        seed: of this episode.
-        observation: of the state, on the device.
+        seed: the seed of this episode.
+        observation: the observation of the state, on the device.
         state: the state.
-        actions: those taken since the reset, in order.
-        rewards: float, of each of these steps.
-        terminated: whether the last step ended the task.
-        truncated: whether the time limit is reached.
-        info: of the last step; that of the state after a reset.
+        actions: the actions since the reset, in order.
+        rewards: float, the reward of each of these steps.
+        terminated: whether the task ended the episode.
+        truncated: whether the time limit has been reached.
+        info: the info of the last step, or of the first state after a reset.
 
     Examples:
         >>> import jaxenstein
@@ -46,10 +46,10 @@ class Session:
         """Reset `env` with `seed`; its `autoreset` and `final_observation` do not matter.
 
         Raises:
-            SettingError: the params are not those of one environment.
+            SettingError: the params have a batch axis.
         """
         self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
-        # As arrays: Python's numbers would be transferred, and compiled for, by themselves.
+        # Arrays, because Python numbers would be transferred and compiled separately.
         self.params = env.single_params(params)
         self.reset(seed)
 
@@ -60,17 +60,17 @@ class Session:
 
     @property
     def episode_return(self) -> float:
-        """Undiscounted sum of the rewards since the reset."""
+        """The undiscounted sum of rewards since the reset."""
         return sum(self.rewards)
 
     def reset(self, seed: int) -> Any:
-        """Begin the episode of `seed`; returns its first observation.
+        """Start the episode of a seed; returns its first observation.
 
         Raises:
-            SettingError: the seed is no whole number from 0 to 2**32 - 1.
+            SettingError: the seed is not a whole number from 0 to 2**32 - 1.
         """
         self.seed = check_seed(seed)
-        # Named, lest a setting of JAX change what a seed means.
+        # Explicit, so that no JAX setting changes the meaning of a seed.
         key = jax.random.key(self.seed, impl="threefry2x32")
         self._key, reset_key = jax.random.split(key)
         self.observation, self.state = self.env.reset(reset_key, self.params)
@@ -81,18 +81,18 @@ class Session:
         return self.observation
 
     def step(self, action: SupportsIndex) -> Any:
-        """Take a step, also after the end, where the episode goes on; returns the observation.
+        """Take a step and return the observation; after its end, the episode continues.
 
         Args:
-            action: a whole number; outside the action space it does nothing and is kept as -1.
+            action: a whole number; outside the action space it does nothing and is stored as -1.
 
         Raises:
-            SettingError: the action is no whole number.
+            SettingError: the action is not a whole number.
         """
         chosen = whole_action(action)
         if not 0 <= chosen < self.env.num_actions:
             chosen = NO_OP
-        # The third key is that of policies, lest a choice change what the environment draws.
+        # The third key is for policies, so that their choices do not affect the environment.
         self._key, step_key, _ = jax.random.split(self._key, 3)
         self.observation, self.state, reward, terminated, truncated, info = self.env.step(
             step_key, self.state, np.int32(chosen), self.params
@@ -106,15 +106,15 @@ class Session:
         return self.observation
 
     def policy_key(self) -> jax.Array:
-        """A key for choosing the next action, independent of what the environment draws."""
+        """A random key for choosing the next action, independent of the environment's keys."""
         return jax.random.split(self._key, 3)[2]
 
 
 def check_seed(seed: Any) -> int:
-    """The seed as an int.
+    """Check a seed; returns an int.
 
     Raises:
-        SettingError: it is no whole number from 0 to 2**32 - 1.
+        SettingError: the seed is not a whole number from 0 to 2**32 - 1.
     """
     try:
         number = operator.index(seed)
@@ -126,10 +126,10 @@ def check_seed(seed: Any) -> int:
 
 
 def whole_action(action: Any) -> int:
-    """An action as an int, from Python, numpy or JAX.
+    """Convert an action from Python, numpy or JAX to an int.
 
     Raises:
-        SettingError: it is no whole number.
+        SettingError: the action is not a whole number.
     """
     try:
         return operator.index(action)

@@ -1,4 +1,4 @@
-"""Reading trajectory files, which anybody may have edited, cut off or made with another version."""
+"""Read trajectory files, which may be edited, truncated, or from another version."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from ..spec import TEXTS, Spec
 from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory, digest_spacing
 from .session import NO_OP
 
-# A run may claim any length; an episode of so many steps would take weeks.
+# The largest length of a run of equal values: an episode of so many steps would take weeks.
 MOST_ACTIONS = 10_000_000
 Table = dict[str, Any]
 
 
 def load_trajectory(path: str | Path) -> Trajectory:
-    """Read a trajectory file, and build its environment once to see that all of it is usable.
+    """Read a trajectory file, and build its environment once to check that it is usable.
 
     Raises:
-        TrajectoryError: it cannot be read, is cut off or no trajectory, is of a newer format, or
-            has an entry that is missing, unknown or wrong; the message names file and entry.
+        TrajectoryError: the file cannot be read, is truncated or not a trajectory, has a newer
+            format, or has an entry that is missing, unknown or wrong; the message names file and
+            entry.
     """
     try:
         return _read(_parse(Path(path)))
@@ -35,7 +36,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
 
 
 def _parse(path: Path) -> Any:
-    """The JSON of a file."""
+    """Parse the JSON in a file."""
     try:
         return json.loads(read_text(path))
     except OSError as error:
@@ -43,21 +44,21 @@ def _parse(path: Path) -> Any:
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise TrajectoryError(
-            f"no trajectory, or only a part of one: {place}: {error.msg}"
+            f"not a trajectory, or only a part of one: {place}: {error.msg}"
         ) from error
     except (ValueError, RecursionError) as error:
-        raise TrajectoryError(f"no trajectory: {error}") from error
+        raise TrajectoryError(f"not a trajectory: {error}") from error
 
 
 def _read(table: Any) -> Trajectory:
     if not isinstance(table, dict) or table.get("format") != FORMAT:
-        raise TrajectoryError(f"no trajectory: 'format' is not {FORMAT!r}")
+        raise TrajectoryError(f"not a trajectory: 'format' is not {FORMAT!r}")
     made_by = _made_by(table)
     version = _take(table, "format_version", Domain("whole", 1))
     if version > FORMAT_VERSION:
         raise TrajectoryError(
-            f"its format is version {version}, made by jaxenstein {made_by.get('jaxenstein')}; "
-            f"this version reads up to {FORMAT_VERSION}: a newer jaxenstein is needed"
+            f"its format is version {version}, from jaxenstein {made_by.get('jaxenstein')}, but "
+            f"this version only reads up to {FORMAT_VERSION}: use a newer jaxenstein"
         )
     _only(table, "", ("format", "format_version", *names_of(Trajectory)))
     spec = _spec(_take(table, "environment", _object))
@@ -114,7 +115,7 @@ def _actions(table: Table, env: AnyEnvironment) -> tuple[int, ...]:
     for index, action in enumerate(actions):
         if not NO_OP <= action < env.num_actions:
             raise TrajectoryError(
-                f"action {index} (from 0) is {action}, and {quoted(env.name)} has the actions 0 to "
+                f"action {index} (from 0) is {action}, but {quoted(env.name)} has the actions 0 to "
                 f"{env.num_actions - 1}, and {NO_OP} for none"
             )
     return actions
@@ -142,7 +143,7 @@ def _checks(table: Table, steps: int) -> Checks:
     ):
         if count != right:
             raise TrajectoryError(
-                f"'{within}{name}' has {count} values; {steps} actions need {right}"
+                f"'{within}{name}' has {count} values, but {steps} actions need {right}"
             )
     return checks
 
@@ -155,7 +156,7 @@ def _only(table: Table, within: str, names: tuple[str, ...]) -> None:
 
 
 def _take(table: Table, name: str, kind: Domain | Callable[[Any], Any], within: str = "") -> Any:
-    """An entry of a domain, or as `kind` converts it, which may raise ValueError."""
+    """Take an entry from a domain, or convert it with `kind`, which may raise ValueError."""
     if name not in table:
         raise TrajectoryError(f"the entry '{within}{name}' is missing")
     if isinstance(kind, Domain):
@@ -173,13 +174,13 @@ def _take(table: Table, name: str, kind: Domain | Callable[[Any], Any], within: 
 
 
 def _runs(table: Table, name: str, within: str, kind: Domain) -> tuple[Any, ...]:
-    """The values of a list of runs [value, how often]."""
+    """The values of a list of runs [value, count]."""
 
     def convert(value: Any) -> tuple[Any, ...]:
         values: list[Any] = []
         for i, run in enumerate(_list(value)):
             if not isinstance(run, list) or len(run) != 2:
-                raise TrajectoryError(f"'{within}{name}[{i}]' must be [value, how often]")
+                raise TrajectoryError(f"'{within}{name}[{i}]' must be [value, count]")
             where = dict(enumerate(run))
             label = f"{within}{name}[{i}]"
             one = _take({label: where[0]}, label, kind)
@@ -192,7 +193,7 @@ def _runs(table: Table, name: str, within: str, kind: Domain) -> tuple[Any, ...]
 
 def _text(value: Any) -> str:
     if not isinstance(value, str) or not value.isprintable():
-        raise ValueError("a text of one line")
+        raise ValueError("one line of text")
     return value
 
 
@@ -224,7 +225,7 @@ def _digests(value: Any) -> tuple[str, ...]:
 
 
 def _frozen(value: Any) -> Any:
-    """Lists as tuples, since settings are hashed."""
+    """Convert lists to tuples, because settings must be hashable."""
     if isinstance(value, dict):
         raise TrajectoryError(f"a setting cannot be an object: {quoted(value)}")
     return tuple(map(_frozen, value)) if isinstance(value, list) else value

@@ -1,1 +1,1 @@
-"""Playing by a person: a window or a terminal, keys, and the game between them."""
+"""Play by hand: windows and terminals, keys, and the game between them."""

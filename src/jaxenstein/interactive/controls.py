@@ -1,11 +1,11 @@
-"""From keys to actions: which key asks for what, and when a key that is held acts again."""
+"""From keys to actions: the key of each action, and when a held key acts again."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-# Keys of each action by its name; the first one is named first in the help. Of two actions of one
-# environment that would have the same key, the earlier has it.
+# Keys of each action by its name; the help lists the first one first. If two actions of an
+# environment share a key, the earlier action has it.
 ACTION_KEYS: dict[str, tuple[str, ...]] = {
     "forward": ("w", "up"),
     "backward": ("s", "down"),
@@ -35,16 +35,16 @@ OPPOSITES = {
     "move left": "move right",
     "move right": "move left",
 }
-# Between the names of actions that one action takes at once, as of `buttons="all"` of Doom's tasks.
+# Joins the names of actions that one action takes at once, as with `buttons="all"` in Doom's tasks.
 AND = " + "
 # Seconds for which a key must be held before it acts again: a tap is one step.
 HOLD = 0.2
 
 
 def keys_of(action_names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """The keys of each action, by its name; actions that nobody foresaw get the keys 1 to 9.
+    """The keys of each action by its name; other actions get the keys 1 to 9.
 
-    Those that take several others at once have none: they come of their keys together.
+    Combined actions have no keys: you press the keys of their parts together.
     """
     digits = iter("123456789")
     found: dict[str, tuple[str, ...]] = {}
@@ -61,18 +61,17 @@ def keys_of(action_names: Sequence[str]) -> dict[str, tuple[str, ...]]:
 class Controls:
     """The keys pressed and held, as actions at a limited rate.
 
-    A press is one action; when it comes while an earlier one of the same action still waits for
-    its turn, the two are one. A key that is held repeats. Several that are held are one action
-    where there is one that takes them at once; else they take turns, which walks in curves. Of two
-    opposite ones the later one counts.
+    A press is one action, unless an earlier press of the same action is still waiting. A held key
+    repeats. Several held keys become one combined action if there is one. Otherwise they take
+    turns, so the player walks in curves. Of two opposite keys the later one counts.
     """
 
     def __init__(self, action_names: Sequence[str], fps: float) -> None:
         """Start with no key pressed.
 
         Args:
-            action_names: of the environment.
-            fps: the most actions a second.
+            action_names: the action names of the environment.
+            fps: the maximum number of actions per second.
         """
         keys = keys_of(action_names)
         self._actions = {key: i for i, name in enumerate(action_names) for key in keys[name]}
@@ -93,27 +92,27 @@ class Controls:
         self._ready = 0.0
 
     def press(self, key: str, now: float) -> bool:
-        """A key goes down at the time `now` (seconds); returns whether it is one of an action."""
+        """Press a key at the time `now` (seconds); returns whether it belongs to an action."""
         action = self._actions.get(key)
         if action is None:
             return False
         if action not in self._waiting:
             self._waiting.append(action)
-        # Whoever is on the way already need not wait to turn as well.
+        # A player who is already moving can turn without waiting.
         self._held[key] = now if self._held else now + HOLD
         return True
 
     def release(self, key: str) -> None:
-        """A key goes up; what it asked for and did not get yet still counts."""
+        """Release a key; a press that is still waiting counts."""
         self._held.pop(key, None)
 
     def clear(self) -> None:
-        """Forget all keys, also those that are still held."""
+        """Forget all keys, even those that are held."""
         self._waiting.clear()
         self._held.clear()
 
     def due(self, now: float) -> float | None:
-        """Seconds until the next action; None if no key asks for one."""
+        """Seconds until the next action; None if no key is pressed."""
         times = [self._ready] * bool(self._waiting) + list(self._held.values())
         return max(0.0, max(self._ready, min(times)) - now) if times else None
 
@@ -123,7 +122,7 @@ class Controls:
             return None
         action = self._waiting.pop(0) if self._waiting else self._repeated(now)
         if action is not None:
-            # A step that is only a little late does not delay those after it.
+            # A slightly late step does not delay the following ones.
             late = now - self._ready
             self._ready = now + self._interval - (late if late < self._interval else 0.0)
             self._turns = [*(turn for turn in self._turns if turn != action), action]
@@ -131,7 +130,7 @@ class Controls:
         return action
 
     def _joined(self, action: int) -> int:
-        """The action that takes this one and those of all other keys at once, if there is one."""
+        """The action that combines this one with those of all other keys, if there is one."""
         down = [self._actions[key] for key in self._held]
         asked = _unopposed([*down, *self._waiting, action], self._opposite)
         both = self._together.get(frozenset(self._names[one] for one in asked))
@@ -149,5 +148,5 @@ class Controls:
 
 
 def _unopposed(actions: Sequence[int], opposite: dict[int, int]) -> list[int]:
-    """The actions without those of which a later one is the opposite."""
+    """The actions, without those whose opposite comes later."""
     return [one for i, one in enumerate(actions) if opposite.get(one) not in actions[i:]]

@@ -1,4 +1,4 @@
-"""What a game is shown on: a window or a terminal, with the same few functions."""
+"""The interface of windows and terminals that show a game."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from ..errors import SettingError
 
 # A picture beside the view gets at most this share of the width.
 BESIDE_SHARE = 0.5
-# Seconds after which waiting looks at signals such as that of Ctrl-C, and for another size.
+# Seconds after which a wait checks for signals, such as Ctrl-C, and for a new size.
 LONGEST_WAIT = 0.25
 
 
 class DisplayError(SettingError):
-    """There is nothing to show pictures on; the message says what is missing."""
+    """There is no display; the message says what is missing."""
 
 
 class Event(NamedTuple):
-    """Something that happened to a display.
+    """An event of a display.
 
     Attributes:
         kind: `"press"` and `"release"` of a key; `"close"`: the display should be closed;
-            `"redraw"`: its size or what was visible of it has changed.
+            `"redraw"`: its size or visible part has changed.
         key: the key's name in lower case, such as `"w"`, `"up"`, `"space"`, `"escape"`.
     """
 
@@ -43,10 +43,10 @@ class Rectangle(NamedTuple):
 
 
 class Display(abc.ABC):
-    """A place for a picture, a second one beside it, and text; leaving its context closes it.
+    """Shows a picture, a second one beside it, and text; leaving its context closes it.
 
     Attributes:
-        finer: how many times larger than its room a map should be drawn, to be shrunk smoothly.
+        finer: how many times larger than its room to draw a map, which is then shrunk smoothly.
         gap: pixels between the two pictures.
         view: where the last frame was drawn, in pixels; None if nowhere.
         beside: where the picture beside it was drawn; None if nowhere.
@@ -62,7 +62,7 @@ class Display(abc.ABC):
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close it."""
+        """Close the display."""
         self.close()
 
     @abc.abstractmethod
@@ -78,7 +78,7 @@ class Display(abc.ABC):
         beside: np.ndarray | None = None,
         overlay: Sequence[str] = (),
     ) -> None:
-        """Draw everything anew.
+        """Redraw everything.
 
         Args:
             frame: uint8[H, W, 3], enlarged by a whole factor; None for none.
@@ -89,10 +89,10 @@ class Display(abc.ABC):
 
     @abc.abstractmethod
     def area(self, lines: int) -> Rectangle:
-        """The room for pictures above so many lines of text, in pixels."""
+        """The room for pictures above a number of lines of text, in pixels."""
 
     def beside_area(self, lines: int) -> Rectangle:
-        """The room for a picture beside the frame, above so many lines of text."""
+        """The room for a picture beside the frame, above a number of lines of text."""
         area = self.area(lines)
         width = max(1, int(BESIDE_SHARE * (area.width - self.gap)))
         return area._replace(left=area.left + area.width - width, width=width)
@@ -100,34 +100,34 @@ class Display(abc.ABC):
     def arranged(
         self, frame: np.ndarray | None, beside: np.ndarray | None, lines: int
     ) -> list[tuple[np.ndarray, Rectangle]]:
-        """The pictures that there are and where they go, which `view` and `beside` say from now."""
+        """The pictures and where they go; sets `view` and `beside`."""
         area, side = self.area(lines), self.beside_area(lines)
         self.view, self.beside = arrange(area, side, frame, beside, self.gap)
         placed = ((frame, self.view), (beside, self.beside))
         return [(picture, box) for picture, box in placed if picture is not None and box]
 
     def make_room(self, beside: bool) -> None:
-        """Grow for a picture beside the frame, or shrink back, if that is possible."""
+        """Grow for a picture beside the frame, or shrink back, if possible."""
         del beside
 
     @abc.abstractmethod
     def events(self, timeout: float = 0.0) -> list[Event]:
-        """What happened since the last call; to be called often.
+        """The events since the last call; call it often.
 
         Args:
-            timeout: seconds to wait for something to happen, asleep; it may be less.
+            timeout: the longest time to wait for an event, in seconds; it may be shorter.
         """
 
 
 def fit(area: Rectangle, height: int, width: int) -> Rectangle:
-    """Where a picture goes: in the middle, at the largest whole multiple of its size that fits.
+    """Centre a picture in an area, at the largest whole multiple of its size that fits.
 
-    It is shrunk, keeping its shape, only where it does not fit as it is.
+    The picture is only shrunk, keeping its shape, if it does not fit as it is.
 
     Args:
-        area: where there is room.
-        height: of the picture.
-        width: of the picture.
+        area: the area.
+        height: the height of the picture.
+        width: the width of the picture.
     """
     room = min(area.width / width, area.height / height)
     scale = float(int(room)) if room >= 1 else room
@@ -139,11 +139,11 @@ def fit(area: Rectangle, height: int, width: int) -> Rectangle:
 def arrange(
     area: Rectangle, side: Rectangle, frame: np.ndarray | None, beside: np.ndarray | None, gap: int
 ) -> tuple[Rectangle | None, Rectangle | None]:
-    """Where a frame and a picture beside it go.
+    """Place a frame and a picture beside it.
 
     Args:
-        area: all the room for pictures.
-        side: the part of it, at its right edge, that the second picture may take.
+        area: the whole area for pictures.
+        side: the part of it, at its right edge, that the second picture may use.
         frame: uint8[H, W, 3] or None.
         beside: uint8[h, w, 3] or None.
         gap: pixels between the two.
@@ -151,7 +151,7 @@ def arrange(
     second = None
     if beside is not None:
         box = fit(side, *beside.shape[:2])
-        # At the right edge, so that the frame gets what the picture does not need.
+        # At the right edge, so that the frame can use the room that the picture does not need.
         second = box._replace(left=side.left + side.width - box.width)
         area = area._replace(width=max(1, second.left - gap - area.left))
     return None if frame is None else fit(area, *frame.shape[:2]), second

@@ -1,4 +1,4 @@
-"""Playing by hand, or watching an agent, without anything to show it on: keys, texts, the map."""
+"""The game logic for playing by hand or watching an agent, independent of the display."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ if TYPE_CHECKING:
 QUIT_KEYS = ("q", "escape")
 COMMANDS = {
     "R": "next episode",
-    "M": "map from above",
+    "M": "top-down map",
     "P": "pause",
     "H": "this help",
     "Q, Esc": "quit",
 }
 # For how many steps an event stays visible.
 RECENT = 12
-# Seconds between two looks at the clock while the compiler works.
+# Seconds between two updates of the clock while compiling.
 COMPILING_INTERVAL = 0.1
 
 
 class Game:
-    """An environment played by somebody who presses keys.
+    """An environment played with keys.
 
-    Time passes only with actions, as it does for an agent. After the end of an episode only the
-    next one can be played.
+    Time passes only with actions, as for an agent. After the end of an episode, the player has to
+    start the next one.
 
     Attributes:
-        session: the episode that is played.
-        paused: whether actions wait.
+        session: the current episode.
+        paused: whether the game is paused.
         mapped: whether the map is shown.
         helping: whether the help is shown.
         over: whether the player wants to quit.
@@ -63,18 +63,18 @@ class Game:
         keep: bool = False,
         note: str = "",
     ) -> None:
-        """Compile what playing needs, and begin the first episode.
+        """Compile the environment, and start the first episode.
 
         Args:
             env: the environment; its `autoreset` does not matter.
             params: its params.
-            seed: of the first episode; each next one has the next number.
-            fps: the most actions a second.
-            keep: whether to keep the frames of everything played, for `episodes`.
-            note: a line about the picture.
+            seed: the seed of the first episode; each next episode adds 1.
+            fps: the maximum number of actions per second.
+            keep: whether to keep the frames of all episodes, for `episodes`.
+            note: a line of text below the picture.
 
         Raises:
-            SettingError: the params are not those of one environment.
+            SettingError: the params have a batch axis.
         """
         self.params = env.single_params(params)
         self.env = dataclasses.replace(env, autoreset=None, final_observation=False)
@@ -98,7 +98,7 @@ class Game:
         return self.session if self.session.actions else self._played
 
     def episodes(self) -> list[Episode]:
-        """Everything played, if it was kept; episodes without an action are left out."""
+        """All episodes played, if they were kept, except those without actions."""
         return [
             builder.build(self.env, self.params, tilemap)
             for builder, tilemap in self._builders
@@ -111,7 +111,7 @@ class Game:
         return picture(np.asarray(image_of(self.session.observation)), self.env.observation)
 
     def handle(self, event: Event, now: float) -> bool:
-        """Take in what happened at the time `now` (seconds); returns whether to draw anew."""
+        """Handle an event at the time `now` (seconds); returns whether to redraw."""
         if event.kind == "close":
             self.over = True
         elif event.kind == "release":
@@ -122,7 +122,7 @@ class Game:
         return True
 
     def advance(self, now: float) -> bool:
-        """Take a step if one is due; returns whether it did."""
+        """Take a step if one is due; returns whether it took one."""
         action = self._controls.take(now) if self._playing else None
         if action is None:
             return False
@@ -139,11 +139,11 @@ class Game:
         return True
 
     def due(self, now: float) -> float | None:
-        """Seconds until the next step; None if nobody asks for one."""
+        """Seconds until the next step; None if there is none."""
         return self._controls.due(now) if self._playing else None
 
     def status(self) -> list[str]:
-        """Two lines: numbers; and the latest event, or a hint."""
+        """Two lines: numbers, and the latest event or a hint."""
         session = self.session
         reward = session.rewards[-1] if session.rewards else 0.0
         facts = [
@@ -171,10 +171,10 @@ class Game:
                 f"return {_signed(session.episode_return)} after {len(session.actions)} steps",
                 f"R: next episode (seed {_next(session.seed)})   Q: quit",
             ]
-        return ["paused", "P: go on"] if self.paused else []
+        return ["paused", "P: continue"] if self.paused else []
 
     def help(self) -> list[str]:
-        """What the keys do."""
+        """Lines that explain the keys."""
         keys = keys_of(self.env.action_names)
         rows = [
             (", ".join(key if len(key) > 1 else key.upper() for key in keys[name]), name)
@@ -182,15 +182,15 @@ class Game:
         ]
         rows += COMMANDS.items()
         lines = [f"{key}: {what}" for key, what in rows if key]
-        rate = f"Time passes only when you act, at most {self._fps:g} times a second."
+        rate = f"Time passes only when you act, at most {self._fps:g} times per second."
         return [*lines, "", rate, *([self._note] if self._note else [])]
 
     def map_image(self, room: Rectangle, finer: int = 1) -> np.ndarray:
-        """uint8[h, w, 3]: the map with the agent and its path, for a room of that size.
+        """uint8[h, w, 3]: the map with the agent and its path, to fit a rectangle.
 
         Args:
-            room: what it has to fit in, unless there are more tiles than pixels.
-            finer: how many times larger it may be all the same.
+            room: the rectangle; the map only exceeds it if there are more tiles than pixels.
+            finer: how many times larger the map may be anyway.
         """
         tilemap = self._tilemap
         fitting = min(room.width // tilemap.columns, room.height // tilemap.rows)
@@ -252,7 +252,7 @@ class Game:
         return True
 
     def _keys(self) -> list[str] | None:
-        """The colours of the keys that are carried; None where there are no keys to carry."""
+        """The colours of the keys that the player has; None if the task has no keys."""
         if not self._has_keys:
             return None
         carried = np.asarray(self._variables(self.session.state)["carried_keys"])
@@ -260,10 +260,10 @@ class Game:
 
 
 class AgentControls(Controls):
-    """An agent in the place of keys: it acts whenever time allows."""
+    """An agent instead of keys: it acts as often as the rate allows."""
 
     def __init__(self, choose: Callable[[], int], fps: float) -> None:
-        """Take what chooses the next action, and the most actions a second."""
+        """Store a function for the next action, and the maximum actions per second."""
         super().__init__((), fps)
         self._choose = choose
 
@@ -280,24 +280,24 @@ class AgentControls(Controls):
 
 
 class AgentGame(Game):
-    """A game that a policy plays; people pause it, look at the map, and begin the next episode."""
+    """A game that a policy plays; you can pause it, see the map, and start the next episode."""
 
     def __init__(self, env: Any, params: Any, policy: Policy, **kwargs: Any) -> None:
-        """Take the policy; the other arguments are those of `Game`."""
+        """Store the policy; the other arguments are those of `Game`."""
         super().__init__(env, params, **kwargs)
         self._controls = AgentControls(lambda: int(policy(self.session)), kwargs.get("fps", 15.0))
-        # Compiles what the policy needs, before anything is shown.
+        # Compiles the policy before anything is shown.
         policy(self.session)
 
     def help(self) -> list[str]:
-        """What the keys do."""
+        """Lines that explain the keys."""
         return [f"{key}: {what}" for key, what in COMMANDS.items()]
 
 
 def wait_for(display: Display, load: Callable[[], Game]) -> Game | None:
-    """The game that `load` makes, with a notice meanwhile; None if the player quits before.
+    """Run `load` behind a notice; returns its game, or None if the player quits first.
 
-    Compiling takes seconds, and happens on a thread so that the display stays alive.
+    Compiling takes seconds, so it runs on a thread while the display stays responsive.
     """
     pool = ThreadPoolExecutor(1)
     game = pool.submit(load)
@@ -312,7 +312,7 @@ def wait_for(display: Display, load: Callable[[], Game]) -> Game | None:
 
 
 def play(display: Display, game: Game) -> None:
-    """Show a game and pass it the keys until the player quits; asleep while nothing happens."""
+    """Show a game and pass it the keys until the player quits; sleeps while nothing happens."""
     draw(display, game)
     while not game.over:
         due = game.due(time.monotonic())
@@ -327,7 +327,7 @@ def play(display: Display, game: Game) -> None:
 
 
 def draw(display: Display, game: Game) -> None:
-    """Show a game as it is."""
+    """Show the current state of a game."""
     lines = game.status()
     room = display.beside_area(len(lines))
     beside = game.map_image(room, display.finer) if game.mapped else None
@@ -339,5 +339,5 @@ def _next(seed: int) -> int:
 
 
 def _signed(number: float) -> str:
-    """A sum of rewards: 0, +1, -0.0012."""
+    """A sum of rewards with its sign: 0, +1, -0.0012."""
     return f"{number:+.4g}" if number else "0"

@@ -1,7 +1,7 @@
-"""Pictures in a terminal: two pixels a character, in 24-bit colour, redrawn where they change.
+"""Pictures in a terminal: two pixels per character, in 24-bit colour; only changes are redrawn.
 
 Every character is an upper half block: its colour is the upper pixel, its background the lower
-one. Only POSIX terminals: `termios` is imported when a terminal is opened.
+one. Needs a POSIX terminal: `termios` is imported when a terminal is opened.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from ..view.recording import BACKGROUND, TEXT
 from .display import LONGEST_WAIT, Display, DisplayError, Event, Rectangle
 
 HALF_BLOCK = "\u2580"
-# Alternate screen, no cursor, no wrapping at the right edge; and back.
+# Alternate screen, no cursor, no line wrapping; and back.
 ENTER, LEAVE = "\x1b[?1049h\x1b[?25l\x1b[?7l\x1b[2J", "\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l"
-# A terminal that knows these shows all that is in between at once; others ignore them.
+# Terminals that support these codes show everything between them at once; others ignore them.
 BEGIN, END = "\x1b[?2026h", "\x1b[?2026l"
-# An answer is asked for after each picture, and the next one waits for it at most so many seconds:
-# pictures never queue up on a slow line.
+# After each picture the terminal is asked for an answer, and the next picture waits for it at most
+# this many seconds, so that pictures never queue up on a slow connection.
 ASK, ANSWER, PATIENCE = "\x1b[6n", re.compile(rb"\x1b\[\d+;\d+R"), 1.0
-# Seconds in which the rest of an escape sequence has to follow.
+# Seconds within which the rest of an escape sequence must follow.
 ESCAPE_WAIT = 0.1
 
 SEQUENCE = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]|O[A-Za-z])")
@@ -43,21 +43,21 @@ class Keys:
     """Reads keys from the bytes that a terminal sends.
 
     Attributes:
-        answers: how many answers to `ASK` came so far.
+        answers: the number of answers to `ASK` so far.
     """
 
     def __init__(self) -> None:
-        """Start with nothing read."""
+        """Start without input."""
         self.answers = 0
         self._rest = b""
 
     @property
     def unfinished(self) -> bool:
-        """Whether an escape sequence has begun, or the Escape key was pressed."""
+        """Whether an escape sequence has started, or the Escape key was pressed."""
         return bool(self._rest)
 
     def feed(self, data: bytes) -> list[str]:
-        """The names of the keys in some more bytes; unknown sequences are left out."""
+        """The names of the keys in some bytes; unknown sequences are left out."""
         data, self._rest = self._rest + data, b""
         keys = []
         while data:
@@ -69,7 +69,7 @@ class Keys:
             elif UNFINISHED.match(data):
                 self._rest, data = data, b""
             elif data[:1] == b"\x1b":
-                # Escape twice, or a key with Alt, which means nothing here.
+                # Escape twice, or a key with Alt, which has no meaning here.
                 keys += ["escape"] if data[1:2] == b"\x1b" else []
                 data = data[2:]
             else:
@@ -79,13 +79,13 @@ class Keys:
         return keys
 
     def flush(self) -> list[str]:
-        """The key that an unfinished sequence was after all: Escape, or none."""
+        """The key of an unfinished sequence: Escape, or none."""
         escape, self._rest = self._rest == b"\x1b", b""
         return ["escape"] if escape else []
 
 
 class Cells(NamedTuple):
-    """What a terminal shows, R rows of C characters.
+    """The content of a terminal, R rows of C characters.
 
     Attributes:
         letters: str[R, C], one character each.
@@ -99,13 +99,13 @@ class Cells(NamedTuple):
 
     @classmethod
     def of_picture(cls, picture: np.ndarray) -> Cells:
-        """Half blocks for uint8[2 R, C, 3], and spaces where both halves are alike."""
+        """Half blocks for uint8[2 R, C, 3], and spaces where both halves are equal."""
         upper, lower = picture[0::2].copy(), picture[1::2].copy()
         alike = np.all(upper == lower, axis=-1)
         return cls(np.where(alike, " ", HALF_BLOCK), upper, lower)
 
     def write(self, row: int, column: int, text: str) -> None:
-        """Put text on top; what does not fit is cut off."""
+        """Write text on top; text that does not fit is cut off."""
         rows, columns = self.letters.shape
         text = text[: columns - column]
         if 0 <= row < rows and text:
@@ -114,7 +114,7 @@ class Cells(NamedTuple):
             self.ink[place], self.paper[place] = TEXT, BACKGROUND
 
     def changes(self, before: Cells | None) -> str:
-        """The codes that turn a terminal showing `before` into one showing this."""
+        """The codes that turn a terminal with the content `before` into this one."""
         changed = np.ones(self.letters.shape, bool)
         if before is not None and before.letters.shape == self.letters.shape:
             changed = self.letters != before.letters
@@ -134,23 +134,23 @@ class Cells(NamedTuple):
 
 
 class Terminal(Display):
-    """A display of characters, whose pixels are half ones. Leaving its context restores it.
+    """A display of characters with two pixels each. Leaving its context restores the terminal.
 
-    Keys are told when they are pressed, and as released at once: a terminal does not say more.
+    A key counts as released right after it is pressed, because terminals do not report more.
     """
 
     finer = 3
     gap = 1
 
     def __init__(self, source: int = 0, target: int = 1) -> None:
-        """Take a terminal, and leave it as it is until the context is entered.
+        """Prepare a terminal; it is unchanged until the context is entered.
 
         Args:
             source: file descriptor to read keys from, by default standard input.
             target: file descriptor to write to, by default standard output.
 
         Raises:
-            DisplayError: it is no POSIX terminal, or does not take UTF-8.
+            DisplayError: it is not a POSIX terminal, or does not support UTF-8.
         """
         self._source, self._target = source, target
         try:
@@ -162,7 +162,7 @@ class Terminal(Display):
                 raise DisplayError(f"standard {name} is not a terminal")
         encoding = getattr(sys.__stdout__, "encoding", "utf-8")
         if target == 1 and encoding.lower().replace("-", "") != "utf8":
-            raise DisplayError(f"the terminal takes {encoding}, not UTF-8; set LC_ALL=C.UTF-8")
+            raise DisplayError(f"the terminal uses {encoding}, not UTF-8; set LC_ALL=C.UTF-8")
         self._keys = Keys()
         self._asked = 0
         self._answers = True
@@ -179,7 +179,7 @@ class Terminal(Display):
             columns, rows = os.get_terminal_size(self._target)
         except OSError:
             return self._size
-        # Some terminals, such as serial ones, do not know.
+        # Some terminals, such as serial ones, do not know their size.
         return columns or 80, rows or 24
 
     def __enter__(self) -> Self:
@@ -200,13 +200,13 @@ class Terminal(Display):
         return self
 
     def close(self) -> None:
-        """Restore the terminal; doing it again does nothing."""
+        """Restore the terminal; calling it again does nothing."""
         if self._saved is None:
             return
         self._write(LEAVE)
         termios, saved, self._saved = self._termios, self._saved, None
         with contextlib.suppress(termios.error, OSError):
-            # An answer on its way must not end up in the shell.
+            # A late answer must not end up in the shell.
             if self._keys.answers < self._asked:
                 select.select([self._source], [], [], ESCAPE_WAIT)
             termios.tcflush(self._source, termios.TCIFLUSH)
@@ -220,7 +220,7 @@ class Terminal(Display):
         beside: np.ndarray | None = None,
         overlay: Sequence[str] = (),
     ) -> None:
-        """Draw what has changed; see `Display.show`."""
+        """Redraw what has changed; see `Display.show`."""
         columns, rows = self._size
         canvas = np.empty((2 * rows, columns, 3), np.uint8)
         canvas[:] = BACKGROUND
@@ -241,7 +241,7 @@ class Terminal(Display):
         self._asked += self._answers
 
     def events(self, timeout: float = 0.0) -> list[Event]:
-        """Keys, another size, or that the terminal is gone; see `Display`."""
+        """Keys, a new size, or the end of the terminal; see `Display.events`."""
         events = [event for key in self._read(min(timeout, LONGEST_WAIT)) for event in _tap(key)]
         start = time.monotonic()
         while self._answers and self._keys.answers < self._asked and not self._gone:
@@ -254,12 +254,12 @@ class Terminal(Display):
         return [*events, Event("close")] if self._gone else events
 
     def area(self, lines: int) -> Rectangle:
-        """The room for pictures above so many lines of text, in pixels."""
+        """The room for pictures above a number of lines of text, in pixels."""
         columns, rows = self._size
         return Rectangle(0, 0, columns, 2 * max(1, rows - lines))
 
     def _read(self, timeout: float) -> list[str]:
-        """The keys pressed within some seconds."""
+        """The keys pressed within a number of seconds."""
         if self._gone:
             return []
         if not select.select([self._source], [], [], timeout)[0]:
@@ -296,7 +296,7 @@ def _tap(key: str) -> tuple[Event, Event]:
 
 
 def _paste(canvas: np.ndarray, picture: np.ndarray, box: Rectangle) -> None:
-    """Draw a picture into a box, sharp where it grows and by the average where it shrinks."""
+    """Draw a picture into a box: enlarge it without smoothing, shrink it by averaging."""
     shrunk = box.width < picture.shape[1]
     how = Image.Resampling.BOX if shrunk else Image.Resampling.NEAREST
     image = Image.fromarray(picture).resize((box.width, box.height), how)

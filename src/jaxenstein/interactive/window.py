@@ -1,6 +1,6 @@
-"""A window that shows pictures sharply enlarged over lines of text, and tells of keys.
+"""A window with sharply enlarged pictures above lines of text, which reports keys.
 
-It knows nothing of games. pygame-ce, from the extra `play`, is imported when a window is opened.
+It does not depend on games. pygame-ce, from the extra `play`, is imported when a window is opened.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ import numpy as np
 from ..view.recording import BACKGROUND, TEXT
 from .display import LONGEST_WAIT, Display, DisplayError, Event, Rectangle
 
-# Pixels around the pictures, at the sides of text, and of a line of text.
+# Pixels around the pictures, beside the text, and per line of text.
 GAP, MARGIN, LINE, LETTERS = 6, 12, 22, 22
-# The darkness of what is behind an overlay, 0 to 255.
+# How much an overlay darkens what is behind it, 0 to 255.
 SHADE = 208
-# SDL's drivers that draw without showing.
+# SDL drivers that draw without a display.
 UNSEEN = ("dummy", "offscreen")
-# Where Linux says which display there is.
+# The environment variables in which Linux names the display.
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def import_pygame() -> Any:
-    """The module pygame.
+    """Import pygame.
 
     Raises:
         DisplayError: it is not installed.
@@ -43,16 +43,16 @@ def import_pygame() -> Any:
 
 
 class Window(Display):
-    """The window of this process; there can be one at a time. Use it from the main thread."""
+    """The only window of this process. Use it from the main thread."""
 
     finer = 1
     gap = GAP
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
-        """Open a window that can be resized.
+        """Open a resizable window.
 
         Args:
-            title: of the window.
+            title: the title of the window.
             size: (width, height) in pixels.
 
         Raises:
@@ -62,7 +62,7 @@ class Window(Display):
         self._pygame = pygame
         self._first = size
         wanted = os.environ.get("SDL_VIDEODRIVER", "")
-        # SDL itself would look for one and complain on standard error.
+        # SDL itself would look for a display and complain on standard error.
         if sys.platform == "linux" and not (wanted or any(map(os.environ.get, DISPLAYS))):
             raise DisplayError(f"no window can be opened: {' and '.join(DISPLAYS)} are not set")
         try:
@@ -84,7 +84,7 @@ class Window(Display):
         return self._pygame.display.get_surface().get_size()
 
     def resize(self, size: tuple[int, int]) -> None:
-        """Give the window another size, (width, height) in pixels."""
+        """Resize the window to (width, height) in pixels."""
         self._pygame.display.set_mode(size, self._pygame.RESIZABLE)
 
     def make_room(self, beside: bool) -> None:
@@ -103,9 +103,9 @@ class Window(Display):
         return max(width for width, _ in self._pygame.display.get_desktop_sizes())
 
     def _move_into_screen(self, width: int) -> None:
-        """Move a window of that width to the left if it sticks out on the right."""
+        """Move a window of that width to the left if it extends past the right edge."""
         display = self._pygame.display
-        # Wayland lets no window know where it is, and older versions of pygame cannot ask.
+        # On Wayland a window does not know its position, and older pygame versions cannot ask.
         with contextlib.suppress(AttributeError, self._pygame.error):
             left, top = display.get_window_position()
             fitting = max(0, self._screen_width() - width)
@@ -120,7 +120,7 @@ class Window(Display):
         beside: np.ndarray | None = None,
         overlay: Sequence[str] = (),
     ) -> None:
-        """Draw everything anew; see `Display.show`."""
+        """Redraw everything; see `Display.show`."""
         surface = self._pygame.display.get_surface()
         surface.fill(BACKGROUND)
         for picture, box in self.arranged(frame, beside, len(lines)):
@@ -134,12 +134,12 @@ class Window(Display):
         self._pygame.display.flip()
 
     def pixels(self) -> np.ndarray:
-        """uint8[height, width, 3]: what the window shows."""
+        """uint8[height, width, 3]: the content of the window."""
         surface = self._pygame.display.get_surface()
         return self._pygame.surfarray.array3d(surface).swapaxes(0, 1).copy()
 
     def events(self, timeout: float = 0.0) -> list[Event]:
-        """What happened since the last call; to be called often, or the window seems dead."""
+        """The events since the last call; call it often, or the window seems unresponsive."""
         pygame = self._pygame
         found = []
         if timeout > 0:
@@ -153,7 +153,7 @@ class Window(Display):
         self._pygame.display.quit()
 
     def area(self, lines: int) -> Rectangle:
-        """The room for pictures above so many lines of text."""
+        """The room for pictures above a number of lines of text."""
         width, height = self.size
         text = lines * LINE + GAP if lines else 0
         return Rectangle(GAP, GAP, max(1, width - 2 * GAP), max(1, height - 2 * GAP - text))

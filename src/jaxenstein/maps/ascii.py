@@ -1,4 +1,4 @@
-"""Text maps: one line a row, one character a tile; `symbols` says what each means."""
+"""Text maps: one line per row, one character per tile; see `symbols` for the characters."""
 
 from __future__ import annotations
 
@@ -29,34 +29,33 @@ def parse_ascii(
 ) -> TileMap:
     r"""Read a map from text.
 
-    Empty lines before and after the map are dropped, as are a byte order mark, the returns of
-    Windows line ends, and blanks after the last line end, where closing quotes are indented.
-    Other blanks are floor, so indentation is not taken off. Short lines are filled up with
-    default wall. Everything outside the map is solid.
+    Ignored are: empty lines before and after the map, a byte order mark, the carriage returns of
+    Windows line ends, and spaces after the last line end, where closing quotes are indented. Other
+    spaces are floor, so indentation is not removed. Short lines are padded with the default wall.
+    Everything outside the map is solid.
 
     Args:
         text: the map; `symbols.legend()` explains the characters.
-        name: what to call it.
+        name: the name of the map.
         goal_required: whether a map without a goal is an error; False for a task without a goal.
-        regions: a second text of the same shape. The wall symbol on a floor or door tile says
-            what every wall face beside that tile shows; floor symbols leave the walls as they
-            are. On a wall it may only repeat the wall's symbol, `#` or floor. Doors keep their
-            own look.
-        faces: in place of regions, a text that says of every wall what its faces show. Below
-            each of the lines `west`, `east`, `north` and `south` stands a block of the map's
-            shape, whose wall symbols are what the faces that look there show. Where it shows
-            floor, on doors too, the tile stays what it is; so do the faces without a block.
-        known: the symbols that it may hold; by default all but those of shooters.
-        stacklevel: whose line a warning names, as for `warnings.warn`.
+        regions: a second text of the same shape. A wall symbol on a floor or door tile sets the
+            look of all wall faces beside that tile; floor symbols do not change the walls. On a
+            wall tile, only the wall's own symbol, `#` or floor are allowed. Doors keep their look.
+        faces: instead of regions, a text that sets the look of single wall faces. It has a block
+            of the map's shape below each of the lines `west`, `east`, `north` and `south`. A
+            wall symbol in a block is the look of the face in that direction. Floor symbols, which
+            doors need, and missing blocks do not change the faces.
+        known: the allowed symbols; by default all except those of shooters.
+        stacklevel: the stack level of warnings, as for `warnings.warn`.
 
     Raises:
-        MapError: for an unknown symbol, an empty map, one of more than `MAX_SIZE` columns or
-            rows, one without a spawn or without a goal where one is needed, and regions or
-            faces that do not fit. Line and column are those of the text as given, counted from 1.
+        MapError: the map has an unknown symbol, is empty, has more than `MAX_SIZE` columns or
+            rows, has no spawn, lacks a required goal, or its regions or faces do not fit. Line
+            and column refer to the given text, counted from 1.
 
     Warns:
-        MapWarning: for a text that is indented; for each goal that no spawn reaches and each
-            spawn that reaches no goal, either with all doors open or for want of a key.
+        MapWarning: the text is indented, no spawn reaches a goal, or a spawn reaches no goal,
+            either with all doors open or for lack of a key.
 
     Examples:
         >>> tilemap = parse_ascii("#####\n#S G#\n#####")
@@ -73,7 +72,7 @@ def parse_ascii(
             "parse_ascii(text, goal_required=False)"
         )
     if regions is not None and faces is not None:
-        raise MapError("give regions or faces of a map, not both")
+        raise MapError("give either regions or faces of a map, not both")
     if regions is not None:
         tilemap = dataclasses.replace(tilemap, faces=read_regions(tilemap, regions))
     if faces is not None:
@@ -81,8 +80,8 @@ def parse_ascii(
     blanks = min(len(line) - len(line.lstrip(" ")) for line in page.lines if line)
     if blanks > 1:
         warnings.warn(
-            f"every line of the map begins with {blanks} blanks, which are "
-            "floor: textwrap.dedent takes an indentation off",
+            f"every line of the map starts with {blanks} spaces, which are "
+            "floor: remove the indentation with textwrap.dedent",
             MapWarning,
             stacklevel=stacklevel,
         )
@@ -93,21 +92,21 @@ def parse_ascii(
 
 
 def layout_names() -> tuple[str, ...]:
-    """Names of the maps that come with the package."""
+    """The names of the maps that come with the package."""
     files = (item.name for item in _layouts().iterdir())
     return tuple(sorted(f[:-4] for f in files if f.endswith(".txt") and f.count(".") == 1))
 
 
 def load_layout(name: str, *, regions: bool = True, goal_required: bool = True) -> TileMap:
-    """One of the maps that come with the package.
+    """Load a map that comes with the package.
 
     Args:
         name: one of `layout_names()`.
-        regions: whether walls look as the layout's regions or faces say, if it has any.
+        regions: whether to use the regions or faces of the layout, if it has any.
         goal_required: whether a map without a goal is an error.
 
     Raises:
-        MapError: if there is no such layout.
+        MapError: the layout does not exist.
     """
     names = layout_names()
     if name not in names:
@@ -127,7 +126,7 @@ def _layouts() -> Traversable:
 
 
 def _build(name: str, grid: list[list[Symbol]]) -> TileMap:
-    """Collect what the symbols put on each tile."""
+    """Build a tile map from the symbols on each tile."""
     columns = max(map(len, grid))
     grid = [line + [_WALL] * (columns - len(line)) for line in grid]
     placed = [(c, r, symbol) for r, line in enumerate(grid) for c, symbol in enumerate(line)]

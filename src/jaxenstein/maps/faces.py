@@ -1,4 +1,4 @@
-"""The lines of a text map, and texts that say how its walls look: regions, and faces one by one."""
+"""The lines of text maps, and the texts that set the look of walls: regions and faces."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from .tilemap import FACES, MAX_SIZE, TileMap, Tiles
 REGIONS_SOURCE = "regions text"
 FACES_SOURCE = "faces text"
 PAINT = {c for c, symbol in SYMBOLS.items() if symbol.kind in ("wall", "floor")}
-"""The characters of texts that say how walls look."""
+"""The characters allowed in regions and faces texts."""
 
 
 @dataclass(frozen=True)
 class Page:
-    """The lines of a text that matter.
+    """The lines of a text, without empty lines around them.
 
     Attributes:
-        lines: without the empty ones before and after.
-        first_line: the number of the first of them in the text, from 1.
-        source: which text it is, for errors; "" for the map itself.
+        lines: the lines.
+        first_line: the line number of the first one in the text, from 1.
+        source: the name of the text, for errors; "" for the map itself.
     """
 
     lines: list[str]
@@ -34,18 +34,18 @@ class Page:
 
     @property
     def width(self) -> int:
-        """Characters of the longest line."""
+        """The number of characters of the longest line."""
         return max(map(len, self.lines), default=0)
 
 
 def split_lines(text: str, source: str = "") -> list[str]:
-    """The lines of a text, without byte order mark and blanks after the last line end.
+    """Split a text into lines, without byte order mark and spaces after the last line end.
 
     Raises:
-        MapError: it is not text.
+        MapError: the value is not text.
     """
     if not isinstance(text, str):
-        raise MapError(f"a map is text (str), not {type(text).__name__}", source=source)
+        raise MapError(f"a map must be text (str), not {type(text).__name__}", source=source)
     lines = re.split(r"\r\n|\r|\n", text.removeprefix("\ufeff"))
     if len(lines) > 1 and not lines[-1].strip(" "):
         lines[-1] = ""
@@ -55,16 +55,16 @@ def split_lines(text: str, source: str = "") -> list[str]:
 def make_page(
     lines: list[str], first_line: int, source: str = "", known: Collection[str] = PEACEFUL
 ) -> Page:
-    """The lines without the empty ones before and after, checked.
+    """Remove empty lines before and after, and check the rest.
 
     Args:
         lines: the lines of a text or of a part of it.
-        first_line: number of the first one, from 1.
-        source: which text it is, for errors.
-        known: the characters that it may hold.
+        first_line: the line number of the first one, from 1.
+        source: the name of the text, for errors.
+        known: the allowed characters.
 
     Raises:
-        MapError: the lines are empty, too long or too many, or hold another character.
+        MapError: there are no lines, they are too long or too many, or contain another character.
     """
     filled = [number for number, line in enumerate(lines) if line]
     if not filled:
@@ -98,23 +98,23 @@ def _unknown(character: str, known: Collection[str]) -> str:
     if symbol is None:
         return f"unknown symbol {character!r}{hint}; the symbols are {characters(known)}"
     if symbol.role:
-        shooters = "has its place in shooters (jaxenstein.tasks.shooter) alone"
+        shooters = "is only allowed in shooters (jaxenstein.tasks.shooter)"
         return f"{character!r} ({symbol.meaning}) {shooters}{hint}"
-    return f"{character!r} ({symbol.meaning}) has no place here, only {characters(known)}"
+    return f"{character!r} ({symbol.meaning}) is not allowed here, only {characters(known)}"
 
 
 def read_regions(tilemap: TileMap, text: str) -> tuple[Tiles, ...] | None:
-    """The faces that a regions text asks for.
+    """The wall faces that a regions text sets.
 
     Args:
-        tilemap: the map whose walls are meant.
+        tilemap: the map with the walls.
         text: see `ascii.parse_ascii`.
 
     Returns:
-        As `TileMap.faces`; None if they are all the walls' own.
+        As `TileMap.faces`; None if all walls keep their own look.
 
     Raises:
-        MapError: naming the line and column of what does not fit.
+        MapError: the text does not fit the map; the message names line and column.
     """
     page = make_page(split_lines(text, REGIONS_SOURCE), 1, REGIONS_SOURCE, PAINT)
     _check_shape(tilemap, page)
@@ -128,17 +128,17 @@ def read_regions(tilemap: TileMap, text: str) -> tuple[Tiles, ...] | None:
 
 
 def read_faces(tilemap: TileMap, text: str) -> tuple[Tiles, ...] | None:
-    """The faces that a faces text shows, the reverse of `TileMap.faces_text`.
+    """The wall faces that a faces text sets, the inverse of `TileMap.faces_text`.
 
     Args:
-        tilemap: the map whose walls are meant.
+        tilemap: the map with the walls.
         text: see `ascii.parse_ascii`.
 
     Returns:
-        As `TileMap.faces`; None if they are all the walls' own.
+        As `TileMap.faces`; None if all walls keep their own look.
 
     Raises:
-        MapError: naming the line and column of what does not fit.
+        MapError: the text does not fit the map; the message names line and column.
     """
     walls = tilemap.walls
     pages = _blocks(split_lines(text, FACES_SOURCE))
@@ -158,7 +158,7 @@ def _blocks(lines: list[str]) -> dict[str, Page]:
     starts = [number for number, line in enumerate(lines) if _heading(line, number + 1)]
     first = next((number for number, line in enumerate(lines) if line.strip(" ")), 0)
     if first not in starts:
-        message = f"a heading must come first: one of {', '.join(FACES)}"
+        message = f"the text must start with a heading: one of {', '.join(FACES)}"
         raise MapError(message, line=first + 1, source=FACES_SOURCE)
     pages: dict[str, Page] = {}
     for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
@@ -172,7 +172,7 @@ def _blocks(lines: list[str]) -> dict[str, Page]:
 
 
 def _heading(line: str, number: int) -> bool:
-    """Whether a line is a heading; a word that was meant as one is an error."""
+    """Whether a line is a heading; raises for a misspelled one."""
     word = line.strip(" ")
     if word not in FACES and not set(word) <= PAINT and nearest(word, FACES):
         message = f"unknown heading {quoted(word)}{nearest(word, FACES)}"
@@ -181,7 +181,7 @@ def _heading(line: str, number: int) -> bool:
 
 
 def _labels(page: Page, shape: tuple[int, ...]) -> np.ndarray:
-    """uint8[rows, columns], the wall on each tile of a page, 0 where it shows floor."""
+    """uint8[rows, columns], the wall on each tile of a page, 0 for floor."""
     labels = np.zeros(shape, np.uint8)
     for row, line in enumerate(page.lines):
         labels[row, : len(line)] = [SYMBOLS[character].tile for character in line]
@@ -199,7 +199,7 @@ def _as_faces(faces: list[np.ndarray], walls: np.ndarray) -> tuple[Tiles, ...] |
 
 
 def _check_shape(tilemap: TileMap, page: Page) -> None:
-    """Check that a text has the map's shape."""
+    """Check that a text has the shape of the map."""
     for number, line in enumerate(page.lines, start=page.first_line):
         row = number - page.first_line
         if row == tilemap.rows or len(line) > tilemap.columns:
@@ -220,23 +220,23 @@ def _misfit(tilemap: TileMap, page: Page, line: int, column: int | None) -> MapE
 
 
 def _check_regions(tilemap: TileMap, page: Page) -> None:
-    """Check that a regions text paints no wall."""
+    """Check that a regions text sets no wall tiles."""
     for row, line in enumerate(page.lines):
         for column, character in enumerate(line):
             tile, paint = tilemap.tiles[row][column], SYMBOLS[character].tile
             if 0 < tile < DOOR_LABELS.start and paint not in (0, DEFAULT_WALL, tile):
-                message = f"{character!r} lies on a wall of the map; regions are painted on floor"
+                message = f"{character!r} is on a wall of the map; regions belong on floor"
                 raise _misplaced(message, page, row, column)
 
 
 def _check_face(tilemap: TileMap, page: Page) -> None:
-    """Check that a block of a faces text paints walls alone."""
+    """Check that a block of a faces text only sets wall tiles."""
     for row, line in enumerate(page.lines):
         for column, character in enumerate(line):
             tile = tilemap.tiles[row][column]
             if SYMBOLS[character].tile and tile not in range(DEFAULT_WALL, DOOR_LABELS.start):
                 place = "a door, which keeps its own look" if tile else "floor, which has no faces"
-                raise _misplaced(f"{character!r} lies on {place}", page, row, column)
+                raise _misplaced(f"{character!r} is on {place}", page, row, column)
 
 
 def _misplaced(message: str, page: Page, row: int, column: int) -> MapError:

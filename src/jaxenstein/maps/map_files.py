@@ -1,14 +1,15 @@
-"""Files of text maps: `maze.txt`, and beside it what says how its walls look; maps to play with."""
+"""Files of text maps: `maze.txt` with regions or faces beside it, and the sample maps."""
 
 from __future__ import annotations
 
 import importlib.resources
+import os
 from pathlib import Path
 
 from .. import files
 from ..errors import MapError, nearest, quoted
 
-# The most characters of a map.
+# The most characters in a map.
 LONGEST = 2**24
 SAMPLES = {
     "corridor": "straight ahead",
@@ -21,53 +22,52 @@ SAMPLES = {
 
 
 def read_map(path: Path) -> dict[str, str]:
-    """The settings of `from_ascii` that a map file gives.
+    """Read the settings of `from_ascii` from a map file.
 
-    They are `text`, and `regions` or `faces` where there is such a file beside it: of `maze.txt`,
-    `maze.regions.txt` or `maze.faces.txt`.
-
-    `samples/NAME` is a map of `sample_map` where there is no such file.
+    Returns `text`, and `regions` or `faces` if there is such a file: beside `maze.txt`, the file
+    `maze.regions.txt` or `maze.faces.txt`. `samples/NAME` is a map of `sample_map`, unless a file
+    of that name exists.
 
     Raises:
-        MapError: a file cannot be read, or there is no such sample.
+        MapError: a file cannot be read, or the sample does not exist.
     """
-    if path.parent.name == "samples" and not path.suffix and not path.exists():
+    if path.parent.name == "samples" and not path.suffix and not os.path.exists(path):
         return {"text": sample_map(path.name)}
     texts = {"text": read_text(path, "map")}
     for kind in ("regions", "faces"):
-        if beside(path, kind).is_file():
+        if os.path.isfile(beside(path, kind)):
             texts[kind] = read_text(beside(path, kind), f"{kind} text")
     return texts
 
 
 def beside(path: Path, kind: str) -> Path:
-    """The file that goes with a map file and says how its walls look."""
+    """The regions or faces file that belongs to a map file."""
     return path.with_name(f"{path.stem}.{kind}.txt")
 
 
 def read_text(path: Path, what: str) -> str:
-    """The text of a file.
+    """Read a text file.
 
     Raises:
-        MapError: it cannot be read.
+        MapError: the file cannot be read.
     """
     try:
         return files.read_text(path, LONGEST)
     except UnicodeDecodeError as error:
         raise MapError(f"cannot read the {what} {path}: it is not text") from error
-    except (OSError, ValueError) as error:  # the latter for a name that none can have
+    except (OSError, ValueError) as error:  # ValueError for an impossible file name
         raise MapError(f"cannot read the {what} {path}: {files.reason_of(error)}") from error
 
 
 def sample_map(name: str) -> str:
-    """The text of a small map to play with, for `from_ascii`, or to be changed.
+    """The text of a small map to try or to change, for `from_ascii`.
 
     Args:
-        name: `corridor`, `rooms`, `spiral`, `pillars`, `maze` or `keys`. A command takes it as
+        name: `corridor`, `rooms`, `spiral`, `pillars`, `maze` or `keys`. Commands take it as
             `--map-file samples/rooms`.
 
     Raises:
-        MapError: there is no such map.
+        MapError: the map does not exist.
 
     Examples:
         >>> print(sample_map("corridor"))

@@ -1,4 +1,4 @@
-"""Your own kinds of things: rows like those of `things`, with pictures from outside."""
+"""Your own kinds of things, with their own pictures."""
 
 from __future__ import annotations
 
@@ -31,21 +31,22 @@ def register_thing(
     radius: float = 0.25,
     drop: float | None = None,
 ) -> Thing:
-    """Register a new kind of thing, which `build_theme` and maps from above draw by its label.
+    """Register a new kind of thing; `build_theme` and top-down maps then draw it by its label.
 
-    A second call with the same name and label replaces the picture in everything built later, and
-    JAX compiles its programs anew. Stop using equal environments that were built before.
+    A second call with the same name and label replaces the picture in everything that is built
+    later, and JAX compiles its programs again. Stop using equal environments that were built
+    before.
 
     Args:
-        name: its name.
+        name: the name of the thing.
         label: its label id, 192 to 255; with `colour=None` the first of its six labels.
-        picture: 32 by 32 points, in one of three forms. Text has 32 lines of 32 characters: `.` is
-            empty, `#` has the first colour and `o` the second; common indentation is removed. An
-            array int[32, 32] has 0, 1 and 2 in their place. An image is the name of a file, or an
-            array uint8[32, 32, 3 or 4]: points with an alpha below 128 are empty, and all others
-            get the nearer of `colour` and `detail` in RGB.
-        colour: RGB, 0 to 255, of its shape in full light, of its label and on maps. None for all
-            six colours of keys; light points of an image are then the shape, dark ones the detail.
+        picture: 32 by 32 pixels in one of three forms. Text has 32 lines of 32 characters: `.` is
+            empty, `#` is the first colour and `o` the second; common indentation is removed. An
+            array int[32, 32] has 0, 1 and 2 instead. An image is a file name or an array
+            uint8[32, 32, 3 or 4]: pixels with an alpha below 128 are empty, and the others take
+            `colour` or `detail`, whichever is closer in RGB.
+        colour: RGB, 0 to 255, of the shape in full light, of the label and on maps. None for all
+            six colours of keys; light pixels of an image are then the shape, dark ones the detail.
         detail: RGB of the second colour; None for a darker shade of the first.
         radius: half the billboard's side in tiles, above 0 to 0.5.
         drop: tiles from eye height down to the billboard's centre; None to stand on the floor.
@@ -54,11 +55,11 @@ def register_thing(
         The thing, with its `labels`.
 
     Raises:
-        SettingError: the picture has another size or form, its file cannot be read, a value is
+        SettingError: the picture has the wrong size or form, its file cannot be read, a value is
             invalid, or another thing has the name or a label.
     """
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
-        raise SettingError(f"the name of a thing must be a text of one line, not {quoted(name)}")
+        raise SettingError(f"the name of a thing must be one line of text, not {quoted(name)}")
     _check_rgb(name, "colour", colour)
     _check_rgb(name, "detail", detail)
     radius, drop = _checked_size(name, radius, drop)
@@ -87,7 +88,7 @@ def register_thing(
 
 
 def _art(thing: Thing, picture: Any) -> str:
-    """A picture as text, in the form of the files of `engine/art`."""
+    """The picture as text, in the format of the files in `engine/art`."""
     place = f"the picture of {quoted(thing.name)}"
     if isinstance(picture, str) and ("\n" in picture or not picture):
         text = textwrap.dedent(picture).strip("\n")
@@ -105,49 +106,56 @@ def _check_rows(place: str, rows: list[str]) -> None:
         raise SettingError(f"{place} must have {SIZE} rows, not {len(rows)}")
     for number, row in enumerate(rows, start=1):
         if len(row) != SIZE:
-            raise SettingError(f"{place}: row {number} must have {SIZE} points, not {len(row)}")
+            raise SettingError(f"{place}: row {number} must have {SIZE} pixels, not {len(row)}")
         if wrong := set(row) - set(MARKS):
             raise SettingError(
-                f"{place}: row {number} has {min(wrong)!r}, which is none of "
+                f"{place}: row {number} has {min(wrong)!r}, which is not one of "
                 f"{', '.join(map(repr, MARKS))}"
             )
     if not set("".join(rows)) - {MARKS[0]}:
-        raise SettingError(f"{place} is empty: it needs at least one point that is drawn")
+        raise SettingError(f"{place} is empty: it needs at least one visible pixel")
 
 
 def _read(place: str, path: Path) -> np.ndarray:
-    """uint8[H, W, 4]: the image of a file."""
+    """uint8[H, W, 4]: the image in a file."""
     from PIL import Image
 
     try:
         with Image.open(path) as image:
+            # Checked before decoding, which may take any amount of memory.
+            _check_size(place, image.height, image.width)
             return np.asarray(image.convert("RGBA"))
+    except SettingError:
+        raise
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise SettingError(
             f"{place}: {quoted(str(path))} cannot be read as an image ({error})"
         ) from None
 
 
+def _check_size(place: str, rows: int, columns: int) -> None:
+    if (rows, columns) != (SIZE, SIZE):
+        raise SettingError(
+            f"{place} must have {SIZE} rows and {SIZE} columns, not {rows} and {columns}"
+        )
+
+
 def _array(place: str, picture: Any) -> np.ndarray:
     try:
         return np.asarray(picture)
     except (TypeError, ValueError) as error:
-        raise SettingError(f"{place} is no array ({error})") from None
+        raise SettingError(f"{place} is not an array ({error})") from None
 
 
 def _rows(thing: Thing, array: np.ndarray, place: str) -> list[str]:
-    """The lines of text of an array."""
+    """The lines of text for an array."""
     coloured = array.ndim == 3 and array.shape[-1] in (3, 4) and array.dtype == np.uint8
     if not coloured and (array.ndim != 2 or array.dtype.kind not in "iub"):
         raise SettingError(
             f"{place} must be text, the name of an image file, int[{SIZE}, {SIZE}] or "
             f"uint8[{SIZE}, {SIZE}, 3 or 4], not {array.dtype}{list(array.shape)}"
         )
-    if array.shape[:2] != (SIZE, SIZE):
-        rows, columns = array.shape[:2]
-        raise SettingError(
-            f"{place} must have {SIZE} rows and {SIZE} columns, not {rows} and {columns}"
-        )
+    _check_size(place, *array.shape[:2])
     marks = _marks_of(thing, array) if coloured else array.astype(np.int64)
     low, high = marks.min(), marks.max()
     if low < 0 or high >= len(MARKS):
@@ -175,10 +183,11 @@ def _check_rgb(name: str, what: str, value: Any) -> None:
 
 
 def _checked_size(name: str, radius: Any, drop: Any) -> tuple[float, float]:
-    """Radius and drop as numbers of Python; the drop of what stands on the floor for None."""
+    """Radius and drop as Python numbers; for drop None, the thing stands on the floor."""
     if not _is_number(radius) or not 0 < radius <= 0.5:
         raise SettingError(
-            f"the radius of {quoted(name)} must be above 0 to 0.5 tiles, not {quoted(radius)}"
+            f"the radius of {quoted(name)} must be above 0 and at most 0.5 tiles, not "
+            f"{quoted(radius)}"
         )
     radius = float(radius)
     if drop is None:

@@ -1,4 +1,4 @@
-"""Where a player can get to on a map, on the host. Paths are 4-connected over open tiles."""
+"""Which tiles of a map a player can reach, on the host. Paths are 4-connected over open tiles."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from .things import COLOUR_NAMES
 from .tilemap import Cell, TileMap
 
 _STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))
-# What a group of spawns, equal in what they reach, reaches: bool[rows, columns].
+# Groups of spawns that reach the same tiles, with these tiles: bool[rows, columns].
 _Groups = list[tuple[np.ndarray, list[Cell]]]
 
 
 def open_tiles(tilemap: TileMap, *, locked: bool = True) -> np.ndarray:
-    """bool[rows, columns], the tiles that can be walked on with doors open.
+    """bool[rows, columns], the tiles that are walkable when doors are open.
 
     Args:
         tilemap: the map.
-        locked: whether the locked doors are open as well as the others.
+        locked: whether locked doors are open too.
     """
     walkable = np.array([list(row) for row in tilemap.tiles]) == 0
     for door in tilemap.doors:
@@ -28,11 +28,11 @@ def open_tiles(tilemap: TileMap, *, locked: bool = True) -> np.ndarray:
 
 
 def flood(walkable: np.ndarray, starts: Iterable[Cell]) -> np.ndarray:
-    """bool[rows, columns], the tiles that some path from a start reaches.
+    """bool[rows, columns], the tiles connected to any start.
 
     Args:
         walkable: bool[rows, columns].
-        starts: (column, row) of each; one that is not walkable reaches nothing.
+        starts: (column, row) of each start; a start that is not walkable reaches nothing.
     """
     seen = np.zeros(walkable.shape, bool)
     for _ in _walk(walkable, starts, seen):
@@ -41,7 +41,7 @@ def flood(walkable: np.ndarray, starts: Iterable[Cell]) -> np.ndarray:
 
 
 def walking_distances(walkable: np.ndarray, goals: tuple[Cell, ...]) -> np.ndarray:
-    """int32[goals, rows, columns]: tiles on foot to each goal; -1 where there is no way."""
+    """int32[goals, rows, columns]: walking distance in tiles to each goal; -1 without a path."""
     steps = np.full((len(goals), *walkable.shape), -1, np.int32)
     columns, rows = np.array(goals).reshape(-1, 2).T
     front = np.zeros(steps.shape, bool)
@@ -57,9 +57,9 @@ def walking_distances(walkable: np.ndarray, goals: tuple[Cell, ...]) -> np.ndarr
 
 
 def explore(tilemap: TileMap, start: Cell) -> np.ndarray:
-    """bool[rows, columns], the tiles reached from a start by a player who uses every key.
+    """bool[rows, columns], the tiles that a player who uses every key can reach from a start.
 
-    A locked door opens once a key of its colour has been reached; a key opens any number.
+    A locked door opens once a key of its colour has been reached; a key opens any number of doors.
     """
     walkable = open_tiles(tilemap, locked=False)
     seen = np.zeros(walkable.shape, bool)
@@ -73,13 +73,13 @@ def explore(tilemap: TileMap, start: Cell) -> np.ndarray:
         shut = [door for door in shut if door.colour not in held]
         for column, row in opened:
             walkable[row, column] = True
-        # A door that opens far from where the player has been is met later, as an open tile.
+        # A door that opens elsewhere is found later, as an open tile.
         starts = [cell for cell in opened if _touches(seen, cell)]
     return seen
 
 
 def problems(tilemap: TileMap) -> list[tuple[str, Cell]]:
-    """Goals that cannot be reached, and spawns that reach none: (what is wrong, cell) of each.
+    """Unreachable goals, and spawns that reach no goal, as (problem, cell).
 
     Empty for a map without goals.
     """
@@ -98,7 +98,7 @@ def problems(tilemap: TileMap) -> list[tuple[str, Cell]]:
 
 
 def _key_problems(tilemap: TileMap, known: set[Cell]) -> list[tuple[str, Cell]]:
-    """What `problems` finds if locked doors need their keys, without the cells known already."""
+    """Problems that only arise because locked doors need keys, without the cells in `known`."""
     numbers = _numbered(open_tiles(tilemap, locked=False))
     groups = [
         (explore(tilemap, spawns[0]), spawns) for spawns in _by_number(tilemap, numbers).values()
@@ -120,7 +120,7 @@ def _key_problems(tilemap: TileMap, known: set[Cell]) -> list[tuple[str, Cell]]:
 def _unreached(tilemap: TileMap, groups: _Groups) -> tuple[list[Cell], list[Cell]]:
     """The goals that no spawn reaches, and the spawns that reach no goal.
 
-    Where no spawn reaches any goal, naming the goals says it all: then no spawns.
+    If no spawn reaches any goal, only the goals are returned.
     """
     column, row = np.array(tilemap.goals).T
     reaches = [mask[row, column] for mask, _ in groups]
@@ -133,7 +133,7 @@ def _unreached(tilemap: TileMap, groups: _Groups) -> tuple[list[Cell], list[Cell
 
 
 def _by_number(tilemap: TileMap, numbers: np.ndarray) -> dict[int, list[Cell]]:
-    """The spawns of each connected part."""
+    """The spawns of each connected component."""
     parts: dict[int, list[Cell]] = {}
     for column, row in tilemap.spawns:
         parts.setdefault(int(numbers[row, column]), []).append((column, row))
@@ -141,7 +141,7 @@ def _by_number(tilemap: TileMap, numbers: np.ndarray) -> dict[int, list[Cell]]:
 
 
 def _numbered(walkable: np.ndarray) -> np.ndarray:
-    """int32[rows, columns], the number of each tile's connected part; -1 where not walkable."""
+    """int32[rows, columns], the connected component of each tile; -1 where not walkable."""
     numbers = np.full(walkable.shape, -1, np.int32)
     seen = np.zeros(walkable.shape, bool)
     for number, (row, column) in enumerate(np.argwhere(walkable).tolist()):
@@ -151,7 +151,7 @@ def _numbered(walkable: np.ndarray) -> np.ndarray:
 
 
 def _walk(walkable: np.ndarray, starts: Iterable[Cell], seen: np.ndarray) -> Iterator[Cell]:
-    """Each tile that paths from the starts newly reach; marks it in `seen`."""
+    """Yield each tile that paths from the starts newly reach, and mark it in `seen`."""
     rows, columns = walkable.shape
     pending = list(starts)
     while pending:
@@ -165,7 +165,7 @@ def _walk(walkable: np.ndarray, starts: Iterable[Cell], seen: np.ndarray) -> Ite
 
 
 def _touches(seen: np.ndarray, cell: Cell) -> bool:
-    """Whether a tile beside the cell has been seen."""
+    """Whether a neighbour of the cell has been seen."""
     rows, columns = seen.shape
     beside = [(cell[0] + dx, cell[1] + dy) for dx, dy in _STEPS]
     return any(seen[r, c] for c, r in beside if 0 <= c < columns and 0 <= r < rows)

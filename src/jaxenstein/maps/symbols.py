@@ -1,7 +1,7 @@
-"""The vocabulary: which character of a text map means what, its label id, name and colour.
+"""The characters of text maps, with their label ids, names and colours.
 
-A label says what a tile or a pixel shows. Label ids, their names and their colours are assigned
-here and, for things, in `things`; `legend` prints the characters for people.
+A label is what a tile or a pixel shows. Label ids, names and colours are assigned here and, for
+things, in `things`; `legend` prints the characters.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 from ..errors import SettingError
 from .things import COLOUR_NAMES, COLOURS, RGB, THING_OF, THINGS, Role
 
-# What stands on a tile: "floor", "spawn", "wall", "door" or the name of a thing.
+# What is on a tile: "floor", "spawn", "wall", "door" or the name of a thing.
 Kind = str
 UNLOCKED_DOORS, LOCKED_DOORS = "',\";\\:", "RNBPYE"
-"""The characters of doors, by their colour."""
+"""The characters of doors, by colour."""
 
-# The first nine are as far apart as they can be, in hue as well as in lightness, since distance
+# The first nine differ as much as possible, in hue as well as in lightness, because distance
 # darkens walls. The others were chosen by their distance from all before them.
 WALLS: tuple[tuple[str, str, RGB], ...] = (
     ("1", "red", (206, 38, 42)),
@@ -50,9 +50,9 @@ WALLS: tuple[tuple[str, str, RGB], ...] = (
     ("Z", "navy", (6, 58, 108)),
 )
 
-# Decals: 64 more walls, for landmarks that occur once, such as the pictures of DeepMind Lab. In
-# hexadecimal; each was chosen as far as possible, in CIELAB, from all walls before it, among the
-# colours that no light makes look like the walls of its mazes (`dmlab.WALL_SYMBOLS`).
+# Decals: 64 more walls for landmarks that occur once, such as the pictures of DeepMind Lab, in
+# hexadecimal. Each is as far as possible, in CIELAB, from all walls before it, among the colours
+# that no light makes look like the walls of DeepMind Lab's mazes (`dmlab.WALL_SYMBOLS`).
 _DECAL_BYTES = bytes.fromhex(
     """
     f6ec9c f60674 0606f6 f66a06 d8f606 c4cef6 f67eba ce9c6a 389c7e 924292 cef674 1aa6ec
@@ -76,11 +76,11 @@ _FIRST_UNLOCKED_DOOR = _FIRST_DECAL + len(DECALS)
 _FIRST_LOCKED_DOOR = _FIRST_UNLOCKED_DOOR + len(COLOURS)
 
 WALL_LABELS = range(DEFAULT_WALL, _FIRST_UNLOCKED_DOOR)
-"""Labels of static walls: the default one, the coloured ones, the decals."""
+"""Labels of static walls: the default wall, the coloured walls, the decals."""
 DECAL_LABELS = range(_FIRST_DECAL, _FIRST_UNLOCKED_DOOR)
 """Labels of the decals 1 to 64."""
 DOOR_LABELS = range(_FIRST_UNLOCKED_DOOR, _FIRST_LOCKED_DOOR + len(COLOURS))
-"""Labels of doors: the unlocked ones by colour, then the locked ones. Things follow."""
+"""Labels of doors: first the unlocked ones by colour, then the locked ones. Things follow."""
 
 LABEL_NAMES: tuple[str, ...] = (
     "ceiling",
@@ -110,10 +110,10 @@ LABEL_COLOURS: np.ndarray = _label_colours()
 
 
 def label_name(label: int) -> str:
-    """The name of a label id, also of a registered thing.
+    """The name of a label id, including registered things.
 
     Raises:
-        SettingError: there is no such label.
+        SettingError: the label does not exist.
     """
     if 0 <= label < len(LABEL_NAMES):
         return LABEL_NAMES[label]
@@ -127,7 +127,7 @@ def label_name(label: int) -> str:
 
 
 def label_colours() -> np.ndarray:
-    """uint8[256, 3]: RGB of each label id in full light, also of registered things; else 0."""
+    """uint8[256, 3]: RGB of each label id in full light, including registered things; else 0."""
     colours = np.zeros((256, 3), np.uint8)
     colours[: len(LABEL_COLOURS)] = LABEL_COLOURS
     for label, thing in THING_OF.items():
@@ -137,17 +137,17 @@ def label_colours() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Symbol:
-    """What one character of a text map means.
+    """A character of a text map.
 
     Attributes:
         character: the character.
         kind: what it puts on the tile.
-        label: label id of that thing; `FLOOR` for floor and spawns. Decals are walls.
-        meaning: the same in words.
+        label: label id of what it puts there; `FLOOR` for floor and spawns. Decals are walls.
+        meaning: a description.
         colour: colour index of a door or of a thing in several colours, else -1.
         locked: whether it is a locked door.
         spawn: whether an episode may start on the tile.
-        role: of what stands in shooters alone, `things.Thing.role`.
+        role: for things that only shooters have, `things.Thing.role`.
     """
 
     character: str
@@ -161,18 +161,18 @@ class Symbol:
 
     @property
     def tile(self) -> int:
-        """What the tile holds in `TileMap.tiles`: a wall's or door's label, 0 if it is open."""
+        """The value in `TileMap.tiles`: the label of a wall or door, 0 for an open tile."""
         return self.label if self.kind in ("wall", "door") else 0
 
 
 def door_label(colour: int, locked: bool) -> int:
-    """Label id of a door with a colour index, locked or not."""
+    """The label id of a door with a colour index."""
     if not 0 <= colour < len(COLOURS):
-        raise ValueError(f"colour index {colour} is not in 0 to {len(COLOURS) - 1}")
+        raise ValueError(f"colour index must be from 0 to {len(COLOURS) - 1}, not {colour}")
     return (_FIRST_LOCKED_DOOR if locked else _FIRST_UNLOCKED_DOOR) + colour
 
 
-# The block of Unicode (Latin Extended-A) whose character n stands for decal n.
+# The Unicode block (Latin Extended-A) whose character n stands for decal n.
 _DECAL_PAGE = 0x100
 
 
@@ -210,30 +210,30 @@ def _thing_symbols(*, coloured: bool) -> Iterator[Symbol]:
 
 
 SYMBOLS: dict[str, Symbol] = _build_symbols()
-"""Every character that a text map may hold."""
+"""All characters of text maps."""
 
 TILE_CHARACTERS: dict[int, str] = {
     0: ".",
     **{symbol.tile: character for character, symbol in SYMBOLS.items() if symbol.tile},
 }
-"""The character of each value of `TileMap.tiles`."""
+"""The character for each value of `TileMap.tiles`."""
 
 
 PEACEFUL = frozenset(character for character, symbol in SYMBOLS.items() if not symbol.role)
-"""Those of maps without monsters."""
+"""The characters of maps without monsters."""
 
 
 def characters(known: Collection[str]) -> str:
-    """The characters among some, separated by blanks; a blank is 'space', the decals are a range.
+    """List characters, separated by spaces; a space is shown as 'space', the decals as a range.
 
     Args:
-        known: the characters; of the decals all or none.
+        known: the characters; either all decals or none.
     """
     return " ".join(shown for shown, symbol in _shown() if symbol.character in known)
 
 
 def legend() -> str:
-    """The symbols of text maps as a table for people, one symbol a line, the decals in one."""
+    """The symbols of text maps as a table, one per line, with one line for all decals."""
     last = SYMBOLS[TILE_CHARACTERS[DECAL_LABELS[-1]]]
     lines = []
     for shown, symbol in _shown():
@@ -246,7 +246,7 @@ def legend() -> str:
 
 
 def _shown() -> Iterator[tuple[str, Symbol]]:
-    """Each symbol with what to print for its character; of the decals the first alone."""
+    """Each symbol with the printed form of its character; only the first decal."""
     last = TILE_CHARACTERS[DECAL_LABELS[-1]]
     for character, symbol in SYMBOLS.items():
         if symbol.label == DECAL_LABELS[0]:

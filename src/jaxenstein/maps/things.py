@@ -1,4 +1,4 @@
-"""What can stand on a map: one row for each thing, with all that anyone has to know of it.
+"""The kinds of things that can be on a map, one row each.
 
 A new thing of this package is a row of `THINGS` with the next free labels, and a picture in
 `engine/art`. Users add a row with `own_things.register_thing`.
@@ -15,7 +15,7 @@ RGB = tuple[int, int, int]
 Glyph = Literal["star", "key", "apple", "medkit"]
 Role = Literal["", "monster", "supply"]
 
-# Keys and doors share these colours; an index into this table is a colour index.
+# The colours of keys and doors; a colour index is an index into this table.
 COLOURS: tuple[tuple[str, RGB], ...] = (
     ("red", (222, 44, 40)),
     ("green", (40, 176, 66)),
@@ -24,27 +24,27 @@ COLOURS: tuple[tuple[str, RGB], ...] = (
     ("yellow", (240, 206, 44)),
     ("grey", (152, 154, 160)),
 )
-# A picture's detail is its colour times this, if it has none of its own.
+# Without a colour of its own, a picture's detail has its colour times this factor.
 DETAIL_SHADE = 0.55
 COLOUR_NAMES: tuple[str, ...] = tuple(name for name, _ in COLOURS)
 
 
 @dataclass(frozen=True)
 class Thing:
-    """A kind of thing, drawn as a billboard. One without a colour comes in all of `COLOURS`.
+    """A kind of thing, drawn as a billboard. Without a colour, it comes in all of `COLOURS`.
 
     Attributes:
-        name: what it is called.
-        label: its label id; of a coloured thing the first of six.
+        name: the name of the thing.
+        label: its label id; if it comes in several colours, the first of six.
         colour: RGB in full light of its shape, of its label and on maps, or None.
         art: its picture: a file in `engine/art`, or the text of one.
         radius: half the billboard's side in tiles.
         drop: tiles from eye height down to the billboard's centre.
         detail: RGB of the picture's second colour, or None for a darker shade of the first.
         symbols: its character in text maps, or one for each colour; "" if texts cannot hold it.
-        spawn_symbol: the character of one that lies where an episode may start, or "".
-        glyph: its drawing on maps from above in `view/glyphs.py`, or None for its art.
-        role: of those that only maps of shooters hold (`tasks.shooter`): what they are there.
+        spawn_symbol: the character for the thing on a spawn, or "".
+        glyph: its drawing on top-down maps in `view/glyphs.py`, or None for its art.
+        role: for things that only maps of shooters have (`tasks.shooter`): their role there.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Thing:
 
 
 def _monster(name: str, label: int, colour: RGB, art: str, detail: RGB, symbol: str) -> Thing:
-    """One of those that maps of shooters may hold."""
+    """A monster of shooters."""
     return Thing(name, label, colour, art, 0.4, 0.1, detail, symbol, role="monster")
 
 
@@ -122,7 +122,7 @@ MEDKIT = Thing(
 
 POISON = Thing("poison", 114, (96, 152, 86), "bottle", 0.24, 0.26, detail=(128, 160, 76))
 
-# What MiniGrid's worlds hold besides keys. Lava burns on its whole tile.
+# Things of MiniGrid's worlds other than keys. Lava covers its whole tile.
 BALL = Thing("ball", 115, None, "ball", 0.2, 0.3)
 BOX = Thing("box", 121, None, "box", 0.22, 0.28)
 LAVA = Thing("lava", 127, (255, 106, 0), "lava", 0.5, 0.0, detail=(255, 196, 40))
@@ -133,10 +133,10 @@ DEMON = _monster("demon", 129, (206, 96, 110), "demon-one", (240, 220, 210), "d"
 MARINE = _monster("marine", 130, (92, 140, 80), "soldier-one", (190, 170, 80), "m")
 IMP = _monster("imp", 131, (150, 96, 56), "imp-one", (230, 200, 60), "i")
 FIREBALL = Thing("fireball", 132, (255, 150, 40), "fireball", 0.15, 0.1, detail=(255, 236, 160))
-# On MiniWorld's sidewalk.
+# From MiniWorld's sidewalk.
 CONE = Thing("cone", 133, (240, 104, 24), "cone", 0.3, 0.2, detail=(240, 240, 236))
 
-# Doom's marksmen and rockets.
+# Doom's zombies with guns, and rockets.
 ZOMBIE = _monster("zombie", 134, (156, 138, 96), "soldier-one", (200, 180, 140), "z")
 SHOTGUN_GUY = _monster("shotgun guy", 135, (116, 92, 112), "soldier-one", (220, 80, 60), "s")
 CHAINGUN_GUY = _monster("chaingun guy", 136, (176, 60, 48), "soldier-one", (190, 190, 190), "c")
@@ -180,10 +180,10 @@ THINGS: tuple[Thing, ...] = (
     WEAPON,
     ARMOUR,
 )
-"""All of them, in the order of their labels."""
+"""All things, in the order of their labels."""
 
 THING_OF: dict[int, Thing] = {}
-"""The thing of each label id, also of registered things; walls and doors have none."""
+"""The thing of each label id, including registered things; walls and doors have none."""
 
 
 def enter(thing: Thing) -> Thing:
@@ -197,7 +197,7 @@ def enter(thing: Thing) -> Thing:
         if same == 1 or (same == 0 and set(other.labels) & set(thing.labels)):
             raise SettingError(
                 f"{thing.name!r} cannot have the labels {list(thing.labels)}: {other.name!r} has "
-                f"the labels {list(other.labels)}; each name and each label is of one thing"
+                f"the labels {list(other.labels)}; names and labels must be unique"
             )
     for label in [label for label, other in THING_OF.items() if other.name == thing.name]:
         del THING_OF[label]

@@ -1,4 +1,4 @@
-"""Tile maps: a map as data on the host, hashable and independent of JAX.
+"""Tile maps: maps as data on the host, hashable and independent of JAX.
 
 Tile (column, row) covers [column, column + 1) x [row, row + 1); everything outside is solid.
 """
@@ -16,10 +16,10 @@ from .symbols import DOOR_LABELS, TILE_CHARACTERS, WALL_LABELS, door_label
 from .things import APPLE, COLOURS, GOAL, KEY, THING_OF
 
 MAX_SIZE = 256
-"""The most columns, and the most rows, that a map may have."""
+"""The most columns, and the most rows, of a map."""
 
 FACES = ("west", "east", "north", "south")
-"""The faces of a tile, by where they look, in the order of `TileMap.faces`."""
+"""The faces of a tile by the direction in which they look, in the order of `TileMap.faces`."""
 
 Cell = tuple[int, int]
 """(column, row) of a tile."""
@@ -29,7 +29,7 @@ Tiles = tuple[bytes, ...]
 
 @dataclass(frozen=True)
 class Key:
-    """A key lying on the floor: its tile and colour index."""
+    """A key on the floor: its tile and colour index."""
 
     column: int
     row: int
@@ -38,7 +38,7 @@ class Key:
 
 @dataclass(frozen=True)
 class Door:
-    """A door filling a tile: its tile, colour index and whether it needs the key."""
+    """A door that fills a tile: its tile, its colour index, and whether it needs a key."""
 
     column: int
     row: int
@@ -48,7 +48,7 @@ class Door:
 
 @dataclass(frozen=True)
 class Item:
-    """A monster, or what a player can take, on a map of a shooter: its tile and label id."""
+    """A monster or a pickup on the map of a shooter: its tile and label id."""
 
     column: int
     row: int
@@ -57,22 +57,22 @@ class Item:
 
 @dataclass(frozen=True)
 class TileMap:
-    """One map. Equal maps are equal and hash alike.
+    """A map. Maps with the same content are equal.
 
     Attributes:
-        name: what the map is called.
+        name: the name of the map.
         tiles: label id of the wall or door on each tile, 0 where it is open.
-        faces: None, or the label ids of the faces of each tile that look west, east, north and
-            south, each laid out as `tiles` and nonzero at the same places.
+        faces: None, or the label ids of the west, east, north and south faces of each tile, each
+            laid out as `tiles` and nonzero at the same places.
         spawns: tiles where an episode may start.
-        goals: tiles where the goal may lie.
-        keys: the keys, at most one a tile.
-        doors: the doors; each one's tile holds its label.
-        apples: tiles where an apple may lie, spawns or not.
-        items: monsters, medkits and ammunition of a shooter, at most one a tile.
+        goals: tiles where the goal may be.
+        keys: the keys, at most one per tile.
+        doors: the doors; the tile of each holds its label.
+        apples: tiles where an apple may be; they may be spawns.
+        items: monsters, medkits and ammunition of a shooter, at most one per tile.
 
     Raises:
-        MapError: if the parts contradict one another, such as a goal inside a wall.
+        MapError: the parts contradict each other, such as a goal inside a wall.
     """
 
     name: str
@@ -86,7 +86,7 @@ class TileMap:
     items: tuple[Item, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that the parts agree."""
+        """Check that the parts are consistent."""
         _check_tiles(self.tiles)
         _check_doors(self)
         _check_faces(self)
@@ -99,16 +99,16 @@ class TileMap:
         _check_cells(self, "item", tuple((item.column, item.row) for item in self.items))
         for item in self.items:
             if item.label not in THING_OF or not THING_OF[item.label].role:
-                raise MapError(f"label {item.label} is no monster and no supply of a shooter")
+                raise MapError(f"label {item.label} is not a monster or pickup of a shooter")
 
     @property
     def rows(self) -> int:
-        """Number of rows."""
+        """The number of rows."""
         return len(self.tiles)
 
     @property
     def columns(self) -> int:
-        """Number of columns."""
+        """The number of columns."""
         return len(self.tiles[0])
 
     @property
@@ -127,18 +127,18 @@ class TileMap:
         return np.array(cells, np.int32).reshape(-1, 2)
 
     def is_floor(self, column: int, row: int) -> bool:
-        """Whether a tile lies on the map and holds neither wall nor door."""
+        """Whether a tile is on the map and has neither a wall nor a door."""
         inside = 0 <= column < self.columns and 0 <= row < self.rows
         return inside and self.tiles[row][column] == 0
 
     def with_spawns(self, cells: Iterable[Sequence[int]]) -> TileMap:
-        """The same map with other places to start from.
+        """The same map with other spawns.
 
         Args:
             cells: (column, row) of each.
 
         Raises:
-            MapError: if there is none, or one is not a floor cell.
+            MapError: there are no cells, or one is not a floor tile.
         """
         spawns = tuple((int(column), int(row)) for column, row in cells)
         if not spawns:
@@ -148,9 +148,8 @@ class TileMap:
     def tile_text(self) -> str:
         """The map as text, one line per row.
 
-        Each tile shows one symbol: of several things on it the monster or supply, else the key,
-        else the goal, else the apple, which has a symbol for one on a spawn. The faces are not
-        part of the text.
+        A tile with several things shows the first of these: monster or pickup, key, goal, apple
+        (with its own symbol on a spawn). The text does not contain the faces.
         """
         lines = [[TILE_CHARACTERS[tile] for tile in row] for row in self.tiles]
         for column, row in self.spawns:
@@ -167,7 +166,7 @@ class TileMap:
         return "".join("".join(line) + "\n" for line in lines)
 
     def faces_text(self) -> str | None:
-        """What the walls' faces show as text, for `parse_ascii`; None if `faces` is None."""
+        """The faces of the walls as text for `parse_ascii`; None if `faces` is None."""
         if self.faces is None:
             return None
         shown = TILE_CHARACTERS | dict.fromkeys(DOOR_LABELS, TILE_CHARACTERS[0])
@@ -184,12 +183,12 @@ def _as_array(tiles: Tiles) -> np.ndarray:
 
 def _check_tiles(tiles: Tiles) -> None:
     if not isinstance(tiles, tuple) or not all(isinstance(row, bytes) for row in tiles):
-        raise MapError("the tiles of a map are a tuple of bytes objects, one per row")
+        raise MapError("the tiles of a map must be a tuple of bytes objects, one per row")
     if not tiles or not tiles[0]:
         raise MapError("the map is empty")
     columns = len(tiles[0])
     if any(len(row) != columns for row in tiles):
-        raise MapError("the rows of a map must be equally long")
+        raise MapError("the rows of a map must have equal lengths")
     if max(columns, len(tiles)) > MAX_SIZE:
         raise MapError(
             f"a map of {columns} columns and {len(tiles)} rows is too large: "
@@ -197,7 +196,7 @@ def _check_tiles(tiles: Tiles) -> None:
         )
     unknown = set(b"".join(tiles)) - {0, *WALL_LABELS, *DOOR_LABELS}
     if unknown:
-        raise MapError(f"label {min(unknown)} is neither wall nor door")
+        raise MapError(f"label {min(unknown)} is neither a wall nor a door")
 
 
 def _check_doors(tilemap: TileMap) -> None:
@@ -212,40 +211,40 @@ def _check_doors(tilemap: TileMap) -> None:
         if tile in DOOR_LABELS
     }
     if listed != standing or len(listed) != len(tilemap.doors):
-        raise MapError("the list of doors and the doors among the tiles differ")
+        raise MapError("the list of doors does not match the doors among the tiles")
 
 
 def _check_faces(tilemap: TileMap) -> None:
     if tilemap.faces is None:
         return
     if len(_tuple_of(tilemap.faces, "faces")) != 4:
-        raise MapError("a map has four kinds of faces: west, east, north and south")
+        raise MapError("a map must have four kinds of faces: west, east, north and south")
     tiles = _as_array(tilemap.tiles)
     doors = tiles >= DOOR_LABELS.start
     for face in tilemap.faces:
         _check_tiles(face)
         shown = _as_array(face)
         if shown.shape != tiles.shape or ((shown != 0) != (tiles != 0)).any():
-            raise MapError("the faces of a map must belong to its solid tiles, one to each")
+            raise MapError("faces must be nonzero on exactly the solid tiles of the map")
         if (shown >= DOOR_LABELS.start)[~doors].any() or (shown != tiles)[doors].any():
-            raise MapError("a door shows its own label on all faces, and no wall shows a door's")
+            raise MapError("all faces of a door must have its label, and no wall a door's")
 
 
 def _check_cells(tilemap: TileMap, what: str, cells: tuple[Cell, ...]) -> None:
     for column, row in _tuple_of(cells, f"{what}s"):
         if not tilemap.is_floor(column, row):
-            raise MapError(f"{what} at column {column}, row {row} (from 0) is not on a floor cell")
+            raise MapError(f"{what} at column {column}, row {row} (from 0) is not on a floor tile")
     if len(set(cells)) != len(cells):
-        raise MapError(f"two {what}s of a map share a cell")
+        raise MapError(f"two {what}s of a map are on the same tile")
 
 
 def _check_colour(colour: int) -> None:
     if not 0 <= colour < len(COLOURS):
-        raise MapError(f"colour index {colour} is not in 0 to {len(COLOURS) - 1}")
+        raise MapError(f"colour index must be from 0 to {len(COLOURS) - 1}, not {colour}")
 
 
 def _tuple_of(values: tuple, what: str) -> tuple:
-    """`values` if they are a tuple: a list would make the map unhashable."""
+    """Return `values` if they are a tuple: a list would make the map unhashable."""
     if not isinstance(values, tuple):
-        raise MapError(f"the {what} of a map are a tuple, not {type(values).__name__}")
+        raise MapError(f"the {what} of a map must be a tuple, not {type(values).__name__}")
     return values

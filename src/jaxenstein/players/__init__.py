@@ -1,7 +1,7 @@
-"""Scripted players: what a task yields to nobody, to chance, and to one who sees the whole state.
+"""Scripted players: one that does nothing, one that acts at random, and those of the tasks.
 
-Nothing here knows a task. Tasks declare who else plays them (`Environment.about`), and find here
-what such players are made of: `walking` has paths and steps.
+Nothing here depends on a task. Tasks declare their own players (`Environment.about`), and build
+them from the paths and steps in `walking`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from .._jax.batching import select, varying
 from ..about import Choose, Player
 from ..errors import SettingError, nearest, quoted
+from ..params import with_numbers
 from ..pytree import PyTreeNode
 from .chance import IDLE, UNIFORM
 
@@ -22,19 +23,19 @@ if TYPE_CHECKING:
     from ..environment import AnyEnvironment
 
 EXPERT = "expert"
-"""Stands for the name of the player who does the task best."""
+"""Stands for the best player of the task."""
 
 
 def players_of(env: AnyEnvironment) -> dict[str, Player]:
-    """All players of an environment by name: nobody, chance, and those of its task."""
+    """All players of an environment by name: idle, random, and those of its task."""
     return {"idle": IDLE, "random": UNIFORM, **env.about().players}
 
 
 def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
-    """The player of a name; `"expert"` is the one who does the task best.
+    """Look up a player by name; `"expert"` is the best player of the task.
 
     Raises:
-        SettingError: the environment has no such player; the message names those it has.
+        SettingError: the environment has no such player; the message names the players it has.
     """
     players, expert = players_of(env), env.about().expert
     wanted = expert if name == EXPERT else name
@@ -48,13 +49,13 @@ def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
 
 
 class Played(PyTreeNode):
-    """What came of B episodes.
+    """The results of B episodes.
 
     Attributes:
         returned: float32[B], undiscounted sums of rewards.
-        length: int32[B], decisions: of `frame_skip` steps of the world each.
-        terminated: bool[B], whether the task ended it; else the time limit did.
-        successes: int32[B], how often the task's aim was reached.
+        length: int32[B], decisions of `frame_skip` world steps each.
+        terminated: bool[B], whether the task ended the episode; otherwise the time limit did.
+        successes: int32[B], how often the aim of the task was reached.
     """
 
     returned: jax.Array
@@ -64,30 +65,41 @@ class Played(PyTreeNode):
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
-def play(env: AnyEnvironment, player: Player, params: Any, key: jax.Array, states: Any) -> Played:
+def play(
+    env: AnyEnvironment,
+    player: Player,
+    params: Any,
+    key: jax.Array,
+    states: Any,
+    numbers: dict[str, jax.Array] | None = None,
+) -> Played:
     """Play one episode from each state to its end.
 
     Args:
         env: the environment; its `autoreset` does not matter.
-        player: who plays, such as `player_of(env)`.
-        params: its params.
+        player: the player, such as `player_of(env)`.
+        params: the params of the environment.
         key: the random key of all steps.
-        states: B first states, each leaf with a leading axis `B`.
+        states: B first states, each leaf with a leading axis B.
+        numbers: params of each episode by name, [B] each, instead of those in `params`.
     """
-    choose = player(env, params)
-    batch = states.done.shape[0]
+    batch, numbers = states.done.shape[0], numbers or {}
+    of_all = None if numbers else player(env, params)
 
-    def advance(key: jax.Array, state: Any) -> tuple[Any, jax.Array, jax.Array]:
+    def advance(key: jax.Array, state: Any, numbers: Any) -> tuple[Any, jax.Array, jax.Array]:
         policy_key, step_key = jax.random.split(key)
+        own = with_numbers(params, numbers)
+        choose = of_all or player(env, own)
         action = choose(policy_key, state)
-        after, _, terminated, info = env.advance(step_key, state, action, params)
+        after, _, terminated, info = env.advance(step_key, state, action, own)
         success = (info["success"] & ~state.done).astype(jnp.int32)
         return select(state.done, state, after), terminated & ~state.done, success
 
     def body(carry: tuple[Any, ...]) -> tuple[Any, ...]:
         key, states, terminated, successes = carry
         key, step_key = jax.random.split(key)
-        states, ended, reached = jax.vmap(advance)(jax.random.split(step_key, batch), states)
+        keys = jax.random.split(step_key, batch)
+        states, ended, reached = jax.vmap(advance)(keys, states, numbers)
         return key, states, terminated | ended, successes + reached
 
     start = key, states, jnp.zeros(batch, bool), jnp.zeros(batch, jnp.int32)

@@ -1,4 +1,4 @@
-"""The players that know nothing: one who does nothing, and chance."""
+"""The players that know nothing about a task: idle and uniformly random."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def idle(env: AnyEnvironment, params: Any) -> Choose:
 
 
 def uniform(env: AnyEnvironment, params: Any) -> Choose:
-    """Draw each action uniformly."""
+    """Sample each action uniformly."""
     del params
 
     def choose(key: jax.Array, state: Any) -> jax.Array:

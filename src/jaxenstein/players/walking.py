@@ -1,7 +1,7 @@
-"""Walking: fields of distances on foot, the next tile, and the action that brings nearer.
+"""Walking: distance fields, the next tile, and the action that leads there.
 
-A task whose aim is a place has a player for the price of a field: `shortest_path` follows what
-its `distance_field` gives. Paths are 4-connected.
+A task whose aim is a place only needs a distance field to have a player: `shortest_path` follows
+`env.distance_field`. Paths are 4-connected.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ if TYPE_CHECKING:
     from ..engine.scene import Scene
 
 FAR = 2**20
-"""The distance of what cannot be reached."""
+"""The distance of unreachable tiles."""
 _MOST_KEYS = 8
 _BESIDE = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
-# Added to half a turn (radians), lest rounding turn a player to and fro for ever.
+# Added to half a turn (radians), so that rounding cannot make a player turn to and fro forever.
 _SLACK = 1e-3
-# Turns of more radians or strides of more tiles are looked at before they are taken.
+# Turns of more radians, or strides of more tiles, are simulated before they are taken.
 _WIDE_TURN, _LONG_STRIDE = 0.3, 0.35
-# Headings that are looked at, this many turns either way; and what a stride must gain, in tiles.
+# How many turns either way are simulated, and the least progress of a stride, in tiles.
 _TURNS, _LEAST_GAIN = 6, 1e-3
-# How often a player acts by chance where its strides may carry it past the place.
+# The probability of a random action where strides may carry a player past the place.
 _CHANCE = 0.25
 
 
 class Movement(NamedTuple):
-    """How a body moves: the numbers of its actions, and what one decision does.
+    """How an agent moves: the indices of its actions, and the effect of one decision.
 
     Attributes:
         left: the action that turns left.
-        right: the one that turns right.
-        forward: the one that walks.
-        angle: radians of a turn, which may be several steps of the world (`frame_skip`).
-        step: tiles of one step of the world.
-        steps: steps of the world in a decision.
+        right: the action that turns right.
+        forward: the action that walks.
+        angle: radians turned per decision, over all its world steps (`frame_skip`).
+        step: tiles walked per world step.
+        steps: world steps per decision.
     """
 
     left: int
@@ -60,35 +60,35 @@ class Movement(NamedTuple):
 
 
 def movement_of(env: Any, params: Any) -> Movement:
-    """How an environment moves whose params have `turn_angle` and `move_distance`.
+    """The movement of an environment whose params have `turn_angle` and `move_distance`.
 
     Raises:
-        SettingError: it has no actions to walk with.
+        SettingError: the environment has no actions for walking.
     """
     angle = params.turn_angle * env.frame_skip
     return Movement(*walking_actions(env.action_names), angle, params.move_distance, env.frame_skip)
 
 
 def walking_actions(names: Sequence[str]) -> tuple[int, int, int]:
-    """The numbers of the actions "turn left", "turn right" and "forward".
+    """The indices of the actions "turn left", "turn right" and "forward".
 
     Raises:
-        SettingError: one of them is missing.
+        SettingError: an action is missing.
     """
     wanted = ("turn left", "turn right", "forward")
     if missing := [name for name in wanted if name not in names]:
         raise SettingError(
-            f"to walk needs the actions {', '.join(wanted)}; missing: {', '.join(missing)}"
+            f"walking needs the actions {', '.join(wanted)}; missing: {', '.join(missing)}"
         )
     left, right, ahead = (list(names).index(name) for name in wanted)
     return left, right, ahead
 
 
 def shortest_path(env: Any, params: Any) -> Choose:
-    """Walk down `env.distance_field`, and open the doors on the way by the action "interact".
+    """Walk down `env.distance_field`, and open doors on the way with the action "interact".
 
-    The field is a function of the state: int32[rows, columns], tiles on foot to where to go next,
-    `FAR` where there is no way.
+    The field is a function of the state: int32[rows, columns], the walking distance in tiles to
+    the next target, `FAR` where there is no path.
     """
     body = movement_of(env, params)
     interact = list(env.action_names).index("interact") if "interact" in env.action_names else None
@@ -107,13 +107,13 @@ def shortest_path(env: Any, params: Any) -> Choose:
 def walk_down(
     body: Movement, scene: Scene, field: jax.Array, key: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """int32[], the next action on the way down a field; int32[2], the tile that it leads to.
+    """int32[], the next action on the way down a field; int32[2], the tile it leads to.
 
     Args:
-        body: how it moves.
-        scene: where it is, and what is solid.
-        field: int32[rows, columns], tiles on foot to where it goes.
-        key: of what is left to chance.
+        body: the movement of the agent.
+        scene: the pose and the solid tiles.
+        field: int32[rows, columns], the walking distance in tiles to the target.
+        key: the random key.
     """
     target, _ = next_tile(field, scene)
     offset = target.astype(jnp.float32) + 0.5 - scene.position
@@ -126,18 +126,18 @@ SHORTEST_PATH = Player("walks the shortest path; sees the whole state", shortest
 
 
 def towards(body: Movement, scene: Scene, offset: jax.Array, slack: float = 0.5) -> jax.Array:
-    """int32[]: the next action on the way to a place that lies open before the player.
+    """int32[]: the next action towards a place that is in open view.
 
-    Forward if no turn brings the heading nearer to the place, else that turn. Where turns are
-    wide, that heading may lead into the wall beside the way; then it is the nearest one on the
-    other side of the way, so that the player comes off the wall.
+    Walks forward if no turn brings the heading closer to the place, otherwise turns. If turns are
+    wide, the closest heading may lead into the wall beside the path; then the closest heading on
+    the other side of the path is used, so that the player leaves the wall.
 
     Args:
-        body: how it moves.
-        scene: where it is, and what is solid.
+        body: the movement of the agent.
+        scene: the pose and the solid tiles.
         offset: float32[2], from the player to the place, in tiles.
-        slack: turns by which the heading may be off. With 0.5 it is the nearest one; with more,
-            who walks far does not turn to and fro between two that are as near.
+        slack: the tolerated error of the heading, in turns. 0.5 selects the closest heading; with
+            more, a player on a long walk does not turn to and fro between two equally close ones.
     """
     error, aligned, turns = _turns(body, scene, offset, slack)
     side = jnp.where(error > 0, 1.0, -1.0)
@@ -152,7 +152,7 @@ def towards(body: Movement, scene: Scene, offset: jax.Array, slack: float = 0.5)
 def _turns(
     body: Movement, scene: Scene, offset: jax.Array, slack: float = 0.5
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Radians to the right of a place; whether they are few enough; the turns to the nearest."""
+    """Radians to the place, to the right; whether the heading is close enough; turns to it."""
     error = jnp.arctan2(offset[1], offset[0]) - scene.heading
     error = jnp.mod(error + math.pi, 2 * math.pi) - math.pi
     aligned = jnp.abs(error) <= slack * body.angle + _SLACK
@@ -162,19 +162,19 @@ def _turns(
 def best_stride(
     body: Movement, scene: Scene, offset: jax.Array, field: jax.Array, key: jax.Array
 ) -> jax.Array:
-    """int32[]: as `towards`, for wide turns and long strides, which are looked at before.
+    """int32[]: as `towards`, but simulates wide turns and long strides first.
 
-    The nearest heading to the way may end at the wall beside it, or farther off. Of all headings
-    the one is taken that gains most a decision; every stride leaves less to go, so that nobody
-    walks to and fro for ever. Where none does, the player acts by chance, and so it does now and
-    then where a stride may go past the place, which counts if it lies on the way.
+    With these, the closest heading may end at the wall beside the path or farther from the target.
+    This function chooses the heading with the most progress per decision. Every stride must make
+    progress, so that no player walks to and fro forever. If no heading does, the action is random.
+    It is also random now and then if a stride may pass the place, where passing counts.
 
     Args:
-        body: how it moves.
-        scene: where it is, and what is solid.
-        offset: float32[2], from the player to the next tile's centre.
-        field: int32[rows, columns], tiles on foot to where it goes.
-        key: of what is left to chance.
+        body: the movement of the agent.
+        scene: the pose and the solid tiles.
+        offset: float32[2], from the player to the centre of the next tile.
+        field: int32[rows, columns], the walking distance in tiles to the target.
+        key: the random key.
     """
     _, _, nearest = _turns(body, scene, offset)
     turns = jnp.concatenate([nearest[None], np.arange(-_TURNS, _TURNS + 1, dtype=np.float32)])
@@ -183,7 +183,7 @@ def best_stride(
     close = here < 1
     gains = here - jnp.where(close, passed, after)
     rates = jnp.where(gains > _LEAST_GAIN, gains / (jnp.abs(turns) + 1), -jnp.inf)
-    # With single steps the nearest heading will do, unless it gains nothing.
+    # For single steps the closest heading is enough, unless it makes no progress.
     plain = (gains[0] > _LEAST_GAIN) & (body.steps == 1)
     chosen = jnp.where(plain, nearest, turns[jnp.argmax(rates)])
     turn = jnp.where(chosen > 0, jnp.int32(body.right), jnp.int32(body.left))
@@ -199,7 +199,7 @@ def best_stride(
 def _stride(
     body: Movement, scene: Scene, field: jax.Array, turns: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """What is left to go after a decision to walk, so many turns to the right; the least on it."""
+    """The distance left after walking once at a number of turns to the right; the least on it."""
     step = forward(scene.heading + turns * body.angle) * body.step
 
     def one(position: jax.Array, _: None) -> tuple[jax.Array, jax.Array]:
@@ -212,10 +212,10 @@ def _stride(
 
 
 def remaining(field: jax.Array, position: jax.Array) -> jax.Array:
-    """float32[]: tiles to walk from a position to where a field leads, by the tile beside it.
+    """float32[]: tiles left to walk from a position to the target of a field, via the next tile.
 
     Args:
-        field: int32[rows, columns], tiles on foot to the target.
+        field: int32[rows, columns], the walking distance in tiles to the target.
         position: float32[2], (x, y) in tiles.
     """
     cell = jnp.floor(position).astype(jnp.int32)
@@ -227,7 +227,7 @@ def remaining(field: jax.Array, position: jax.Array) -> jax.Array:
 
 
 def _beside(field: jax.Array, cell: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """int32[4, 2], the tiles beside one; int32[4], what the field says of them."""
+    """int32[4, 2], the neighbours of a tile; int32[4], their values in the field."""
     rows, columns = field.shape
     beside = cell[None] + _BESIDE
     last = np.array((columns - 1, rows - 1), np.int32)
@@ -237,21 +237,21 @@ def _beside(field: jax.Array, cell: jax.Array) -> tuple[jax.Array, jax.Array]:
 
 
 def _blocked(body: Movement, scene: Scene, turns: jax.Array) -> jax.Array:
-    """bool[]: whether a step would not move the player after so many turns to the right."""
+    """bool[]: whether a wall blocks a step after a number of turns to the right."""
     step = forward(scene.heading + turns * body.angle) * body.step
     after = walk(scene.level, scene.closed, scene.position, step)
     return jnp.all(after == scene.position)
 
 
 def next_tile(field: jax.Array, state: Any) -> tuple[jax.Array, jax.Array]:
-    """int32[2], the tile to walk to; bool[], whether the player stands on the last one.
+    """int32[2], the tile to walk to; bool[], whether the player is already on the target.
 
-    That is the neighbour nearest the target, or the target's own tile; among equally near ones,
-    that which takes the least turning.
+    The tile is the neighbour closest to the target, or the target itself. Of equally close
+    neighbours, the one that needs the least turning is chosen.
 
     Args:
-        field: int32[rows, columns], tiles on foot to the target.
-        state: with position and heading.
+        field: int32[rows, columns], the walking distance in tiles to the target.
+        state: a state with position and heading.
     """
     cell = jnp.floor(state.position).astype(jnp.int32)
     beside, steps = _beside(field, cell)
@@ -276,11 +276,11 @@ def faces_door(scene: Scene, tile: jax.Array, reach: Any) -> jax.Array:
 
 @functools.lru_cache(maxsize=16)
 def distance_tables(tilemap: TileMap) -> np.ndarray:
-    """int32[2**K, goals, rows, columns]: tiles still to walk, for each set of K keys taken.
+    """int32[2**K, goals, rows, columns]: the distance left to walk, for each set of K keys.
 
-    Bit k of the first index says whether key k is taken. From tiles that reach the goal through
-    the doors that these keys open, the distance is that to the goal; from others, that to the
-    nearest key left; `FAR` where neither can be reached.
+    Bit k of the first index says whether the agent has key k. From tiles that reach the goal
+    through the doors that these keys open, this is the distance to the goal; from other tiles, to
+    the closest remaining key; `FAR` if neither is reachable.
 
     Args:
         tilemap: the map, with at most 8 keys.
@@ -290,7 +290,7 @@ def distance_tables(tilemap: TileMap) -> np.ndarray:
     """
     keys = tilemap.keys
     if len(keys) > _MOST_KEYS:
-        raise SettingError(f"shortest_path can plan for {_MOST_KEYS} keys, not {len(keys)}")
+        raise SettingError(f"shortest_path supports at most {_MOST_KEYS} keys, not {len(keys)}")
     tables = []
     for taken in range(2 ** len(keys)):
         carried = {key.colour for k, key in enumerate(keys) if taken >> k & 1}
@@ -308,14 +308,14 @@ def distance_tables(tilemap: TileMap) -> np.ndarray:
 
 
 def flood(walkable: jax.Array, target: jax.Array) -> jax.Array:
-    """int32[rows, columns]: tiles on foot to the target, inside a map whose border is solid.
+    """int32[rows, columns]: walking distance in tiles to the target; the border must be solid.
 
-    For maps that are drawn inside of a compiled program; `maps.reach.walking_distances` is for
-    those of the host.
+    For maps that are generated in a compiled program; for maps on the host, use
+    `maps.reach.walking_distances`.
 
     Args:
         walkable: bool[rows, columns].
-        target: bool[rows, columns], the tiles to go to.
+        target: bool[rows, columns], the target tiles.
     """
 
     def relax(carry: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:

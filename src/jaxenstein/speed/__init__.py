@@ -1,1 +1,1 @@
-"""Measuring how many steps a second an environment makes, and what compiling it costs."""
+"""Measure how many steps per second an environment takes, and how long it compiles."""

@@ -1,8 +1,8 @@
-"""Measuring speed, compile time and memory, one fresh process a configuration.
+"""Measure speed, compile time and memory, in a fresh process for each configuration.
 
-A fresh process is the only way to know the peak memory of one configuration, and nothing that an
-earlier one left behind (caches, threads, heap) can change a later one. `python -m
-jaxenstein.speed.measuring SETTINGS` is such a process: settings and results are JSON.
+Only a fresh process can show the peak memory of one configuration. It is also unaffected by caches,
+threads and the heap of earlier ones. `python -m jaxenstein.speed.measuring SETTINGS` is such a
+process: settings and results are JSON.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-# XLA's CPU backend uses one thread with these; more would fight over one core.
+# With these, XLA's CPU backend uses one thread; several would compete for one core.
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
 
@@ -28,13 +28,13 @@ class Settings:
     """One configuration.
 
     Attributes:
-        name: of the environment, for people.
-        spec: how it is built: the fields of a `Spec`, which JSON can hold.
-        batch: environments side by side.
-        steps: steps of each environment in one repeat.
-        repeats: measured repeats, after one that warms up.
-        seed: of the resets and the policy.
-        core: the processor core to stay on with a single thread, or None for all.
+        name: the name of the environment.
+        spec: the fields of the environment's `Spec`, which JSON can hold.
+        batch: the number of parallel environments.
+        steps: steps of each environment per repeat.
+        repeats: measured repeats, after one to warm up.
+        seed: the seed of the resets and the policy.
+        core: the CPU core to run on with a single thread, or None for all.
     """
 
     name: str
@@ -47,14 +47,14 @@ class Settings:
 
 
 class BenchmarkError(RuntimeError):
-    """A measuring process failed; the message is its last line."""
+    """A measuring process failed; the message is the last line of its output."""
 
 
 def measure_apart(settings: Settings) -> dict[str, Any]:
-    """Measure one configuration in a process of its own; see `measure` for the result.
+    """Measure one configuration in its own process; see `measure` for the result.
 
     Raises:
-        BenchmarkError: if the process fails.
+        BenchmarkError: the process failed.
     """
     environment = dict(os.environ)
     source = str(Path(__file__).parents[2])
@@ -77,12 +77,11 @@ def measure(settings: Settings) -> dict[str, Any]:
     """Measure one configuration in this process.
 
     Returns:
-        `id`, the settings, those of the environment, and: `seconds`, of every repeat;
-        `steps_per_second` with `median`, `lower_quartile`, `upper_quartile`, and `repeats`, of
-        every one; the same of
-        `world_steps_per_second`, each `frame_skip` of which are a step; `compile_seconds` of
-        `reset`, `step` and the whole `rollout`; `peak_memory_bytes` of the process;
-        `device_peak_bytes` where the device tells; `device`.
+        `id`, the settings, those of the environment, and: `seconds` of every repeat;
+        `steps_per_second` with `median`, `lower_quartile`, `upper_quartile` and `repeats`;
+        `world_steps_per_second`, likewise, with `frame_skip` world steps per step;
+        `compile_seconds` of `reset`, `step` and the whole `rollout`; `peak_memory_bytes` of
+        the process; `device_peak_bytes` if the device reports it; `device`.
     """
     if settings.core is not None:
         os.sched_setaffinity(0, {settings.core})
@@ -94,7 +93,7 @@ def measure(settings: Settings) -> dict[str, Any]:
     from ..tasks.first_person import SETTINGS
     from .random_rollout import make_random_rollout
 
-    # The command line named it, so its module may be imported.
+    # The user named this module on the command line, so importing it is safe.
     registry.import_module_of(settings.spec["id"])
     texts = {name: as_tuples(value) for name, value in settings.spec["settings"].items()}
     env, params = Spec(**{**settings.spec, "settings": texts}).build()
@@ -124,7 +123,7 @@ def measure(settings: Settings) -> dict[str, Any]:
 
 
 def _count(carry: Any) -> int:
-    """Steps of the world so far, of all environments."""
+    """World steps so far, over all environments."""
     return int(np.sum(np.asarray(carry.world_steps), dtype=np.int64))
 
 
@@ -143,7 +142,7 @@ def _compile_times(env: Any, params: Any, batch: int) -> dict[str, float]:
 
 
 def compile_timed(program: Any, *args: Any) -> tuple[Any, float]:
-    """A jitted function compiled for these arguments, and the seconds that took."""
+    """Compile a jitted function for these arguments; returns it and the seconds it took."""
     begin = time.perf_counter()
     compiled = program.lower(*args).compile()
     return compiled, time.perf_counter() - begin
@@ -152,16 +151,16 @@ def compile_timed(program: Any, *args: Any) -> tuple[Any, float]:
 def timed_calls(
     program: Callable[[Any], Any], carry: Any, repeats: int, seconds: float = 0.0
 ) -> Iterator[tuple[Any, float]]:
-    """Call a program again and again on what it gave last.
+    """Call a program repeatedly on its last result.
 
     Args:
-        program: takes a carry and gives the next one.
-        carry: the first one; its buffers may be used up.
-        repeats: how many times to measure.
-        seconds: how long a repeat lasts at least; it makes one call at least.
+        program: a function from a carry to the next carry.
+        carry: the first carry, which may be donated.
+        repeats: the number of measurements.
+        seconds: the shortest duration of a repeat; it makes at least one call.
 
     Yields:
-        After each repeat the carry, and the seconds that a call took.
+        After each repeat, the carry and the seconds per call.
     """
     import jax
 
@@ -173,7 +172,7 @@ def timed_calls(
 
 
 def summarise(rates: np.ndarray) -> dict[str, Any]:
-    """Median and quartiles of the rates of all repeats, and the rates."""
+    """The median and quartiles of the rates of all repeats, and the rates."""
     lower, median, upper = (float(q) for q in np.quantile(rates, [0.25, 0.5, 0.75]))
     return {
         "median": median,
@@ -184,9 +183,9 @@ def summarise(rates: np.ndarray) -> dict[str, Any]:
 
 
 def _peak_memory() -> int | None:
-    """Most bytes of memory that this process ever held; None where the system cannot tell."""
+    """The peak memory of this process in bytes; None if the system does not report it."""
     try:
-        # Unlike `getrusage` it leaves out what the process held from which this one was started.
+        # Unlike `getrusage`, this does not include the memory of the parent process.
         with open("/proc/self/status", encoding="ascii") as status:
             for line in status:
                 if line.startswith("VmHWM:"):

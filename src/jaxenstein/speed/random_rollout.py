@@ -1,12 +1,12 @@
-"""The program that speed is measured with: a random policy inside one compiled scan.
+"""The program for speed measurements: a random policy in one compiled scan.
 
-Two things make such numbers lie. A frame that nothing reads is deleted by the compiler together
-with the renderer, and reducing a frame to a checksum costs more than drawing it. Here every
-observation is carried whole through the scan, and one pixel of it shifts its environment's next
-action, so that no frame can be left out and none is read twice.
+Two mistakes make such numbers wrong. If nothing reads a frame, the compiler removes it together
+with the renderer. And reducing a frame to a checksum costs more than rendering it. Here every
+observation is carried whole through the scan, and one pixel of it shifts the next action of its
+environment, so that every frame is needed and none is read twice.
 
-Resets count as well. Episodes that begin together mostly end together, by their time limit, so
-their clocks are set apart at the start: ends are then spread over the steps, as in training.
+Resets count too. Episodes that start together mostly reach the time limit together, so their clocks
+are spread at the start. Ends of episodes are then spread over the steps, as in training.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from ..pytree import PyTreeNode
 
 
 class RolloutCarry(PyTreeNode):
-    """What a rollout hands from one step to the next; `B` environments side by side.
+    """The carry between steps of a rollout of B parallel environments.
 
     Attributes:
-        key: the random key of the steps to come.
-        obs: the latest observations, each leaf with a leading axis `B`.
-        state: the states, each leaf with a leading axis `B`.
+        key: the random key of the following steps.
+        obs: the latest observations, each leaf with a leading axis B.
+        state: the states, each leaf with a leading axis B.
         reward: float32[B], the sum of all rewards so far.
-        episodes: int32[B], the number of episodes ended so far.
-        world_steps: int32[B], the steps of the world so far: `frame_skip` of them in a step that
-            ends no episode.
+        episodes: int32[B], the number of finished episodes.
+        world_steps: int32[B], the number of world steps: `frame_skip` for each step that does not
+            end an episode.
     """
 
     key: jax.Array
@@ -48,19 +48,19 @@ def make_random_rollout(
     """Make a rollout of a uniform random policy, and the function that starts it.
 
     Args:
-        env: an environment whose `autoreset` is not `None`, so that it can go on for ever.
-        params: its parameters, the same for every environment; fixed into the program.
-        batch: the number of environments `B`, at least 1.
-        steps: the number of steps of each environment in one call, at least 1.
+        env: an environment whose `autoreset` is not `None`, so that it can run forever.
+        params: its params, the same for every environment; constants of the program.
+        batch: the number of environments B, at least 1.
+        steps: the number of steps of each environment per call, at least 1.
 
     Returns:
         `(rollout, start)`, both jitted. `start(key)` resets the environments and returns a
         `RolloutCarry`. `rollout(carry)` plays `batch * steps` steps and returns the next carry,
-        on which it is meant to be called again: it reuses the buffers of the carry it is given,
-        which must not be used afterwards.
+        on which you can call it again. It reuses the buffers of its argument, which must not be
+        used afterwards.
 
     Raises:
-        SettingError: if `batch` or `steps` is below 1, or `env` does not reset itself.
+        SettingError: `batch` or `steps` is below 1, or `env` does not reset itself.
 
     Examples:
         >>> import jaxenstein
@@ -95,7 +95,7 @@ def make_random_rollout(
             jax.random.split(step_key, batch), carry.state, action
         )
         ended = (terminated | truncated).astype(jnp.int32)
-        # A step that resets first has no time of its own.
+        # A step that only resets takes no time.
         taken = jnp.maximum(info["episode_length"] - carry.state.time, 0)
         counts = carry.reward + reward, carry.episodes + ended, carry.world_steps + taken
         return RolloutCarry(key, obs, state, *counts), None
@@ -107,7 +107,7 @@ def make_random_rollout(
 
 
 def _middle_pixel(obs: Any) -> jax.Array:
-    """Return one element of every leaf of each environment's observation, summed: int32[B]."""
+    """The sum over all leaves of one element of each environment's observation: int32[B]."""
     total = jnp.int32(0)
     for leaf in jax.tree.leaves(obs):
         total += leaf[:, *(size // 2 for size in leaf.shape[1:])].astype(jnp.int32)

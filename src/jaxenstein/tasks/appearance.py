@@ -1,4 +1,4 @@
-"""How walls, doors and the things of `maps.things` look to the renderer."""
+"""The look of walls, doors and the things of `maps.things` in the renderer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..errors import SettingError, quoted
 from ..maps.symbols import LABEL_COLOURS, door_label
 from ..maps.things import COLOURS, RGB, THING_OF, Thing
 
-# The two tiles of the checker, and the ceiling.
+# The two colours of the floor's checker, and the ceiling.
 FLOOR: tuple[RGB, RGB] = ((88, 92, 84), (68, 72, 66))
 CEILING: RGB = (52, 56, 66)
 PANEL_ACCENT: RGB = (225, 225, 215)
@@ -25,17 +25,17 @@ def build_theme(
     floor: tuple[RGB, RGB] = FLOOR,
     ceiling: RGB = CEILING,
 ) -> Theme:
-    """The look of a map.
+    """Build the look of a map.
 
     Args:
-        sprites: labels of the sprite pictures, in the order of `Sprites.picture`: of things of
+        sprites: labels of the sprite pictures, in the order of `Sprites.picture`; things from
             `maps.things` or registered ones.
-        doors: whether there are doors; without, nothing is spent on drawing panels.
-        floor: the checker's colours, RGB.
-        ceiling: its colour, RGB.
+        doors: whether there are doors; without doors, drawing panels costs nothing.
+        floor: the colours of the checker, RGB.
+        ceiling: the colour of the ceiling, RGB.
 
     Raises:
-        SettingError: no thing has one of the labels.
+        SettingError: a label belongs to no thing.
     """
     colours = np.array(LABEL_COLOURS, np.float32)
     panels = np.zeros(len(colours), np.int32)
@@ -75,11 +75,11 @@ def check_rgb(field: str, value: Any, shape: tuple[int, ...]) -> None:
 
     Args:
         field: the name of the setting.
-        value: what it was given.
+        value: its value.
         shape: (3,), or (colours, 3).
 
     Raises:
-        SettingError: it is something else, or not from 0 to 255.
+        SettingError: the value has another form, or a number is not from 0 to 255.
     """
     try:
         colours = np.asarray(value, np.float64)

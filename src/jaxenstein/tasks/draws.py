@@ -1,4 +1,4 @@
-"""Samples from random bits, so that a reset needs one call of the generator."""
+"""Samples from random bits, so that a reset calls the random generator only once."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ Words = TypeVar("Words", jax.Array, np.ndarray)
 
 
 def random_bits(key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-    """uint32 of a shape: those of `jax.random.bits`, drawn in one row.
+    """uint32 of a shape: the bits of `jax.random.bits`, drawn as one row.
 
-    Compilers for CPUs work along the last axis alone, and of a short one number by number.
+    CPU compilers only vectorise along the last axis, which is too short in small shapes.
     """
     return jax.random.bits(key, (math.prod(shape),), jnp.uint32).reshape(shape)
 
@@ -32,11 +32,11 @@ def sample_index(bits: jax.Array, count: int | jax.Array) -> jax.Array:
 
 
 def sample_seed(key: jax.Array, seeds: tuple[int, int] | None) -> jax.Array:
-    """uint32[]: any seed, or one of those from the first to before the second of two.
+    """uint32[]: any seed, or one from a range.
 
     Args:
-        key: for nothing else.
-        seeds: the first seed and the one past the last, or None.
+        key: a random key that is not used elsewhere.
+        seeds: the first seed and the one after the last, or None for any seed.
     """
     bits = jax.random.bits(key, (), jnp.uint32)
     if seeds is None:
@@ -46,7 +46,7 @@ def sample_seed(key: jax.Array, seeds: tuple[int, int] | None) -> jax.Array:
 
 
 def mixed(word: Words) -> Words:
-    """uint32: the words under a bijection that mixes their bits, Chris Wellons' lowbias32."""
+    """uint32: the words after a bijection that mixes their bits, Chris Wellons' lowbias32."""
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
         word = (word ^ (word >> np.uint32(shift))) * np.uint32(factor)
     return word ^ (word >> np.uint32(16))

@@ -1,8 +1,8 @@
-"""DeepMind Lab's explore levels: a maze that is new in every episode, with things to find again.
+"""DeepMind Lab's explore levels: a new maze in every episode, with things to find again.
 
-Rules are those of the levels explore_goal_locations, explore_obstructed_goals,
+The rules are those of the levels explore_goal_locations, explore_obstructed_goals,
 explore_object_locations and explore_object_rewards of google-deepmind/lab;
-docs/originals/dmlab-explore.md says where this port differs.
+docs/originals/dmlab-explore.md lists the differences.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from .steering import ACTION_NAMES, SteeringParams, steer
 Kind = Literal["goal", "apples", "objects"]
 FLOOR: tuple[RGB, RGB] = ((204, 118, 52), (184, 102, 42))
 SKY: RGB = (142, 190, 228)
-# What objects look like: balls in six colours, then boxes.
+# The labels of objects: balls in six colours, then boxes.
 _OBJECTS = (*BALL.labels, *BOX.labels)
 _DOOR = door_label(COLOUR_NAMES.index("grey"), locked=True)
 
 
 class ExploreParams(SteeringParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        pickup_radius: tiles from a thing at which it is taken.
-        reward: of a thing that pays.
-        bad_reward: of one that costs.
+        pickup_radius: distance in tiles at which a thing is taken.
+        reward: reward of a good thing.
+        bad_reward: reward of a bad thing.
     """
 
     discount: Scalar = 0.999
@@ -63,17 +63,17 @@ PLAN = MazePlan(11, 4)
 
 
 class ExploreState(State):
-    """State of the task; M places for things, S starts, N things.
+    """The state of the task; M places for things, S starts, N things.
 
     Attributes:
         level: the walls of this episode.
         starts: float32[S, 2], (x, y) in tiles.
-        starting: int32[], how many of them there are.
-        places: float32[M, 2].
-        things: float32[N, 2].
-        there: bool[N], which things there are in a round.
-        good: bool[N], which of them pay.
-        left: bool[N], which are left in this round.
+        starting: int32[], the number of starts.
+        places: float32[M, 2], (x, y) in tiles.
+        things: float32[N, 2], (x, y) in tiles.
+        there: bool[N], which things are present at the beginning of a round.
+        good: bool[N], which things are good.
+        left: bool[N], which things are left in this round.
     """
 
     level: Level
@@ -87,7 +87,7 @@ class ExploreState(State):
 
 
 class ObstructedState(ExploreState):
-    """State of the task with D doors.
+    """The state of the task with D doors.
 
     Attributes:
         closed: bool[D], which doors are closed in this round.
@@ -98,20 +98,22 @@ class ObstructedState(ExploreState):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Explore(GeneratedTask[ExploreState, ExploreParams]):
-    """Take what pays in a maze; once all of it is taken, a new round begins at another start.
+    """Take all good things in a maze; then a new round begins at another start.
 
-    Actions are those of all light ports but "interact". Only time ends the episode.
+    The agent has all actions of light ports except "interact". Only the time limit ends the
+    episode.
 
     Attributes:
-        kind: what there is: `"goal"`, one; `"apples"` on half of the places; `"objects"` of
-            different looks on half of the places, half of which pay while the others cost, and
-            which lie elsewhere in each round.
-        plan: what mazes are sampled.
-        starts: places to start from in each room.
-        places: places for things in each room.
-        doors: the most doors, which stand where rooms and corridors meet, or 0 for none. In each
-            round those on a random way from the goal to the start are open, and half of the others.
-        defaults: the params that `params=None` stands for.
+        kind: the kind of things: `"goal"`, a single one; `"apples"` on half of the places;
+            `"objects"` of different looks on half of the places, which change in each round. Half
+            of the objects are good, the others bad.
+        plan: the distribution of mazes.
+        starts: the number of starts in each room.
+        places: the number of places for things in each room.
+        doors: the largest number of doors, which are where rooms and corridors meet; 0 for none.
+            In each round, the doors on a random path from the goal to the start are open, and half
+            of the others.
+        defaults: the default params.
     """
 
     kind: Kind = choice("goal", Kind)
@@ -132,20 +134,20 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         most = self.plan.least**2 - 1
         if not (self.starts >= 1 and self.places >= 2 and self.starts + self.places <= most + 1):
             raise SettingError(
-                f"starts, at least 1, and places, at least 2, must be {most + 1} at most together, "
+                f"starts must be at least 1, places at least 2, and their sum at most {most + 1}, "
                 f"the tiles of a room, not {quoted(self.starts)} and {quoted(self.places)}"
             )
         if self.doors and self.kind != "goal":
-            raise SettingError("doors, whose ways lead to a goal, need kind='goal'")
+            raise SettingError("doors need kind='goal', because they leave a path to the goal open")
 
     @property
     def default_params(self) -> ExploreParams:
-        """The params that `params=None` stands for."""
+        """The default params."""
         return self.defaults
 
     @property
     def most_things(self) -> int:
-        """How many things there may be."""
+        """The largest number of things."""
         return 1 if self.kind == "goal" else self.plan.rooms * self.places // 2
 
     @functools.cached_property
@@ -155,13 +157,13 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the maze looks."""
+        """The look of the maze."""
         labels = {"goal": (GOAL.label,), "apples": (APPLE.label,)}
         pictures = labels.get(self.kind, _OBJECTS[: self.most_things])
         return build_theme(pictures, doors=self.doors > 0, floor=FLOOR, ceiling=SKY)
 
     def init_state(self, key: jax.Array, params: ExploreParams) -> ExploreState:
-        """Sample a maze, what lies where, and what pays; then the first start."""
+        """Sample a maze, the places of things, the good ones, and the first start."""
         del params
         level_key, start_key = jax.random.split(key)
         maze_key, things_key = jax.random.split(self.level_key(level_key))
@@ -172,7 +174,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         drawn = sample_in_rooms(bits[:cells], maze, rooms, self.starts + self.places)
         drawn = drawn.astype(jnp.float32) + 0.5
         places = drawn[:, self.starts :].reshape(-1, 2)
-        # Those of rooms that the maze lacks come last.
+        # Places in rooms that the maze lacks come last.
         lacking = np.arange(most, dtype=np.int32) >= maze.rooms * self.places
         own = bits[cells : cells + most] >> 1
         places = places[jnp.argsort(jnp.where(lacking, jnp.uint32(2**32 - 1), own))]
@@ -198,8 +200,8 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
     def level_parts(self, state: ExploreState) -> tuple[jax.Array, ...]:
         """The walls with the doors, and the tiles of the goal or of the apples.
 
-        Objects lie on other tiles in each round: all tiles that they may lie on count, and which
-        objects pay.
+        Objects change their tiles in each round, so for them it is all possible tiles, and which
+        objects are good.
         """
         walls = jnp.asarray(state.level.walls)[0]
         objects = self.kind == "objects"
@@ -210,12 +212,12 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         return walls, tiles, state.good
 
     def _level_of(self, maze: RandomMaze) -> Level:
-        """Corridors have the default walls, each room has a colour of its own."""
+        """The level of a maze: default walls in corridors, one colour for each room."""
         painted = DEFAULT_WALL + beside_rooms(maze)
         walls = jnp.where(maze.open, 0, painted)
         if not self.doors:
             return level_from_walls(walls.astype(jnp.uint8))
-        # Doors that the maze lacks stand on its corner.
+        # Doors that the maze lacks are on its corner.
         row, column = jnp.nonzero(maze.doorways, size=self.doors, fill_value=0)
         real = jnp.zeros(walls.shape, bool).at[row, column].set(True) & maze.doorways
         walls = jnp.where(real, _DOOR, walls)
@@ -223,7 +225,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         return level_from_walls(walls.astype(jnp.uint8), doors)
 
     def _begin_round(self, key: jax.Array, state: ExploreState) -> ExploreState:
-        """Another start, any heading, and all things back; objects lie elsewhere."""
+        """Sample another start and heading, and put all things back; objects change places."""
         objects = self.kind == "objects"
         bits = jax.random.bits(key, (2 + objects * len(state.places),), jnp.uint32)
         if objects:
@@ -237,7 +239,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         return self._close_doors(key, state) if isinstance(state, ObstructedState) else state
 
     def _close_doors(self, key: jax.Array, state: ObstructedState) -> ObstructedState:
-        """Open the doors on a random way to the start, and half of the others."""
+        """Open the doors on a random path to the start, and half of the others."""
         count = self.plan.size**2 + self.doors
         bits = jax.random.bits(jax.random.fold_in(key, 1), (count,), jnp.uint32)
         ends = (jnp.floor(at).astype(jnp.int32) for at in (state.things[0], state.position))
@@ -247,7 +249,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
     def transition(
         self, key: jax.Array, state: ExploreState, action: jax.Array, params: ExploreParams
     ) -> tuple[ExploreState, jax.Array, jax.Array, Info]:
-        """Move, take things, and begin a new round once all that pays is taken."""
+        """Move, take things, and start a new round when all good things are taken."""
         pose = state.position, state.heading
         position, heading = steer(state.level, _closed(state), *pose, action, params)
         offset = state.things - position[None]
@@ -260,30 +262,30 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
             events["took_bad"] = bad
         state = state.replace(position=position, heading=heading, left=state.left & ~taken)
         over = ~jnp.any(state.left & state.good)
-        # A way through the maze is expensive, so it is sampled only where one is needed.
+        # Sampling a path through the maze is expensive, so it only happens when needed.
         few = where_few(self._begin_round) if self.doors else None
         begun = few(over, key, state) if few else self._begin_round(key, state)
         state = select(over, begun, state)
         return state, reward, jnp.bool_(False), events | {"respawned": over}
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         thing = {"goal": "goal", "apples": "apple", "objects": "good object"}[self.kind]
-        rewards = {"reward": f"{{:+g}} a {thing}".replace(" a a", " an a")}
+        rewards = {"reward": f"{{:+g}} per {thing}"}
         events = {"took": Event(f"took a {thing}".replace(" a a", " an a"), f"took {{}} {thing}s")}
         if self.kind == "objects":
-            rewards["bad_reward"] = "{:+g} a bad one"
+            rewards["bad_reward"] = "{:+g} per bad object"
             events["took_bad"] = Event("took a bad object", "took {} bad objects")
         events["respawned"] = Event("moved to a new start")
         return dataclasses.replace(
             super().about(),
-            aim="reached the goal" if self.kind == "goal" else "took all that pays",
+            aim="reached the goal" if self.kind == "goal" else "took all good things",
             ends="",
             rewards=rewards,
             events=events,
             players={"shortest_path": SHORTEST_PATH},
             expert="shortest_path",
-            holds={"something that pays is left": lambda s: jnp.any(s.left & s.good)},
+            holds={"a good thing is left": lambda s: jnp.any(s.left & s.good)},
         )
 
     def scene(self, state: ExploreState, params: ExploreParams) -> Scene:
@@ -300,7 +302,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         )
 
     def distance_field(self, state: ExploreState) -> jax.Array:
-        """int32[rows, columns]: tiles on foot to the nearest thing that pays, around bad ones."""
+        """int32[rows, columns]: walking distance to the nearest good thing, around bad ones."""
         row, column = np.indices((self.plan.size, self.plan.size), np.int32)
         cells = jnp.floor(state.things).astype(jnp.int32)
         here = (column[None] == cells[:, :1, None]) & (row[None] == cells[:, 1:, None])
@@ -317,7 +319,7 @@ def _closed(state: ExploreState) -> jax.Array:
 
 
 def _floor(state: ExploreState, closed: jax.Array) -> jax.Array:
-    """bool[rows, columns], where one can walk with bool[D] doors closed."""
+    """bool[rows, columns], the walkable tiles with bool[D] doors closed."""
     walls = jnp.asarray(state.level.walls)[0]
     column, row = jnp.asarray(state.level.doors).T
     shut = jnp.zeros(walls.shape, bool).at[row, column].max(closed)
@@ -327,6 +329,6 @@ def _floor(state: ExploreState, closed: jax.Array) -> jax.Array:
 def level(
     size: int, rooms: int, *, least: int = 3, most: int = 5, **settings: Any
 ) -> functools.partial[Explore]:
-    """One of the original's levels, by the numbers of its `MazePlan` and other settings."""
+    """One of the original levels, by the arguments of its `MazePlan` and other settings."""
     fixed = {"kind": "goal", "places": 4, "doors": 0, **settings}
     return functools.partial(Explore, plan=MazePlan(size, rooms, least, most), **fixed)

@@ -1,4 +1,4 @@
-"""What all tasks seen through the renderer share: the camera and the kinds of observation."""
+"""The base of all rendered tasks: the camera and the kinds of observation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from .splits import Split, fingerprint, first_right, is_of
 from .steering import SteeringParams
 
 ObservationKind = Literal["rgb", "gray", "depth", "labels", "dict"]
-# What the key of a reset is folded with for that of the look.
+# Folded into the key of a reset to get the key of the look.
 _LOOKS = 0x100C
 
 S = TypeVar("S", bound=State)
@@ -44,23 +44,23 @@ P = TypeVar("P", bound=Params)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FirstPerson(Environment[S, P]):
-    """Base of tasks that are seen in first person.
+    """Base of first-person tasks.
 
     Attributes:
-        height: image rows in pixels. Every size is drawn natively.
+        height: image rows in pixels. Every size is rendered natively.
         width: image columns in pixels.
         field_of_view: horizontal angle of view in degrees; pixels are square.
         observation: `"rgb"` uint8[height, width, 3]; `"gray"` uint8[height, width]; `"depth"`
             float32[height, width], perpendicular distance in tiles; `"labels"` uint8[height,
-            width], ids of what each pixel shows, named by `jaxenstein.maps.symbols.LABEL_NAMES`;
-            `"dict"`: the rgb image under `"image"` and the task's variables beside it.
-        sprite_layers: how many sprites can be seen behind each other in one image column.
-        look: how walls, floor and ceiling look: `"plain"`, in one colour each; `"patterned"`, with
-            patterns of bricks, boards and so on; `"random"`, with colours and patterns drawn at
-            each reset. Doors and things look the same in all of them, and so do depth and labels.
-        look_range: of random looks, how far they go: from 0, as patterned, to 1, any colours.
-        look_seeds: of random looks, None for all of them, or those of some seeds: (first, stop).
-        textures: None, or images for walls, floor, ceiling and things: a folder with files such as
+            width], the label id of each pixel, see `jaxenstein.maps.symbols.LABEL_NAMES`;
+            `"dict"`: the rgb image as `"image"`, and the variables of the task.
+        sprite_layers: how many sprites an image column can show, one behind another.
+        look: the look of walls, floor and ceiling: `"plain"`, in one colour each; `"patterned"`,
+            with patterns such as bricks and boards; `"random"`, with colours and patterns drawn at
+            each reset. Doors, things, depth and labels do not depend on it.
+        look_range: strength of random looks: from 0, as patterned, to 1, any colours.
+        look_seeds: seeds of random looks: None for all seeds, or (first, stop).
+        textures: None, or images of walls, floor, ceiling and things: a folder with files such as
             `wall.png`, `floor.png`, `red-wall.png`, `goal.png`; in Python also a table of such
             names with arrays uint8[height, width, 3 or 4]. The names are `wall`, `door`, and those
             of labels. Sides are resized to the next power of two, to 128 at most.
@@ -87,25 +87,25 @@ class FirstPerson(Environment[S, P]):
             given = getattr(self, name)
             if self.look != "random" and given != getattr(FirstPerson, name):
                 raise SettingError(
-                    f"{name} needs look='random': give that too, not {name}={quoted(given)} with "
+                    f"{name} needs look='random': set that too, not {name}={quoted(given)} with "
                     f"look={quoted(self.look)}"
                 )
 
     @abc.abstractmethod
     def scene(self, state: S, params: P) -> Scene:
-        """What there is to see in a state, and from where."""
+        """The scene to render in a state."""
 
     def first_state(self, key: jax.Array, params: P) -> S:
-        """Add the seed of the look, if that is drawn."""
+        """Add the seed of the look, if looks are random."""
         state = super().first_state(key, params)
         if self.look != "random":
             return state
-        # From a key of its own, so that all else is as without it.
+        # A separate key, so that everything else is the same as without random looks.
         seeds = cast("tuple[int, int] | None", self.look_seeds)
         return state.replace(look=sample_seed(jax.random.fold_in(key, _LOOKS), seeds))
 
     def dressed(self, scene: Scene, state: S) -> Scene:
-        """A scene of the task in the look of a state."""
+        """The scene of a state with its look."""
         if self.textures is not None:
             images = cast(Images, self.textures)
             return scene.replace(theme=dressed(scene.theme, images, self.camera))
@@ -115,16 +115,16 @@ class FirstPerson(Environment[S, P]):
             return scene.replace(theme=patterned(scene.theme))
         if state.look is None:
             raise SettingError(
-                "look='random' needs a state from reset or first_state, whose look is drawn, "
-                "not one from init_state"
+                "look='random' needs a state from reset or first_state, which has a seed for the "
+                "look, not one from init_state"
             )
         theme = randomised(scene.theme, state.look, float(self.look_range))
         return scene.replace(theme=theme)
 
     def tilemap_of(self, state: S) -> TileMap:
-        """The map that a state (one, not a batch) plays on, on the host, for people.
+        """The map of a state (one, not a batch), on the host, for people.
 
-        Here it is read from the scene: its walls and doors. Tasks add what else they know.
+        By default the walls and doors of the scene; tasks add other things.
         """
         level = self.scene(state, self.default_params).level
         return read_level(self.name, level)
@@ -141,38 +141,38 @@ class FirstPerson(Environment[S, P]):
         return self.scene(self.init_state(key, self.check_params(params)), params).level
 
     def variables(self, state: S) -> dict[str, jax.Array]:
-        """The task's variables for the `dict` observation."""
+        """The variables of the task for the `dict` observation."""
         del state
         return {}
 
     def variable_spaces(self) -> dict[str, Box]:
-        """Their spaces."""
+        """The spaces of the variables."""
         return {}
 
     @functools.cached_property
     def camera(self) -> Camera:
-        """The camera that observations are drawn with."""
+        """The camera for observations."""
         return Camera(self.view_height, int(self.width), float(self.field_of_view))
 
     @property
     def view_height(self) -> int:
-        """Rows of the image that show the scene."""
+        """The number of image rows that show the scene."""
         return int(self.height)
 
     def draw(self, state: S, params: P, kind: ImageKind) -> jax.Array:
-        """An image of a state, of any kind and of the environment's size."""
+        """Render a state as any kind of image, in the size of the environment."""
         scene = self.dressed(self.scene(state, params), state)
         return render(scene, self.camera, kind, self.sprite_layers)
 
     def stride(self, params: P) -> float:
-        """The most tiles that a step of the world moves the player."""
+        """How many tiles a world step can move the player."""
         return float(params.move_distance) if isinstance(params, SteeringParams) else 0.0
 
     def observe(self, state: S, params: P) -> Any:
-        """Draw the observation of a state; see the class for its kinds."""
+        """Render the observation of a state; see the class for its kinds."""
         return self._observe(state, params)
 
-    # Traced once for all programs that draw the same environment, and inlined into them.
+    # Traced once for all programs that render the same environment, and inlined into them.
     @functools.partial(jax.jit, static_argnums=0, inline=True)
     def _observe(self, state: S, params: P) -> Any:
         kind = "rgb" if self.observation == "dict" else cast(ImageKind, self.observation)
@@ -194,9 +194,9 @@ class FirstPerson(Environment[S, P]):
             taken = [name for name in variables if hasattr(dict, name)]
             if taken:
                 raise SettingError(
-                    f"a variable may not be called {quoted(taken[0])}, as a function of "
-                    "dictionaries is: libraries whose modules have entries by these names could "
-                    "not take it"
+                    f"a variable must not be called {quoted(taken[0])}, the name of a method of "
+                    "dictionaries: libraries that make modules from the entries could "
+                    "not use it"
                 )
             return Dict({"image": image, **variables})
         return image
@@ -204,21 +204,21 @@ class FirstPerson(Environment[S, P]):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GeneratedTask(FirstPerson[S, P]):
-    """Base of tasks that draw a level at each reset; other bases of a task follow this one.
+    """Base of tasks that draw a level at each reset; it must come first among the bases of a task.
 
-    `init_state` draws what belongs to the level, such as walls and things, from one key and what
-    an episode adds, such as its start, from another:
+    `init_state` draws the level, such as walls and things, from one key, and everything else in an
+    episode, such as its start, from another:
 
         level_key, start_key = jax.random.split(key)
         level = ...  # drawn from self.level_key(level_key) and nothing else
 
     Attributes:
-        levels: None for levels without end, or the seeds of the levels: `range(first, stop)` or
-            (first, stop). Every episode draws one of them with equal probability. A seed gives the
-            same level on every machine.
-        split: None for all levels, or one side: `"train"` or `"test"`. The content of a level
-            decides its side, not its seed, so no level is on both.
-        test_fraction: the share of all levels on the test side of a split.
+        levels: None for unlimited levels, or the seeds of the levels: `range(first, stop)` or
+            (first, stop). Every episode draws one of them uniformly. A seed gives the same level
+            on every machine.
+        split: None for all levels, or one side: `"train"` or `"test"`. The side of a level depends
+            on its content, not on its seed, so no level is on both sides.
+        test_fraction: the fraction of all levels on the test side of a split.
     """
 
     levels: tuple[int, int] | range | None = of_form(None, "seeds")
@@ -230,20 +230,20 @@ class GeneratedTask(FirstPerson[S, P]):
         super().__post_init__()
         if self.split is None and self.test_fraction != GeneratedTask.test_fraction:
             raise SettingError(
-                "test_fraction needs a split: give split='train' or split='test' too, not "
+                "test_fraction needs a split: set split='train' or split='test' too, not "
                 f"test_fraction={quoted(self.test_fraction)} with split=None"
             )
 
     @property
     def level_range(self) -> tuple[int, int] | None:
-        """The first seed of a level and the one past the last; None for levels without end."""
+        """The first seed and the one after the last; None for unlimited levels."""
         return None if self.levels is None else (int(self.levels[0]), int(self.levels[1]))
 
     def level_key(self, key: jax.Array) -> jax.Array:
-        """The key that a level is drawn from: `key` itself, or that of one of the seeds.
+        """The key from which to draw a level: `key` itself, or that of one of the seeds.
 
         Args:
-            key: of the episode, for nothing else.
+            key: a key of the episode that is not used elsewhere.
         """
         if self.level_range is None:
             return key
@@ -252,11 +252,11 @@ class GeneratedTask(FirstPerson[S, P]):
         return jax.random.key(seed, impl="threefry2x32")
 
     def level_parts(self, state: S) -> tuple[jax.Array, ...]:
-        """The content of the level of a first state, as arrays of whole numbers or truth values.
+        """The content of the level of a first state, as arrays of whole numbers or bools.
 
         It must be equal for levels that an agent cannot tell apart. So put equal things on a map of
-        tiles, not into a list, whose order would matter. Leave out what an episode adds to the
-        level, such as its start.
+        tiles, not into a list, whose order would matter. Leave out what does not belong to the
+        level, such as the start of an episode.
         """
         raise SettingError(
             f"{type(self).__name__} has no split: define level_parts, the content of its levels"
@@ -267,7 +267,7 @@ class GeneratedTask(FirstPerson[S, P]):
         return self._first_where(jnp.bool_(True), key, params)
 
     def _first_where(self, needed: jax.Array, key: jax.Array, params: P) -> S:
-        """A first state if bool[] `needed`, else anything."""
+        """A first state if bool[] `needed`, else an arbitrary state."""
         draw = super().first_state
         if self.split is None:
             return draw(key, params)
@@ -280,7 +280,7 @@ class GeneratedTask(FirstPerson[S, P]):
         return first_right(draw, right, needed, key, jax.lax.stop_gradient(params))
 
     def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
-        """As `Environment.reset_where`, but samples only the levels needed: they are expensive."""
+        """As `Environment.reset_where`, but samples only the needed levels, which are expensive."""
         params = jax.lax.stop_gradient(params)
         if self.split is None:
             fresh = where_few(self.first_state)(over, key, params)
@@ -290,7 +290,7 @@ class GeneratedTask(FirstPerson[S, P]):
         return select(over, fresh, state)
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         several = self.level_range is None or self.level_range[1] > self.level_range[0] + 1
         return dataclasses.replace(super().about(), generated=several)
 
@@ -298,8 +298,8 @@ class GeneratedTask(FirstPerson[S, P]):
 SETTINGS = tuple(
     field.name for field in dataclasses.fields(FirstPerson) if field.name not in ("name", "version")
 )
-"""The settings that every environment takes which is seen in first person."""
+"""The settings that every first-person environment takes."""
 RESETTING = ("autoreset", "final_observation")
-"""Those of how it begins anew, which is the business of what steps it."""
+"""The settings of resets, which are up to the code that steps the environment."""
 SEEN = tuple(name for name in SETTINGS if name not in RESETTING)
-"""The others."""
+"""The other settings."""

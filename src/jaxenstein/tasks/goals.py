@@ -1,4 +1,4 @@
-"""Tasks that end at a goal, and those of them with keys and doors on the way.
+"""Tasks that end at a goal, with or without keys and doors on the way.
 
 Their map is fixed or sampled at reset.
 """
@@ -28,14 +28,14 @@ from .steering import ACTION_NAMES, INTERACT, SteeringParams, steer
 
 
 class NavigationParams(SteeringParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        goal_radius: tiles from the goal at which it is reached; below 0 it never is.
-        pickup_radius: tiles from a key at which it is picked up, likewise.
+        goal_radius: distance in tiles at which the goal is reached; below 0, never.
+        pickup_radius: distance in tiles at which a key is picked up; below 0, never.
         interact_distance: reach of the interact action in tiles; below 1.
         goal_reward: reward of reaching the goal.
-        living_reward: reward of every step, that one included.
+        living_reward: reward of every step, including the last one.
     """
 
     goal_radius: Scalar = 0.35
@@ -50,7 +50,7 @@ S = TypeVar("S", bound=Any)
 
 
 def add_sprites(scene: Scene, position: jax.Array, picture: jax.Array, visible: jax.Array) -> Scene:
-    """A scene with more sprites after its own.
+    """Add sprites to a scene, after its own.
 
     Args:
         scene: the scene.
@@ -67,44 +67,44 @@ def add_sprites(scene: Scene, position: jax.Array, picture: jax.Array, visible: 
 class GoalTask(FirstPerson[S, NavigationParams]):
     """Base of tasks that end at a goal.
 
-    A move into anything solid is cancelled. Reward: `goal_reward` on reaching the goal, which
-    terminates, and `living_reward` each step.
+    A move into anything solid is cancelled. Reward: `goal_reward` for reaching the goal, which
+    terminates the episode, and `living_reward` for each step.
 
     Attributes:
-        defaults: the params that `params=None` stands for.
+        defaults: the default params.
     """
 
     defaults: NavigationParams = DEFAULTS
 
-    # Also where it does not end the episode.
+    # Even if it does not end the episode.
     success_event: ClassVar[str] = "reached_goal"
 
     @property
     def default_params(self) -> NavigationParams:
-        """The params that `params=None` stands for."""
+        """The default params."""
         return self.defaults
 
     @functools.cached_property
     @abc.abstractmethod
     def theme(self) -> Theme:
-        """How the map looks; the first sprite picture is the goal's."""
+        """The look of the map; the first sprite picture is the goal's."""
 
     @abc.abstractmethod
     def level_of(self, state: S) -> Level:
         """The walls and doors of a state."""
 
     def closed_of(self, state: S) -> jax.Array:
-        """bool[D]: which doors are closed; here there are none."""
+        """bool[D]: which doors are closed; by default there are none."""
         del state
         return jnp.zeros(0, bool)
 
     @abc.abstractmethod
     def goal_of(self, state: S) -> jax.Array:
-        """float32[2]: the place of the goal in tiles."""
+        """float32[2]: the position of the goal in tiles."""
 
     @abc.abstractmethod
     def distance_field(self, state: S) -> jax.Array:
-        """int32[rows, columns]: tiles on foot to where `shortest_path` goes next."""
+        """int32[rows, columns]: walking distance to the next target of `shortest_path`."""
 
     def transition(
         self, key: jax.Array, state: S, action: jax.Array, params: NavigationParams
@@ -125,11 +125,11 @@ class GoalTask(FirstPerson[S, NavigationParams]):
         return super().describe(state, params) | {"distance_to_goal": self._distance(state)}
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return About(
             aim="reached the goal",
             ends="at the goal",
-            rewards={"goal_reward": "{:+g} at the goal", "living_reward": "{:+g} a step"},
+            rewards={"goal_reward": "{:+g} at the goal", "living_reward": "{:+g} per step"},
             events={"reached_goal": Event("reached the goal")},
             variables={"distance_to_goal": "tiles to the goal, in a straight line"},
             players={"shortest_path": SHORTEST_PATH},
@@ -156,22 +156,22 @@ class GoalTask(FirstPerson[S, NavigationParams]):
 class KeysAndDoorsTask(GoalTask[S]):
     """Base of tasks that end at a goal behind doors, some of which need keys.
 
-    Actions: turn left, turn right, move forward, move backward, interact. Keys are picked up by
-    walking over them and kept; interact opens the door in front, a locked one if a key of its
-    colour is carried. Doors stay open.
+    Actions: turn left, turn right, move forward, move backward, interact. The agent picks up keys
+    by walking over them, and keeps them. Interact opens the door in front; a locked door needs a
+    key of its colour. Doors stay open.
 
-    States have `opened`, bool[D], and `taken`, bool[K] (or bool[] of one key).
+    States have `opened`, bool[D], and `taken`, bool[K] (or bool[] for a single key).
     """
 
     action_names: ClassVar[tuple[str, ...]] = ACTION_NAMES
 
     @abc.abstractmethod
     def keys_of(self, state: S) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The keys: float32[K, 2] places, int32[K] sprite pictures, int32[K] colour indices."""
+        """The keys: float32[K, 2] positions, int32[K] sprite pictures, int32[K] colour indices."""
 
     @abc.abstractmethod
     def locks_of(self, state: S) -> tuple[jax.Array, jax.Array]:
-        """The doors: bool[D], which are locked ones; int32[D], the colour of the key of each."""
+        """The doors: bool[D], which ones are locked; int32[D], the colour of the key of each."""
 
     def closed_of(self, state: S) -> jax.Array:
         """bool[D]: the doors that have not been opened."""
@@ -189,7 +189,7 @@ class KeysAndDoorsTask(GoalTask[S]):
         return state, reward, reached, events
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         about = super().about()
         events = {"picked_key": Event("picked up a key"), "opened_door": Event("opened a door")}
         events |= about.events
@@ -202,7 +202,7 @@ class KeysAndDoorsTask(GoalTask[S]):
         return add_sprites(scene, places, pictures, ~state.taken.reshape(-1))
 
     def variables(self, state: S) -> dict[str, jax.Array]:
-        """`carried_keys`: float32[6], which key colours are carried (red, green, blue, ... )."""
+        """`carried_keys`: float32[6], which key colours the agent has (red, green, blue, ...)."""
         return {"carried_keys": self._carried(state).astype(jnp.float32)}
 
     def variable_spaces(self) -> dict[str, Box]:
@@ -226,6 +226,6 @@ class KeysAndDoorsTask(GoalTask[S]):
         return state.replace(taken=state.taken | near.reshape(state.taken.shape))
 
     def _carried(self, state: S) -> jax.Array:
-        """bool[6]: which key colours are carried."""
+        """bool[6]: which key colours the agent has."""
         same = self.keys_of(state)[2][:, None] == np.arange(len(COLOUR_NAMES), dtype=np.int32)[None]
         return jnp.any(same & state.taken.reshape(-1)[:, None], axis=0)

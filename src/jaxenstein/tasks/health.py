@@ -1,4 +1,4 @@
-"""Staying alive: what tasks have in common in which health is lost and gained."""
+"""Shared parts of tasks in which the agent loses and gains health."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ P = TypeVar("P", bound=Params)
 
 
 class HealthTask(Environment[S, P]):
-    """What tasks say alike whose states have `health`, int32[], and that end where it is gone."""
+    """Base of tasks whose states have `health`, int32[], and which end when it is 0."""
 
     def describe(self, state: S, params: P) -> Info:
         """Add the health."""
@@ -29,7 +29,7 @@ class HealthTask(Environment[S, P]):
     def succeeded(
         self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
     ) -> jax.Array:
-        """Whether the time limit was reached alive, unless the task names an event."""
+        """Whether the agent survived to the time limit, unless the task has a success event."""
         if self.success_event:
             return super().succeeded(state, reward, terminated, events, params)
         return state.done & ~terminated
@@ -44,17 +44,17 @@ class HealthTask(Environment[S, P]):
 
 
 def about_health(taken: Mapping[str, Event], greedy_medkits: Player, step: str) -> About:
-    """What such a task says of itself.
+    """The description of such a task.
 
     Args:
-        taken: the events of things that were taken.
-        greedy_medkits: the player who does it best.
-        step: what a step is called.
+        taken: the events for things that are taken.
+        greedy_medkits: the best player.
+        step: the word for a step.
     """
     return About(
         aim="reached the time limit alive",
-        ends="where the health is gone",
-        rewards={"living_reward": f"{{:+g}} a {step}", "death_penalty": "-{:g} at death"},
+        ends="when health reaches 0",
+        rewards={"living_reward": f"{{:+g}} per {step}", "death_penalty": "-{:g} at death"},
         events={**taken, "died": Event("died")},
         variables={"health": "0 to 100"},
         captions=("health",),

@@ -1,4 +1,4 @@
-"""ViZDoom's Health Gathering: an acid floor, and medkits to stay alive on.
+"""ViZDoom's Health Gathering: stay alive on an acid floor by collecting medkits.
 
 Rules and numbers are those of the scenario `health_gathering` of ViZDoom 1.3 and of Doom's
 engine, measured by running them; docs/originals/health-gathering.md has the table.
@@ -32,30 +32,30 @@ from .hud import bar, check_strip, strip_rows
 from .navigation import FixedMap
 from .steering import ACTION_NAMES, FORWARD, SteeringParams, steer
 
-# Tiles of the room from wall to wall: 1216 of Doom's map units, 32 of which are a tile.
+# Tiles of the room from wall to wall: 1216 map units of Doom, 32 per tile.
 ROOM = 38
-# Room for all medkits of an episode of 2100 steps: 17 at first, then one every 30 steps.
+# Enough places for all medkits of an episode of 2100 steps: 17 at first, then one per 30 steps.
 CAPACITY = 88
 MOST_AT_FIRST = 32
-# Medkits (half-width 20 units) do not stick into walls, which stand one tile inside the map.
+# Medkits (half-width 20 units) do not stick into walls, which begin one tile inside the map.
 _FIRST_PLACE, _LAST_PLACE = 1 + 20 / 32, 1 + ROOM - 20 / 32
 FLOOR: tuple[RGB, RGB] = ((52, 122, 34), (40, 98, 26))
 CEILING: RGB = (26, 26, 62)
 
 
 class HealthGatheringParams(SteeringParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        damage: health lost to the floor at a time, the first before the first observation.
+        damage: health that the floor takes each time; the first time before the first observation.
         damage_period: steps from one damage to the next.
         heal: health gained by a medkit, up to 100.
-        medkits: how many lie there in the first observation, at most `MOST_AT_FIRST`.
+        medkits: number of medkits in the first observation, at most `MOST_AT_FIRST`.
         medkit_period: steps from one new medkit to the next.
-        pickup_reach: a step forward takes the medkits whose x and y are both nearer than this,
-            in tiles: the boxes of Doom's player and medkit, 16 + 20 units.
-        living_reward: reward of every step, the last one included.
-        death_penalty: taken off the reward of the step that dies.
+        pickup_reach: a step forward takes the medkits whose distances in x and y are both less
+            than this, in tiles: the boxes of Doom's player and medkit, 16 + 20 units.
+        living_reward: reward of every step, including the last one.
+        death_penalty: subtracted from the reward of the step in which the agent dies.
     """
 
     max_steps_in_episode: Scalar = 2100
@@ -71,14 +71,13 @@ class HealthGatheringParams(SteeringParams):
 
 
 class HealthGatheringState(State):
-    """State of the task; N is `CAPACITY`.
+    """The state of the task; N is `CAPACITY`.
 
     Attributes:
         health: int32[], 0 to 100.
         medkits: float32[N, 2], (x, y) in tiles of each place for a medkit.
-        present: bool[N], which of them hold one.
-        placed: int32[], medkits placed since the reset. With more than N of them, the newest
-            takes the place of the oldest.
+        present: bool[N], which places have a medkit.
+        placed: int32[], medkits placed since the reset. From N on, the newest replaces the oldest.
     """
 
     health: jax.Array
@@ -88,7 +87,7 @@ class HealthGatheringState(State):
 
 
 def greedy_medkits(env: HealthGathering, params: HealthGatheringParams) -> Choose:
-    """Go to the nearest medkit, wait there until all of it is needed, then take it."""
+    """Go to the nearest medkit, wait there until its full effect is needed, then take it."""
     body = movement_of(env, params)
 
     def choose(key: jax.Array, state: HealthGatheringState) -> jax.Array:
@@ -105,20 +104,20 @@ def greedy_medkits(env: HealthGathering, params: HealthGatheringParams) -> Choos
 
 
 GREEDY_MEDKITS = Player(
-    "goes to the nearest medkit and waits there while it is not needed; sees the whole state",
+    "goes to the nearest medkit and waits until it is needed; sees the whole state",
     greedy_medkits,
     waits="waits: healthy",
 )
 
 
 class HealthRoom(HealthTask[S, P], FixedMap[S, P]):
-    """Base of tasks of health in one room with medkits in it."""
+    """Base of health tasks in one room with medkits."""
 
     ceiling: ClassVar[RGB] = CEILING
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the room looks."""
+        """The look of the room."""
         return build_theme((MEDKIT.label,), doors=False, floor=FLOOR, ceiling=self.ceiling)
 
 
@@ -126,18 +125,18 @@ class HealthRoom(HealthTask[S, P], FixedMap[S, P]):
 class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
     """Stay alive on a floor that hurts, by walking over medkits.
 
-    Actions: turn left, turn right, forward. The floor takes 8 health every 32 steps; a medkit
-    gives back 25, up to 100, and is left where it lies at full health. A new one appears
-    somewhere every 30 steps. Reward: 1 a step, and -100 more for dying, which terminates.
+    Actions: turn left, turn right, forward. The floor takes 8 health every 32 steps. A medkit
+    gives 25, up to 100; at full health the agent does not take it. A new one appears somewhere
+    every 30 steps. Reward: 1 per step, and -100 for dying, which terminates the episode.
 
     Attributes:
-        hud: show the health as a bar in a strip below the view, which then is as much lower;
-            for images of colours or greys.
+        hud: show the health as a bar in a strip below the view, which becomes shorter by as much;
+            only for images of colours or greys.
     """
 
     hud: bool = False
-    # Medkits are as high as the eye: of 512 frames with 40 of them, a third one in a column would
-    # change 0.002 % of the pixels.
+    # Medkits are as high as the eye: in 512 frames with 40 of them, a third layer would change
+    # 0.002 % of the pixels.
     sprite_layers: int = 2
 
     params_class: ClassVar[type[Params]] = HealthGatheringParams
@@ -150,14 +149,14 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
 
     @functools.cached_property
     def tilemap(self) -> TileMap:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The room, with its wall one tile thick."""
+        """The room, with a wall one tile thick."""
         side = ROOM // 2
         rows = ["U" * (ROOM + 2), *["U" + "." * ROOM + "U"] * ROOM, "U" * (ROOM + 2)]
         rows[side + 1] = "U" + "." * side + "S" + "." * (side - 1) + "U"
         return parse_ascii("\n".join(rows), "health-gathering", goal_required=False)
 
     def init_state(self, key: jax.Array, params: HealthGatheringParams) -> HealthGatheringState:
-        """Stand in the centre, look east, and place the first medkits."""
+        """Start in the centre, looking east, and place the first medkits."""
         bits = jax.random.bits(key, (MOST_AT_FIRST, 2), jnp.uint32)
         placed = jnp.clip(params.medkits, 0, MOST_AT_FIRST)
         rest = jnp.zeros((CAPACITY - MOST_AT_FIRST, 2), jnp.float32)
@@ -177,7 +176,7 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
         action: jax.Array,
         params: HealthGatheringParams,
     ) -> tuple[HealthGatheringState, jax.Array, jax.Array, Info]:
-        """Move, suffer, take medkits, then a new one appears."""
+        """Move, take damage, take medkits; then a new one may appear."""
         time = state.time + 1
         closed = jnp.zeros(0, bool)
         position, heading = steer(self.level, closed, state.position, state.heading, action, params)
@@ -185,14 +184,14 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
         health = state.health - jnp.where(hurt, params.damage, 0)
         dead = health <= 0
         state = state.replace(position=position, heading=heading, health=jnp.maximum(health, 0))
-        # Doom looks for things to take only where something moves.
+        # Doom only picks things up when something moves.
         state, count = _take(state, (action == FORWARD) & ~dead, params)
         state = _appear(state, key, time % jnp.maximum(params.medkit_period, 1) == 0)
         reward = params.living_reward - jnp.where(dead, params.death_penalty, 0)
         return state, reward, dead, {"took_medkit": count, "died": dead}
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         taken = {"took_medkit": Event("took a medkit", "took {} medkits")}
         about = about_health(taken, GREEDY_MEDKITS, "step")
         holds = {
@@ -204,7 +203,7 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
         return dataclasses.replace(about, holds=holds)
 
     def scene(self, state: HealthGatheringState, params: HealthGatheringParams) -> Scene:
-        """The room and the medkits in it."""
+        """The room and its medkits."""
         del params
         return Scene(
             level=self.level,
@@ -221,7 +220,7 @@ class HealthGathering(HealthRoom[HealthGatheringState, HealthGatheringParams]):
 
     @property
     def view_height(self) -> int:
-        """Rows of the image above the strip."""
+        """The number of image rows above the strip."""
         return self.height - strip_rows(self.height) if self.hud else self.height
 
     def draw(
@@ -243,7 +242,7 @@ def _place(bits: jax.Array) -> jax.Array:
 def _take(
     state: HealthGatheringState, able: jax.Array, params: HealthGatheringParams
 ) -> tuple[HealthGatheringState, jax.Array]:
-    """Take the medkits in reach one after another while health is missing; and int32[] how many."""
+    """Take medkits in reach one by one while health is missing; also int32[], their number."""
     offset = jnp.abs(state.medkits - state.position[None])
     near = state.present & jnp.all(offset < params.pickup_reach, axis=-1) & able
     missing = FULL_HEALTH - state.health
@@ -255,18 +254,18 @@ def _take(
 
 
 def _rank(chosen: jax.Array) -> jax.Array:
-    """int32[N]: how many of bool[N] come before each."""
+    """int32[N]: how many entries of bool[N] before each one are true."""
     words = pack_bits(chosen[None])[0]
     counts = jax.lax.population_count(words)
     before = jnp.cumsum(counts) - counts
-    # Without a gather, which would compute all of this anew for every member.
+    # Without a gather, which would compute all of this again for every member of the batch.
     below = jnp.asarray(((1 << np.arange(WORD)) - 1).astype(np.uint32))
     within = jax.lax.population_count(words[:, None] & below[None])
     return (before[:, None] + within).reshape(-1)[: chosen.shape[0]].astype(jnp.int32)
 
 
 def _appear(state: HealthGatheringState, key: jax.Array, due: jax.Array) -> HealthGatheringState:
-    """A medkit more, if it is time."""
+    """Add a medkit, if it is due."""
     here = (jnp.arange(CAPACITY, dtype=jnp.int32) == state.placed % CAPACITY) & due
     place = _place(jax.random.bits(key, (2,), jnp.uint32))
     return state.replace(

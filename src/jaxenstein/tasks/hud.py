@@ -1,4 +1,4 @@
-"""What is drawn over or below the view: bars in a strip, and a frame in a colour."""
+"""Overlays on the view: bars in a strip below it, and a coloured frame."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from ..engine.shade import LUMA, ImageKind
 from ..errors import SettingError
 
-# Rows of the strip for each row of the whole image, and the fewest.
+# Rows of the strip per row of the whole image, and the fewest.
 SHARE, FEWEST = 0.1, 4
 EMPTY = (38, 38, 42)
 RIM = (12, 12, 14)
 Levels = tuple[tuple[float, tuple[int, int, int]], ...]
-"""A bar's colour up to each level; a level of its own lets an agent tell danger at a glance."""
+"""The colour of a bar up to each level, so that an agent can recognise danger at a glance."""
 LEVELS: Levels = (
     (0.3, (226, 44, 36)),
     (0.6, (238, 190, 36)),
@@ -24,15 +24,15 @@ AMMUNITION: Levels = ((0.2, (206, 60, 190)), (1.0, (84, 138, 240)))
 
 
 def check_overlay(name: str, wanted: bool, observation: str) -> None:
-    """Raise if a setting adds to a picture that has neither colours nor grays.
+    """Raise if a setting adds colours to an image without colours or greys.
 
     Args:
-        name: of the setting.
+        name: the name of the setting.
         wanted: its value.
         observation: the kind of observation.
 
     Raises:
-        SettingError: it is true, and the observation has neither colours nor grays.
+        SettingError: the setting is True, and the observation has neither colours nor greys.
     """
     if wanted and observation not in ("rgb", "gray", "dict"):
         raise SettingError(
@@ -41,14 +41,14 @@ def check_overlay(name: str, wanted: bool, observation: str) -> None:
 
 
 def check_strip(hud: bool, observation: str, height: int) -> None:
-    """Raise unless a strip can be drawn where it is wanted, in an image of a height in pixels."""
+    """Raise if a strip is wanted but does not fit the observation or its height in pixels."""
     check_overlay("hud", hud, observation)
     if hud and strip_rows(height) * 2 > height:
         raise SettingError(f"hud=True needs a height of at least 8 pixels, not {height}")
 
 
 def strip_rows(height: int) -> int:
-    """Rows of the strip in an image of a height in pixels."""
+    """The rows of the strip in an image of this height in pixels."""
     return max(FEWEST, round(SHARE * height))
 
 
@@ -60,9 +60,9 @@ def bar(
     Args:
         level: float32[].
         rows: rows of the strip, at least 3.
-        width: its columns.
+        width: columns of the strip.
         kind: `"rgb"` for uint8[rows, width, 3], `"gray"` for uint8[rows, width].
-        levels: its colours.
+        levels: the colours of the bar.
     """
     rim = np.ones((rows, width), bool)
     rim[1:-1, 1:-1] = False
@@ -77,27 +77,27 @@ def bar(
 
 
 def frame(image: jax.Array, colour: jax.Array, label: jax.Array, kind: ImageKind) -> jax.Array:
-    """An image with a frame in a colour over its border: 2 pixels wide in one of 64 by 64.
+    """Draw a coloured frame over the border of an image, 2 pixels wide in a 64x64 image.
 
     Args:
-        image: of a kind; a depth image stays as it is.
+        image: an image of this kind; depth images are not changed.
         colour: uint8[3].
-        label: uint8[], what the frame says in an image of labels.
-        kind: of the image.
+        label: uint8[], the label of the frame in an image of labels.
+        kind: the kind of image.
     """
     if kind == "depth":
         return image
     wide = max(1, min(image.shape[:2]) // 32)
     if kind != "rgb":
         colour = label if kind == "labels" else _gray(colour[None, None])[0, 0]
-    # Four strips: a choice for every byte of the image takes as long as all of its drawing.
+    # Four strips: selecting every byte of the image would take as long as rendering it.
     for strip in np.s_[:wide], np.s_[-wide:], np.s_[:, :wide], np.s_[:, -wide:]:
         image = image.at[strip].set(colour)
     return image
 
 
 def _gray(image: jax.Array) -> jax.Array:
-    """uint8[height, width]: the luma of an image in colours."""
+    """uint8[height, width]: the luma of a colour image."""
     weights = jnp.asarray(LUMA, jnp.int32)
     weighted = jnp.sum(image.astype(jnp.int32) * weights[None, None], axis=-1, dtype=jnp.int32)
     return ((weighted + 128) >> 8).astype(jnp.uint8)

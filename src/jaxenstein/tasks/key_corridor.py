@@ -1,10 +1,10 @@
 """MiniGrid's KeyCorridor, with a new layout at each reset, generated inside JAX.
 
-Rules: minigrid/envs/keycorridor.py and core/roomgrid.py of Farama-Foundation/Minigrid. Three
-columns of rooms; the middle one is an open hall. A room in the east is locked and holds the
-goal, the key lies in a room in the west, and doors are added between random neighbours, never
-to the locked room, until every room can be reached. `fidelity/minigrid_worlds.py` compares the
-statistics of the layouts.
+The rules are those of minigrid/envs/keycorridor.py and core/roomgrid.py of
+Farama-Foundation/Minigrid. There are three columns of rooms; the middle one is an open hall. A
+room in the east is locked and has the goal, the key is in a room in the west. Doors are added
+between random neighbours, never to the locked room, until every room is reachable.
+`fidelity/minigrid_worlds.py` compares the statistics of the layouts.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ WEST, EAST = 0, 1
 
 
 class KeyCorridorState(State):
-    """State of the task; D places for doors.
+    """The state of the task; D places for doors.
 
     Attributes:
         level: the walls and doors of this episode.
         locked: bool[D], which door is the locked one.
         opened: bool[D].
         key: float32[2], (x, y) of the key in tiles.
-        key_colour: int32[], its colour index, which is the locked door's.
-        taken: bool[], whether it has been picked up.
+        key_colour: int32[], the colour index of the key and of the locked door.
+        taken: bool[], whether the key has been picked up.
         goal: float32[2], (x, y) of the goal in tiles.
     """
 
@@ -66,10 +66,10 @@ class KeyCorridor(
     Actions and reward are those of `KeysAndDoorsTask`.
 
     Attributes:
-        room_size: tiles from a room's wall to its opposite one, both included; at least 3.
+        room_size: tiles from a room's wall to the opposite wall, both included; at least 3.
         room_rows: rows of rooms, 1 to 3.
-        layout_seed: None, or the seed of the one layout: short for `levels=(seed, seed + 1)`. The
-            start is drawn anew all the same.
+        layout_seed: None, or the seed of a single layout, a shorthand for `levels=(seed, seed +
+            1)`. The start is still random.
     """
 
     room_size: int = number(4, 3, 16)
@@ -80,7 +80,7 @@ class KeyCorridor(
         """Check the settings."""
         super().__post_init__()
         if self.layout_seed is not None and self.levels is not None:
-            raise SettingError("give either levels or layout_seed, which is a range of one level")
+            raise SettingError("set either levels or layout_seed, which is a range of one level")
 
     @property
     def level_range(self) -> tuple[int, int] | None:
@@ -91,7 +91,7 @@ class KeyCorridor(
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the map looks."""
+        """The look of the map."""
         return build_theme((GOAL.label, *KEY.labels), doors=True)
 
     @functools.cached_property
@@ -131,22 +131,22 @@ class KeyCorridor(
         return state.level
 
     def goal_of(self, state: KeyCorridorState) -> jax.Array:
-        """float32[2]: the place of the goal in tiles."""
+        """float32[2]: the position of the goal in tiles."""
         return state.goal
 
     def keys_of(self, state: KeyCorridorState) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The key: place, sprite picture, colour index."""
+        """The key: position, sprite picture, colour index."""
         return state.key[None], 1 + state.key_colour[None], state.key_colour[None]
 
     def locks_of(self, state: KeyCorridorState) -> tuple[jax.Array, jax.Array]:
-        """The doors: which is the locked one, the colour of the key."""
+        """The doors: which one is locked, and the colour of the key."""
         return state.locked, jnp.broadcast_to(state.key_colour, state.locked.shape)
 
     def distance_field(self, state: KeyCorridorState) -> jax.Array:
-        """int32[rows, columns]: distances to the key, or to the goal once the key is taken."""
+        """int32[rows, columns]: distances to the key, or to the goal once the agent has it."""
         walls = jnp.asarray(state.level.walls)[0] != 0
         columns, rows = state.level.doors[:, 0], state.level.doors[:, 1]
-        # An absent door stands on the map's border.
+        # An absent door is on the map's border.
         passable = (~state.locked | state.taken) & (columns > 0)
         row, column = np.indices(walls.shape, np.int32)
         here = (column[None] == columns[:, None, None]) & (row[None] == rows[:, None, None])
@@ -155,7 +155,7 @@ class KeyCorridor(
         return flood(walkable, (column == target[0]) & (row == target[1]))
 
     def tilemap_of(self, state: KeyCorridorState) -> TileMap:
-        """The layout with its key, its goal, and the tile the agent is on as its start."""
+        """The layout with its key, its goal, and the agent's tile as its spawn."""
         cells = [
             tuple(int(part) for part in np.floor(np.asarray(place)))
             for place in (state.position, state.goal, state.key)
@@ -177,9 +177,9 @@ def corridor_sketch(
     """A layout of rooms: the sketch with key, ball, doors and start; int32[], the key's colour.
 
     Args:
-        layout_key: of all but the start.
-        start_key: of the start.
-        size: tiles of a room's side, walls included.
+        layout_key: the random key of everything except the start.
+        start_key: the random key of the start.
+        size: tiles along a room's side, walls included.
         rows: rows of rooms.
     """
     step, places = size - 1, 4 * rows - 2
@@ -194,7 +194,7 @@ def corridor_sketch(
     there, locked = _doors_there(sketch.bits(places), locked_row, rows)
     bits = sketch.bits(places)
     along = 1 + sample_index(bits, size - 2)
-    # The same bits serve for the colour: their low ones are not used for the place.
+    # The same bits also give the colour: the place does not use their low bits.
     colours = jnp.where(locked, colour, sample_index(bits << 12, COLOURS))
     tiles = jnp.where(there[:, None], _door_places(step, rows, along), 0)
     sketch.doors(tiles, jnp.where(there, colours, 0), locked)
@@ -205,7 +205,7 @@ def corridor_sketch(
 
 
 def _tile_of_room(sketch: Sketch, step: int, column: int, row: jax.Array) -> jax.Array:
-    """int32[2]: a random tile of the room in a column and a row of rooms."""
+    """int32[2]: a random tile in the room at a column and a row of rooms."""
     width = step - 1
     tile = sketch.number(0, width * width)
     return jnp.stack([column * step + 1 + tile % width, row * step + 1 + tile // width])
@@ -217,7 +217,7 @@ def _door_places(step: int, rows: int, along: jax.Array) -> jax.Array:
     Args:
         step: tiles from a wall of a room to the opposite one.
         rows: rows of rooms.
-        along: int32[D], the tile of each along its wall.
+        along: int32[D], the tile of each door along its wall.
     """
     index = np.arange(len(along), dtype=np.int32)
     to_hall, between, gaps = index < 2 * rows, index - 2 * rows, max(rows - 1, 1)
@@ -229,11 +229,11 @@ def _door_places(step: int, rows: int, along: jax.Array) -> jax.Array:
 
 
 def _doors_there(bits: jax.Array, locked_row: jax.Array, rows: int) -> tuple[jax.Array, jax.Array]:
-    """bool[D], the places where doors are; bool[D], which of them is the locked one.
+    """bool[D], the places that have doors; bool[D], which door is the locked one.
 
-    MiniGrid adds doors one by one, in random order, until all rooms are connected. That is:
-    each wall has a random priority, and doors are in all walls up to the least priority at
-    which they connect everything.
+    MiniGrid adds doors one by one, in random order, until all rooms are connected. Equivalently,
+    each wall has a random priority, and walls have doors up to the lowest priority that connects
+    all rooms.
 
     Args:
         bits: uint32[D], random.
@@ -241,7 +241,7 @@ def _doors_there(bits: jax.Array, locked_row: jax.Array, rows: int) -> tuple[jax
         rows: rows of rooms.
     """
     index = np.arange(len(bits), dtype=np.int32)
-    # Ties are broken by the index, so that no two priorities are equal.
+    # The index breaks ties, so that no two priorities are equal.
     priority = (bits & ~jnp.uint32(15)) | index.astype(np.uint32)
     locked = jnp.asarray(index) == rows + locked_row
     between = np.arange(rows - 1, dtype=np.int32)
@@ -258,11 +258,11 @@ def _doors_there(bits: jax.Array, locked_row: jax.Array, rows: int) -> tuple[jax
 
 
 def _bottleneck(to_hall: list[jax.Array], down: list[jax.Array]) -> jax.Array:
-    """The least priority up to which doors connect all rooms of one side with the hall.
+    """The lowest priority up to which doors connect all rooms of one side with the hall.
 
     Args:
-        to_hall: uint32[] of each room's door to the hall.
-        down: uint32[] of the door between each room and the next.
+        to_hall: uint32[], the priority of each room's door to the hall.
+        down: uint32[], the priority of the door between each room and the next.
     """
     best = list(to_hall)
     for i in range(1, len(best)):
@@ -273,13 +273,13 @@ def _bottleneck(to_hall: list[jax.Array], down: list[jax.Array]) -> jax.Array:
 
 
 def _start(sketch: Sketch, key: jax.Array, step: int, rows: int, door: jax.Array) -> Sketch:
-    """Begin in the hall's middle room in one of four headings, not facing the locked door.
+    """Start in the hall's middle room with one of four headings, not facing the locked door.
 
     The open walls between the hall's rooms belong to the room as well.
 
     Args:
         sketch: the layout.
-        key: of the start.
+        key: the random key of the start.
         step: tiles from a wall of a room to the opposite one.
         rows: rows of rooms.
         door: int32[], the row of the locked door, which is in the hall's eastern wall.

@@ -1,4 +1,4 @@
-"""From a level on the device back to a tile map and its doors on the host."""
+"""Convert a level on the device to a tile map and its doors on the host."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _COLOURS = len(DOOR_LABELS) // 2
 def read_level(name: str, level: Level) -> TileMap:
     """The walls and doors of a level.
 
-    Doors that the layout does not have, which stand on the border, are left out; walls whose
-    labels are not of `jaxenstein.maps.symbols` become default walls.
+    Doors that the layout does not have are on the border and are left out. Walls whose labels are
+    not in `jaxenstein.maps.symbols` become default walls.
 
     Args:
-        name: what to call the map.
+        name: the name of the map.
         level: one level, not a batch of them.
     """
     columns, rows = level.size
@@ -46,16 +46,16 @@ def read_level(name: str, level: Level) -> TileMap:
 
 
 def closed_doors(tilemap: TileMap, doors: Any, closed: Any) -> np.ndarray:
-    """Which doors of a map are closed: a level may have them in other places, and absent ones.
+    """Which doors of a map are closed; a level may order them differently and have absent ones.
 
     Args:
-        tilemap: of the level.
+        tilemap: the map of the level.
         doors: int[D, 2], (column, row) of the level's doors, without the margin.
         closed: bool[..., D], as `Scene.closed`.
 
     Returns:
-        bool[..., number of the map's doors], in the map's order. Doors that the level knows
-        nothing of are closed.
+        bool[..., number of the map's doors], in the map's order. Doors that the level does not
+        have are closed.
     """
     places = {(column, row): slot for slot, (column, row) in enumerate(np.asarray(doors).tolist())}
     slots = [places.get((door.column, door.row), -1) for door in tilemap.doors]

@@ -1,6 +1,7 @@
-"""Other looks of the same world: patterns on walls and floor, and colours drawn for an episode.
+"""Other looks of the same world: patterns on walls and floor, and random colours per episode.
 
-Doors, things and what stands for an instruction keep theirs: their colours mean something.
+Doors, things and the parts that show an instruction do not change, because their colours have a
+meaning.
 """
 
 from __future__ import annotations
@@ -17,18 +18,18 @@ from ..maps.symbols import DEFAULT_WALL, DOOR_LABELS
 from .draws import mixed, sample_unit
 
 Look = Literal["plain", "patterned", "random"]
-# Tiles from the eye at which a wall's pattern has faded: beyond, it is finer than a pixel.
+# Tiles from the eye at which a wall's pattern has faded: farther away it is finer than a pixel.
 REACH = 9.0
-# Colours are drawn between these, for each of red, green and blue; the ceiling's get the share.
+# The range of random colours, for each of red, green and blue; the ceiling's are scaled down.
 DARKEST, BRIGHTEST, CEILING_SHARE = 32.0, 248.0, 0.7
-# The floor's second colour is its first one times one of these.
+# The floor's second colour is its first one times a factor in this range.
 FLOOR_SHADES = (0.6, 0.85)
-# Label ids of walls end where those of doors begin.
+# Label ids of walls come before those of doors.
 _WALLS = DOOR_LABELS.start
 
 
 def patterned(theme: Theme) -> Theme:
-    """A theme with a pattern on each wall that has none, by its label, and on the floor."""
+    """Add a pattern to the floor and to each wall without one, chosen by the wall's label."""
     panels = np.asarray(theme.panels)
     if not np.any(theme.wall_panels):
         panels = panels[:1]
@@ -47,16 +48,16 @@ def patterned(theme: Theme) -> Theme:
 
 
 def randomised(theme: Theme, seed: jax.Array, share: float) -> Theme:
-    """A patterned theme whose colours and patterns are drawn.
+    """Draw random colours and patterns for a theme.
 
     Args:
-        theme: as the task has it.
-        seed: uint32[]; equal ones give equal looks on every machine.
-        share: from 0, which changes nothing, to 1: how far colours go from the theme's own to
-            drawn ones, and the chance of each wall and of the floor to get a drawn pattern.
+        theme: the theme of the task.
+        seed: uint32[]; equal seeds give equal looks on every machine.
+        share: from 0, which only adds patterns, to 1: how far colours move from the theme's own
+            to random ones, and the probability of a random pattern for each wall and the floor.
     """
     theme = patterned(theme)
-    # For each wall its colour, then whether its pattern is drawn and which; two more for the rest.
+    # Per wall: a colour, whether its pattern is drawn, and which. Two more rows for the rest.
     drawn = _hashed(seed, 5 * (_WALLS + 2)).reshape(_WALLS + 2, 5)
     unit = sample_unit(drawn)
     colours = jnp.float32(DARKEST) + unit[:, :3] * jnp.float32(BRIGHTEST - DARKEST)
@@ -84,7 +85,7 @@ def _between(own: np.ndarray | jax.Array, drawn: jax.Array, share: float) -> jax
 
 
 def _first_rows(own: np.ndarray | jax.Array, drawn: jax.Array, share: float) -> jax.Array:
-    """A table of colours with those of walls drawn."""
+    """A table of colours whose walls are drawn."""
     return jnp.concatenate([_between(own[:_WALLS], drawn, share), _rest(own)])
 
 
@@ -97,9 +98,9 @@ def _below(unit: jax.Array, count: int) -> jax.Array:
 
 
 def _hashed(seed: jax.Array, count: int) -> jax.Array:
-    """uint32[count] that look random and follow from a seed at the price of a few instructions.
+    """uint32[count] pseudo-random words from a seed, at the cost of a few instructions.
 
-    They are needed in every step, which JAX's generators would make noticeably dearer.
+    They are needed in every step, where JAX's generators would be noticeably slower.
     """
     index = np.arange(count, dtype=np.uint32) * np.uint32(0x9E3779B9)
     return mixed(mixed(seed) + index)

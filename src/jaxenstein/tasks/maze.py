@@ -1,7 +1,7 @@
 """DeepMind Lab's navigation mazes: a goal to find again and again, and apples on the way.
 
-Rules are those of the levels nav_maze_static_0x and nav_maze_random_goal_0x of
-google-deepmind/lab; docs/originals/dmlab.md says where this port differs.
+The rules are those of the levels nav_maze_static_0x and nav_maze_random_goal_0x of
+google-deepmind/lab; docs/originals/dmlab.md lists the differences.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from .steering import centres, sample_heading
 
 
 class MazeParams(NavigationParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
         apple_reward: reward of each apple.
@@ -44,7 +44,7 @@ DEFAULTS = MazeParams()
 
 
 class MazeState(NavigationState):
-    """State of a maze; A apples.
+    """The state of a maze with A apples.
 
     Attributes:
         apples: int32[A], the cell of each: an index into `Maze.apple_cells`.
@@ -59,21 +59,22 @@ class MazeState(NavigationState):
 class Maze(Navigation):
     """Find the goal in a maze, from a start that is far enough away.
 
-    Without `respawn` the goal ends the episode. With it, the goal's reward is followed by a new
-    start in the same step, apples are back, and only the time limit ends the episode.
+    Without `respawn` the goal ends the episode. With it, the agent gets the goal's reward and
+    moves to a new start in the same step, apples reappear, and only the time limit ends the
+    episode.
 
     Attributes:
-        start_distance: the fewest tiles on foot from a start to the goal.
+        start_distance: the least walking distance in tiles from a start to the goal.
         respawn: whether the goal moves the agent to a new start instead of ending the episode.
-        drawn_apples: how many apples are put on random other goal cells at each reset; 0 for
-            those of the map.
+        drawn_apples: number of apples on random other goal cells at each reset; 0 uses the apples
+            of the map.
     """
 
     defaults: MazeParams = DEFAULTS
     start_distance: int = 0
     respawn: bool = False
     drawn_apples: int = 0
-    # Apples are few and lie apart; more layers take up to three times as long to draw.
+    # Apples are few and far apart; more layers take up to three times as long to render.
     sprite_layers: int = 2
 
     def __post_init__(self) -> None:
@@ -81,19 +82,19 @@ class Maze(Navigation):
         super().__post_init__()
         if not 0 <= self.drawn_apples < max(len(self.tilemap.goals), 1):
             raise SettingError(
-                f"drawn_apples must be 0 to {len(self.tilemap.goals) - 1}, fewer than there are "
+                f"drawn_apples must be 0 to {len(self.tilemap.goals) - 1}, less than the number of "
                 f"goal cells, not {quoted(self.drawn_apples)}"
             )
         far_starts(self.tilemap, self.start_distance)
 
     @property
     def apple_cells(self) -> tuple[Cell, ...]:
-        """(column, row) of the cells that apples may lie on."""
+        """(column, row) of the possible cells of apples."""
         return self.tilemap.goals if self.drawn_apples else self.tilemap.apples
 
     @functools.cached_property
     def sprite_labels(self) -> tuple[int, ...]:
-        """Those of the goal and the keys, then that of apples if there are any."""
+        """The labels of the goal and the keys, then of apples if there are any."""
         return (*super().sprite_labels, *((APPLE.label,) if self.apple_cells else ()))
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> MazeState:
@@ -103,7 +104,7 @@ class Maze(Navigation):
         goal = sample_index(bits[0], len(self.tilemap.goals))
         if self.drawn_apples:
             apples = _subset(bits[3:], len(self.tilemap.goals) - 1)
-            # The goal's own cell is skipped.
+            # Skip the goal's own cell.
             apples = apples + (apples >= goal).astype(jnp.int32)
         else:
             apples = jnp.arange(len(self.apple_cells), dtype=jnp.int32)
@@ -119,7 +120,7 @@ class Maze(Navigation):
     def transition(
         self, key: jax.Array, state: Any, action: jax.Array, params: Any
     ) -> tuple[Any, jax.Array, jax.Array, Info]:
-        """Navigate, eat apples, and start anew at the goal if the maze respawns."""
+        """Navigate, eat apples, and restart at the goal if the maze respawns."""
         state, reward, reached, events = super().transition(key, state, action, params)
         if self.apple_cells:
             offset = centres(self.apple_cells)[state.apples] - state.position[None]
@@ -142,13 +143,13 @@ class Maze(Navigation):
         return state, reward, jnp.zeros_like(reached), events | {"respawned": reached}
 
     def about(self) -> About:
-        """What the task says of itself; apples and respawns where there are any."""
+        """A description of the task, with apples and respawns if it has them."""
         about = super().about()
         events, rewards, ends = dict(about.events), dict(about.rewards), about.ends
         reached = events.pop("reached_goal")
         if self.apple_cells:
             events["ate_apple"] = Event("ate an apple", "ate {} apples")
-            rewards["apple_reward"] = "{:+g} an apple"
+            rewards["apple_reward"] = "{:+g} per apple"
         events["reached_goal"] = reached
         if self.respawn:
             events["respawned"] = Event("moved to a new start")
@@ -161,7 +162,7 @@ class Maze(Navigation):
             lasting=(*about.lasting, "eaten"),
             holds={
                 **about.holds,
-                "apples lie in different cells that there are": self._apples_apart,
+                "apples are in different, existing cells": self._apples_apart,
             },
         )
 
@@ -179,14 +180,14 @@ class Maze(Navigation):
         return add_sprites(scene, centres(self.apple_cells)[state.apples], picture, ~state.eaten)
 
     def _sample_start(self, bits: jax.Array, goal: jax.Array) -> jax.Array:
-        """float32[2]: the centre of a start far enough from the goal, each equally likely."""
+        """float32[2]: the centre of a start far enough from the goal, drawn uniformly."""
         starts, counts = far_starts(self.tilemap, self.start_distance)
         index = sample_index(bits, jnp.asarray(counts)[goal])
         return centres(self.tilemap.spawns)[jnp.asarray(starts)[goal, index]]
 
 
 def _subset(bits: jax.Array, count: int) -> jax.Array:
-    """int32[n]: n different numbers below `count`, every subset equally likely (R. W. Floyd).
+    """int32[n]: n different numbers below `count`; all subsets are equally likely (R. W. Floyd).
 
     Args:
         bits: uint32[n].
@@ -205,14 +206,14 @@ def _subset(bits: jax.Array, count: int) -> jax.Array:
 
 @functools.cache
 def far_starts(tilemap: TileMap, distance: int) -> tuple[np.ndarray, np.ndarray]:
-    """The spawns far enough from each goal: int32[goals, spawns], left-aligned, and how many.
+    """The spawns far enough from each goal: int32[goals, spawns], left-aligned, and their counts.
 
     Args:
-        tilemap: the map, all of whose doors count as open.
-        distance: the fewest tiles on foot; 0 allows all spawns.
+        tilemap: the map; all its doors count as open.
+        distance: the least walking distance in tiles; 0 allows all spawns.
 
     Raises:
-        SettingError: a goal has no spawn that far away.
+        SettingError: no spawn is that far from a goal.
     """
     spawns = np.array(tilemap.spawns).reshape(-1, 2)
     if distance <= 0:
@@ -230,8 +231,8 @@ def far_starts(tilemap: TileMap, distance: int) -> tuple[np.ndarray, np.ndarray]
     return np.argsort(~allowed, axis=1, kind="stable").astype(np.int32), counts
 
 
-# Floor (two colours of a checker) of the mazes 01, 02 and 03 of DeepMind Lab, after the names of
-# their textures, and the sky above them.
+# The floor (two colours of a checker) of the mazes 01, 02 and 03 of DeepMind Lab, after the names
+# of their textures, and the sky above them.
 _FLOORS = (
     ((204, 118, 52), (184, 102, 42)),
     ((70, 112, 188), (60, 98, 170)),
@@ -243,7 +244,7 @@ _START_DISTANCE = 10
 
 
 def dmlab(kind: str, number: int, respawn: bool) -> functools.partial[Maze]:
-    """One of DeepMind Lab's mazes, 1 to 3; `kind` is "static" or "random-goal"."""
+    """A maze of DeepMind Lab, number 1 to 3; `kind` is "static" or "random-goal"."""
     tilemap = load_layout(f"dmlab-{kind}-{number:02}", goal_required=False)
     cells = tilemap.apples
     if kind == "random-goal":

@@ -1,4 +1,4 @@
-"""Ways through a maze: detours pulled straight, random ways, and doors that leave one open."""
+"""Paths through a maze: straightened detours, random paths, and doors that leave a path open."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from .._jax.batching import varying
 from ..engine.level import Array
 from .draws import sample_index
 
-# (row, column) of the side of a detour that is taken away, in the original's order.
+# (row, column) directions from which detours are removed, in the order of the original.
 _UP = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
-# (row, column) of the cells beside one.
+# (row, column) offsets of neighbouring cells.
 _AROUND = ((0, 1), (0, -1), (1, 0), (-1, 0))
-# Quarter turns, counter-clockwise, that bring each of them up.
+# Quarter turns, counter-clockwise, that rotate each direction up.
 _TURNS = (2, 0, 1, 3)
 
 
 def shift(grid: jax.Array, rows: int, columns: int) -> jax.Array:
-    """What lies so many rows and columns from each place; 0 or false past the border."""
+    """The grid shifted by a number of rows and columns; 0 or False from outside the border."""
     (height, width), far = grid.shape, max(abs(rows), abs(columns))
     wide = jnp.pad(grid, far)
     return wide[far + rows : far + rows + height, far + columns : far + columns + width]
 
 
 def straighten(corridor: jax.Array, wall: jax.Array) -> jax.Array:
-    """Pull detours around three sides of a rectangle straight, one after another.
+    """Straighten detours around three sides of a rectangle, one after another.
 
-    As the original does it, smallest first, and among equals the first by row, column and
-    direction, each as far as it goes; after every one the search begins anew, but after one of
-    size 1 with size 2, so that further ones of size 1 may stay.
+    As in the original, the smallest detour comes first, among equals the first by row, column and
+    direction, and each is pulled as far as possible. After each one the search restarts. After a
+    detour of size 1 it restarts at size 2, so that some detours of size 1 may remain.
 
     Args:
-        corridor: bool[N, N], the cells that can be walked on; what is neither is a doorway.
+        corridor: bool[N, N], walkable cells; a cell that is neither corridor nor wall is a doorway.
         wall: bool[N, N].
     """
     size = corridor.shape[0]
@@ -50,7 +50,7 @@ def straighten(corridor: jax.Array, wall: jax.Array) -> jax.Array:
         chosen = jnp.argmax((fits & (found == width)).reshape(-1)).astype(jnp.int32)
         some = width < size
         cell, way = chosen // 4, chosen % 4
-        # Up and along of the detour, as steps of (row, column).
+        # Directions up and along the detour, as steps of (row, column).
         up = jnp.asarray(_UP)[way]
         down_by, right_by = row - cell // size, column - cell % size
         height = down_by * up[0] + right_by * up[1]
@@ -66,10 +66,10 @@ def straighten(corridor: jax.Array, wall: jax.Array) -> jax.Array:
 
 
 def _detours(corridor: jax.Array, wall: jax.Array) -> jax.Array:
-    """int32[N, N, 4]: the size of the detour that a wall's cell is the left lower corner of, or 0.
+    """int32[N, N, 4]: the size of the detour whose lower left corner is a wall cell, or 0.
 
-    Seen with `_UP` on top, a detour of size 3 leads from the left o to the right one around
-    walls, and is pulled down by one row:
+    With the direction `_UP` on top, a detour of size 3 leads from the left o to the right one
+    around walls, and is pulled down by one row:
 
         x*****x
         *ooooo*
@@ -82,7 +82,7 @@ def _detours(corridor: jax.Array, wall: jax.Array) -> jax.Array:
 
 
 def _turned(grid: jax.Array) -> jax.Array:
-    """[4, N, N]: the grid with each of `_UP` on top."""
+    """[4, N, N]: the grid rotated so that each direction of `_UP` is on top."""
     return jnp.stack([jnp.rot90(grid, turns) for turns in _TURNS])
 
 
@@ -101,17 +101,17 @@ def _detours_down(way: jax.Array, stone: jax.Array) -> jax.Array:
 def sample_path(
     bits: jax.Array, walkable: jax.Array, start: jax.Array, end: jax.Array
 ) -> jax.Array:
-    """bool[N, N]: the cells of a random path, both ends included.
+    """bool[N, N]: the cells of a random path, including both ends.
 
-    From each cell the path goes on to a random one beside it where it has not been, to the end as
-    soon as that is beside it, and back where it can go nowhere. That is the rule of DeepMind Lab's
+    From each cell, the path continues to a random unvisited neighbour, or to the end as soon as
+    that is a neighbour. In a dead end it goes back. This is the rule of DeepMind Lab's
     `visitRandomPath`.
 
     Args:
         bits: uint32[N * N], random.
-        walkable: bool[N, N], whose border is not; one can walk from start to end.
+        walkable: bool[N, N], False on the border; it must connect start and end.
         start: int32[2], (column, row) of a cell.
-        end: int32[2], another one, or the same.
+        end: int32[2], another cell, or the same.
     """
     size = walkable.shape[0]
     index = np.arange(size * size, dtype=np.int32).reshape(size, size)
@@ -131,10 +131,10 @@ def sample_path(
         way = jnp.argmax(upto > sample_index(bits[time], jnp.maximum(upto[-1], 1)))
         final = jnp.any(ways, axis=0) & (index == last)
         target = jnp.where(jnp.any(final), final, ways[way]) & (upto[-1] > 0)
-        # Where nothing is left beside, the path goes back.
+        # In a dead end, the path goes back.
         depth = jnp.where(here & (upto[-1] == 0), 0, depth)
         depth = jnp.where(target, deepest + 1, depth)
-        # Only cells that are new take another one of the random numbers.
+        # Only new cells use up a random number.
         return time + (upto[-1] > 0).astype(jnp.int32), depth, left & ~target
 
     carry = jnp.int32(0), first.astype(jnp.int32), walkable & (first == 0)
@@ -145,19 +145,19 @@ def sample_path(
 def sample_closed(
     bits: jax.Array, walkable: jax.Array, doors: Array, start: jax.Array, end: jax.Array
 ) -> jax.Array:
-    """bool[D]: which doors are closed: of those that are not on a random way, half, rounded up.
+    """bool[D]: which doors are closed: half (rounded up) of those off a random path.
 
     Args:
         bits: uint32[N * N + D], random.
-        walkable: as in `sample_path`, doors included.
+        walkable: as in `sample_path`, including doors.
         doors: int32[D, 2], (column, row) of each; in column 0 if it is absent.
         start: as in `sample_path`.
-        end: likewise.
+        end: as in `sample_path`.
     """
     column, row = jnp.asarray(doors).T
     path = sample_path(bits[: walkable.size], walkable, start, end)
     shut = (column > 0) & ~path[row, column]
-    # A door's rank in a random order of those that are not on the way.
+    # A door's rank in a random order of the doors that are not on the path.
     drawn = jnp.where(shut, bits[walkable.size :] >> 1, jnp.uint32(2**32 - 1))
     rank = jnp.argsort(jnp.argsort(drawn))
     return shut & (rank >= jnp.sum(shut, dtype=jnp.int32) // 2)

@@ -1,7 +1,7 @@
-"""Memory Maze: fetch what is asked for, again and again, in a maze that is new in every episode.
+"""Memory Maze: fetch the requested thing, again and again, in a maze that is new in every episode.
 
-Rules and numbers are those of jurgisp/memory-maze; docs/originals/memory-maze.md says where this
-port differs.
+Rules and numbers are those of jurgisp/memory-maze; docs/originals/memory-maze.md lists the
+differences.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from .hud import frame
 from .random_maze import MazePlan, sample_in_rooms, sample_maze
 from .steering import SteeringParams, go
 
-# The colours of the things, and what the frame has of their brightness. The original's sixth is a
-# salmon that is hardly told from its red.
+# The colours of the things, and the brightness of the frame relative to them. The sixth colour of
+# the original is a salmon that is hard to tell from its red.
 COLOURS: tuple[RGB, ...] = (
     (197, 44, 35),
     (115, 197, 102),
@@ -52,17 +52,17 @@ _WALLS = tuple(
     LABEL_NAMES.index(f"{name} wall")
     for name in ("blue", "magenta", "lime", "green", "salmon", "red", "yellow", "violet")
 )
-# For each action, turns to the right and moves forward.
+# Turns to the right and moves forward for each action.
 _SPIN = np.array((0, 0, -1, 1, -1, 1), np.float32)
 _PACE = np.array((0, 1, 0, 0, 1, 1), np.float32)
 
 
 class MemoryMazeParams(SteeringParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        touch_radius: tiles from a thing at which it is touched.
-        fetch_reward: reward of touching the one that is asked for.
+        touch_radius: distance in tiles at which a thing is touched.
+        fetch_reward: reward of touching the requested thing.
     """
 
     discount: Scalar = 0.999
@@ -73,17 +73,17 @@ class MemoryMazeParams(SteeringParams):
 
 
 DEFAULTS = MemoryMazeParams()
-# Of memory-maze-9x9, with the border.
+# The size of memory-maze-9x9, with the border.
 PLAN = MazePlan(11, 6, fewest=3)
 
 
 class MemoryMazeState(State):
-    """State of the task; N things.
+    """The state of the task with N things.
 
     Attributes:
         level: the walls of this episode.
         things: float32[N, 2], (x, y) of each in tiles.
-        wanted: int32[], the one that is asked for.
+        wanted: int32[], the requested thing.
     """
 
     level: Level
@@ -92,7 +92,7 @@ class MemoryMazeState(State):
 
 
 def fetch(env: MemoryMaze, params: MemoryMazeParams) -> Choose:
-    """Walk the shortest path, and walk on while turning wherever that gains something."""
+    """Walk the shortest path, and walk while turning wherever that makes progress."""
     plain, body = SHORTEST_PATH(env, params), movement_of(env, params)
 
     def choose(key: jax.Array, state: MemoryMazeState) -> jax.Array:
@@ -107,28 +107,28 @@ def fetch(env: MemoryMaze, params: MemoryMazeParams) -> Choose:
     return choose
 
 
-FETCH = Player("walks the shortest path to what is asked for; sees the whole state", fetch)
+FETCH = Player("walks the shortest path to the requested thing; sees the whole state", fetch)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
-    """Touch the thing whose colour the frame around the picture has, then the next one.
+    """Touch the thing in the colour of the frame around the image, then the next one.
 
-    Things stand in different rooms and stay where they are: who remembers where they were seen
-    fetches more of them. Reward: `fetch_reward` for touching the one that is asked for; then
-    another one is. Only time ends the episode.
+    Things are in different rooms and stay there, so an agent that remembers them fetches more.
+    Reward: `fetch_reward` for touching the requested thing; then another one is requested. Only
+    the time limit ends the episode.
 
     Attributes:
-        plan: what mazes are sampled.
-        things: how many there are, 2 to 6, at most one for each room.
-        defaults: the params that `params=None` stands for.
+        plan: the distribution of mazes.
+        things: number of things, 2 to 6, at most one per room.
+        defaults: the default params.
     """
 
     plan: MazePlan = PLAN
     things: int = 3
     defaults: MemoryMazeParams = DEFAULTS
     field_of_view: float = 80.0
-    # Things stand in different rooms.
+    # Things are in different rooms.
     sprite_layers: int = 2
 
     success_event: ClassVar[str] = "fetched"
@@ -144,12 +144,12 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        # Each has a room and a colour of its own.
+        # Each thing has a room and a colour of its own.
         check_whole("things", self.things, 2, min(self.plan.fewest, len(COLOURS)))
 
     @property
     def default_params(self) -> MemoryMazeParams:
-        """The params that `params=None` stands for."""
+        """The default params."""
         return self.defaults
 
     @functools.cached_property
@@ -159,7 +159,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the maze looks."""
+        """The look of the maze."""
         labels = tuple(BALL.labels[: self.things])
         theme = build_theme(labels, doors=False, floor=FLOOR, ceiling=SKY)
         shape = np.array(COLOURS[: self.things], np.float32)
@@ -170,7 +170,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         )
 
     def init_state(self, key: jax.Array, params: MemoryMazeParams) -> MemoryMazeState:
-        """Sample a maze with its things, then a start and what is asked for first."""
+        """Sample a maze with its things, then a start and the first request."""
         del params
         level_key, start_key = jax.random.split(key)
         maze_key, things_key = jax.random.split(self.level_key(level_key))
@@ -179,7 +179,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         bits = jax.random.bits(things_key, (size**2 + most + 9,), jnp.uint32)
         cells = sample_in_rooms(bits[: size**2], maze, most, 2)
         own = bits[size**2 : size**2 + most]
-        # Rooms in random order, those that the maze lacks behind the others.
+        # Rooms in random order; rooms that the maze lacks come last.
         there = np.arange(most, dtype=np.int32) < maze.rooms
         order = jnp.argsort(jnp.where(there, own >> 1, jnp.uint32(2**32 - 1)))
         start = jax.random.bits(start_key, (3,), jnp.uint32)
@@ -202,7 +202,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         action: jax.Array,
         params: MemoryMazeParams,
     ) -> tuple[MemoryMazeState, jax.Array, jax.Array, Info]:
-        """Move, and ask for another thing once the one that was asked for is touched."""
+        """Move, and request another thing once the requested one is touched."""
         spin = jnp.where(action < 0, 0, jnp.asarray(_SPIN)[action])
         pace = jnp.where(action < 0, 0, jnp.asarray(_PACE)[action])
         pose = state.position, state.heading
@@ -217,27 +217,27 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         return state, reward, jnp.bool_(False), {"fetched": fetched}
 
     def describe(self, state: MemoryMazeState, params: MemoryMazeParams) -> Info:
-        """Add what is asked for, and how far it is in a straight line."""
+        """Add the requested thing and the straight-line distance to it."""
         more = {"wanted": state.wanted, "distance_to_wanted": self._distance(state)}
         return super().describe(state, params) | more
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return dataclasses.replace(
             super().about(),
-            aim="fetched what was asked for",
+            aim="fetched the requested thing",
             ends="",
-            rewards={"fetch_reward": "{:+g} for what is asked for"},
-            events={"fetched": Event("fetched what was asked for")},
+            rewards={"fetch_reward": "{:+g} per requested thing"},
+            events={"fetched": Event("fetched the requested thing")},
             variables={
-                "wanted": "what is asked for: 0 red, 1 green, 2 blue, 3 purple, 4 yellow, 5 grey",
+                "wanted": "the requested thing: 0 red, 1 green, 2 blue, 3 purple, 4 yellow, 5 grey",
                 "distance_to_wanted": "tiles to it, in a straight line",
             },
             captions=("wanted",),
             players={"fetch": FETCH},
             expert="fetch",
             holds={
-                "there is what is asked for": lambda s: (s.wanted >= 0) & (s.wanted < self.things)
+                "the requested thing exists": lambda s: (s.wanted >= 0) & (s.wanted < self.things)
             },
         )
 
@@ -267,7 +267,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         )
 
     def variables(self, state: MemoryMazeState) -> dict[str, jax.Array]:
-        """`wanted`: float32[N], 1 for what is asked for, else 0."""
+        """`wanted`: float32[N], 1 for the requested thing, else 0."""
         chosen = np.arange(self.things, dtype=np.int32) == state.wanted
         return {"wanted": chosen.astype(jnp.float32)}
 
@@ -276,7 +276,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         return {"wanted": Box(0.0, 1.0, (self.things,), np.dtype(np.float32))}
 
     def distance_field(self, state: MemoryMazeState) -> jax.Array:
-        """int32[rows, columns]: tiles on foot to what is asked for."""
+        """int32[rows, columns]: walking distance in tiles to the requested thing."""
         row, column = np.indices((self.plan.size, self.plan.size), np.int32)
         target = jnp.floor(state.things[state.wanted]).astype(jnp.int32)
         walls = jnp.asarray(state.level.walls)[0] != 0
@@ -286,7 +286,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         return length(state.things[state.wanted] - state.position)
 
     def _paint(self, paved: jax.Array, bits: jax.Array) -> jax.Array:
-        """uint8[N, N]: the walls; each ninth of the maze has a colour of its own."""
+        """uint8[N, N]: the walls; each ninth of the maze has its own colour."""
         size = self.plan.size
         ninth = np.searchsorted([size // 3, 2 * size // 3], np.arange(size), side="right")
         colours = jnp.asarray(np.array(_WALLS, np.uint8))[sample_index(bits, len(_WALLS))]
@@ -295,7 +295,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
 
 
 def maze(size: int, things: int) -> functools.partial[MemoryMaze]:
-    """One of the original's mazes, by its size without the border and how many things it has.
+    """A maze of the original, by its size without the border and its number of things.
 
     The largest has nine rooms of 3 by 3 tiles.
     """

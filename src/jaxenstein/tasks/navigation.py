@@ -1,4 +1,4 @@
-"""Finding a goal on a fixed map, with or without keys and doors."""
+"""Find a goal on a fixed map, with or without keys and doors."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ P = TypeVar("P", bound=Params)
 
 
 class FixedMap(FirstPerson[S, P]):
-    """Base of tasks whose map is always the same; other bases of a task follow this one."""
+    """Base of tasks with a fixed map; it must come first among the bases of a task."""
 
     tilemap: TileMap
 
     @functools.cached_property
     def level(self) -> Level:
-        """The map compiled for the renderer: constants of every program."""
+        """The compiled map, constants of every program."""
         return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
 
     @functools.cached_property
@@ -49,13 +49,13 @@ class FixedMap(FirstPerson[S, P]):
         return self.tilemap
 
     def level_of(self, state: S) -> Level:
-        """The map's level."""
+        """The level of the map."""
         del state
         return self.level
 
 
 class MapGoalState(State):
-    """State of a task with a goal on a fixed map.
+    """The state of a task with a goal on a fixed map.
 
     Attributes:
         goal: int32[], index into the map's goals.
@@ -69,7 +69,7 @@ class MapGoalTask(FixedMap[S, NavigationParams], GoalTask[S]):
     """Base of tasks with a goal on a fixed map.
 
     Attributes:
-        tilemap: the map. At each reset one of its spawns and one of its goals is sampled.
+        tilemap: the map. Each reset samples one of its spawns and one of its goals.
         heading: degrees of the first heading: None for any, a number, or (lowest, highest).
         floor: RGB of the two tiles of the floor's checker.
         ceiling: RGB of the ceiling.
@@ -89,14 +89,14 @@ class MapGoalTask(FixedMap[S, NavigationParams], GoalTask[S]):
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the map looks."""
+        """The look of the map."""
         doors = bool(self.tilemap.doors)
         labels = self.sprite_labels
         return build_theme(labels, doors=doors, floor=self.floor, ceiling=self.ceiling)
 
     @functools.cached_property
     def sprite_labels(self) -> tuple[int, ...]:
-        """Labels of the sprites, the goal's first."""
+        """The labels of the sprites; the goal comes first."""
         return (GOAL.label,)
 
     def sample_start(self, key: jax.Array) -> dict[str, jax.Array]:
@@ -110,18 +110,18 @@ class MapGoalTask(FixedMap[S, NavigationParams], GoalTask[S]):
         }
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         goals = len(self.tilemap.goals)
         one = {"the goal is one of the map's": lambda s: (s.goal >= 0) & (s.goal < goals)}
         return dataclasses.replace(super().about(), holds=one)
 
     def goal_of(self, state: S) -> jax.Array:
-        """float32[2]: the place of the goal in tiles."""
+        """float32[2]: the position of the goal in tiles."""
         return centres(self.tilemap.goals)[state.goal]
 
 
 class NavigationState(MapGoalState):
-    """State of a navigation task; D doors and K keys on the map.
+    """The state of a navigation task; D doors and K keys on the map.
 
     Attributes:
         opened: bool[D], which doors are open.
@@ -138,7 +138,7 @@ class Navigation(KeysAndDoorsTask[NavigationState], MapGoalTask[NavigationState]
 
     @functools.cached_property
     def sprite_labels(self) -> tuple[int, ...]:
-        """Labels of the sprites: the goal's, then one for each key colour of the map."""
+        """The labels of the sprites: the goal, then one for each key colour of the map."""
         return GOAL.label, *sorted({KEY.labels[key.colour] for key in self.tilemap.keys})
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> NavigationState:
@@ -152,7 +152,7 @@ class Navigation(KeysAndDoorsTask[NavigationState], MapGoalTask[NavigationState]
         return {"opened": jnp.zeros(doors, bool), "taken": jnp.zeros(keys, bool)}
 
     def keys_of(self, state: NavigationState) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """The map's keys: places, sprite pictures, colour indices."""
+        """The map's keys: positions, sprite pictures, colour indices."""
         del state
         keys = self.tilemap.keys
         pictures = [self.sprite_labels.index(KEY.labels[key.colour]) for key in keys]
@@ -161,14 +161,14 @@ class Navigation(KeysAndDoorsTask[NavigationState], MapGoalTask[NavigationState]
         return places, jnp.array(pictures, jnp.int32), jnp.array(colours, jnp.int32)
 
     def locks_of(self, state: NavigationState) -> tuple[jax.Array, jax.Array]:
-        """The map's doors: which are locked ones, the colour of the key of each."""
+        """The map's doors: which ones are locked, and the colour of the key of each."""
         del state
         doors = self.tilemap.doors
         locked, colours = [door.locked for door in doors], [door.colour for door in doors]
         return jnp.array(locked, bool), jnp.array(colours, jnp.int32)
 
     def distance_field(self, state: NavigationState) -> jax.Array:
-        """int32[rows, columns]: tiles on foot to the goal, or where that is locked to a key."""
+        """int32[rows, columns]: walking distance to the goal, or to a key if it is locked away."""
         weights = 2 ** np.arange(len(self.tilemap.keys), dtype=np.int32)
         taken = jnp.sum(jnp.where(state.taken, weights, 0), dtype=jnp.int32)
         return jnp.asarray(distance_tables(self.tilemap))[taken, state.goal].astype(jnp.int32)
@@ -177,13 +177,13 @@ class Navigation(KeysAndDoorsTask[NavigationState], MapGoalTask[NavigationState]
 def from_layout(
     layout: str, *, regions: bool = True, spawn: Cell | None = None, **settings: Any
 ) -> functools.partial[Navigation]:
-    """Navigation on one of the package's maps.
+    """Navigation on a map of the package.
 
     Args:
         layout: the name of the map.
         regions: whether walls have the colours of their regions.
-        spawn: the one start, (column, row), in the place of those of the map.
-        **settings: of `Navigation`.
+        spawn: a single start, (column, row), instead of those of the map.
+        **settings: settings of `Navigation`.
     """
     tilemap = load_layout(layout, regions=regions)
     tilemap = tilemap.with_spawns((spawn,)) if spawn else tilemap
@@ -193,7 +193,7 @@ def from_layout(
 def my_way_home(heading: Any = None, **variant: Any) -> functools.partial[Navigation]:
     """ViZDoom's My Way Home on tiles.
 
-    Its texture for both floor and ceiling, FLAT1_1, has the mean RGB (65, 46, 26).
+    The texture of both floor and ceiling, FLAT1_1, has the mean RGB (65, 46, 26).
     """
     floor, ceiling = ((104, 84, 62), (84, 66, 46)), (52, 42, 34)
     view = {"heading": heading, "floor": floor, "ceiling": ceiling}

@@ -1,9 +1,9 @@
-"""DeepMind Lab's random mazes, rooms and corridors, drawn inside a compiled program.
+"""DeepMind Lab's random mazes of rooms and corridors, drawn inside a compiled program.
 
-Rules: the text maze generator of google-deepmind/lab, which the package labmaze has as well. Odd
-rows and columns are a lattice. Rooms are rectangles of it; what they leave is filled by mazes of
-corridors; every two regions that touch are connected once; dead ends are walled up, and detours
-around three sides of a rectangle are pulled straight. `fidelity/labmaze_layouts.py` compares.
+The rules are those of the text maze generator of google-deepmind/lab, which the package labmaze
+also has. Odd rows and columns form a lattice. Rooms are rectangles on it. Mazes of corridors fill
+the rest. Every two regions that touch are connected once. Dead ends are walled up, and detours
+around three sides of a rectangle are straightened. `fidelity/labmaze_layouts.py` compares both.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from ..pytree import PyTreeNode
 from .draws import sample_index
 from .maze_ways import shift, straighten
 
-# How often rooms are drawn anew where they are too few; of 9x9 mazes, one in fifty has too few.
+# How often rooms are redrawn if there are too few; one in fifty 9x9 mazes still has too few.
 TRIES = 16
 # (row, column) of the lattice's directions: east, west, south, north.
 _AROUND = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
 class RandomMaze(PyTreeNode):
-    """A maze of N by N cells, its border included.
+    """A maze of N by N cells, including its border.
 
     Attributes:
         open: bool[N, N], the cells of rooms, corridors and doorways.
-        room: int32[N, N], the number of the room from 1 on, 0 elsewhere.
-        rooms: int32[], how many there are.
+        room: int32[N, N], the number of the room, starting at 1; 0 elsewhere.
+        rooms: int32[], the number of rooms.
         doorways: bool[N, N], the cells that connect two regions.
     """
 
@@ -48,14 +48,14 @@ class RandomMaze(PyTreeNode):
 
 @dataclasses.dataclass(frozen=True)
 class MazePlan:
-    """What mazes are sampled.
+    """A distribution of mazes.
 
     Attributes:
-        size: rows and columns, the border included: an odd number from 7 to 63.
-        rooms: the most rooms.
+        size: rows and columns, including the border: an odd number from 7 to 63.
+        rooms: the largest number of rooms.
         least: the shortest side of a room in cells, odd, at least 3.
         most: the longest side, odd.
-        fewest: the fewest rooms; with less, all rooms are drawn anew.
+        fewest: the smallest number of rooms; with fewer, all rooms are redrawn.
     """
 
     size: int
@@ -78,7 +78,7 @@ class MazePlan:
 
     @property
     def lattice(self) -> int:
-        """Points of the lattice in a row."""
+        """The number of lattice points in a row."""
         return self.size // 2
 
 
@@ -87,7 +87,7 @@ def sample_maze(key: jax.Array, plan: MazePlan) -> RandomMaze:
 
     Args:
         key: the random key.
-        plan: what mazes are sampled.
+        plan: the distribution of mazes.
     """
     points, tries = plan.lattice**2, plan.rooms * TRIES
     bits = jax.random.bits(key, (tries + 3 * points,), jnp.uint32)
@@ -97,7 +97,7 @@ def sample_maze(key: jax.Array, plan: MazePlan) -> RandomMaze:
     links, left = _wall_up(room, links, doors)
     none = jnp.zeros_like(left)
     doorways = _cells(none, doors & _both_ends(left), none)
-    # A room's cells lie between points of it; a corner belongs to it with the points around it.
+    # A room's cells are between its lattice points; a corner belongs to a room if all points do.
     inside = room > 0
     within = _both_ends(inside) & (room[None] == _ahead(room))
     corner = inside & (room == shift(shift(room, 0, 1), 1, 0))
@@ -117,13 +117,13 @@ def sample_in_rooms(bits: jax.Array, maze: RandomMaze, rooms: int, count: int) -
 
     Args:
         bits: uint32[N * N], random.
-        maze: the maze; rooms that it lacks have cells of its border.
-        rooms: how many rooms a maze may have.
-        count: cells of each room, at most 9.
+        maze: the maze; rooms that it lacks get cells of its border.
+        rooms: the largest number of rooms of a maze.
+        count: cells per room, at most 9.
     """
     size = maze.room.shape[0]
     index = np.arange(size * size, dtype=np.uint32)
-    # No two are equal; those of other rooms and the border are less than any.
+    # No two are equal; other rooms and the border are less than all of them.
     drawn = ((bits >> 2 & ~jnp.uint32(4095)) | index).astype(jnp.int32)
     own = maze.room.reshape(-1)[None] == np.arange(1, rooms + 1, dtype=np.int32)[:, None]
     left, found = jnp.where(own, drawn[None] + 1, 0), []
@@ -136,17 +136,17 @@ def sample_in_rooms(bits: jax.Array, maze: RandomMaze, rooms: int, count: int) -
 
 
 def beside_rooms(maze: RandomMaze) -> jax.Array:
-    """int32[N, N]: the number of the room at or beside each cell, the largest of several."""
+    """int32[N, N]: the number of the room at or beside each cell; the largest if several."""
     around = [shift(maze.room, row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
     return functools.reduce(jnp.maximum, around)
 
 
 @functools.cache
 def _rectangles(plan: MazePlan) -> tuple[np.ndarray, np.ndarray]:
-    """bool[C, K, K], every rectangle that may be a room; int32[C], how likely they are, relatively.
+    """bool[C, K, K], every rectangle that may be a room; int32[C], their relative probabilities.
 
-    The short side is uniform between least and middle; the other one, which either may be, has
-    something up to most - middle added to that.
+    Two sides are drawn uniformly from least to middle. One of them, at random, is extended by a
+    number drawn uniformly from 0 to most - middle.
     """
     least, most, points = (plan.least - 1) // 2, (plan.most - 1) // 2, plan.lattice
     middle = (least + most) // 2
@@ -171,14 +171,14 @@ def _rectangles(plan: MazePlan) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sample_rooms(bits: jax.Array, plan: MazePlan) -> tuple[jax.Array, jax.Array]:
-    """int32[K, K], the number of each point's room or 0; int32[], how many rooms there are.
+    """int32[K, K], the number of each point's room or 0; int32[], the number of rooms.
 
-    Rectangles are drawn among those that are apart from all before them, which is what drawing
-    among all and trying again comes to.
+    Rectangles are drawn from those that are apart from all earlier ones. This is equivalent to
+    drawing from all rectangles with rejection.
 
     Args:
         bits: uint32[TRIES, rooms], random.
-        plan: what mazes are sampled.
+        plan: the distribution of mazes.
     """
     masks, weights = _rectangles(plan)
 
@@ -204,28 +204,28 @@ def _sample_rooms(bits: jax.Array, plan: MazePlan) -> tuple[jax.Array, jax.Array
 
 
 def _ahead(grid: jax.Array) -> jax.Array:
-    """[2, K, K]: what lies east and south of each point."""
+    """[2, K, K]: the points east and south of each point."""
     return jnp.stack([shift(grid, 0, 1), shift(grid, 1, 0)])
 
 
 def _both_ends(points: jax.Array) -> jax.Array:
-    """bool[2, K, K]: whether a point and that east, or south, of it are of a kind."""
+    """bool[2, K, K]: whether a point and the one east, or south, of it are both set."""
     return points[None] & _ahead(points)
 
 
 def carve(bits: jax.Array, room: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Corridors by recursive backtracking in all that rooms leave.
+    """Fill everything outside rooms with corridors, by recursive backtracking.
 
-    One goes on from the point that was reached last among those beside which something is left:
-    that is what going back one by one finds.
+    Each step continues from the latest point that has an unvisited neighbour; that is the point
+    that backtracking finds.
 
     Args:
         bits: uint32[K * K], random.
         room: int32[K, K], the number of each point's room, or 0.
 
     Returns:
-        int32[K, K], the region of each point: a room's number, or one above; bool[2, K, K], which
-        points are linked with that east and that south of them.
+        int32[K, K], the region of each point: the number of a room, or a larger one; bool[2, K,
+        K], which points are linked with the one east and the one south of them.
     """
     size = room.shape[0]
     index = np.arange(size * size, dtype=np.int32).reshape(size, size)
@@ -240,11 +240,11 @@ def carve(bits: jax.Array, room: jax.Array) -> tuple[jax.Array, jax.Array]:
         upto = jnp.cumsum(ways, dtype=jnp.int32)
         way = jnp.argmax(upto > sample_index(bits[time], jnp.maximum(upto[-1], 1)))
         steps = jnp.stack([shift(here, -down, -along) for down, along in _AROUND])
-        # Where no way leads on, a maze begins at the first point that is left.
+        # If no visited point can continue, a new maze starts at the first unvisited point.
         goes = upto[-1] > 0
         there = jnp.where(goes, steps[way], index == jnp.argmax(left))
         number = jnp.where(goes, region.reshape(-1)[last], jnp.max(region) + 1)
-        # A link belongs to its western or northern point.
+        # A link is stored at its western or northern point.
         owner = jnp.where((way % 2 == 0), here, there) & goes
         links = links | (owner[None] & (np.arange(2)[:, None, None] == way // 2))
         reached = jnp.where(there, time + 1, reached)
@@ -257,7 +257,7 @@ def carve(bits: jax.Array, room: jax.Array) -> tuple[jax.Array, jax.Array]:
 
 
 def _connect(bits: jax.Array, region: jax.Array) -> jax.Array:
-    """bool[2, K, K]: for every two regions that touch, one of the places between them."""
+    """bool[2, K, K]: one place between every two regions that touch."""
     size = region.shape[0]
     count = 2 * size * size
     ahead = _ahead(region)
@@ -269,7 +269,7 @@ def _connect(bits: jax.Array, region: jax.Array) -> jax.Array:
 
 
 def _wall_up(room: jax.Array, links: jax.Array, doors: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Wall up the dead ends of corridors: the links and bool[K, K] the corridor points left."""
+    """Wall up the dead ends of corridors; returns the links and bool[K, K] corridor points left."""
 
     def degree(edges: jax.Array) -> jax.Array:
         east, south = edges.astype(jnp.int32)
@@ -289,7 +289,7 @@ def _wall_up(room: jax.Array, links: jax.Array, doors: jax.Array) -> tuple[jax.A
 
 
 def _cells(points: jax.Array, between: jax.Array, corner: jax.Array) -> jax.Array:
-    """[N, N] cells of a lattice: its points, what lies east and south of them, and south-east."""
+    """[N, N] cells of a lattice: its points, the cells east and south of them, and south-east."""
     size = points.shape[0]
     blocks = jnp.stack([jnp.stack([points, between[0]]), jnp.stack([between[1], corner])])
     cells = blocks.transpose(2, 0, 3, 1).reshape(2 * size, 2 * size)

@@ -1,8 +1,7 @@
-"""Your own shooters: a map in characters with monsters on it, a weapon, a goal.
+"""Your own shooters: a text map with monsters, a weapon, and a goal.
 
-The rules are those of the `doom-*` environments: Doom's motion, and its monsters, shots and
-fireballs, on a map whose tiles are 64 of Doom's map units wide. A step is a tic, of which a second
-has 35.
+The rules are those of the `doom-*` environments, with Doom's motion, monsters, shots and fireballs,
+on a map whose tiles are 64 map units wide. A step is a tic, 1/35 of a second.
 """
 
 from __future__ import annotations
@@ -89,26 +88,26 @@ KINDS: Mapping[str, MonsterKind] = {
     "d": DEMON,
     "m": CHAINSAW_MARINE,
 }
-"""The kind of monster that each symbol of a map stands for."""
+"""The kind of monster for each symbol of a map."""
 MOST_MONSTERS, MOST_TILES = 64, 64
-"""How many monsters a map may have, and how many columns and rows."""
-# Half-width of what is taken and of goals; fireballs in flight, of each imp and of all together.
+"""The most monsters on a map, and the most columns or rows."""
+# Half-width of pickups and goals; the most fireballs in flight, per imp and in total.
 _THING, _BALLS, _MOST_BALLS = 20, 4, 24
 # The health and the shots below which the player `hunt` fetches more.
 _HURT, _SHORT = 60, 8
 
 
 class ShooterParams(FightParams):
-    """The numbers of a shooter.
+    """The params of a shooter.
 
     Attributes:
         kill_reward: reward of each monster that dies, whoever killed it.
-        win_reward: reward of the tic that reaches the aim.
-        death_penalty: taken off the reward of the tic in which the player dies.
+        win_reward: reward of the tic in which the aim is reached.
+        death_penalty: subtracted from the reward of the tic in which the player dies.
         living_reward: reward of every tic.
-        monster_health: what the health of each kind is multiplied by.
-        medkit: health that one gives, up to 100.
-        clip: shots that a box of ammunition gives, up to the most there can be.
+        monster_health: factor on the health of each kind of monster.
+        medkit: health gained by a medkit, up to 100.
+        clip: shots in a box of ammunition, up to the largest number of shots.
     """
 
     max_steps_in_episode: Scalar = 2100
@@ -123,12 +122,12 @@ class ShooterParams(FightParams):
 
 
 class ShooterState(FightState):
-    """State of a shooter, on a map with M medkits and boxes of ammunition.
+    """The state of a shooter on a map with M medkits and boxes of ammunition.
 
     Attributes:
-        fireballs: those in flight.
-        rockets: the player's, if it fires any.
-        supplies: bool[M], which medkits and boxes still lie there.
+        fireballs: fireballs in flight.
+        rockets: the player's rockets, if the weapon fires any.
+        supplies: bool[M], which medkits and boxes are left.
     """
 
     fireballs: Projectiles
@@ -137,7 +136,7 @@ class ShooterState(FightState):
 
 
 def reached_aim(env: Shooter, state: ShooterState) -> jax.Array:
-    """bool[]: whether the player is at a goal; on a map without one, whether all monsters died."""
+    """bool[]: whether the player is at a goal; on a map without goals, whether all are dead."""
     if env.tilemap.goals:
         return jnp.any(env.touches(state, env.goal_part.places))
     return ~jnp.any(state.monsters.living)
@@ -154,7 +153,7 @@ def reward_of(
 
 
 def toward_aim(env: Shooter, state: ShooterState) -> jax.Array:
-    """bool[rows, columns]: the tiles of the goals; on a map without one, of the monsters."""
+    """bool[rows, columns]: the tiles of the goals; on a map without goals, of the monsters."""
     if env.tilemap.goals:
         goals = env.goal_part.places
         return tiles_of(env, goals, np.ones(len(goals), bool))
@@ -163,34 +162,35 @@ def toward_aim(env: Shooter, state: ShooterState) -> jax.Array:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Shooter(DoomScenario[ShooterState, ShooterParams]):
-    """Reach the goal of a map with monsters; of one without a goal, kill them all.
+    """Reach the goal of a map with monsters; on a map without a goal, kill them all.
 
-    Monsters look anywhere at first, and stay where they are until they see the player before them
-    or hear a shot. Medkits and ammunition are taken by walking over them while they are needed.
-    Rockets, where the weapon fires them, hurt all around where they burst, the player too.
+    Monsters look in random directions at first, and stay where they are until they see the player
+    in front of them or hear a shot. The player takes medkits and ammunition by walking over them,
+    if they are needed. Rockets hurt everyone around where they burst, including the player.
 
     Attributes:
         text: the map, as for `from_ascii`, with the symbols of `KINDS`, `+` for medkits and `=`
-            for ammunition; without doors, keys and apples.
-        heading: degrees of the first heading, 0 eastwards and growing clockwise: None for any, a
-            number, or (lowest, highest).
-        weapon: the player's.
-        ammo: shots at first.
-        most_ammo: shots that there can be.
-        monsters: kinds for some of the symbols of `KINDS`, in the place of those.
+            for ammunition, and without doors, keys and apples.
+        heading: the first heading in degrees, 0 east, growing clockwise: None for any, a number,
+            or (lowest, highest).
+        weapon: the player's weapon.
+        ammo: shots at the start.
+        most_ammo: the largest number of shots.
+        monsters: kinds that replace some of those in `KINDS`, by symbol.
         fast: whether monsters react at once and attack without pausing, as in the game's highest
             skill.
-        aim: what success means, in words that follow "the agent"; "" for what the map says.
-        won: a function of (environment, state) that tells as bool[] whether the aim is reached,
+        aim: the meaning of success, in words that follow "the agent"; "" uses the map's aim.
+        won: a function of (environment, state) that returns as bool[] whether the aim is reached,
             which ends the episode.
-        reward: a function of (state before, state after, won, params): float32[], of a tic.
-        destination: a function of (environment, state) that tells the player `hunt` as bool[rows,
-            columns] the tiles where to go when it sees no monster.
+        reward: a function of (state before, state after, won, params) that returns the reward of a
+            tic, float32[].
+        destination: a function of (environment, state) that returns the tiles, as bool[rows,
+            columns], to which the player `hunt` walks when it sees no monster.
 
     Raises:
-        MapError: with line and column of what is wrong with the map; or it has no monster, or more
-            than `MOST_MONSTERS`, or more than `MOST_TILES` columns or rows.
-        SettingError: a setting is out of range, or there is no such symbol of a monster.
+        MapError: the map is invalid (the message names line and column), has no monster, more than
+            `MOST_MONSTERS`, or more than `MOST_TILES` columns or rows.
+        SettingError: a setting is out of range, or a key of `monsters` is not in `KINDS`.
     """
 
     text: str = dataclasses.field(repr=False)
@@ -220,7 +220,7 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
         if strange := sorted({symbol for symbol, _ in self._changes} - set(KINDS)):
             known = ", ".join(map(repr, KINDS))
             raise SettingError(
-                f"monsters has a kind for {quoted(strange[0])}, which is none of the symbols "
+                f"monsters has a kind for {quoted(strange[0])}, which is not one of the symbols "
                 f"{known}"
             )
         columns, rows = self.tilemap.columns, self.tilemap.rows
@@ -232,8 +232,8 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
         count = len(things_of(self.tilemap, "monster")[0])
         if not 1 <= count <= MOST_MONSTERS:
             raise MapError(
-                f"a shooter has 1 to {MOST_MONSTERS} monsters ({' '.join(KINDS)}), not {count} as "
-                "this map"
+                f"a shooter must have 1 to {MOST_MONSTERS} monsters ({' '.join(KINDS)}), but this "
+                f"map has {count}"
             )
 
     @property
@@ -244,12 +244,12 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
 
     @property
     def room(self) -> Room:
-        """The colours of other maps in characters."""
+        """The colours of other text maps."""
         return Room("", floor=FLOOR[0], ceiling=CEILING)
 
     @property
     def scenario(self) -> str | None:
-        """ViZDoom does not have it."""
+        """None, because ViZDoom does not have this scenario."""
         return None
 
     @functools.cached_property
@@ -264,22 +264,22 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
 
     @functools.cached_property
     def tiles(self) -> TileGrid:
-        """Where the tiles are in map units."""
+        """The grid of tiles in map units."""
         return grid_of(self.tilemap)
 
     @functools.cached_property
     def geometry(self) -> Geometry:
-        """What bodies meet."""
+        """The walls that bodies collide with."""
         return build_geometry(self.doom_map.walls)
 
     @functools.cached_property
     def level(self) -> Level:
-        """The map as the renderer has it."""
+        """The map for the renderer."""
         return compile_level(self.tilemap.walls, self.tilemap.door_tiles)
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the map looks: as other maps in characters do."""
+        """The look of the map, as for other text maps."""
         return super().theme.replace(
             wall_colours=np.array(LABEL_COLOURS, np.float32),
             floor=np.array(FLOOR, np.float32),
@@ -288,19 +288,19 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
 
     @property
     def starts(self) -> np.ndarray:
-        """float[n, 2]: where episodes start, in map units."""
+        """float[n, 2]: the starts of episodes, in map units."""
         return centres_of(self.tilemap, self.tilemap.spawns) / ONE
 
     def touches(self, state: ShooterState, places: np.ndarray) -> jax.Array:
-        """bool[N]: whether the player is at places int32[N, 2]: nearer than 36 units in x and y."""
+        """bool[N]: whether the player is less than 36 units from int32[N, 2] in x and y."""
         own, other = np.array(RADIUS, np.int32), np.array(_THING, np.int32)
         return overlap(state.fixed_position[None], own, jnp.asarray(places), other)
 
-    # What stands on it.
+    # The parts.
 
     @functools.cached_property
     def horde(self) -> Horde:
-        """The monsters, row by row of the map, which turn on each other."""
+        """The monsters, row by row of the map, which fight each other too."""
         kinds = {**KINDS, **dict(self._changes)}
         labels, _ = things_of(self.tilemap, "monster")
         found = [kinds[THING_OF[label].symbols] for label in labels]
@@ -314,14 +314,14 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
 
     @functools.cached_property
     def fireballs(self) -> Missiles:
-        """What monsters throw."""
+        """The fireballs of monsters."""
         acts = [[frame.act for frame in kind.missile] for kind in self.horde.kinds]
         throwers = sum(Act.THROW in acts[number] for number in self.horde.kind_of)
         return fireballs(min(_BALLS * throwers, _MOST_BALLS))
 
     @functools.cached_property
     def rockets(self) -> Missiles:
-        """The player's rockets, none of a weapon that fires bullets."""
+        """The player's rockets; none if the weapon fires bullets."""
         return rockets(3 if self.weapon.speed else 0)
 
     @functools.cached_property
@@ -348,7 +348,7 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
         count = len(self.horde)
         bits = jax.random.bits(key, (2 + 2 * count,), jnp.uint32)
         low, high = heading_range(self.heading)
-        # The headings in 65536ths of a circle, counterclockwise.
+        # Headings in 65536ths of a circle, counter-clockwise.
         angles = round(-high / (2 * math.pi) * ONE), round(-low / (2 * math.pi) * ONE)
         facing, looks = bits[2 : 2 + count] & np.uint32(7 << 29), bits[2 + count :]
         health = self.horde.healthy(params.monster_health)
@@ -364,7 +364,7 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
     def transition(
         self, key: jax.Array, state: ShooterState, action: jax.Array, params: ShooterParams
     ) -> tuple[ShooterState, jax.Array, jax.Array, Info]:
-        """Fight, take what lies there, and look whether the aim is reached."""
+        """Fight, take supplies, and check whether the aim is reached."""
         fight_key, ball_key, rocket_key = jax.random.split(key, 3)
         before, hits = state, jnp.int32(0)
         state, fought = fight(self, fight_key, state, action, params)
@@ -384,7 +384,7 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
     def _take(
         self, state: ShooterState, able: jax.Array, params: ShooterParams
     ) -> tuple[ShooterState, dict[str, jax.Array]]:
-        """The state after the player, if able to, has taken what it needs; and how much."""
+        """Take what the player needs, if able to; returns the state and the amounts."""
         medkits, most = self.supplies.medkits, self.arsenal.most
         reach = state.supplies & self.touches(state, self.supplies.places) & able
         trigger = state.trigger
@@ -400,27 +400,27 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
         return state, {"took_medkit": healed, "took_ammunition": loaded}
 
     def next_tiles(self, state: ShooterState) -> jax.Array:
-        """bool[rows, columns]: where the player `hunt` goes when it sees no monster."""
+        """bool[rows, columns]: where the player `hunt` walks when it sees no monster."""
         return self.destination(self, state)
 
     def to_fetch(self, state: ShooterState) -> tuple[jax.Array, jax.Array]:
-        """Where supplies lie, int32[M, 2], and bool[M] which of them the player `hunt` fetches."""
+        """int32[M, 2], the positions of supplies; bool[M], which of them `hunt` should fetch."""
         medkits = self.supplies.medkits
         wanted = jnp.where(medkits, state.health < _HURT, state.trigger.ammo < _SHORT)
         return jnp.asarray(self.supplies.places), state.supplies & wanted
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         usual = "reached the goal" if self.tilemap.goals else "killed all monsters"
         aim = self.aim or usual
         return About(
             aim=aim,
-            ends="where the aim is reached, and where the player dies",
+            ends="when the aim is reached, and when the player dies",
             rewards={
-                "kill_reward": "{:+g} for each monster that dies",
+                "kill_reward": "{:+g} per monster that dies",
                 "win_reward": "{:+g} for reaching the aim",
                 "death_penalty": "-{:g} at death",
-                "living_reward": "{:+g} a tic",
+                "living_reward": "{:+g} per tic",
             },
             events={
                 **SHOOTING,

@@ -1,6 +1,6 @@
 """Held-out levels: a hash of its content decides the side of a level.
 
-The hash takes only whole numbers, in the order of their arrays, so equal levels have equal hashes
+The hash uses only whole numbers, in the order of their arrays, so equal levels have equal hashes
 on every device and with every version of JAX.
 """
 
@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 
 def fingerprint(parts: Sequence[jax.Array]) -> jax.Array:
-    """uint32[2]: a hash of 64 bits of arrays of whole numbers or truth values.
+    """uint32[2]: a 64-bit hash of arrays of whole numbers or bools.
 
     The arrays are concatenated to words w[i], i from 0 to n - 1. Half h of the hash, 0 or 1, is
     mixed(sum over i of mixed(w[i] ^ k[h, i])), where k[h, i] = mixed((h * n + i + 1) * 0x9E3779B9),
@@ -39,7 +39,7 @@ def fingerprint(parts: Sequence[jax.Array]) -> jax.Array:
         parts: numbers of at most 32 bits; the hash ignores their shapes.
     """
     for part in parts:
-        assert not jnp.issubdtype(part.dtype, jnp.floating), "a level is whole numbers alone"
+        assert not jnp.issubdtype(part.dtype, jnp.floating), "levels must be whole numbers"
     words = jnp.concatenate([jnp.ravel(part).astype(jnp.uint32) for part in parts])
     count = words.shape[0]
     keys = mixed(np.arange(1, 2 * count + 1, dtype=np.uint32) * _GOLDEN).reshape(2, count)
@@ -54,8 +54,8 @@ def is_of(split: str, fraction: float, level: Any) -> Any:
 
     Args:
         split: the side.
-        fraction: the share of all levels on the test side.
-        level: uint32[2], as `fingerprint` returns it, of JAX or NumPy.
+        fraction: the fraction of all levels on the test side.
+        level: uint32[2], a hash from `fingerprint`, as a JAX or NumPy array.
     """
     bound = min(max(round(fraction * 2**32), 1), 2**32 - 1)
     held_out = level[0] < np.uint32(bound)
@@ -74,10 +74,10 @@ def first_right(
     Returns the last draw if none of `MOST_TRIES` is right, and zeros if none is needed.
 
     Args:
-        draw: takes a key and `given`.
-        right: bool[], takes a draw.
+        draw: a function of a key and `given`.
+        right: a function of a draw that returns bool[].
         needed: bool[], whether a draw is needed at all.
-        key: not to be used elsewhere.
+        key: a random key that is not used elsewhere.
         given: passed to `draw`.
     """
 
@@ -104,13 +104,13 @@ def sample_levels(env: Any, count: int, seed: int | jax.Array) -> jax.Array:
     Args:
         env: a `GeneratedTask`; its split is ignored.
         count: the number of draws.
-        seed: of the draws.
+        seed: the seed of the draws.
     """
     params = env.check_params()
 
     def one(key: jax.Array) -> jax.Array:
         return fingerprint(env.level_parts(env.init_state(key, params)))
 
-    # In batches, to bound the memory that large worlds take.
+    # In batches, to bound the memory for large worlds.
     keys = jax.random.split(jax.random.key(seed, impl="threefry2x32"), count)
     return lax.map(one, keys, batch_size=256)

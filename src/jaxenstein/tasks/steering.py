@@ -1,4 +1,4 @@
-"""Turning and walking: what the actions of all tasks have in common, and where episodes start."""
+"""Turning and walking: the actions that all tasks share, and the headings of starts."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ..params import number
 from .draws import sample_unit
 
 TURN_LEFT, TURN_RIGHT, FORWARD, BACKWARD, INTERACT = range(5)
-# Far beyond, float32 holds no degrees any more.
+# Far outside this range, float32 cannot resolve degrees.
 HEADING = Domain("angle", -3600, 3600, optional=True)
 ACTION_NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 
 
 class SteeringParams(Params):
-    """How far one action goes.
+    """The size of one action.
 
     Attributes:
         turn_angle: radians turned by one action.
@@ -49,7 +49,7 @@ def steer(
         closed: bool[D], which of its doors are closed.
         position: float32[2], (x, y) in tiles.
         heading: float32[], radians.
-        action: int32[]; those that neither turn nor move change nothing.
+        action: int32[]; actions that neither turn nor move change nothing.
         params: `SteeringParams`.
     """
     spin = _either(action, TURN_RIGHT, TURN_LEFT)
@@ -66,7 +66,7 @@ def go(
     pace: jax.Array,
     params: Any,
 ) -> tuple[jax.Array, jax.Array]:
-    """As `steer`, for turns to the right and moves forward that are numbers, float32[] each."""
+    """As `steer`, for a number of turns to the right and of moves forward, float32[] each."""
     heading = turn(heading, spin * params.turn_angle)
     step = forward(heading) * (pace * params.move_distance)
     return walk(level, closed, position, step), heading
@@ -83,7 +83,7 @@ def centres(cells: Any) -> jax.Array:
 
 
 def sample_heading(bits: jax.Array, heading: Any) -> jax.Array:
-    """float32[] radians, uniform over what a heading setting allows, from uint32 bits."""
+    """float32[] radians, uniform over the range of a heading setting, from uint32 bits."""
     low, high = heading_range(heading)
     return turn(jnp.float32(low), jnp.float32(high - low) * sample_unit(bits))
 
@@ -95,7 +95,7 @@ def heading_range(heading: Any) -> tuple[float, float]:
         heading: degrees from -3600 to 3600: None for any, a number, or (lowest, highest).
 
     Raises:
-        SettingError: it is none of these.
+        SettingError: the value has another form or is out of range.
     """
     heading = check_value("heading", HEADING, heading)
     if heading is None:

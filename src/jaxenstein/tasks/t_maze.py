@@ -1,4 +1,4 @@
-"""A T-maze: what was seen at first tells which way to turn at its end."""
+"""A T-maze: a cue at the start tells which way to turn at the end."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from .goals import NavigationParams
 from .navigation import MapGoalState, MapGoalTask
 from .steering import ACTION_NAMES, centres
 
-# Tiles ahead of the start where the cue stands.
+# Tiles from the start to the cue.
 CUE_AHEAD = 2
 
 
 class TMazeParams(NavigationParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        cue_steps: steps of the world for which the cue is in sight.
+        cue_steps: the number of world steps for which the cue is visible.
         wrong_reward: reward of the wrong end.
     """
 
@@ -42,11 +42,11 @@ DEFAULTS = TMazeParams()
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TMaze(MapGoalTask[MapGoalState]):
-    """Walk to the end of the arm that a key told of: a red one the western, a blue one the eastern.
+    """Walk to the end of the arm that a key indicates: a red one the west, a blue one the east.
 
-    The key stands before the agent for the first steps of an episode and then is gone; the ends
-    look alike. Reward: `goal_reward` at the right end and `wrong_reward` at the other one; both
-    terminate. An agent without memory gets 0 in the mean.
+    The key is in front of the agent for the first steps of an episode and then disappears; the
+    ends look alike. Reward: `goal_reward` at the correct end and `wrong_reward` at the other one;
+    both terminate the episode. The mean return of an agent without memory is 0.
     """
 
     defaults: TMazeParams = DEFAULTS
@@ -56,11 +56,11 @@ class TMaze(MapGoalTask[MapGoalState]):
 
     @functools.cached_property
     def sprite_labels(self) -> tuple[int, ...]:
-        """Labels of the cues of the western and the eastern arm: a red and a blue key."""
+        """The labels of the cues for the western and the eastern arm: a red and a blue key."""
         return KEY.labels[0], KEY.labels[2]
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> MapGoalState:
-        """Sample the arm that pays, which is the goal."""
+        """Sample the correct arm, which is the goal."""
         del params
         return MapGoalState(**self.sample_start(key))
 
@@ -76,32 +76,32 @@ class TMaze(MapGoalTask[MapGoalState]):
         return state, reward, reached | wrong, events | {"reached_wrong_end": wrong}
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return dataclasses.replace(
             super().about(),
-            aim="reached the right end",
+            aim="reached the correct end",
             ends="at both ends",
             rewards={
-                "goal_reward": "{:+g} at the right end",
-                "wrong_reward": "{:+g} at the wrong one",
-                "living_reward": "{:+g} a step",
+                "goal_reward": "{:+g} at the correct end",
+                "wrong_reward": "{:+g} at the wrong end",
+                "living_reward": "{:+g} per step",
             },
             events={
-                "reached_goal": Event("reached the right end"),
+                "reached_goal": Event("reached the correct end"),
                 "reached_wrong_end": Event("reached the wrong end"),
             },
-            variables={"distance_to_goal": "tiles to the right end, in a straight line"},
+            variables={"distance_to_goal": "tiles to the correct end, in a straight line"},
         )
 
     def scene(self, state: MapGoalState, params: NavigationParams) -> Scene:
-        """The maze, and the cue while it is in sight."""
+        """The maze, and the cue while it is visible."""
         column, row = self.tilemap.spawns[0]
         cue = centres([(column, row - CUE_AHEAD)])
         shown = (state.time < cast(TMazeParams, params).cue_steps)[None]
         return super().scene(state, params).replace(sprites=Sprites(cue, state.goal[None], shown))
 
     def distance_field(self, state: MapGoalState) -> jax.Array:
-        """int32[rows, columns]: tiles on foot to the right end."""
+        """int32[rows, columns]: walking distance in tiles to the correct end."""
         return jnp.asarray(distance_tables(self.tilemap))[0, state.goal].astype(jnp.int32)
 
 

@@ -1,4 +1,4 @@
-"""An episode as pictures: what the agent saw beside the map from above, over a line of text."""
+"""An episode as pictures: the agent's view beside a top-down map, above a line of text."""
 
 from __future__ import annotations
 
@@ -34,35 +34,34 @@ CAPTION_HEIGHT = 30
 # The side of the map in pixels, and the least height of the first-person view.
 MAP_SIZE, VIEW_HEIGHT = 448, 384
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_HEIGHT = 32, 8, 112
-# The same in a notebook, whose file holds the whole animation as text, and its most frames.
+# The same in a notebook, whose file contains the whole animation as text, and its most frames.
 NOTEBOOK_MAP, NOTEBOOK_VIEW, NOTEBOOK_FRAMES = 256, 192, 150
 
 
 @dataclasses.dataclass(frozen=True)
 class Episode:
-    """What was seen and done in one episode of T steps, as numpy arrays.
+    """An episode of T steps, as numpy arrays.
 
     A notebook shows it as an animation.
 
     Attributes:
-        frames: uint8[T + 1, H, W, 3], what the agent saw, from the reset on.
+        frames: uint8[T + 1, H, W, 3], the agent's view, from the reset on.
         positions: float32[T + 1, 2], (x, y) in tiles.
         headings: float32[T + 1], radians, 0 along +x, growing clockwise on the map.
         rewards: float32[T], of each step.
-        closed: bool[T + 1, D], which doors were closed, in the order of the map's.
-        sprites: float32[T + 1, N, 2], (x, y) of the things there can be, in tiles.
-        labels: int32[T + 1, N], label id of each.
-        visible: bool[T + 1, N], which of them were there.
-        events: what happened in each of the T steps, in words, "" for nothing.
-        tilemap: the map it was played on, or None.
-        variables: what else was known of the agent, by name, such as its health: float[T + 1].
-        name: of the environment.
-        field_of_view: of the frames, in degrees.
-        longest_step: tiles that a step can go; a longer one is a new start.
-        ending: how the last step ended the episode: "terminated", "truncated", or "" if it goes
-            on.
-        trajectory: what `replay` plays the episode again from; None for environments that
-            neither `make` nor `from_ascii` builds.
+        closed: bool[T + 1, D], which doors were closed, in the order of the map.
+        sprites: float32[T + 1, N, 2], (x, y) of all things, in tiles.
+        labels: int32[T + 1, N], label id of each thing.
+        visible: bool[T + 1, N], which things were present.
+        events: a description of what happened in each of the T steps; "" for nothing.
+        tilemap: the map, or None.
+        variables: other variables of the agent by name, such as its health: float[T + 1].
+        name: the name of the environment.
+        field_of_view: horizontal field of view of the frames, in degrees.
+        longest_step: how many tiles a step can move the agent; a longer move is a new start.
+        ending: how the episode ended: "terminated", "truncated", or "" if it did not.
+        trajectory: the trajectory for `replay`; None if neither `make` nor `from_ascii` builds
+            the environment.
     """
 
     frames: np.ndarray
@@ -89,34 +88,35 @@ class Episode:
 
     @property
     def returns(self) -> np.ndarray:
-        """float64[T + 1]: the sum of the rewards so far."""
+        """float64[T + 1]: the sum of rewards so far."""
         return np.concatenate([[0.0], np.cumsum(self.rewards, dtype=np.float64)])
 
     def summary(self) -> str:
-        """Name, length, return and end in one line."""
+        """The name, length, return and end in one line."""
         facts = [f"{self.steps} steps", f"return {self.returns[-1]:.4g}"]
         facts += [self.ending] * bool(self.ending)
         return f"{self.name or 'episode'}: {', '.join(facts)}"
 
     def save(self, path: str | Path, *, fps: float = 15.0, every: int = 1) -> None:
-        """Write the episode, whole or not at all.
+        """Write the episode to a file, atomically.
 
         Args:
-            path: .gif or, with the extra `video`, .mp4: the animation beside the map; .png: a
+            path: .gif or, with the extra `video`, .mp4: an animation beside the map; .png: a
                 contact sheet of the views; .json: the trajectory, for `replay`.
-            fps: frames a second of an animation.
-            every: show every so many steps in an animation.
+            fps: frames per second of an animation.
+            every: show only every n-th step in an animation.
 
         Raises:
-            SettingError: another suffix, no trajectory, or the extra `video` is missing.
-            OutputError: `path` cannot be written.
+            SettingError: the suffix is not supported, there is no trajectory, or the extra
+                `video` is missing.
+            OutputError: the file cannot be written.
         """
         suffix = Path(path).suffix.lower()
         if suffix == ".json":
             if self.trajectory is None:
                 raise SettingError(
                     f"the episode of {quoted(self.name)} has no trajectory to save: it was not "
-                    "played by `record` in an environment that make or from_ascii builds"
+                    "recorded in an environment that make or from_ascii builds"
                 )
             self.trajectory.save(path)
         elif suffix == ".png":
@@ -131,7 +131,7 @@ class Episode:
         return f"<Episode {self.summary()}>"
 
     def _repr_html_(self) -> str:
-        """The animation with its summary, what notebooks ask for; of long episodes a part."""
+        """The animation with its summary, for notebooks; long episodes are thinned out."""
         every = -(-self.steps // (NOTEBOOK_FRAMES - 1)) or 1
         scale = scale_to(self.frames.shape[1:3], NOTEBOOK_VIEW)
         pictures = Pictures(self, scale=scale, map_size=NOTEBOOK_MAP, every=every)
@@ -148,7 +148,7 @@ def save_sheet(episode: Episode, path: str | Path) -> None:
     """Write up to 32 views spread over the episode as one PNG.
 
     Raises:
-        OutputError: `path` cannot be written.
+        OutputError: the file cannot be written.
     """
     times = evenly(len(episode.frames), SHEET_VIEWS)
     scale = scale_to(episode.frames.shape[1:3], SHEET_HEIGHT)
@@ -157,9 +157,9 @@ def save_sheet(episode: Episode, path: str | Path) -> None:
 
 
 class Pictures(Sequence[np.ndarray]):
-    """The pictures of an episode, uint8[h, w, 3] each, drawn when they are asked for.
+    """The pictures of an episode, uint8[h, w, 3] each, drawn on demand.
 
-    Long episodes do not fit into memory as pictures; going through them in order is fast.
+    The pictures of a long episode do not fit into memory. Iterating in order is fast.
     """
 
     def __init__(
@@ -172,15 +172,15 @@ class Pictures(Sequence[np.ndarray]):
         map_size: int = MAP_SIZE,
         notify: Callable[[int], object] | None = None,
     ) -> None:
-        """Prepare them.
+        """Prepare the pictures.
 
         Args:
             episode: the episode; without a tile map there is no map picture.
             with_map: whether to show the map.
-            scale: factor by which the view is enlarged, None for a good size.
-            every: show every so many steps; the first and the last frame always.
-            map_size: pixels that the longer side of the map comes close to.
-            notify: called with the number of pictures drawn so far while they are gone through.
+            scale: factor by which the view is enlarged; None chooses one.
+            every: show only every n-th step; the first and the last frame are always shown.
+            map_size: approximate length of the longer side of the map, in pixels.
+            notify: called with the number of pictures drawn so far during iteration.
 
         Raises:
             SettingError: `every` is below 1.
@@ -194,17 +194,17 @@ class Pictures(Sequence[np.ndarray]):
         self._ground = None if tilemap is None else draw_map(tilemap, size=map_size)
 
     def __len__(self) -> int:
-        """How many there are."""
+        """The number of pictures."""
         return len(self._times)
 
     def __getitem__(self, index: int) -> np.ndarray:  # type: ignore[override]
-        """One of them."""
+        """One picture."""
         time = self._times[index]
         ground = None if self._ground is None else self._ground.copy()
         return self._draw(ground, 0, time)
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """All of them in order; the path grows from one to the next."""
+        """All pictures in order; the path grows from one to the next."""
         ground = None if self._ground is None else self._ground.copy()
         before = 0
         for i, time in enumerate(self._times, 1):
@@ -214,7 +214,7 @@ class Pictures(Sequence[np.ndarray]):
                 self._notify(i)
 
     def _draw(self, ground: MapPicture | None, before: int, time: int) -> np.ndarray:
-        """The picture of a step, on a map that has the path up to an earlier one."""
+        """The picture of a step, on a map that shows the path up to an earlier step."""
         episode, shot = self._episode, None
         if ground is not None:
             walked = episode.positions[before : time + 1]
@@ -225,7 +225,7 @@ class Pictures(Sequence[np.ndarray]):
 
 
 def overview(ground: MapPicture, episode: Episode, step: int) -> MapPicture:
-    """A map with the doors, the things and the agent of one frame added."""
+    """A map with the doors, the things and the agent of one frame."""
     return ground.copy().state(
         pose=(episode.positions[step], float(episode.headings[step])),
         field_of_view=episode.field_of_view,
@@ -237,17 +237,17 @@ def overview(ground: MapPicture, episode: Episode, step: int) -> MapPicture:
 def compose_side_by_side(
     frame: np.ndarray, map_picture: Image.Image | None, caption: Sequence[str], *, scale: int
 ) -> np.ndarray:
-    """What the agent sees beside the map, over a line of text.
+    """Compose the agent's view and the map, above a line of text.
 
     Args:
         frame: uint8[H, W, 3].
-        map_picture: the map from above, or None to leave it out.
-        caption: pieces of text: the last one is set apart at the right, the others follow each
-            other from the left.
+        map_picture: the top-down map, or None to leave it out.
+        caption: pieces of text: the last one is aligned right, the others follow each other from
+            the left.
         scale: whole factor by which the frame is enlarged.
 
     Returns:
-        uint8[h, w, 3], the same size for every frame and map picture of the same sizes.
+        uint8[h, w, 3], the same size for all frames and map pictures of the same sizes.
     """
     gap = 6
     view = Image.fromarray(enlarge(frame, scale))
@@ -296,7 +296,7 @@ def caption(episode: Episode, step: int, recent: int = 12) -> list[str]:
 
 
 def _sum_text(episode: Episode, step: int) -> str:
-    """The return so far: a whole number where all rewards are."""
+    """The return so far, as a whole number if all rewards are whole."""
     total = float(episode.returns[step])
     if not total or np.array_equal(episode.rewards, np.round(episode.rewards)):
         return str(round(total))

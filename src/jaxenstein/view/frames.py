@@ -1,4 +1,4 @@
-"""Observations of any kind as pictures, and as pictures that a notebook shows by itself."""
+"""Observations of any kind as colour images, which notebooks can show."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .recording import enlarge, evenly, mosaic, save_png, scale_to
 # Depth in tiles at which a depth image is at half brightness.
 HALF_DEPTH = 1.3
 KINDS = ("rgb", "gray", "depth", "labels")
-# Pixels that a single image, and a whole batch of them, is made high at least.
+# The least height in pixels at which a single image, or a batch of images, is shown.
 SHOWN_HEIGHT = 256
 BATCH_HEIGHT = 480
 MOST_SHOWN = 64
@@ -30,12 +30,12 @@ def image_of(obs: Any) -> Any:
 
 
 def picture(image: np.ndarray, kind: str) -> np.ndarray:
-    """An image observation as uint8[..., H, W, 3].
+    """Convert an image observation to uint8[..., H, W, 3].
 
     Args:
-        image: images of any number, with their leading axes.
-        kind: the environment's `observation`. Depth becomes brightness, near is bright; labels
-            become the colours that the maps give them.
+        image: images with any leading axes.
+        kind: the environment's `observation`. Depth becomes brightness (near is bright), labels
+            become the colours of the map.
     """
     if kind in ("rgb", "dict"):
         return image
@@ -48,11 +48,11 @@ def picture(image: np.ndarray, kind: str) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """A picture that a notebook shows as the last value of a cell.
+    """An image that a notebook shows as the value of a cell.
 
     Attributes:
         image: uint8[H, W, 3].
-        scale: whole factor by which it is enlarged where it is shown; pixels stay squares.
+        scale: whole factor by which it is enlarged when shown; pixels stay square.
     """
 
     image: np.ndarray
@@ -64,17 +64,17 @@ class Frame:
         return f"<Frame of {width}x{height} pixels>"
 
     def _repr_png_(self) -> bytes:
-        """The picture, enlarged, as a PNG: what notebooks ask for."""
+        """The enlarged image as a PNG, for notebooks."""
         stream = io.BytesIO()
         Image.fromarray(enlarge(self.image, self.scale)).save(stream, format="PNG")
         return stream.getvalue()
 
     def save(self, path: str | Path) -> None:
-        """Write the picture, enlarged, as a PNG.
+        """Write the enlarged image as a PNG.
 
         Raises:
             SettingError: `path` does not end in .png.
-            OutputError: it cannot be written.
+            OutputError: the file cannot be written.
         """
         if Path(path).suffix.lower() != ".png":
             raise SettingError(f"{path} should end in .png")
@@ -82,16 +82,17 @@ class Frame:
 
 
 def show(observation: Any, kind: str | None = None, *, scale: int | None = None) -> Frame:
-    """An observation, or a batch of them, as a picture that a notebook shows by itself.
+    """Show an observation, or a batch of them, as an image in a notebook.
 
     Args:
-        observation: as `reset` and `step` return it, with any number of leading axes; of many,
-            64 spread over the batch are shown.
-        kind: the environment's `observation`, needed for `"labels"`, which else count as gray.
-        scale: whole factor by which pixels are enlarged; None for a good size.
+        observation: an observation from `reset` or `step`, with any leading axes; of a large
+            batch, 64 observations are shown.
+        kind: the environment's `observation`; needed for `"labels"`, which would otherwise be
+            shown as gray.
+        scale: whole factor by which pixels are enlarged; None chooses one.
 
     Raises:
-        SettingError: it is no observation of that kind.
+        SettingError: the value is not an observation of that kind.
 
     Examples:
         >>> import jax, jaxenstein
@@ -123,7 +124,7 @@ def _kind_of(image: np.ndarray) -> str:
 
 
 def _check(image: np.ndarray, kind: str) -> None:
-    """Raise a SettingError unless there is at least one image of the kind, of a size above 0."""
+    """Raise a SettingError unless there is at least one image of this kind with a size above 0."""
     if kind not in KINDS:
         raise SettingError(f"kind must be one of {', '.join(KINDS)} or dict, not {quoted(kind)}")
     axes = 3 if kind == "rgb" else 2

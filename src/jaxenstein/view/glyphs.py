@@ -19,21 +19,21 @@ GOLD: Colour = (255, 196, 0)
 LEAF: Colour = (64, 140, 48)
 CROSS: Colour = (214, 30, 44)
 BOX: Colour = (255, 255, 255)
-# Below this many pixels of the canvas a tile, a key is drawn as a disc.
+# If a tile has fewer canvas pixels than this, a key is drawn as a disc.
 KEY_TILE = 20
 
 
 def closed_door(
     draw: ImageDraw.ImageDraw, corner: Point, tile: float, colour: Colour, locked: bool
 ) -> None:
-    """A framed panel with a keyhole if it is locked and a handle if not.
+    """A framed panel with a keyhole if it is locked, else with a handle.
 
     Args:
-        draw: what to draw on.
-        corner: upper left corner of its tile, in pixels.
+        draw: the canvas.
+        corner: upper left corner of the tile, in pixels.
         tile: the tile's side in pixels.
-        colour: of the panel.
-        locked: whether it takes a key.
+        colour: the colour of the panel.
+        locked: whether the door needs a key.
     """
     left, top = round(corner[0]), round(corner[1])
     right, bottom = left + round(tile) - 1, top + round(tile) - 1
@@ -50,13 +50,13 @@ def closed_door(
 
 
 def key(draw: ImageDraw.ImageDraw, centre: Point, tile: float, colour: Colour) -> None:
-    """A ring with a shaft and two teeth; a disc where that would be too small to see.
+    """A ring with a shaft and two teeth; a disc if that would be too small to see.
 
     Args:
-        draw: what to draw on.
-        centre: of the tile, in pixels.
+        draw: the canvas.
+        centre: the centre of the tile, in pixels.
         tile: the tile's side in pixels.
-        colour: of the key.
+        colour: the colour of the key.
     """
     x, y = centre
     if tile < KEY_TILE:
@@ -76,14 +76,14 @@ def key(draw: ImageDraw.ImageDraw, centre: Point, tile: float, colour: Colour) -
 def thing(
     draw: ImageDraw.ImageDraw, centre: Point, tile: float, label: int, colour: Colour
 ) -> None:
-    """The drawing of whatever has the label; a disc if that is no thing of `maps.things`.
+    """The drawing of the thing with a label; a disc if the label is not a thing.
 
     Args:
-        draw: what to draw on.
-        centre: in pixels.
-        tile: the side of a tile in pixels.
-        label: its label id.
-        colour: of the label.
+        draw: the canvas.
+        centre: the centre of the drawing, in pixels.
+        tile: the tile's side in pixels.
+        label: the label id.
+        colour: the colour of the label.
     """
     row = THING_OF.get(label)
     if row is None:
@@ -159,7 +159,7 @@ GLYPHS: dict[str, Callable[[ImageDraw.ImageDraw, Point, float, Colour], None]] =
     "medkit": medkit,
     "star": star,
 }
-"""The drawings that things name in their rows."""
+"""The drawings that things refer to by name."""
 
 
 def arrow(
@@ -173,7 +173,7 @@ def arrow(
 
 
 def blend(first: Colour, second: Colour, share: float) -> Colour:
-    """The colour at `share` of the way from the first to the second."""
+    """The colour at a fraction `share` of the way from the first to the second."""
     red, green, blue = (round(a + (b - a) * share) for a, b in zip(first, second, strict=True))
     return red, green, blue
 
@@ -185,7 +185,7 @@ def _disc(draw: ImageDraw.ImageDraw, x: float, y: float, radius: float, colour: 
 def _square(
     draw: ImageDraw.ImageDraw, x: float, y: float, wide: float, high: float, colour: Colour
 ) -> None:
-    """A rectangle by its centre and half its sides."""
+    """A rectangle, given by its centre and half its sides."""
     left, top = round(x - wide), round(y - high)
     right, bottom = round(x + wide) - 1, round(y + high) - 1
     draw.rectangle((left, top, max(left, right), max(top, bottom)), colour)

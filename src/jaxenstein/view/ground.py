@@ -1,4 +1,4 @@
-"""What a map from above is drawn on: floor, rock, and walls in their colours."""
+"""The background of a top-down map: floor, rock, and walls in their colours."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from .glyphs import Colour
 
 ROCK: Colour = (44, 47, 54)
 FLOOR: Colour = (233, 229, 219)
-# How far the colour of a face reaches into its wall, in tiles.
+# How far the colour of a face extends into its wall, in tiles.
 FACE = 0.34
-# Neighbour (dx, dy) that each face looks at, in the order west, east, north, south.
+# The neighbour (dx, dy) that each face looks at, in the order west, east, north, south.
 NEIGHBOURS = ((-1, 0), (1, 0), (0, -1), (0, 1))
 
 
 def draw_ground(tilemap: TileMap, tile: int) -> Image.Image:
-    """The map without anything on it, `tile` pixels a tile.
+    """An empty map, `tile` pixels per tile.
 
-    Walls that border on open floor have their colour, and the rest is dark rock. Where a wall's
-    faces differ, it has the colour of most of them, and each other one that floor touches is a
-    strip along its edge; in a map where those are the rule, the walls behind them are rock too.
+    Walls that touch open floor have their colour; the rest is dark rock. A wall whose faces differ
+    has the colour of most of them, and each other face that touches floor is a strip along its
+    edge. If most walls of the map are like that, the walls behind the strips are rock too.
     """
     canvas = Image.fromarray(_tile_colours(tilemap)).resize(
         (tilemap.columns * tile, tilemap.rows * tile), Image.Resampling.NEAREST
@@ -34,7 +34,7 @@ def draw_ground(tilemap: TileMap, tile: int) -> Image.Image:
 
 
 def open_floor(tilemap: TileMap) -> np.ndarray:
-    """bool[rows, columns]: open floor, doors not included."""
+    """bool[rows, columns]: open floor, without doors."""
     return (_labels(tilemap) == 0) & ~_doors(tilemap)
 
 
@@ -47,7 +47,7 @@ def paint(label: int) -> Colour:
 
 
 def _draw_faces(canvas: Image.Image, tilemap: TileMap, tile: int) -> None:
-    """A strip along every face in sight that looks different from the wall behind it."""
+    """Draw a strip along every visible face that looks different from the wall behind it."""
     draw = ImageDraw.Draw(canvas)
     faces, cores = np.asarray(tilemap.walls), _cores(tilemap)
     thick = max(1, round(FACE * tile))
@@ -64,7 +64,7 @@ def _draw_faces(canvas: Image.Image, tilemap: TileMap, tile: int) -> None:
 
 
 def _exposed(tilemap: TileMap) -> np.ndarray:
-    """bool[4, rows, columns]: the faces of walls that floor or a door touches."""
+    """bool[4, rows, columns]: the faces of walls next to floor or a door."""
     free = open_floor(tilemap) | _doors(tilemap)
     padded = np.pad(free, 1)
     rows, columns = free.shape
@@ -85,7 +85,7 @@ def _cores(tilemap: TileMap) -> np.ndarray:
 
 
 def _tile_colours(tilemap: TileMap) -> np.ndarray:
-    """uint8[rows, columns, 3], one colour a tile."""
+    """uint8[rows, columns, 3], one colour per tile."""
     cores = _cores(tilemap)
     free = open_floor(tilemap) | _doors(tilemap)
     colours = np.asarray(LABEL_COLOURS, np.uint8)[cores]
@@ -106,7 +106,7 @@ def _doors(tilemap: TileMap) -> np.ndarray:
 
 
 def _beside(free: np.ndarray) -> np.ndarray:
-    """bool: tiles that are free or touch a free one, corners included."""
+    """bool: tiles that are free or touch a free one, including diagonally."""
     padded = np.pad(free, 1)
     rows, columns = free.shape
     near = np.zeros_like(free)

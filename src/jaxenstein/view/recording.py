@@ -1,6 +1,6 @@
-"""Images as files: animations, contact sheets, PNGs; each is written whole or not at all.
+"""Write images to files, atomically: animations, contact sheets, PNGs.
 
-MP4 files are written by the ffmpeg that the package imageio-ffmpeg brings along.
+MP4 files are written by the ffmpeg that comes with the package imageio-ffmpeg.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from ..files import atomic, check_writable
 BACKGROUND = (24, 26, 30)
 TEXT = (232, 232, 226)
 FAINT = (150, 153, 160)
-# Frames from which a GIF's palette is taken, and their longest side while doing so.
+# The number of frames that determine a GIF's palette, and the size to which they are reduced.
 PALETTE_SAMPLES = 16
 PALETTE_SIZE = 400
 # GIF delays are whole hundredths of a second, and browsers slow down delays below two.
 MAX_FPS = 50
-# How many times as wide as it is meant to be high an enlarged image may be.
+# An enlarged image may be at most this many times as wide as its target height.
 WIDEST = 4
 # Constant quality of H.264, 0 (lossless) to 51; 18 and below look like the original.
 QUALITY = 16
 
 
 def enlarge(frame: np.ndarray, scale: int) -> np.ndarray:
-    """uint8[H * scale, W * scale, 3]: every pixel as a square, so that it stays sharp."""
+    """uint8[H * scale, W * scale, 3]: every pixel becomes a square, so that it stays sharp."""
     return np.repeat(np.repeat(frame, scale, axis=0), scale, axis=1)
 
 
 def scale_to(size: Sequence[int], target: int) -> int:
     """The smallest whole factor that makes an image at least about `target` pixels high.
 
-    Of wide images a smaller one, by which they are at most `WIDEST` times as wide as that.
+    Smaller for wide images, which become at most `WIDEST * target` pixels wide.
 
     Args:
         size: height and width of the image.
@@ -54,11 +54,11 @@ def scale_to(size: Sequence[int], target: int) -> int:
 
 
 def mosaic(frames: np.ndarray, columns: int, *, scale: int = 1, gap: int = 2) -> np.ndarray:
-    """Lay out images in a grid, row by row.
+    """Arrange images in a grid, row by row.
 
     Args:
         frames: uint8[n, H, W, 3].
-        columns: images in a row.
+        columns: images per row.
         scale: whole factor by which each image is enlarged.
         gap: pixels between the images and around them.
 
@@ -79,21 +79,21 @@ def mosaic(frames: np.ndarray, columns: int, *, scale: int = 1, gap: int = 2) ->
 
 
 def save_png(image: np.ndarray, path: str | Path) -> None:
-    """Write uint8[h, w, 3] as PNG, whole or not at all.
+    """Write uint8[h, w, 3] as a PNG, atomically.
 
     Raises:
-        OutputError: if `path` cannot be written.
+        OutputError: the file cannot be written.
     """
     with atomic(path) as temporary:
         Image.fromarray(image).save(temporary, format="PNG", optimize=True)
 
 
 def check_animation(path: str | Path) -> None:
-    """Find out early, before anything is played, whether `save_animation` can write `path`.
+    """Check early, before anything is played, whether `save_animation` can write to `path`.
 
     Raises:
-        SettingError: `path` ends neither in .gif nor in .mp4, or what MP4 needs is missing.
-        OutputError: its folder is missing or cannot be written to.
+        SettingError: `path` ends neither in .gif nor in .mp4, or the extra for MP4 is missing.
+        OutputError: its folder does not exist or is not writable.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in ANIMATIONS:
@@ -110,13 +110,13 @@ def save_animation(
 
     Args:
         frames: at least one image uint8[h, w, 3], all of one size.
-        path: the file to write, whole or not at all; its suffix, .gif or .mp4, decides.
-        fps: frames a second, 0.1 to 1000; GIFs go up to 50.
+        path: the file to write, atomically; its suffix, .gif or .mp4, selects the format.
+        fps: frames per second, 0.1 to 1000; GIFs have at most 50.
 
     Raises:
-        SettingError: the suffix is another one, `fps` is out of range, there is no
-            image, or imageio-ffmpeg is missing.
-        OutputError: if `path` cannot be written.
+        SettingError: the suffix is not supported, `fps` is out of range, there is no image, or
+            imageio-ffmpeg is missing.
+        OutputError: the file cannot be written.
     """
     check_animation(path)
     check_value("fps", Domain("number", 0.1, 1000), fps)
@@ -133,11 +133,11 @@ def save_gif(
 
     Args:
         frames: at least one image uint8[h, w, 3], all of one size.
-        path: the file to write, whole or not at all.
-        fps: frames a second, at most 50.
+        path: the file to write, atomically.
+        fps: frames per second, at most 50.
 
     Raises:
-        OutputError: if `path` cannot be written.
+        OutputError: the file cannot be written.
     """
     data = encode_gif(frames, fps)
     with atomic(path) as temporary:
@@ -172,13 +172,13 @@ def find_ffmpeg() -> str:
     except ImportError as error:
         raise SettingError(
             "MP4 files need the package imageio-ffmpeg: pip install 'jaxenstein[video]'; "
-            "without it write a .gif"
+            "without it, write a .gif"
         ) from error
     try:
         return package.get_ffmpeg_exe()
     except RuntimeError as error:
         raise SettingError(
-            "imageio-ffmpeg finds no ffmpeg for this machine; install ffmpeg and set "
+            "imageio-ffmpeg has no ffmpeg for this machine; install ffmpeg and set "
             "IMAGEIO_FFMPEG_EXE to its path, or write a .gif"
         ) from error
 
@@ -186,17 +186,17 @@ def find_ffmpeg() -> str:
 def save_mp4(
     frames: Sequence[np.ndarray] | np.ndarray, path: str | Path, fps: float = 15.0
 ) -> None:
-    """Write an MP4 file of H.264 video that browsers and players show everywhere.
+    """Write an MP4 file with H.264 video that all browsers and players can show.
 
     Args:
-        frames: at least one image uint8[h, w, 3], all of one size. Odd sizes are made even by
-            repeating the last row or column, as the format has to.
-        path: the file to write, whole or not at all.
-        fps: frames a second.
+        frames: at least one image uint8[h, w, 3], all of one size. The format needs even sizes, so
+            the last row or column is repeated if necessary.
+        path: the file to write, atomically.
+        fps: frames per second.
 
     Raises:
         SettingError: imageio-ffmpeg is missing.
-        OutputError: `path` cannot be written.
+        OutputError: the file cannot be written.
     """
     program = find_ffmpeg()
     height, width, _ = _even(frames[0]).shape
@@ -207,8 +207,8 @@ def save_mp4(
 
 @contextlib.contextmanager
 def _encoder(program: str, size: tuple[int, int], fps: float, target: Path) -> Iterator[IO[bytes]]:
-    """Run ffmpeg on what is written to the pipe; an OutputError if it fails, killed on errors."""
-    # A file rather than a pipe for its messages: a full pipe would stop it.
+    """Run ffmpeg on the bytes written to the pipe; an OutputError if it fails."""
+    # Its messages go to a file, because a full pipe would stop it.
     with tempfile.TemporaryFile() as messages:
         process = subprocess.Popen(
             [program, *_arguments(size, fps), str(target.absolute())],
@@ -235,7 +235,7 @@ def _encoder(program: str, size: tuple[int, int], fps: float, target: Path) -> I
 
 
 def _arguments(size: tuple[int, int], fps: float) -> Iterable[str]:
-    """Options of ffmpeg; the matrix of colours is converted to and named, lest players guess."""
+    """The options of ffmpeg; they convert to a colour matrix and name it, so players agree."""
     width, height = size
     return (
         *("-hide_banner", "-nostdin", "-loglevel", "error", "-y"),
@@ -265,17 +265,17 @@ def _even(frame: np.ndarray) -> np.ndarray:
 
 
 ANIMATIONS = {".gif": save_gif, ".mp4": save_mp4}
-"""What writes files of each suffix."""
+"""The writer for each suffix."""
 
 
 def _common_palette(frames: Sequence[np.ndarray] | np.ndarray) -> Image.Image:
     """A palette image made from frames spread over the whole sequence.
 
-    Each colour counts by the root of its area, so that small bright things keep theirs beside
-    large surfaces.
+    Each colour is weighted by the root of its area, so that small bright things keep their colours
+    next to large surfaces.
     """
     samples = np.stack([frames[i] for i in evenly(len(frames), PALETTE_SAMPLES)])
-    # Skipping pixels instead of averaging them keeps the colours that are really there.
+    # Skipping pixels, unlike averaging, keeps the colours that are really there.
     stride = max(1, -(-max(samples.shape[1:3]) // PALETTE_SIZE))
     pixels = samples[:, ::stride, ::stride].reshape(-1, 3).astype(np.uint32)
     packed = pixels[:, 0] << 16 | pixels[:, 1] << 8 | pixels[:, 2]
@@ -291,5 +291,5 @@ def _with_palette(frame: np.ndarray, palette: Image.Image) -> Image.Image:
 
 
 def evenly(count: int, wanted: int) -> list[int]:
-    """At most `wanted` indices spread over `range(count)`, first and last included."""
+    """At most `wanted` indices spread over `range(count)`, including the first and last."""
     return sorted({int(i) for i in np.linspace(0, count - 1, min(wanted, count)).round()})

@@ -1,4 +1,4 @@
-"""A tile map from above, with doors, goals and other things, and the path of an agent.
+"""A top-down picture of a tile map, with doors, goals and other things, and the path of an agent.
 
 Everything is drawn at twice the size and then averaged down, which smooths the edges.
 """
@@ -27,27 +27,27 @@ VIEW = (255, 150, 40, 90)
 PATH: tuple[Colour, Colour] = ((120, 170, 235), (150, 20, 110))
 
 OVERSAMPLING = 2
-# Tiles beyond which a step is a new start, not a movement, unless one may go farther.
+# Moves of more tiles are new starts, unless an agent can move farther in a step.
 JUMP = 1.5
-# How far the field of view is drawn, in tiles, and in how many rays and steps it is found.
+# How far the field of view is drawn, in tiles, and with how many rays and steps.
 VIEW_RANGE, VIEW_RAYS, VIEW_STEP = 6.0, 48, 0.04
-# More start places or places of goals than this are not marked: nearly every tile would be.
+# More spawns or goals than this are not marked: nearly every tile would be.
 MOST_MARKS = 24
 
 
 class MapPicture:
-    """A picture of a map under construction: draw on it, then take `image()`.
+    """A map picture under construction: draw on it, then call `image()`.
 
     Places are in tiles: x along a row, y down the rows; pixel (x * scale, y * scale) shows them.
     """
 
     def __init__(self, tilemap: TileMap, canvas: Image.Image, scale: int) -> None:
-        """Wrap a canvas; use `draw_map` to get one with the walls on it.
+        """Wrap a canvas; `draw_map` returns one with the walls on it.
 
         Args:
-            tilemap: what the canvas shows.
+            tilemap: the map on the canvas.
             canvas: RGB picture at `OVERSAMPLING` times the final size.
-            scale: pixels a tile of the final picture.
+            scale: pixels per tile of the final picture.
         """
         self.tilemap = tilemap
         self.scale = scale
@@ -56,15 +56,15 @@ class MapPicture:
         self._tile = scale * OVERSAMPLING
 
     def copy(self) -> MapPicture:
-        """A picture that can be drawn on without changing this one."""
+        """A copy that can be drawn on without changing this picture."""
         return MapPicture(self.tilemap, self._canvas.copy(), self.scale)
 
     def image(self) -> Image.Image:
-        """The finished RGB picture, `scale` pixels a tile."""
+        """The finished RGB picture, `scale` pixels per tile."""
         return self._canvas.reduce(OVERSAMPLING)
 
     def marks(self) -> Self:
-        """Draw the start places and the places of goals as small rings, where they are few."""
+        """Draw spawns and goals as small rings, if there are few."""
         width = max(1, round(0.05 * self._tile))
         for cells, colour in ((self.tilemap.spawns, SPAWN), (self.tilemap.goals, glyphs.GOLD)):
             if len(cells) <= MOST_MARKS:
@@ -74,7 +74,7 @@ class MapPicture:
         return self
 
     def things(self) -> Self:
-        """Draw what the map itself lists: doors, all of them closed, and all things."""
+        """Draw the things of the map, with all doors closed."""
         tilemap = self.tilemap
         listed = [((key.column, key.row), KEY.labels[key.colour]) for key in tilemap.keys]
         listed += [(cell, APPLE.label) for cell in tilemap.apples]
@@ -84,10 +84,10 @@ class MapPicture:
         return self.doors().sprites(positions, np.array([label for _, label in listed], int))
 
     def doors(self, closed: np.ndarray | None = None) -> Self:
-        """Draw the doors; of an open one the posts alone, so that a path through it stays in sight.
+        """Draw the doors; of an open door only the posts, so that a path through it is visible.
 
         Args:
-            closed: bool[D], which of the map's doors are closed; None for all.
+            closed: bool[D], which doors of the map are closed; None for all.
         """
         for door, shut in zip(self.tilemap.doors, self._shut(closed), strict=True):
             self._door(door, is_open=not shut)
@@ -96,12 +96,12 @@ class MapPicture:
     def sprites(
         self, positions: np.ndarray, labels: np.ndarray, visible: np.ndarray | None = None
     ) -> Self:
-        """Draw things by their labels; what is no thing is a disc.
+        """Draw things by their labels; other labels become discs.
 
         Args:
             positions: float[N, 2], (x, y) in tiles.
             labels: int[N], label ids of `jaxenstein.maps.symbols`.
-            visible: bool[N], which of them are there; None for all.
+            visible: bool[N], which things are present; None for all.
         """
         there = np.ones(len(labels), bool) if visible is None else np.asarray(visible)
         # Goals go on top of everything.
@@ -122,9 +122,9 @@ class MapPicture:
 
         Args:
             positions: float[n, 2], (x, y) in tiles, one more than the number of steps drawn.
-            start: number of the first of them in the whole path.
+            start: index of the first of them in the whole path.
             total: steps of the whole path, so that pieces drawn one by one get the right colours.
-            longest_step: tiles; longer steps are new starts, not movements, and are not drawn.
+            longest_step: in tiles; longer moves are new starts and are not drawn.
         """
         total = max(total or start + len(positions) - 1, 1)
         width = max(2, round(0.13 * self._tile), round(1.6 * OVERSAMPLING))
@@ -146,13 +146,13 @@ class MapPicture:
         field_of_view: float = 60.0,
         closed: np.ndarray | None = None,
     ) -> Self:
-        """Shade what lies open to the agent's view, up to a few tiles.
+        """Shade what the agent can see, up to a few tiles away.
 
         Args:
             position: (x, y) in tiles.
             heading: radians, 0 along +x, growing clockwise on the map.
             field_of_view: horizontal angle in degrees.
-            closed: bool[D], which of the map's doors are closed; None for all.
+            closed: bool[D], which doors of the map are closed; None for all.
         """
         x, y = float(position[0]), float(position[1])
         rim = self._visible(x, y, float(heading), math.radians(field_of_view), closed)
@@ -178,13 +178,13 @@ class MapPicture:
         closed: np.ndarray | None,
         things: tuple[np.ndarray, np.ndarray, np.ndarray | None],
     ) -> Self:
-        """Draw one state: the doors, what is in sight, the things, and the agent.
+        """Draw one state: the doors, the visible area, the things, and the agent.
 
         Args:
             pose: the agent's position and heading, as for `agent`.
             field_of_view: as for `sight`.
             closed: as for `doors`.
-            things: positions, labels and what is visible, as for `sprites`.
+            things: positions, labels and visibility, as for `sprites`.
         """
         self.doors(closed).sight(*pose, field_of_view, closed)
         return self.sprites(*things).agent(*pose)
@@ -224,7 +224,7 @@ class MapPicture:
         colour = paint(door_label(door.colour, locked=door.locked))
         column, row = door.column, door.row
         if is_open:
-            # The two posts that stay visible stand where the walls are; a path between them stays.
+            # The posts are where the walls are, so that a path between them stays visible.
             for box in self._posts(column, row):
                 self._box(*box, colour)
             return
@@ -248,7 +248,7 @@ class MapPicture:
         return float(x) * self._tile, float(y) * self._tile
 
     def _box(self, left: float, top: float, right: float, bottom: float, colour: Colour) -> None:
-        """Fill a rectangle given in tiles, exactly, down to a pixel of the large canvas."""
+        """Fill a rectangle given in tiles, exact to a pixel of the large canvas."""
         a, b = round(left * self._tile), round(top * self._tile)
         c, d = round(right * self._tile) - 1, round(bottom * self._tile) - 1
         self._draw.rectangle((a, b, max(a, c), max(b, d)), colour)
@@ -259,13 +259,13 @@ class MapPicture:
 
 
 def draw_map(tilemap: TileMap, *, scale: int | None = None, size: int = 480) -> MapPicture:
-    """The walls and start places of a map; add things, path and agent to the result.
+    """Draw the walls and spawns of a map; add things, path and agent to the result.
 
     Args:
         tilemap: the map, from 1x1 to a few hundred tiles.
-        scale: pixels a tile; None chooses it by `size`.
-        size: length in pixels that the longer side of the picture should come close to without
-            exceeding it, unless there are more tiles than that.
+        scale: pixels per tile; None chooses it by `size`.
+        size: approximate length of the longer side in pixels; it is only exceeded if there are
+            more tiles than that.
     """
     scale = scale or max(1, size // max(tilemap.rows, tilemap.columns))
     canvas = draw_ground(tilemap, scale * OVERSAMPLING)

@@ -188,8 +188,8 @@ def before_the_first(loop: Any) -> Any:
 @pytest.mark.parametrize(
     ("name", "options", "grid", "message"),
     [
-        ("Own-One", (), None, "small letters, digits and underscores, not 'Own-One'"),
-        ("visits", (), None, "there is an algorithm 'visits' already"),
+        ("Own-One", (), None, "lower-case letters, digits and underscores, not 'Own-One'"),
+        ("visits", (), None, "there already is an algorithm 'visits'"),
         ("own", (VisitsOptions,), None, "must begin with 'own_', not 'visits_power'"),
         ("own", (), {"bonus_rewrad": (1.0,)}, "number in a grid: 'bonus_rewrad', did you"),
     ],
@@ -211,7 +211,7 @@ def test_the_options_of_a_bonus_are_checked() -> None:
         Config(algo="rnd", bonus={"visits_power": 2})
     with pytest.raises(SettingError, match="unknown setting 'rnd_hiden', did you mean 'rnd_hidd"):
         Config.of({"algo": "rnd", "rnd_hiden": 3})
-    with pytest.raises(SettingError, match=r"not 'visit'.*module is imported, in commands by --im"):
+    with pytest.raises(SettingError, match=r"not 'visit'.*import its module first"):
         Config(algo="visit")
 
 

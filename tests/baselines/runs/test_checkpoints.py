@@ -1,4 +1,4 @@
-"""Checkpoints: exact, whole or not there, and clear about why not."""
+"""Checkpoints are exact, complete or absent, and errors say why."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_state_comes_back_bit_for_bit(store: Checkpoints) -> None:
     assert restored is not None
     assert (restored.update, restored.damaged) == (7, ())
     assert_same(restored.state, state_of(3))
-    # A typed key is a key again and draws what it would have drawn.
+    # A typed key is restored as a key and draws the same numbers.
     drawn = jax.random.normal(restored.state["key"][1])
     assert drawn == jax.random.normal(state_of(3)["key"][1])
 
@@ -168,7 +168,7 @@ def test_a_file_that_promises_too_much_costs_nothing(store: Checkpoints) -> None
     np.lib.format.write_array_header_1_0(header, huge)
     with zipfile.ZipFile(store.folder / "1.npz", "w") as archive:
         archive.writestr("['a'].npy", header.getvalue())
-    with pytest.raises(CheckpointError, match=r"is of another state: .* int32"):
+    with pytest.raises(CheckpointError, match=r"belongs to another state: .* int32"):
         store.restore({"a": np.zeros(5, np.int32)})
     swollen = io.BytesIO()
     np.save(swollen, np.zeros(5, np.int32))
@@ -204,15 +204,15 @@ def test_another_state_is_refused_with_the_leaf_that_differs(store: Checkpoints)
     with pytest.raises(CheckpointError, match=r"\['flags'\] is bool\[2\], not bool\[3\]"):
         store.restore(other)
     del other["flags"]
-    with pytest.raises(CheckpointError, match=r"\['flags'\] is too much"):
+    with pytest.raises(CheckpointError, match=r"\['flags'\] is unexpected"):
         store.restore(other)
-    with pytest.raises(CheckpointError, match=r"\['more'\] is not in it"):
+    with pytest.raises(CheckpointError, match=r"\['more'\] is missing"):
         store.restore(state_of(1) | {"more": jnp.zeros(3)})
-    # A part of it is not another one.
+    # A part of a state is not another state.
     part = store.restore({"flags": state_of(1)["flags"]}, whole=False)
     assert part is not None
     np.testing.assert_array_equal(part.state["flags"], state_of(1)["flags"])
-    with pytest.raises(CheckpointError, match=r"\['more'\] is not in it"):
+    with pytest.raises(CheckpointError, match=r"\['more'\] is missing"):
         store.restore({"more": jnp.zeros(3)}, whole=False)
 
 
@@ -241,10 +241,10 @@ def test_too_little_space_is_told_early(tmp_path: Path, monkeypatch: pytest.Monk
     check_space(tmp_path, {"a": jnp.zeros(10)})
     free = shutil.disk_usage(tmp_path)._replace(free=11_999_999)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: free)
-    with pytest.raises(OutputError, match="3 checkpoints need about 12 MB, 12 MB are free"):
+    with pytest.raises(OutputError, match="3 checkpoints need about 12 MB, but only 12 MB are"):
         check_space(tmp_path, state)
-    # Those that are there already have their room.
+    # Existing checkpoints already have their space.
     check_space(tmp_path, state, there=1)
     free = free._replace(free=3_999_999)
-    with pytest.raises(OutputError, match="1 checkpoint needs about 4 MB, 4 MB are free"):
+    with pytest.raises(OutputError, match="1 checkpoint needs about 4 MB, but only 4 MB"):
         check_space(tmp_path, state, there=2)

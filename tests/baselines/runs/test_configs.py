@@ -1,4 +1,4 @@
-"""The configurations of this package: their names, what they say, and the list of them."""
+"""The configs of this package: names, contents, and their list."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein.baselines.runs.configs import configs, find_config, listed
-from jaxenstein.baselines.runs.options import resolve
+from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.opening import given_training
 from jaxenstein.errors import SettingError
@@ -60,7 +60,7 @@ def test_names_are_found_and_paths_win(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     assert find_config("room") == find_config("room", tmp_path) == configs()["room"]
     assert find_config(Path("figure3") / "simple") == configs()["figure3/simple"]
-    # A folder of that name is no file.
+    # A folder with that name is not a file.
     (tmp_path / "room").mkdir()
     assert find_config("room") == configs()["room"]
     (tmp_path / "simple-skip6").write_text("seeds = 2\n")
@@ -80,9 +80,14 @@ def test_names_are_found_and_paths_win(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_misspelt_name_says_the_nearest(
     given: str, near: str, capsys: pytest.CaptureFixture
 ) -> None:
-    message = f"cannot read {given}: no such file, and this package has no configuration {given!r}"
+    message = f"cannot read {given}: no such file, and this package has no config {given!r}"
     with pytest.raises(SettingError) as raised:
         find_config(given)
     assert str(raised.value).startswith(f"{message}, did you mean {near}?; ")
     assert main(["sweep", "--config", given, "--out", "x"]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_what_cannot_be_read_is_not_taken_for_a_name() -> None:
+    with pytest.raises(SettingError, match=r"^cannot read aaa.*: file name too long$"):
+        read_file(find_config("a" * 300))

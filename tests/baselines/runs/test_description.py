@@ -1,4 +1,4 @@
-"""What an exported file says of its network, computed by NumPy from the file alone."""
+"""The network of an exported file, computed with NumPy from its description."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def test_the_other_run_is_what_it_is_beside_one_that_does_not_diverge(
         assert one.files == other.files
         for name in one.files:
             assert one[name][1].tobytes() == other[name][1].tobytes(), name
-            # Nothing that is not finite is ever written.
+            # Only finite numbers are written.
             if one[name].dtype.kind == "f":
                 assert np.all(np.isfinite(one[name])), name
         assert one[".update"].tolist() == [0, UPDATES]
@@ -114,7 +114,7 @@ def test_its_agent_has_the_last_finite_parameters_and_that_is_told(
     with pytest.warns(DivergenceWarning, match=facts):
         export_policy(mixed.path, tmp_path / "agent.npz", 0, episodes=1)
     assert load_trained(tmp_path / "agent.npz").update == 0
-    # Who did not diverge is the best one, and nothing is told of it.
+    # The run that did not diverge is the best one, and gives no warning.
     assert best_run(mixed) == 1
     assert load_policy(mixed.path).name.endswith("seed-0")
     export_policy(mixed.path, tmp_path / "agent.npz", episodes=1)

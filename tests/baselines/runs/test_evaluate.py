@@ -33,13 +33,13 @@ pytestmark = pytest.mark.usefixtures("plain_frames")
 
 
 def test_greedy_policy_is_what_the_network_says_of_the_whole_sequence(folder: RunFolder) -> None:
-    """Against the network unrolled once over all that was seen, not step by step."""
+    """Against the network unrolled over all observations at once, not step by step."""
     learner = folder.experiment.learner
     policy = load_policy(folder.path, run=1, greedy=True)
     restored = folder.restore()
     assert restored is not None
     weights = jax.tree.map(lambda leaf: leaf[1], restored.state.params)
-    # Twice, so that something would be left of the first episode.
+    # Twice, to detect memory left from the first episode.
     for seed in (3, 4):
         session = Session(policy.env, policy.params, seed)
         frames, actions = [], []
@@ -162,7 +162,7 @@ def test_record_plays_a_trained_agent_where_it_was_trained(
     assert main([*common, "--width", "20"]) == 2
     assert "was trained on observations [[12, 16, 3]]" in capsys.readouterr().err
     assert main(["record", "simple", "--run", "1", "--out", str(film)]) == 2
-    assert "--run and --greedy go with the run directory" in capsys.readouterr().err
+    assert "--run and --greedy need --policy with a run directory" in capsys.readouterr().err
     for more in ([], ["--run", "1"]):
         assert main(["record", "--policy", "missing", *more, "--out", str(film)]) == 2
         assert "there is no run directory 'missing'" in capsys.readouterr().err
@@ -174,7 +174,7 @@ def test_the_best_run_acts(folder: RunFolder, tmp_path: Path) -> None:
     assert best_run(copied) == 0
 
     def write(sums: list[tuple[int, float, int]]) -> None:
-        """Ten updates of both runs that are bad, then one of these episodes, returns, lengths."""
+        """Ten bad updates of both runs, then one with these episodes, returns and lengths."""
         names = ("episodes", "return_sum", "length_sum")
         early: list[Any] = [{"episodes": 9, "return_sum": 9.0 * (1 - r)} for r in (0, 1)] * 10
         late: list[Any] = [dict(zip(names, row, strict=True)) for row in sums]
@@ -192,7 +192,7 @@ def test_the_best_run_acts(folder: RunFolder, tmp_path: Path) -> None:
     assert best_run(copied) == 0
     write([(0, 0.0, 0), (4, -2.0, 60)])
     assert best_run(copied) == 1
-    # A training that was killed has left a row of the first run alone.
+    # A killed training has left a row of only the first run.
     write([(4, 1.0, 30), (2, 1.0, 20), (9, 0.0, 30)])
     assert best_run(copied) == 1
 
@@ -272,3 +272,24 @@ def test_what_is_not_there_is_told(folder: RunFolder, tmp_path: Path) -> None:
     env, params = jaxenstein.make("health-gathering", height=12, width=16)
     with pytest.raises(SettingError, match="was trained with the actions turn left, "):
         policy.check(env, params)
+
+
+@pytest.mark.parametrize("command", ["evaluate", "play", "export"])
+def test_the_module_of_an_imported_environment_is_named(
+    command: str, folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(folder.path, run)
+    config = json.loads((run / "config.json").read_text())
+    config["environment"] |= {"id": "my_module:my-task", "map": None}
+    (run / "config.json").write_text(json.dumps(config))
+    out = str(tmp_path / "agent.npz")
+    words = {
+        "evaluate": [str(run)],
+        "play": ["--policy", str(run)],
+        "export": [str(run), "--out", out],
+    }
+    assert main([command, *words[command]]) == 2
+    told = capsys.readouterr().err
+    assert "the module of the environment 'my_module:my-task' has not been imported" in told
+    assert "--import my_module" in told

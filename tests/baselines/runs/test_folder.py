@@ -90,14 +90,14 @@ def test_stopped_and_resumed_is_the_same(
 def test_killed_at_random_moments_and_resumed_is_the_same(
     experiment: Experiment, tmp_path: Path
 ) -> None:
-    """Processes of their own, killed while they train or write, until one comes to the end.
+    """Processes are killed while they train or write, until one completes.
 
     They save after every update, and so does the one that nobody kills: a chunk of another length
     is another program, which may round differently.
     """
     folder, undisturbed = (RunFolder.create(tmp_path / n, experiment) for n in ("run", "whole"))
     rng = random.Random(0)
-    # What is killed may leave half of a program, so nobody else takes them from there.
+    # A killed process may leave an incomplete program, so no other test uses this cache.
     environment = os.environ | {
         "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "compiled"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
@@ -170,11 +170,14 @@ def test_a_run_trains_longer(whole: RunFolder, tmp_path: Path) -> None:
     train(alone)
     assert_same_result(RunFolder.open(folder.path), alone)
     folder.go_on_as(longer)
-    for steps, reason in ((OPTIONS["total_steps"], "has 384 already"), (10_000, "another config")):
+    for steps, reason in (
+        (OPTIONS["total_steps"], "total_steps is already 384"),
+        (10_000, "another config"),
+    ):
         other = tiny(**steady, total_steps=steps, epochs=2 + (steps == 10_000))
         with pytest.raises(SettingError, match=reason):
             folder.go_on_as(other)
-    with pytest.raises(SettingError, match="cannot go on to 384 steps: its learning rate falls"):
+    with pytest.raises(SettingError, match="cannot continue to 384 steps: its learning rate is"):
         whole.go_on_as(tiny(total_steps=384))
 
 
@@ -185,25 +188,25 @@ def test_other_rules_end_a_run_and_other_versions_are_told(
     plain = json.loads((whole.path / CONFIG).read_text())
     plain["made_with"]["jax"] = "0.0.1"
     (tmp_path / "run" / CONFIG).write_text(json.dumps(plain))
-    with pytest.warns(UserWarning, match="began with jax 0.0.1, not"):
+    with pytest.warns(UserWarning, match="was started with jax 0.0.1, not"):
         train(RunFolder.open(tmp_path / "run"))
     plain["environment"]["version"] = 9
     (tmp_path / "run" / CONFIG).write_text(json.dumps(plain))
-    with pytest.warns(UserWarning, match="trained on version 9 of its map, which is version 0 now"):
+    with pytest.warns(UserWarning, match="trained on version 9 of its map, which is now version 0"):
         folder = RunFolder.open(tmp_path / "run")
-    with pytest.raises(SettingError, match="cannot go on: it was trained on version 9"):
+    with pytest.raises(SettingError, match="cannot be resumed: it was trained on version 9"):
         train(folder)
 
 
 def test_where_runs_lie_is_told(whole: RunFolder) -> None:
-    with pytest.raises(SettingError, match=r"but in .*run"):
+    with pytest.raises(SettingError, match=r"there are runs in .*run"):
         RunFolder.open(whole.path.parent)
     with pytest.raises(SettingError, match="is a file, not a run directory"):
         RunFolder.open(whole.path / CONFIG)
 
 
 def test_a_folder_holds_one_run_that_one_process_trains(whole: RunFolder) -> None:
-    with pytest.raises(SettingError, match=r"there is a run in .* already"):
+    with pytest.raises(SettingError, match=r"already has a run: --resume continues it"):
         RunFolder.create(whole.path, whole.experiment)
     with whole.locked(), pytest.raises(SettingError, match="another process is training"):
         train(RunFolder.open(whole.path))
@@ -216,11 +219,11 @@ def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
     misspelt = plain | {"config": plain["config"] | {"epohcs": 1}}
     for text, reason in (
         ("{", "is not JSON"),
-        ("[]", "not the configuration of a run"),
+        ("[]", "not the config of a run"),
         ('{"format": 99}', "format 99, not 1"),
         ('{"format": true}', "format True, not 1"),
-        ('{"format": 1}', "not the configuration of a run"),
-        (json.dumps(plain | {"seeds": [0, 3]}), r"'seeds' must follow each other, not \[0, 3\]"),
+        ('{"format": 1}', "not the config of a run"),
+        (json.dumps(plain | {"seeds": [0, 3]}), r"'seeds' must be consecutive, not \[0, 3\]"),
         (json.dumps(misspelt), "unknown setting 'epohcs', did you mean 'epochs'"),
     ):
         (tmp_path / CONFIG).write_text(text)
@@ -231,21 +234,21 @@ def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("part", "name", "value", "reason"),
     [
-        ("hparams", "learning_rate", True, "learning_rate must be a finite number from 0 on"),
+        ("hparams", "learning_rate", True, "learning_rate must be a finite number >= 0"),
         ("hparams", "gae_lambda", [], "gae_lambda must be a number or an array of them, not []"),
         ("hparams", "clip", [0.1, 0.2], "clip must be a number or an array of them, not [0.1"),
         ("hparams", "clip", None, "clip must be a number or an array of them, not None"),
         ("hparams", "value", 1e308, "value must be .*, not 1e+308, which is inf in float32"),
         ("hparams", "entropy", "0.1", "entropy must be a number or an array of them, not '0.1'"),
         ("config", "contrast", 1e308, "contrast must be .*, not 1e+308, which is inf in float32"),
-        ("config", "contrast", True, "contrast must be a finite number from 0 on, not True"),
+        ("config", "contrast", True, "contrast must be a finite number >= 0, not True"),
         ("config", "epochs", 2**31, "epochs must be .*2147483648, which does not fit into int32"),
-        ("config", "num_envs", [4], "num_envs must be a whole number from 1 on, not (4,)"),
+        ("config", "num_envs", [4], "num_envs must be a whole number >= 1, not (4,)"),
         ("config", "anneal", 1, "anneal must be True or False, not 1"),
         ("config", "on_divergence", "stp", "on_divergence must be one of 'stop', 'continue'"),
         ("grid", "clip", [0.1, 1e308], "clip must be .*, not 1e+308, which is inf in float32"),
         ("grid", "clip", [0.1, True], "grid.clip must be a list of different numbers"),
-        ("environment", "version", True, "environment.version must be a whole number from 0 on"),
+        ("environment", "version", True, "environment.version must be a whole number >= 0"),
     ],
 )
 def test_wrong_values_of_a_configuration_are_told_by_file_and_entry(
@@ -267,7 +270,7 @@ def test_a_folder_that_cannot_be_written_is_told_first(
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"not a directory|is not a folder"):
         RunFolder.create(tmp_path / "file" / "run", experiment)
-    # Root may write everywhere, so the refusal of the system is played.
+    # Root may write everywhere, so the refusal is simulated.
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(OutputError, match="no permission"):
         RunFolder.create(tmp_path / "run", experiment)
@@ -350,7 +353,7 @@ def test_a_training_that_never_began_leaves_what_was_there(
         with pytest.raises(OutputError):
             train(folder)
     assert [path.name for path in folder.path.iterdir()] == ["notes.txt"]
-    # A run of before is never removed.
+    # An existing run is never removed.
     RunFolder.create(tmp_path / "run", experiment)
     with monkeypatch.context() as patch:
         patch.setattr(Checkpoints, "save", full)
@@ -365,11 +368,11 @@ def test_metrics_of_another_run_are_refused(experiment: Experiment, tmp_path: Pa
     file = MetricsFile(tmp_path)
     file.write(rows[:2])
     assert (tmp_path / METRICS).read_text() == "".join(lines[:2])
-    with pytest.raises(SettingError, match=r"metrics.jsonl has 2 whole rows where .* needs 3"):
+    with pytest.raises(SettingError, match=r"metrics.jsonl has 2 complete rows, but .* needs 3"):
         MetricsFile(tmp_path, rows=3)
     MetricsFile(tmp_path, rows=1).write(rows[2:])
     assert read_metrics(tmp_path) == [rows[0], rows[2]]
-    with pytest.raises(SettingError, match="has metrics, but no checkpoint"):
+    with pytest.raises(SettingError, match="has metrics but no checkpoint"):
         train(RunFolder.create(tmp_path, experiment))
     assert len(read_metrics(tmp_path)) == 2
 
@@ -389,7 +392,7 @@ for number in range(40):
         RunFolder.create(Path(sys.argv[1], str(number)), experiment)
         print(number)
     except JAXensteinError as error:
-        assert "there is a run" in str(error) or "another process" in str(error), error
+        assert "already has a run" in str(error) or "another process" in str(error), error
 """
 
 

@@ -1,4 +1,4 @@
-"""Curves of metrics that other programs wrote: JSON lines and TensorBoard's files."""
+"""Curves of metrics from other programs: JSON Lines and TensorBoard files."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
 from jaxenstein import SettingError
+from jaxenstein.baselines.runs import foreign
 from jaxenstein.baselines.runs.curves import Curve, curves_of, plot
 from jaxenstein.cli import main
 from tests.baselines.runs.test_plot import write_run
@@ -73,7 +74,7 @@ def test_seeds_with_different_steps_have_no_gaps_in_their_curves(tmp_path: Path)
     for seed, steps in enumerate(places):
         for point, (low, high) in enumerate(zip(starts, curve.at, strict=True)):
             inside = steps[(steps > low) & (steps <= high)]
-            # Only behind the end of a run is nothing.
+            # Values are missing only after the end of a run.
             assert len(inside) > 0 or low >= steps[-1] or high < steps[0]
             wanted = inside.mean() if len(inside) else np.nan
             np.testing.assert_allclose(curve.values[seed, point], wanted)
@@ -95,16 +96,17 @@ def test_minutes_are_those_of_the_column_of_seconds(tmp_path: Path) -> None:
         ("", "a.jsonl has no metrics yet"),
         ("\n", "a.jsonl has no metrics yet"),
         ('{"step": 1, "retrun": 2}\n', "no column 'return', did you mean 'retrun'?; it has: step"),
-        ('{"step": 1, "retrun": 2}\n', "it has: step, retrun; name another with --metric NAME"),
-        ('{"at": 1, "return": 2}\n', "a.jsonl has no column of steps; it has: at, return; name an"),
-        ('{"at": 1, "return": 2}\n', "it has: at, return; name another with --step NAME"),
+        ('{"step": 1, "retrun": 2}\n', "it has: step, retrun; choose one with --metric NAME"),
+        ('{"at": 1, "return": 2}\n', "a.jsonl has no column of steps; it has: at, return; choose"),
+        ('{"at": 1, "return": 2}\n', "it has: at, return; choose one with --step NAME"),
         ('{"step": "1", "return": "2"}\n', "no column 'return'; it has: no column of numbers"),
-        ('{"step": 1}\n{"return": 2}\n', "a.jsonl has no line with both 'return' and 'step'"),
+        ('{"step": 1}\n{"return": 2}\n', "a.jsonl has both 'return' and 'step'"),
         ('{"step": 1, "return": 2}\n[1]\n', 'a.jsonl, line 2: each line must be an object such as'),
         ("step,return\n1,2\n", '"return": 0.5}, not \'step,return\''),
         (f'{{"step": {10**400}, "return": 2}}\n', "has no column of steps; it has: return"),
         ('{"step": 1, "a/return": 1, "b/return": 2}\n', "did you mean 'b/return' or 'a/return'"),
         ("[" * 10**5 + "\n", "line 1: each line must be an object"),
+        ('{"step": 1, "return": 4e38}\n', "no column 'return'; it has: step"),
     ],
 )  # fmt: skip
 def test_a_file_in_which_nothing_fits_is_told(tmp_path: Path, text: str, message: str) -> None:
@@ -156,7 +158,7 @@ def test_files_of_tensorboard_need_its_package(
     (tmp_path / "events.out.tfevents.1").write_bytes(b"")
     for module in ("tensorboard", "tensorboard.backend.event_processing"):
         monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(SettingError, match=r"has files of TensorBoard, .*pip install tensorboard"):
+    with pytest.raises(SettingError, match=r"has TensorBoard files, .*pip install tensorboard"):
         curves_of(tmp_path)
 
 
@@ -190,3 +192,10 @@ def test_old_files_of_tensorboard_are_read(tmp_path: Path) -> None:
     (tmp_path / "x.tfevents.2").write_bytes(b"\x10" * 64)
     (again,) = curves_of(tmp_path)
     np.testing.assert_array_equal(again.values, [[0.25]])
+
+
+def test_a_file_without_end_is_no_metrics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(foreign, "LONGEST", 20)
+    (tmp_path / "a.jsonl").write_text('{"step": 1, "return": 2}\n')
+    with pytest.raises(SettingError, match=r"cannot read .*a\.jsonl: it has more than 20 char"):
+        curves_of(tmp_path / "a.jsonl")

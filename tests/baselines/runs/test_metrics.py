@@ -1,4 +1,4 @@
-"""Metrics: rows, other tools that get them, and the warning of a training that stalls."""
+"""Metrics: rows, other tools, and the warning if training stalls."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ def test_weights_and_biases_gets_every_number(
     stopped: Row = {"update": 2, "steps": 16, "seed": 1, "loss": None, "diverged": 4}
     sink.write([{"update": 2, "steps": 16, "seed": 0, "loss": 1.0, "diverged": 0}, stopped])
     sink.close()
-    # Means are those of the runs that go on.
+    # Means leave out diverged runs.
     assert logged.pop() == (
         {"a/loss": 1.0, "a/diverged": 0, "b/diverged": 4, "loss": 1.0, "diverged": 0}, 16
     )  # fmt: skip
     assert (started["project"], started["name"], started["resume"]) == ("mine", "run", "allow")
-    # A folder of the same name is another run, and the same folder goes on with its own.
+    # Another folder with the same name is another run; the same folder continues its run.
     ids = []
     (tmp_path / "other" / "run").mkdir(parents=True)
     for folder in (tmp_path / "run", tmp_path / "run", tmp_path / "other" / "run"):

@@ -19,17 +19,20 @@ from jaxenstein.baselines.runs.curves import (
     band,
     curves_of,
     plot,
+    save_figure,
     save_plot,
 )
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import Timing, means, read_seconds
+from jaxenstein.baselines.runs.score_plot import TITLES, plot_scores
 from jaxenstein.files import OutputError
 from jaxenstein.intervals import mean_interval
+from jaxenstein.scores import Estimate, Profile
 from tests.baselines.tiny import UPDATES, tiny
 
 
 def write_run(path: Path, successes: list[list[int]], **options: Any) -> Path:
-    """A run directory whose runs [update][run] had so many successes in ten episodes."""
+    """A run directory with the numbers of successes [update][run] in ten episodes."""
     experiment = tiny(**options)
     RunFolder.create(path, experiment)
     rows = []
@@ -89,7 +92,7 @@ def test_a_run_that_was_killed_is_drawn_as_far_as_it_is_whole(folder: Path) -> N
     [
         *(("steps", value) for value in (None, "2", 2.5, 2**63, float("inf"))),
         *((name, None) for name in ("update", "episodes")),
-        *(("return_sum", value) for value in (10**400, float("nan"), [1.0])),
+        *(("return_sum", value) for value in (10**400, 4e38, float("nan"), [1.0])),
     ],
 )
 def test_rows_that_no_run_writes_are_told(folder: Path, name: str, value: object) -> None:
@@ -106,7 +109,7 @@ def test_rows_without_a_count_are_told(folder: Path, name: str) -> None:
     *rest, last = map(json.loads, file.read_text().splitlines())
     del last[name]
     file.write_text("".join(json.dumps(row) + "\n" for row in [*rest, last]))
-    with pytest.raises(SettingError, match=f"is damaged: the '{name}' of a row is no whole number"):
+    with pytest.raises(SettingError, match=f"is damaged: '{name}' in a row is not a whole number"):
         curves_of(folder)
 
 
@@ -222,6 +225,23 @@ def test_the_figure_shows_what_was_measured(folder: Path) -> None:
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["run (2 runs)", "lone"]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("decisions", "success rate")
+
+
+def test_texts_in_figures_are_no_formulas(tmp_path: Path) -> None:
+    """Matplotlib would read what stands between dollars, and hide labels that begin with `_`."""
+    labels = ["$\\frac{$", "_hidden", "a\x1b[2J\ud800"]
+    curves = [Curve(label, np.array([1.0, 2.0]), np.array([[1.0, 2.0]])) for label in labels]
+    save_plot(curves, [tmp_path / "a.png"], labels[0], title=labels[0])
+    (axes,) = plot(curves, labels[0], labels[0]).axes
+    legend = axes.get_legend()
+    assert legend is not None
+    shown = [text.get_text() for text in legend.get_texts()]
+    assert shown == [r"\$\frac{\$", " _hidden", r"a\x1b[2J\ud800"]
+    estimate = Estimate(0.0, 0.0, 0.0)
+    profile = Profile(*(np.array([0.0, 1.0]) for _ in range(4)))
+    scores = dict.fromkeys(TITLES, estimate)
+    figure = plot_scores(dict.fromkeys(labels, scores), dict.fromkeys(labels, profile))
+    save_figure(figure, [tmp_path / "b.png"])
 
 
 def test_what_cannot_be_drawn_is_told(folder: Path, tmp_path: Path) -> None:

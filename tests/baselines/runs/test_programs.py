@@ -138,7 +138,7 @@ def test_what_is_no_program_is_told(
         patch.setattr(programs.importlib.util, "find_spec", lambda name: None)
         refused(tmp_path / "a.jaxexport", SettingError, "pip install flatbuffers")
     assert main(["export", str(folder.path), "--out", str(out), "--greedy"]) == 2
-    assert "--greedy is of --program" in capsys.readouterr().err
+    assert "--greedy needs --program" in capsys.readouterr().err
     pytest.importorskip("flatbuffers")
     refused(tmp_path / "no" / "a.jaxexport", OutputError, "there is no folder")
     agent = load_policy(folder.path, 0)

@@ -1,4 +1,4 @@
-"""Agents in files of their own: what is written, what is read, those that come with the package."""
+"""Agents in files: writing, reading, and the pretrained agents."""
 
 from __future__ import annotations
 
@@ -101,7 +101,9 @@ def test_pretrained_agents_are_known_by_name(
     assert "did you mean 'tiny'" in capsys.readouterr().err
     assert main(["list", "--pretrained"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[1].split()[:5] == ["tiny", "a", "map", "ppo", "0"]
+    assert lines[1].split()[:6] == ["tiny", "a", "map", "1", "ppo", "0"]
+    counted = "the return of tiny counts with max_steps_in_episode=10, as in its training"
+    assert counted in lines
     # A run directory of that path is meant where there is one.
     (tmp_path / "pretrained").mkdir()
     (tmp_path / "pretrained" / "tiny").symlink_to(folder.path)
@@ -144,20 +146,20 @@ def spoilt(entries: dict[str, bytes]) -> None:
     ("change", "message"),
     [
         (lambda entries: entries.pop("config.json"), "no item named 'config.json'"),
-        (lambda entries: entries.update({"config.json": b"{"}), "that 'jaxenstein export' wrote"),
-        (lambda entries: entries.update({"config.json": b"{}"}), "is not that of an agent"),
-        (lambda entries: entries.popitem(), "is not in it"),
-        (lambda entries: entries.update({"more.npy": b""}), "more is too much"),
+        (lambda entries: entries.update({"config.json": b"{"}), "not an agent from"),
+        (lambda entries: entries.update({"config.json": b"{}"}), "does not describe an agent"),
+        (lambda entries: entries.popitem(), "is missing"),
+        (lambda entries: entries.update({"more.npy": b""}), "more is unexpected"),
         (edited(weights="float32"), "is float16.*, not float32"),
         (edited(weights="int8"), "weights must be float16 or float32, not 'int8'"),
-        (edited(seeds=[0, 1]), "must be of one run"),
+        (edited(seeds=[0, 1]), "must have one run, not 2"),
         (edited(format=7), "format 7, not 1"),
         (edited(config={"algo": "rdn"}), "did you mean 'rnd'"),
         (edited(hparams={"learning_rate": True}), "learning_rate must be a finite number"),
         (edited(hparams={"clip": [0.1, 0.2]}), "clip must be a number or an array of them"),
         (edited(hparams={"value": 1e308}), "value must be .*, which is inf in float32"),
-        (edited(update=True), "agent.update must be a whole number from 0 on, not True"),
-        (edited(update=-1), "agent.update must be a whole number from 0 on, not -1"),
+        (edited(update=True), "agent.update must be a whole number >= 0, not True"),
+        (edited(update=-1), "agent.update must be a whole number >= 0, not -1"),
         (spoilt, "its parameters are not finite"),
     ],
 )
@@ -170,7 +172,7 @@ def test_what_is_no_agent_is_told(file: Path, change: Any, message: str) -> None
 
 @pytest.mark.parametrize("spoilt", ["config.json", "bias'].npy"])
 def test_a_file_that_swells_is_refused(file: Path, tmp_path: Path, spoilt: str) -> None:
-    """An entry that Python would unpack at once, however little of it is asked for."""
+    """An entry that Python would unpack as a whole, even to read a few bytes."""
     path = tmp_path / "swollen.npz"
     with zipfile.ZipFile(file) as archive, zipfile.ZipFile(path, "w") as other:
         for name in archive.namelist():
@@ -183,7 +185,7 @@ def test_a_file_that_swells_is_refused(file: Path, tmp_path: Path, spoilt: str) 
 def test_damaged_and_missing_files_are_told(folder: RunFolder, file: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.npz"
     cut.write_bytes(file.read_bytes()[:-200])
-    with pytest.raises(SettingError, match=r"cut\.npz is not an agent that 'jaxenstein export'"):
+    with pytest.raises(SettingError, match=r"cut\.npz is not an agent from 'jaxenstein export'"):
         load_policy(cut)
     with pytest.raises(SettingError, match=r"there is no file .*none\.npz"):
         load_policy(tmp_path / "none.npz")
@@ -223,7 +225,7 @@ def test_numbers_that_float16_does_not_hold_are_told(folder: RunFolder, tmp_path
     large = jax.tree.map(lambda leaf: leaf + np.float32(1e5), restored.state.params)
     copied.checkpoints.save(1, restored.state.replace(params=large))
     out = tmp_path / "agent.npz"
-    with pytest.raises(SettingError, match="not finite in float16: weights='float32' holds them"):
+    with pytest.raises(SettingError, match="not finite in float16; weights='float32' can"):
         export_policy(copied.path, out, 0, episodes=1)
     export_policy(copied.path, out, 0, weights="float32", episodes=1)
     assert load_trained(out).finite(0)

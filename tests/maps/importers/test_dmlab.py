@@ -154,7 +154,7 @@ def test_more_decals_than_labels() -> None:
     sides = [(c, 0, side) for c in range(width) for side in ("west", "east")]
     decals = {side: f"cat{i}" for i, side in enumerate(sides)}
     many = read_maze(labmaps.write_map(picture, decals=decals))
-    with pytest.raises(MapError, match="82 different decals; there are labels for 64"):
+    with pytest.raises(MapError, match="82 different decals; there are only 64 labels"):
         build_tilemap(many)
 
 
@@ -268,10 +268,10 @@ BAD_START = START.replace("50 150 30", "50 150 30 0")
         (HUNG.replace("patchDef2", "brushDef"), "brushDef", "found 'brushDef'"),
         (HUNG.replace("( 3 3 0", "( 3 5 0"), DECAL[:17], "3 by 5 control points has 9"),
         (HUNG.replace("( 3 3 0", "( x 3 0"), "( x 3", "size of a patch"),
-        (edit(FIRST_BRUSH, ""), FIRST_PANEL, "style_wall_green belongs to a cell without floor"),
+        (edit(FIRST_BRUSH, ""), FIRST_PANEL, "style_wall_green is in a cell without floor"),
         (labmaps.entity("worldspawn") + START, None, "the maze has no floor"),
         (TEXT.replace("info_player_start", "info_null"), None, "no start, an entity of the class"),
-        (edit(START, BAD_START), BAD_START, "info_player_start has no origin of three"),
+        (edit(START, BAD_START), BAD_START, "info_player_start has no origin with three"),
         (edit("50 150 30", "50 150 x"), START[:30], "no origin"),
         (edit("50 150 30", "nan 150 0"), START[:30], "no origin"),
         (edit("50 150 30", "50 950 30"), START[:30], "info_player_start is in a cell without"),
@@ -302,7 +302,11 @@ def test_two_apples_in_a_cell() -> None:
         ((50, 0, 0), (150, 100, 1), "from 50 to 150 does not line up with cells of 100 units"),
         ((0, 30, 0), (100, 31, 100), "from 30 to 31 does not line up"),
         ((40, 0, 0), (140, 1, 100), "from 40 to 140 does not line up"),
-        ((0, 0, 0), (300, 1, 100), "a brush of 300 by 1 by 100 units is no floor, ceiling or wall"),
+        (
+            (0, 0, 0),
+            (300, 1, 100),
+            "a brush of 300 by 1 by 100 units is not the floor, ceiling or a wall",
+        ),
         ((0, 0, 0), (100, 100, 100), "a brush of 100 by 100 by 100 units"),
         ((0, 0, 0), (1, 1, 100), "a brush of 1 by 1 by 100 units"),
         ((0, 0, 100), (1, 100, 200), "a brush of 1 by 100 by 100 units"),
@@ -324,7 +328,7 @@ def test_brushes_that_are_no_boxes() -> None:
     ):
         assert broken != FIRST_PANEL
         text = edit(FIRST_PANEL, broken)
-        with pytest.raises(MapError, match="no box along the axes") as caught:
+        with pytest.raises(MapError, match="not a box along the axes") as caught:
             read_maze(text)
         assert caught.value.line == line_of(text, broken)
 
@@ -334,13 +338,13 @@ def test_brushes_that_are_no_boxes() -> None:
     [
         (
             lambda text: text + labmaps.decal((0, 1, "west"), "dog"),
-            "decal/dog hangs before another",
+            "decal/dog hides another",
         ),
-        (lambda _: labmaps.decal((0, 1, "south"), "dog"), "decal/dog hangs on no wall panel"),
-        (lambda _: labmaps.decal((9, 9, "south"), "dog"), "decal/dog hangs on no wall panel"),
-        (lambda text: text.replace("( 2.0 ", "( 32 "), "hangs at no side of a cell"),
-        (lambda text: re.sub(r"(\d) (20|50|80) 0 ", r"\1 20 0 ", text), "no flat and upright"),
-        (lambda text: text.replace("( 2.0 ", "( 20 ", 1), "no flat and upright"),
+        (lambda _: labmaps.decal((0, 1, "south"), "dog"), "decal/dog is not on a wall panel"),
+        (lambda _: labmaps.decal((9, 9, "south"), "dog"), "decal/dog is not on a wall panel"),
+        (lambda text: text.replace("( 2.0 ", "( 32 "), "is not at a side of a cell"),
+        (lambda text: re.sub(r"(\d) (20|50|80) 0 ", r"\1 20 0 ", text), "not a flat, upright"),
+        (lambda text: text.replace("( 2.0 ", "( 20 ", 1), "not a flat, upright"),
     ],
 )
 def test_decals_that_hang_nowhere(change: Callable[[str], str], message: str) -> None:
@@ -363,7 +367,7 @@ def test_unknown_entities_are_ignored() -> None:
 def test_an_entity_without_its_brace_is_read_with_a_warning() -> None:
     """Two of the original files have such a place."""
     text = TEXT.replace(START, START.removeprefix("{\n"))
-    with pytest.warns(MapWarning, match="line .*: an entity begins without '{'") as caught:
+    with pytest.warns(MapWarning, match="line .*: an entity starts without '{'") as caught:
         maze = read_maze(text, source="maze.map")
     assert maze.spawns == read_maze(TEXT).spawns
     assert len(caught) == 1

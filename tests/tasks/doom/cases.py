@@ -29,7 +29,7 @@ def places(*spots: tuple[float, float]) -> jax.Array:
 
 
 def make(name: str, **settings: Any) -> tuple[Any, Any]:
-    """A small environment that goes on after its end, and its params."""
+    """A small environment that continues after its end, and its params."""
     return jaxenstein.make(name, **({"height": 4, "width": 6, "autoreset": None} | settings))
 
 
@@ -70,7 +70,7 @@ def player(env: Any, params: Any) -> Callable[..., Tics]:
         count = len(actions)
         more = -count % BLOCK
         keys = jax.random.key_data(jax.random.split(jax.random.key(seed), count + more))
-        # The last block goes on with the last of everything; what comes of it is cut off.
+        # The last block is padded by repeating the last entries; its results are cut off.
         given = [np.asarray(actions, np.int32), np.asarray(keys)[:count], fields]
         given = jax.tree.map(lambda leaf: np.concatenate([leaf, leaf[-1:].repeat(more, 0)]), given)
         parts, state = [], jax.device_get(state)

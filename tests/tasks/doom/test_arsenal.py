@@ -114,7 +114,7 @@ def test_an_empty_weapon_is_put_away_for_the_best_one() -> None:
     assert np.flatnonzero(fires)[:5].tolist() == [8, 28, 70, 74, 78]
     assert np.flatnonzero(selected == ALL.index(CHAINGUN))[0] == 55
     assert ammo[-1, ROCKETS] == 0
-    # Without anything to shoot with, there are fists.
+    # Without ammunition, the player uses fists.
     selected, fires, _, _ = play(arms_with(PISTOL, (FIST, PISTOL), bullets=1))
     assert selected[-1] == ALL.index(FIST)
     assert np.flatnonzero(fires)[0] == 4
@@ -144,7 +144,7 @@ def test_buttons_select_what_the_player_has(
 ) -> None:
     arms = ARSENAL.chosen(arms_with(start, have), jnp.int32(button))
     assert int(arms.pending) == (NONE if wanted is None else ALL.index(wanted))
-    # A button that is still held asks for nothing more.
+    # A button that is still held has no further effect.
     again = ARSENAL.chosen(arms, jnp.int32(button))
     assert int(again.pending) == int(arms.pending)
 

@@ -1,4 +1,4 @@
-"""Deathmatch by exact small cases: who comes, what pellets hit, what the dead leave, what pays."""
+"""Deathmatch by exact small cases: arrivals, pellets, drops and rewards."""
 
 from typing import Any
 
@@ -55,7 +55,7 @@ def with_monster(env: Any, state: Any, kind: Any, x: float, y: float, health: in
 
 
 def with_weapon(env: Any, state: Any, weapon: Weapon, tics: int) -> Any:
-    """The state with a weapon in hand whose ATTACK was pressed so many tics ago."""
+    """The state with a weapon whose ATTACK was pressed `tics` tics ago."""
     arms = state.arms.replace(
         selected=jnp.int32(env.arsenal.index_of(weapon)), ammo=jnp.array([50, 50, 50])
     )
@@ -80,7 +80,7 @@ def test_the_start(match: Any) -> None:
 
 
 def test_monsters_come_by_their_chances_where_there_is_room(match: Any) -> None:
-    """Six hundred draws of a small horde, beside the player and one monster that is there."""
+    """Six hundred draws of a small horde, beside the player and one existing monster."""
     horde = Horde([ZOMBIE, ZOMBIE, DEMON], walls=NO_WALLS)
     old = jax.tree.map(lambda leaf: leaf[: len(horde)], match[1].monsters)
     old = old.replace(
@@ -179,7 +179,7 @@ def test_a_kill_pays_by_its_kind_and_the_dead_are_gone(match: Any) -> None:
         after, reward, dead, events = step(jax.random.key(3), alive, attack)
         assert (float(reward), bool(dead), int(events["kills"])) == (pay, False, 1)
         assert not after.monsters.present.any()
-    # One that is only hurt pays nothing; who has shot before it is killed does not matter.
+    # A hurt monster gives no reward; it does not matter who shot a monster before it died.
     alive = with_monster(env, ready, DEMON, 512 + 60, 512, 150)
     after, reward, _, events = step(jax.random.key(3), alive, attack)
     assert (float(reward), int(events["kills"])) == (0, 0)

@@ -18,7 +18,7 @@ PLAYER, CALM = 3, jnp.full(3, 255 << 24, jnp.uint32)
 
 
 def some(*spots: tuple[float, float], target: tuple[int, ...] = (3, 3, 3)) -> Monsters:
-    """All three, who walk, are healthy, and have been after somebody for a while."""
+    """All three walk, are healthy, and have had a target for a while."""
     new = THREE.placed(
         places(*spots), jnp.zeros(3, jnp.uint32), jnp.ones(3, bool), jnp.asarray(THREE.health)
     )
@@ -37,7 +37,7 @@ def blow(monsters: Monsters, damage: jax.Array, source: jax.Array) -> Monsters:
 
 
 def tics(monsters: Monsters, player: tuple[float, float]) -> tuple[Any, np.ndarray]:
-    """Forty tics: the monsters after them, and float[40, 3, 2] where they went."""
+    """Forty tics: the monsters at the end, and their paths, float[40, 3, 2]."""
     noises = jnp.zeros(40, bool)
     after, _ = walked(THREE, monsters, place(*player), noises, jax.random.key(1))
     return jax.tree.map(lambda leaf: leaf[-1], after), np.asarray(after.position) / ONE
@@ -48,7 +48,7 @@ def tics(monsters: Monsters, player: tuple[float, float]) -> tuple[Any, np.ndarr
     [
         ([9, 0, 0], [1, 0, 0], [1, 3, 3]),
         ([9, 9, 9], [2, 0, 0], [2, 0, 0]),
-        # What kills, and what oneself does, makes no enemy; the player is one as others are.
+        # A deadly hit and a hit by oneself make no enemy; the player is an enemy like others.
         ([150, 20, 9], [1, 0, 3], [3, 3, 3]),
         ([9, 9, 0], [0, 1, 0], [3, 3, 3]),
     ],

@@ -1,4 +1,4 @@
-"""What is taken and what it gives, and what armour takes off a blow, by exact small cases."""
+"""Pickups and their effects, and the effect of armour on damage, by exact small cases."""
 
 import jax
 import jax.numpy as jnp
@@ -16,13 +16,13 @@ NUMBERS = tuple(ITEMS)
 MEDKIT, STIMPACK, VIAL, HELMET = 2012, 2011, 2014, 2015
 GREEN, BLUE, BULLETS, SHELLS = 2018, 2019, 2048, 2049
 GUN = 82
-# What a dead man leaves, as elsewhere in the game.
+# The drop of a dead man, as elsewhere in the game.
 LEFT = ItemKind("Shotgun", WEAPON.label, ITEMS[GUN].picture, ammo=1, amount=4, weapon=SHOTGUN)
 GOODS = Items([*ITEMS.values(), LEFT], np.zeros((len(ITEMS) + 1, 2), np.int32), ARSENAL)
 
 
 class Belongings(PyTreeNode):
-    """What of a state taking changes."""
+    """The parts of a state that a pickup changes."""
 
     health: jax.Array
     armour: jax.Array
@@ -33,7 +33,7 @@ class Belongings(PyTreeNode):
 
 @jax.jit
 def take(mine: Belongings, reach: jax.Array) -> tuple[Belongings, jax.Array]:
-    """What the player has then, and bool[M] what it has taken."""
+    """The player's inventory afterwards, and bool[M], whether each item was taken."""
     after, _ = GOODS.taken(mine, reach)
     return after, ~after.items
 
@@ -116,11 +116,11 @@ def test_ammunition_and_weapons() -> None:
     [
         (100, THIRD, [15], 95, 10),
         (100, HALF, [15], 93, 8),
-        # Every blow is rounded for itself.
+        # Each hit is rounded separately.
         (100, THIRD, [5, 5], 98, 8),
         (3, HALF, [40], 0, 37),
         (0, 0, [40], 0, 40),
-        # Blows beyond all that there are do not turn into health.
+        # Impossibly large damage does not turn into health.
         (200, HALF, [1_000_000], 0, 1_000_000 - 200),
     ],
 )

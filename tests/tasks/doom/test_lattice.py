@@ -74,7 +74,7 @@ def test_poses_are_mirrored() -> None:
 
 
 def test_walls_off_the_lattice_are_refused() -> None:
-    with pytest.raises(MapError, match="does not stand on a lattice of 16"):
+    with pytest.raises(MapError, match="is not on a lattice of 16"):
         rasterise(doom_map([(0, 24), (32, 24), (32, 0), (0, 0)]))
 
 

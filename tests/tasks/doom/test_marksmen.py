@@ -26,7 +26,7 @@ def without_monsters(state: Any) -> Any:
 
 
 def test_nobody_moves_in_the_first_seven_tics(corridor: Any) -> None:
-    """The rewards of one who runs ahead, as the game gave them."""
+    """The rewards of running ahead, from the game."""
     env, state, play = corridor
     reward, *_ = play(without_monsters(state), [env.index_of("forward")] * 40)
     assert (reward[:7] == 0).all()

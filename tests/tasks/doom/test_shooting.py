@@ -72,7 +72,7 @@ def test_a_place_behind_a_wall_is_not_seen() -> None:
 
 @pytest.mark.parametrize(("off", "hits"), [(31, True), (31 + 1 / ONE, False), (-31, True)])
 def test_a_shot_just_hits_or_just_misses(off: float, hits: bool) -> None:
-    """A body is hit on its very edge, and not a 65536th of a map unit beside it."""
+    """A shot hits a body exactly at its edge, and misses 1 / 65536 map unit beside it."""
     bodies = jnp.stack([place(300, off), place(90, 500)])
     widths = np.array([31, 31])
     there = jnp.ones(2, bool)
@@ -125,7 +125,7 @@ PULLED: list[tuple[Weapon, list[int], dict[str, int], list[int]]] = [
     (PISTOL, [1] * 25, {"raise_tics": 6}, [10, 24]),
     (PISTOL, [1] * 60, {"shots": 2}, [4, 18]),
     (PISTOL, [1] * 20, {"shots": 0}, []),
-    # Who holds ATTACK while a launcher is raised must release it first.
+    # If ATTACK is held while a launcher is raised, it must be released first.
     (ROCKET_LAUNCHER, [0] * 3 + [1] * 50, {"raise_tics": 3}, [11, 31, 51]),
     (ROCKET_LAUNCHER, [0] * 5 + [1] + [0] * 20, {"raise_tics": 3}, [13]),
     (ROCKET_LAUNCHER, [1] * 50, {"raise_tics": 3}, []),
@@ -168,7 +168,7 @@ def test_only_shots_of_a_held_trigger_scatter() -> None:
 
 
 class Aiming(PyTreeNode):
-    """What of a state a shot depends on."""
+    """The parts of a state that a shot depends on."""
 
     trigger: Trigger
     angle: jax.Array

@@ -1,4 +1,4 @@
-"""Whether worlds of things and doors can be solved, by search on the host over what they hold.
+"""Decide whether worlds with things and doors can be solved, by search on the host.
 
 Many levels at once, in plain numpy, without the floods or players of the package. What can be
 reached grows until it does not: the floor from the start on, things beside it, doors beside it
@@ -22,19 +22,19 @@ RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 
 
 def shifted(mask, rows, columns):
-    """bool[B, rows, columns], of each tile what a mask says of the one so far away."""
+    """bool[B, rows, columns], a mask shifted by a number of tiles."""
     wide = np.pad(mask, ((0, 0), (1, 1), (1, 1)))
     height, width = mask.shape[1:]
     return wide[:, 1 + rows : 1 + rows + height, 1 + columns : 1 + columns + width]
 
 
 def beside(mask):
-    """bool[B, rows, columns], the tiles that share an edge with one of a mask's."""
+    """bool[B, rows, columns], the tiles that share an edge with a tile of a mask."""
     return np.logical_or.reduce([shifted(mask, *way) for way in RING[::2]])
 
 
 def flood(walkable, seen):
-    """bool[B, rows, columns], a mask and all that can be walked to from it."""
+    """bool[B, rows, columns], a mask and all tiles that can be reached from it."""
     while True:
         grown = seen | (beside(seen) & walkable)
         if np.array_equal(grown, seen):
@@ -43,7 +43,7 @@ def flood(walkable, seen):
 
 
 def alone(floor, things):
-    """bool[B, rows, columns], the floor that something has beside it and no other."""
+    """bool[B, rows, columns], tiles that are the only free neighbour of something."""
     ways = sum(shifted(floor, *way).astype(np.int8) for way in RING[::2])
     return floor & beside(things & (ways == 1))
 
@@ -105,7 +105,7 @@ class Search:
         self.floor = starts(states)
         self.had, self.moved = (np.zeros(self.kind.shape, kind) for kind in (bool, np.int8))
         known = -1
-        # Carrying off gives as much floor as it takes or more, so no part of the sum shrinks.
+        # Carrying a thing away frees at least as much floor as it takes, so the sum never shrinks.
         while known != (known := sum(x.sum() for x in self.parts())):
             self.floor = flood(self.walkable(), self.floor)
             self.touch()
@@ -134,10 +134,10 @@ class Search:
         return self.floor | beside(self.floor)
 
     def touch(self):
-        """Have what is beside the floor, and unlock with it what is."""
+        """Take the things beside the floor, and unlock the doors beside it."""
         near, lies = self.near(), self.place == LYING
         self.had |= lies & near[self.batch, self.row, self.column]
-        # A box that is opened leaves what is in it on its tile.
+        # An opened box leaves its content on its tile.
         inside = np.take_along_axis(self.had, np.maximum(self.box, 0), axis=1)
         self.had |= (self.place == BOXED) & inside
         if self.gone:
@@ -147,7 +147,7 @@ class Search:
         self.opened |= fits & near[self.batch, self.door_row, self.door_column]
 
     def carry_off(self):
-        """Carry off what was had and has something behind it that is not reached yet."""
+        """Carry away taken things that block something not reached yet."""
         due = self.had & (self.place == LYING) & self.portable & (self.moved < MOVES)
         for slot in np.flatnonzero(due.any(axis=0)):
             beyond = (self.ground | self.doors(self.real)) & ~self.near()
@@ -155,15 +155,15 @@ class Search:
             self.put_down(slot, np.flatnonzero(due[:, slot] & beside(beyond)[tile]))
 
     def put_down(self, slot, levels):
-        """Take up one thing in some of the levels and put it down where it is in no way."""
+        """Pick up one thing in some levels, and drop it where it does not block the way."""
         own = np.arange(self.kind.shape[1]) == slot
         here, doors = self.tiles(own & (self.place == LYING))[levels], self.doors(self.real)[levels]
         litter = self.tiles(self.place == LYING)[levels] & ~here
-        # One may walk on with it.
+        # The agent may walk on with it.
         floor = flood(self.walkable()[levels] | here, self.floor[levels] | here)
         needed = self.tiles((self.place == LYING) & (self.kind != BALL) & ~own)[levels]
         spots = floor & hangs_together(floor) & ~doors & ~litter & ~here & ~alone(floor, needed)
-        # Rather where nothing is that might be reached from there alone, at least no door or floor.
+        # Prefer tiles that are not the only access to something, at least not to a door or floor.
         for behind in (doors | self.ground[levels] & ~litter, self.ground[levels] | doors):
             apart = spots & ~beside(behind & ~floor)
             spots = np.where(apart.any(axis=(1, 2), keepdims=True), apart, spots)
@@ -195,9 +195,9 @@ class Search:
 def solvable(env, states):
     """bool[B]: whether each of many levels of a world of things and doors can be solved."""
     things, kind = states.things, type(env).__name__
-    # Where picking something up, or interacting, ends the episode, nothing is carried off.
+    # If picking up or interacting ends the episode, nothing is carried away.
     carries = env.hands and kind not in ("Fetch", "PutNear", "GoToDoor", "GoToObject")
-    # What wanders is not in the way for ever.
+    # Wandering obstacles do not block the way forever.
     passable = (BALL,) if kind == "DynamicObstacles" else ()
     search = Search(states, carries, kind == "PickupObjects", passable)
     doors = search.opened & search.near()[search.batch, search.door_row, search.door_column]
@@ -228,7 +228,7 @@ def solvable(env, states):
 
 
 def check_laid(env, states):
-    """Whether things and the start lie where nothing else is, and are what the world may hold."""
+    """Whether things and the start are on free tiles, and are allowed in the world."""
     things, batch = states.things, np.arange(len(states.position))
     walls = states.level.walls[:, 0] != 0
     row, column = things.tile[..., 1], things.tile[..., 0]

@@ -1,4 +1,4 @@
-"""Every world that is registered: what it holds, and that it can be solved."""
+"""Every registered world: its content, and that it can be solved."""
 
 import functools
 import itertools
@@ -31,7 +31,7 @@ from tests.tasks.minigrid.search import (
 PREFIX = "minigrid-"
 NAMES = [id.removeprefix(PREFIX) for id in ENTRIES if id.startswith(PREFIX)]
 FEW = 256
-# Some that differ much; tests/tasks/test_solvable.py has all of them, and more levels of each.
+# Some very different worlds; tests/tasks/test_solvable.py has all worlds, and more levels of each.
 QUICK = (
     "multi-room-n4-s5",
     "lava-crossing-s9n3",
@@ -92,13 +92,13 @@ def test_what_the_search_finds_out():
     ("text", "solved"),
     [
         ("######\n#.SoG#\n######", True),
-        # Taken up, walked on with, and laid down behind.
+        # The agent picks it up, walks on, and drops it behind itself.
         ("######\n#SooG#\n######", True),
         ("######\n#S~.G#\n######", False),
-        # In the box is the yellow key, and the red one is in the way of it.
+        # The yellow key is in the box, and the red key blocks it.
         ("########\n#..Skb##\n#....#.#\n##Y###.#\n#G.#####\n########", True),
         ("########\n#..Sk.##\n#....#.#\n##Y###.#\n#G.#####\n########", False),
-        # Where the only key that fits would be shut in.
+        # The only matching key would be locked in.
         ("#########\n#bSooYG##\n#########", False),
         ("#########\n#bSooYG##\n##..#####\n#########", True),
         # The key is behind its own door.

@@ -1,4 +1,4 @@
-"""The rules of worlds of things and doors, by small cases and beside a slow other program."""
+"""The rules of worlds with things and doors: small cases, and a slow independent program."""
 
 import functools
 import math
@@ -26,7 +26,7 @@ PLAZA = """
 
 @functools.cache
 def plaza():
-    # With the usual numbers, steps and arms would end on the very edges of tiles.
+    # With the default params, steps and arms would end exactly on the edges of tiles.
     return drawn(PLAZA, interact_distance=0.87, move_distance=0.17)
 
 
@@ -103,7 +103,7 @@ def test_a_locked_door_opens_with_its_key_in_the_hand_and_closes_again():
     assert int(opened.level.walls[0, row, column]) == door_label(RED, locked=False)
     inside = after(step, opened, FORWARD, FORWARD, FORWARD, FORWARD)[0]
     assert float(inside.position[0]) > 5
-    # Nobody shuts the door that they stand in.
+    # An agent cannot close the door that it stands in.
     stays, _, _, info = after(step, put(inside, 5.05, 1.5, 0), INTERACT)
     assert np.asarray(stays.doors.opened)[door]
     closed, _, _, info = after(step, put(opened, 4.5, 1.5, 0), INTERACT)
@@ -208,7 +208,7 @@ class Slow:
 
 
 def shown(state):
-    """What lies where, what is held and which doors are open, of a state."""
+    """The places of things, the held thing and the open doors of a state."""
     things = jax.device_get(state.things)
     rows = list(zip(things.kind.tolist(), things.colour.tolist(), strict=True))
     lies = {

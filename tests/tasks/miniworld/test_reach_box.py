@@ -49,7 +49,7 @@ def test_rooms() -> None:
     for name, (tiles, steps) in SIZES.items():
         env, params = task(name)
         assert (open_tiles(env.tilemap).sum(), int(params.max_steps_in_episode)) == (tiles, steps)
-        # From everywhere in the areas of starts and boxes one gets everywhere else.
+        # All places in the areas of starts and boxes are connected.
         for area in (*env.starts, *env.boxes):
             corners = np.array(area).reshape(2, 2)
             for x in corners[:, 0] - (0, 1e-3):
@@ -148,7 +148,7 @@ def check_mazes(name, count=256) -> None:
 
 
 def backtracked(visited, stack, links, chance, found) -> None:
-    """Add up how likely each maze of 3 by 3 cells is, by going all ways that a digger may go."""
+    """Compute the probability of each maze of 3 by 3 cells, over all paths of the digger."""
     while stack:
         x, y = stack[-1]
         beside = [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)]
@@ -209,12 +209,12 @@ def test_the_shortest_path_reaches_every_box(name) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["maze", "maze-s2", "maze-s3"])
 def test_ways_through_mazes_are_few_times_longer_than_the_limit(name) -> None:
-    # The limits are MiniWorld's, whose cells are nearer to each other.
+    # The limits are MiniWorld's, where cells are closer together.
     assert np.mean(check_player(name, 256, fewest=0.93)) < 1
 
 
 def check_player(name, count=64, fewest=1.0) -> np.ndarray:
-    """bool[count], which boxes are reached: at least that share, the others when time is up."""
+    """bool[count], whether each box is reached; at least `share` of them are."""
     env, params = task(name)
     states = jax.tree.map(lambda leaf: jnp.asarray(leaf[:count]), first_states(name))
     out = play(env, player_of(env), params, jax.random.key(0), states)

@@ -1,4 +1,4 @@
-"""MiniWorld's rooms with things: rules in plain steps, and players who solve them."""
+"""MiniWorld's rooms with things: rules in single steps, and players that solve them."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def act(name, state, action, **changes):
     return programs(name)[1](state.replace(**changes), jnp.int32(action))
 
 
-# Without optimisations a plan of many things takes ten seconds.
+# Without optimisation, a plan with many things takes ten seconds.
 @pytest.mark.parametrize(
     "name",
     [*(pytest.param(n, marks=pytest.mark.slow) for n in ("pickup-objects", "put-next")), "sign"],
@@ -67,7 +67,7 @@ def test_the_player_solves_hundreds(name) -> None:
 
 
 def check_player(name, count) -> None:
-    """All levels within the time limit, as a search says that they can be."""
+    """The planner solves all levels within the time limit; a search shows that it is possible."""
     env, params = task(name)
     states = first_states(name, count)
     assert solvable(env, params, jax.device_get(states)).all()
@@ -139,14 +139,14 @@ def test_what_is_picked_up_pays_and_is_gone() -> None:
     assert (float(reward), bool(over), bool(info["picked_up"])) == (1, False, True)
     assert np.asarray(after.things.lying).tolist() == [False] + [True] * 4
     assert not np.asarray(after.things.held).any()
-    # There it stands in the way; now it is gone.
+    # It was in the way there; now it is gone.
     assert float(act("pickup-objects", state, FORWARD, **before)[0].position[0]) == 4.5 or (
         float(act("pickup-objects", state, FORWARD, **before)[0].position[0]) < 5
     )
     near = {"position": [4.95, 5.5], "heading": 0.0}
     assert float(act("pickup-objects", state, FORWARD, **near)[0].position[0]) < 5
     assert float(act("pickup-objects", after, FORWARD, **near)[0].position[0]) > 5
-    # Actions that there are not do nothing, interacting and dropping included.
+    # Invalid actions do nothing, including interacting and dropping.
     for action in (5, 6, 7, -1):
         same = act("pickup-objects", state, action, **before)[0]
         assert np.asarray(same.things.lying).all()
@@ -199,7 +199,7 @@ def test_the_sign_tells_the_colour() -> None:
         assert target.sum() == 1
         word = "box" if asked[i] == BOX_KIND else "key"
         assert env.instruction(alone(host, i)) == f"asked for: the {word} in the colour of the sign"
-    # What the vector tells does not tell the colour.
+    # The vector does not reveal the colour.
     assert len({alone(states, i).asked.tobytes() for i in range(16)}) == 2
 
 
@@ -224,7 +224,7 @@ def test_bad_settings_are_refused() -> None:
 
 
 def test_what_lies_open_as_points_along_the_way_say():
-    """Against points on each way, of which none may be near a solid tile and come nearer to it."""
+    """Against points on each path: none may be near a solid tile and approach it."""
     rng = np.random.default_rng(0)
     row, column = np.indices((7, 7))
     tiles = np.stack([column.ravel(), row.ravel()], axis=-1) + 0.5
@@ -259,7 +259,7 @@ def straight_on(env, params):
 
 
 def steps(text):
-    """How long 16 episodes from any heading are, all of which arrive."""
+    """The lengths of 16 episodes from any heading, all of which succeed."""
     env, params = from_ascii(text.strip(), height=8, width=8)
     keys = jax.random.split(jax.random.key(1), 16)
     states = jax.vmap(lambda key: env.init_state(key, params))(keys)

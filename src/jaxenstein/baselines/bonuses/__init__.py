@@ -1,4 +1,4 @@
-"""Exploration bonuses; importing this registers them as algorithms."""
+"""Exploration bonuses; importing this package registers them as algorithms."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class NoBonus:
     value_heads: int = 1
 
     def __init__(self, *_: Any) -> None:
-        """Take nothing."""
+        """Ignore all arguments."""
 
     def init(self, key: jax.Array) -> tuple[()]:
-        """There is no state."""
+        """An empty state."""
         del key
         return ()
 
@@ -35,7 +35,7 @@ class NoBonus:
         return jnp.zeros(experience.ended.shape, jnp.float32), state, {}
 
     def update(self, key: jax.Array, state: Any, *_: Any) -> tuple[Any, Metrics]:
-        """There is nothing to learn."""
+        """Do nothing."""
         del key
         return state, {}
 

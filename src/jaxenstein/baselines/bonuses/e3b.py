@@ -1,4 +1,4 @@
-"""Elliptical episodic bonuses (Henaff et al. 2022): how new a step is to its episode."""
+"""The elliptical episodic bonus (Henaff et al. 2022): how novel a step is within its episode."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ..config import Config, HParams
 from ..observations import ObservationSpec
 from .parts import Embedding, mean
 
-# The temporal loss divides inner products by this, and uses one step of so many as an anchor: with
-# all steps the products would cost more than the rest of the training.
+# The temporal loss divides inner products by TEMPERATURE. Only every STRIDE-th step is an anchor;
+# with all steps, the products would cost more than the rest of training.
 TEMPERATURE, STRIDE = 0.1, 4
 
 Learned = Literal["inverse", "temporal"]
@@ -29,14 +29,13 @@ class E3BOptions:
     """The options of E3B.
 
     Attributes:
-        e3b_embedding: what E3B's embedding learns: `"inverse"`: to predict the action between two
-            steps, as in Henaff et al.; `"temporal"`: to distinguish steps that are near in time
-            from others.
-        e3b_reach: the largest number of steps between two that count as near, for `"temporal"`.
-        e3b_latent: size of the embedding.
-        e3b_hidden: width of its image features, and of the hidden layers of the inverse model.
-        e3b_layers: the number of these.
-        e3b_lambda: weight of the ridge in E3B's matrix at the start of an episode.
+        e3b_embedding: how to train E3B's embedding; `"inverse"`: predict the action between two
+            steps, as in Henaff et al.; `"temporal"`: tell steps that are close in time from others.
+        e3b_reach: for `"temporal"`, the most steps between two steps that count as close.
+        e3b_latent: size of E3B's embedding.
+        e3b_hidden: width of E3B's image features, and of the hidden layers of its inverse model.
+        e3b_layers: number of hidden layers of E3B's inverse model.
+        e3b_lambda: ridge coefficient of E3B's matrix at the start of an episode.
     """
 
     e3b_embedding: Learned = choice("inverse", Learned)
@@ -51,8 +50,8 @@ class E3BState(PyTreeNode):
     """The state of E3B.
 
     Attributes:
-        params: of the embedding and, where there is one, the inverse model.
-        optimiser: state of their Adam.
+        params: parameters of the embedding and of the inverse model, if there is one.
+        optimiser: their Adam state.
         inverse: float32[N, L, L], lambda C^-1 of the current episodes.
     """
 
@@ -65,14 +64,14 @@ class E3BState(PyTreeNode):
 class E3B:
     """The bonus phi^T C^-1 phi, where C = lambda I + the episode's phi phi^T before this step.
 
-    phi is an embedding of what a step led to, of length one: with free lengths, which grow in
-    training, only the first steps of episodes would count. The first observation of an episode
-    counts as seen. The bonus is added to the reward, or has a value head of its own.
+    phi embeds the observation after a step. It has unit length: otherwise lengths grow in training,
+    and only the first steps of an episode get a bonus. The first observation of an episode counts
+    as seen. The bonus is added to the reward, or has a separate value head.
 
     Attributes:
-        spec: what observations are.
-        actions: their number.
-        config: with the settings of `E3BOptions`.
+        spec: the arrays of an observation.
+        actions: number of actions.
+        config: contains the settings of `E3BOptions`.
     """
 
     spec: ObservationSpec
@@ -81,11 +80,11 @@ class E3B:
 
     @property
     def value_heads(self) -> int:
-        """One value, or with `bonus_values` two."""
+        """1, or 2 with `bonus_values`."""
         return 1 + self.config.bonus_values
 
     def init(self, key: jax.Array) -> E3BState:
-        """Initialise the networks; every environment begins an episode."""
+        """Initialise the networks, and the matrices of new episodes."""
         encoder, latent, inverse_key = jax.random.split(key, 3)
         inverse_key = None if self._temporal else inverse_key
         params = self._embedding.init(encoder, latent, inverse_key)
@@ -96,15 +95,15 @@ class E3B:
     def reward(
         self, state: E3BState, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, E3BState, Metrics]:
-        """Scan the rollout, and update the inverse by the formula of Sherman and Morrison."""
+        """Scan the rollout, and update the inverse with the Sherman-Morrison formula."""
         ridge = hparams.bonus["e3b_lambda"]
         start = jnp.eye(self._embedding.latent, dtype=jnp.float32)
 
         def step(inverse: jax.Array, inputs: Any) -> tuple[jax.Array, jax.Array]:
             phi, ended = inputs
-            # The observation after the end of an episode is the first of the next one.
+            # The observation after the end of an episode is the first of the next episode.
             inverse = jnp.where(ended[:, None, None], start, inverse)
-            # A sum of products: a matrix product may be of less precision on an accelerator.
+            # A sum of products, since a matrix product may be less precise on an accelerator.
             u = jnp.sum(inverse * phi[:, None], axis=-1)
             bonus = jnp.sum(phi * u, axis=-1)
             change = u[:, :, None] * (u / (ridge + bonus)[:, None])[:, None]
@@ -122,8 +121,8 @@ class E3B:
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[E3BState, Metrics]:
-        """Train the embedding, without ends of episodes."""
-        # Published seeds of the inverse embedding were trained without this split.
+        """Train the embedding; steps that end an episode are left out."""
+        # Published results with the inverse embedding were trained without this split.
         pass_key, offset_key = jax.random.split(key) if self._temporal else (key, key)
         reach = self.config.bonus["e3b_reach"]
         offsets = sample_offsets(offset_key, experience.action.shape, reach)
@@ -155,20 +154,20 @@ class E3B:
 
 
 def sample_offsets(key: jax.Array, shape: tuple[int, ...], reach: int) -> jax.Array:
-    """int32[T, N], how far ahead of each step its neighbour is: from 1 to `reach`."""
+    """int32[T, N], the steps from each step to its neighbour: from 1 to `reach`."""
     return jax.random.randint(key, shape, 1, reach + 1, jnp.int32)
 
 
 def temporal_loss(phi: jax.Array, ended: jax.Array, offset: jax.Array) -> tuple[jax.Array, Metrics]:
-    """Cross-entropy of finding a step's neighbour in time among the neighbours of other steps.
+    """Cross-entropy of picking a step's neighbour in time among the neighbours of other steps.
 
-    InfoNCE (van den Oord et al. 2018) with the inner products of embeddings of length one. Steps
-    whose episode ends before their neighbour are left out on both sides.
+    This is InfoNCE (van den Oord et al. 2018) with inner products of unit-length embeddings. Steps
+    whose episode ends before their neighbour are neither anchors nor candidates.
 
     Args:
-        phi: float32[T + 1, N, L], of the observations in their order.
+        phi: float32[T + 1, N, L], embeddings of the observations in order.
         ended: bool[T, N], whether the step ended its episode.
-        offset: int32[T, N], as in `sample_offsets`; those beyond the last step are cut to it.
+        offset: int32[T, N], as in `sample_offsets`, but clipped to the last observation.
     """
     steps, number = ended.shape
     episode = jnp.concatenate([jnp.zeros((1, number), jnp.int32), jnp.cumsum(ended, 0, jnp.int32)])
@@ -179,7 +178,7 @@ def temporal_loss(phi: jax.Array, ended: jax.Array, offset: jax.Array) -> tuple[
     flat = (wanted.size, phi.shape[-1])
     now, near = phi[time, row].reshape(flat), phi[then, row].reshape(flat)
     logits = jnp.where(wanted, now @ near.T / TEMPERATURE, -1e9)
-    # Equal logits share the point: an embedding that is the same for all frames tells nothing.
+    # Ties share the point, so that a constant embedding has the accuracy of chance.
     best = (logits >= jnp.max(logits, axis=-1, keepdims=True)).astype(jnp.float32)
     right = jnp.diagonal(best) / jnp.sum(best, axis=-1)
     loss = mean(-jnp.diagonal(jax.nn.log_softmax(logits)), wanted)

@@ -1,6 +1,6 @@
-"""The intrinsic curiosity module (Pathak et al. 2017): the error in predicting what follows."""
+"""The intrinsic curiosity module (Pathak et al. 2017): the error of predicting the next step."""
 
-# The type of flax' `apply` allows it to return variables too, which ours never do.
+# By its type, flax' `apply` may also return variables; ours never does.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class ICMOptions:
     Attributes:
         icm_latent: size of ICM's embedding.
         icm_hidden: width of the hidden layers of ICM's two models.
-        icm_layers: their number.
-        icm_forward_trains_encoder: let the forward model's loss train the embedding too, as in
-            the original; if false the inverse model alone does.
-        icm_inverse: coefficient of the inverse model's loss.
-        icm_forward: coefficient of the forward model's loss.
+        icm_layers: number of hidden layers of each of ICM's models.
+        icm_forward_trains_encoder: let the loss of ICM's forward model also train the embedding, as
+            in the original; if false, only the inverse model does.
+        icm_inverse: coefficient of the loss of ICM's inverse model.
+        icm_forward: coefficient of the loss of ICM's forward model.
     """
 
     icm_latent: int = number(128, 1)
@@ -47,8 +47,8 @@ class ICMState(PyTreeNode):
     """The state of ICM.
 
     Attributes:
-        params: of the embedding, the inverse and the forward model.
-        optimiser: state of their Adam.
+        params: parameters of the embedding, the inverse model and the forward model.
+        optimiser: their Adam state.
     """
 
     params: Any
@@ -59,13 +59,13 @@ class ICMState(PyTreeNode):
 class ICM:
     """The bonus mean_j (phi_j(o') - chi_j(phi(o), a))^2.
 
-    The forward model chi learns to predict phi(o'), an `Embedding` that its inverse model trains.
-    The bonus is added to the reward, or has a value head of its own.
+    The forward model chi predicts phi(o'). phi is an `Embedding`, trained by an inverse model. The
+    bonus is added to the reward, or has a separate value head.
 
     Attributes:
-        spec: what observations are.
-        actions: their number.
-        config: with the settings of `ICMOptions`.
+        spec: the arrays of an observation.
+        actions: number of actions.
+        config: contains the settings of `ICMOptions`.
     """
 
     spec: ObservationSpec
@@ -74,7 +74,7 @@ class ICM:
 
     @property
     def value_heads(self) -> int:
-        """One value, or with `bonus_values` two."""
+        """1, or 2 with `bonus_values`."""
         return 1 + self.config.bonus_values
 
     def init(self, key: jax.Array) -> ICMState:
@@ -89,7 +89,7 @@ class ICM:
     def reward(
         self, state: ICMState, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, ICMState, Metrics]:
-        """The forward model's error."""
+        """Compute the error of the forward model."""
         latent = self._embedding.embed(state.params, experience.obs)
         error = self.forward_error(state.params, latent, experience.action)
         return error, state, {"icm_error": jnp.mean(error)}
@@ -102,7 +102,7 @@ class ICM:
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[ICMState, Metrics]:
-        """Train all three networks, without ends of episodes."""
+        """Train all three networks; steps that end an episode are left out."""
         weights = hparams.bonus
 
         def loss(params: Any, part: Experience) -> tuple[jax.Array, Metrics]:
@@ -121,9 +121,9 @@ class ICM:
         return ICMState(params, adam), metrics
 
     def forward_error(self, params: Any, latent: jax.Array, action: jax.Array) -> jax.Array:
-        """float32[T, N], of embeddings [T + 1, N] and actions int32[T, N].
+        """The error float32[T, N] for embeddings [T + 1, N] and actions int32[T, N].
 
-        Unless `icm_forward_trains_encoder`, it has no gradient in the embeddings.
+        It has no gradient in the embeddings unless `icm_forward_trains_encoder` is set.
         """
         if not self.config.bonus["icm_forward_trains_encoder"]:
             latent = jax.lax.stop_gradient(latent)

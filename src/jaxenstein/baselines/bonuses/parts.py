@@ -1,6 +1,6 @@
-"""Parts that several bonuses share: layers, embeddings, and means over wanted steps."""
+"""Layers, embeddings and masked means that several bonuses share."""
 
-# The type of flax' `apply` allows it to return variables too, which ours never do.
+# By its type, flax' `apply` may also return variables; ours never does.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..rollout import log_prob
 
 
 class Layers(nn.Module):
-    """Hidden layers, then a linear one."""
+    """Hidden layers, then a linear layer."""
 
     hidden: int
     layers: int
@@ -41,15 +41,15 @@ class Layers(nn.Module):
 class Embedding:
     """An embedding phi of observations, and an inverse model that can train it.
 
-    The inverse model predicts the action from phi(o) and phi(o') (Pathak et al. 2017): so the
-    embedding keeps what actions change, and has no use for the rest.
+    The inverse model predicts the action from phi(o) and phi(o') (Pathak et al. 2017), so the
+    embedding represents only the parts of an observation that actions change.
 
     Attributes:
-        spec: what observations are.
-        actions: their number, `A`.
-        config: convolutions and dtype.
+        spec: the arrays of an observation.
+        actions: number of actions, `A`.
+        config: defines convolutions and dtype.
         hidden: width of the image features, and of the hidden layers of the inverse model.
-        layers: number of the hidden layers of the inverse model.
+        layers: number of hidden layers of the inverse model.
         latent: size of the embedding, `L`.
         unit: centre each embedding and scale it to length one.
     """
@@ -65,7 +65,7 @@ class Embedding:
     def init(
         self, encoder: jax.Array, latent: jax.Array, inverse: jax.Array | None
     ) -> dict[str, Any]:
-        """Initialise the parameters with a key for each part; None leaves out the inverse model."""
+        """Initialise the parameters with a key per part; None leaves out the inverse model."""
         dtype = self.config.compute_dtype
         params = {
             "encoder": self._encoder.init(encoder),
@@ -77,7 +77,7 @@ class Embedding:
         return params
 
     def embed(self, params: Any, obs: Any) -> jax.Array:
-        """Embed observations: dtype[T, N, L]; with `unit` float32."""
+        """Embed observations: dtype[T, N, L], or float32 with `unit`."""
         features = self._encoder.encode_sequence(params["encoder"], obs)
         latent = self._latent.apply(params["latent"], features)
         if not self.unit:
@@ -89,9 +89,9 @@ class Embedding:
     def inverse_loss(
         self, name: str, params: Any, phi: jax.Array, action: jax.Array, wanted: jax.Array
     ) -> tuple[jax.Array, Metrics]:
-        """Cross-entropy of actions int32[T, N] between embeddings `phi` [T + 1, N, L].
+        """Cross-entropy of predicting actions int32[T, N] from embeddings `phi` [T + 1, N, L].
 
-        Only steps that are `wanted`, bool[T, N], count; `name` is the metrics' prefix.
+        Only steps with `wanted`, bool[T, N], count; `name` is the prefix of the metrics.
         """
         pair = jnp.concatenate([phi[:-1], phi[1:]], axis=-1).astype(self.config.compute_dtype)
         logits = self._inverse.apply(params["inverse"], pair).astype(jnp.float32)
@@ -116,10 +116,10 @@ class Embedding:
 
 
 def mean(values: jax.Array, wanted: jax.Array) -> jax.Array:
-    """float32[], the mean of the values that are wanted; 0 if none is."""
+    """float32[], the mean of the values where `wanted`; 0 if there are none."""
     return jnp.sum(jnp.where(wanted, values, 0)) / count_of(wanted)
 
 
 def count_of(wanted: jax.Array) -> jax.Array:
-    """float32[], how many are wanted, at least 1."""
+    """float32[], the number of wanted values, at least 1."""
     return jnp.maximum(jnp.sum(wanted), 1).astype(jnp.float32)

@@ -1,6 +1,6 @@
-"""Random network distillation (Burda et al. 2018): the error in predicting a random network."""
+"""Random network distillation (Burda et al. 2018): the error of predicting a random network."""
 
-# The type of flax' `apply` allows it to return variables too, which ours never do.
+# By its type, flax' `apply` may also return variables; ours never does.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class RNDOptions:
     Attributes:
         rnd_hidden: width of RND's hidden layers.
         rnd_output: size of RND's embedding.
-        rnd_layers: number of RND's hidden layers after its image features.
+        rnd_layers: number of RND's hidden layers after the image features.
         rnd_loss: coefficient of RND's loss.
     """
 
@@ -55,15 +55,15 @@ class RNDState(PyTreeNode):
 
 @dataclasses.dataclass(frozen=True)
 class RND:
-    """The bonus e(o) = mean_j (g_j(o) - f_j(o))^2 of what a step led to.
+    """The bonus e(o) = mean_j (g_j(o) - f_j(o))^2 of the observation after a step.
 
-    Target f and predictor g are networks of the same shape. The bonus has returns of its own,
-    which go on through the ends of episodes.
+    Target f and predictor g are networks of the same shape. The bonus has a separate value head,
+    whose returns continue across the ends of episodes.
 
     Attributes:
-        spec: what observations are.
-        actions: their number, which is not used.
-        config: with the settings of `RNDOptions`.
+        spec: the arrays of an observation.
+        actions: number of actions; not used.
+        config: contains the settings of `RNDOptions`.
     """
 
     spec: ObservationSpec
@@ -92,9 +92,9 @@ class RND:
         experience: Experience,
         rate: jax.Array,
     ) -> tuple[RNDState, Metrics]:
-        """Train the predictor on what the steps led to, without ends of episodes."""
+        """Train the predictor on the observations after steps that did not end an episode."""
         weight = hparams.bonus["rnd_loss"]
-        # Published seeds were trained with this split.
+        # Published results were trained with this split.
         pass_key, _ = jax.random.split(key)
 
         def loss(predictor: Any, part: Any) -> tuple[jax.Array, Metrics]:
@@ -111,7 +111,7 @@ class RND:
         return state.replace(predictor=predictor, optimiser=adam), metrics
 
     def error(self, state: RNDState, obs: Any) -> jax.Array:
-        """float32[T, N], e of observations with leading axes [T, N]."""
+        """The error e, float32[T, N], of observations with leading axes [T, N]."""
 
         def embed(params: Any) -> jax.Array:
             features = self._encoder.encode_sequence(params["encoder"], obs)

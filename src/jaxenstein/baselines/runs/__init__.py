@@ -1,1 +1,1 @@
-"""Run directories: what is trained, its options, checkpoints, metrics, and what they gave."""
+"""Run directories: experiments with their options, checkpoints, metrics and trained agents."""

@@ -1,8 +1,9 @@
-"""Trained agents: loaded, exported, and evaluated over episodes."""
+"""Loads, exports and evaluates trained agents."""
 
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,23 +25,23 @@ from .trained import SUFFIX, Trained, Weights, load_trained, score_of, write_tra
 
 Notify = Callable[[float], object]
 WAYS = {"greedy": True, "sampled": False}
-"""Ways of acting, and whether they take the most likely action."""
+"""The kinds of actions, and whether they are the most likely ones."""
 
 
 def load_policy(path: str | Path, run: int | None = None, *, greedy: bool = False) -> TrainedPolicy:
-    """The agent of a run directory, from its newest checkpoint, or of a file.
+    """Load an agent from the newest checkpoint of a run directory, or from a file.
 
     Args:
-        path: the run directory, a file of `export_policy`, or `pretrained/NAME`, an agent of this
-            package; `jaxenstein list --pretrained` names them.
-        run: which of its runs, from 0, in the order of seeds and grid; None: the best one.
+        path: a run directory, a file from `export_policy`, or `pretrained/NAME` for an agent of
+            this package; `jaxenstein list --pretrained` names them.
+        run: number of the run, from 0, in the order of grid points and seeds; None: the best run.
         greedy: take the most likely action instead of sampling one.
 
     Raises:
         SettingError: there is no such run or agent, or it cannot be read.
 
     Warns:
-        DivergenceWarning: the run diverged; its parameters are the last finite ones.
+        DivergenceWarning: the run diverged; the agent has its last finite parameters.
     """
     trained = load_trained(path)
     chosen = chosen_run(trained, run)
@@ -60,27 +61,27 @@ def export_policy(
     greedy: bool = False,
     notify: Notify = lambda done: None,
 ) -> dict[str, Results]:
-    """Write one agent of a run directory into a file of its own, with its score.
+    """Write one agent of a run directory into a file, with its score.
 
     Args:
         path: as in `load_policy`.
-        out: the file, which ends in `.npz`.
+        out: the file to write, which must end in `.npz`.
         run: as in `load_policy`.
-        weights: precision of the numbers; the rounded agent is evaluated.
-        episodes: of the evaluation, greedy and sampled.
-        seed: of the evaluation.
-        program: a second file, which ends in `.jaxexport`: the agent as a program that needs no
-            part of this package; None writes none. `write_program` tells how it is called.
+        weights: precision of the weights; the score is that of the rounded weights.
+        episodes: number of episodes for the score, with greedy and with sampled actions each.
+        seed: seed of the evaluation.
+        program: a second file, which must end in `.jaxexport`, for the agent as a program that does
+            not need this package; `write_program` documents how to call it. None: no program.
         greedy: the program takes the most likely action instead of sampling one.
         notify: called with the number of episodes played so far, of `2 * episodes`.
 
     Returns:
-        Its episodes, by `"greedy"` and `"sampled"`.
+        The results of the episodes, by `"greedy"` and `"sampled"`.
 
     Raises:
-        SettingError: as in `load_policy`, or a file has another suffix, or a parameter is not
-            finite in `weights`, or flatbuffers is missing, which writes the program.
-        OutputError: it cannot be written.
+        SettingError: as in `load_policy`, or a file name has the wrong suffix, or a parameter is
+            not finite in `weights`, or the program needs flatbuffers and it is not installed.
+        OutputError: a file cannot be written.
 
     Warns:
         DivergenceWarning: as in `load_policy`.
@@ -99,7 +100,7 @@ def export_policy(
     agent = dataclasses.replace(agent, params=jax.tree.map(rounded, agent.params))
     if not agent.finite(0):
         name = run_names(trained.experiment)[chosen]
-        hint = ": weights='float32' holds them" if trained.finite(chosen) else ""
+        hint = "; weights='float32' can hold them" if trained.finite(chosen) else ""
         raise SettingError(f"{path}: the parameters of {name} are not finite in {weights}{hint}")
     results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)
     score = {name: score_of(result) for name, result in results.items()}
@@ -110,7 +111,7 @@ def export_policy(
 
 
 def chosen_run(trained: Trained, run: int | None) -> int:
-    """The given run, by default the best one; a `SettingError` if there is none."""
+    """The given run, or the best one for None; a `SettingError` if there is no such run."""
     if run is None:
         return best_run(trained.folder) if trained.folder else 0
     many = len(trained.experiment.runs)
@@ -122,10 +123,10 @@ def chosen_run(trained: Trained, run: int | None) -> int:
 def best_run(folder: RunFolder) -> int:
     """The run with the highest mean return over the last tenth of its updates so far.
 
-    Ties go to a run that has not diverged, then to the run with the shortest episodes. Only updates
-    before a divergence count. Without metrics it is the first run.
+    Ties go to runs that have not diverged, then to the run with the shortest episodes. Updates
+    after a divergence do not count. Without metrics, it is the first run.
     """
-    if not (folder.path / METRICS).exists():
+    if not os.path.exists(folder.path / METRICS):
         return 0
     by_run = rows_by_run(read_metrics(folder.path), len(folder.experiment.runs))
     last = max(1, len(by_run[0]) // 10)
@@ -143,7 +144,7 @@ def best_run(folder: RunFolder) -> int:
 def evaluate_both(
     trained: Trained, *, episodes: int = 100, seed: int = 0, notify: Notify = lambda done: None
 ) -> dict[str, Results]:
-    """As `evaluate`, `"greedy"` and then `"sampled"`."""
+    """Evaluate with greedy and then with sampled actions; see `evaluate`."""
     half = episodes * len(trained.experiment.runs)
     return {
         name: evaluate(
@@ -165,15 +166,15 @@ def evaluate(
     greedy: bool = False,
     notify: Notify = lambda done: None,
 ) -> Results:
-    """Play whole episodes with all agents, with the same random numbers.
+    """Play whole episodes with the agents of all runs, with the same random numbers.
 
     Args:
-        trained: their networks.
-        episodes: of each run.
-        seed: of the random numbers.
+        trained: the networks.
+        episodes: number of episodes for each run.
+        seed: seed of the random numbers.
         greedy: take the most likely action instead of sampling one.
-        notify: called with the number of episodes played so far, over all runs; an unfinished one
-            counts as its part of the time limit.
+        notify: called with the number of episodes played so far, over all runs; an unfinished
+            episode counts as a fraction, its length over the time limit.
     """
     learner = trained.experiment.learner
     longest = np.asarray(learner.env.most_steps(split_ranges(learner.env_params)[0]))
@@ -197,10 +198,10 @@ def evaluate_in_game(
     greedy: bool = False,
     notify: Callable[[int], object] = lambda done: None,
 ) -> Results:
-    """As `evaluate`, in the running ViZDoom whose scenario the environment is.
+    """Like `evaluate`, but play the scenario of the environment in ViZDoom.
 
     Raises:
-        SettingError: ViZDoom has no such scenario.
+        SettingError: ViZDoom does not have the scenario.
     """
     from ...adapters.vizdoom import play_game
 

@@ -1,7 +1,7 @@
 """Checkpoints: states of a run on disk, each complete or absent.
 
 A checkpoint is an .npz file with an array for every leaf, named by the leaf's path. It is written
-under another name and then renamed; its checksums reveal damage.
+under a temporary name and then renamed. Checksums reveal damage.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ SUFFIX = ".npz"
 
 
 class CheckpointError(SettingError):
-    """A checkpoint cannot be read, or is of another state."""
+    """A checkpoint cannot be read, or belongs to another state."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Restored:
-    """A checkpoint that was read.
+    """The content of a checkpoint.
 
     Attributes:
-        update: updates up to it.
-        state: the state, with the structure and dtypes of the one asked for.
+        update: number of updates before the checkpoint.
+        state: the state, with the requested structure and dtypes.
         damaged: newer checkpoints that were skipped, each with the reason.
     """
 
@@ -47,24 +47,24 @@ class Checkpoints:
     """The checkpoints in a folder, named by their update."""
 
     def __init__(self, folder: str | Path, keep: int = KEEP) -> None:
-        """Take the folder, which need not exist, and how many checkpoints to keep."""
+        """Take a folder, which need not exist, and the number of checkpoints to keep."""
         self.folder = Path(folder)
         self._keep = keep
 
     def updates(self) -> list[int]:
-        """The updates of the checkpoints, ascending."""
+        """The updates of the checkpoints, in ascending order."""
         names = [path.stem for path in self.folder.glob(f"*{SUFFIX}")]
         return sorted(int(name) for name in names if name.isdecimal())
 
     def save(self, update: int, state: Any) -> None:
-        """Write a checkpoint, then remove old ones, damaged ones and what stopped writers left.
+        """Write a checkpoint, then remove old checkpoints, later ones and temporary files.
 
         Args:
-            update: updates so far; a checkpoint of that update is replaced.
-            state: any pytree of arrays; typed keys are stored as their data.
+            update: number of updates so far; an existing checkpoint of this update is replaced.
+            state: any pytree of arrays; typed keys are stored as raw data.
 
         Raises:
-            OutputError: it cannot be written; earlier checkpoints are unchanged.
+            OutputError: the checkpoint cannot be written; earlier checkpoints are unchanged.
         """
         make_folder(self.folder)
         for left in self.folder.glob(f".*{PART}"):
@@ -75,7 +75,7 @@ class Checkpoints:
         }
         with atomic(self._path(update)) as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)
-        # Those of later updates could not be read, or the run had gone on from there.
+        # Checkpoints of later updates were damaged: otherwise the run would have resumed from them.
         there = self.updates()
         kept = [one for one in there if one <= update][-self._keep :]
         for old in set(there) - set(kept):
@@ -85,15 +85,15 @@ class Checkpoints:
     def restore(self, like: Any, whole: bool = True) -> Restored | None:
         """Read the newest complete checkpoint; None if there is no checkpoint.
 
-        A training may meanwhile replace them by newer ones.
+        A training may replace checkpoints at the same time.
 
         Args:
-            like: a pytree with the structure, shapes and dtypes of the state, of arrays or of
-                `jax.ShapeDtypeStruct`.
-            whole: False: `like` is a part of the state, and the rest is skipped.
+            like: a pytree of arrays or `jax.ShapeDtypeStruct` with the structure, shapes and dtypes
+                of the state.
+            whole: whether `like` is the whole state; if false, other parts are skipped.
 
         Raises:
-            CheckpointError: none can be read, or they are of another state.
+            CheckpointError: no checkpoint can be read, or they belong to another state.
         """
         listed = self.updates()
         damaged: list[str] = []
@@ -105,7 +105,7 @@ class Checkpoints:
                     return Restored(update, read_tree(archive, like, besides), tuple(damaged))
             except CheckpointError:
                 raise
-            # A damaged file makes the readers below raise anything.
+            # On a damaged file, the readers can raise any error.
             except Exception as error:
                 damaged.append(f"{path}: {reason_of_any(error)}")
                 if isinstance(error, FileNotFoundError) and self.updates() != listed:
@@ -119,13 +119,13 @@ class Checkpoints:
 
 
 def reason_of_any(error: Exception) -> str:
-    """What an error of any kind says, as one short line."""
+    """The message of any error, as one short line."""
     text = str(error) if not isinstance(error, OSError) else reason_of(error)
     return one_line(text)[:200] or type(error).__name__
 
 
 def size_of(state: Any) -> int:
-    """Bytes of a state's arrays, or of their `jax.ShapeDtypeStruct`."""
+    """The size in bytes of the arrays of a state, or of their `jax.ShapeDtypeStruct`."""
     return sum(leaf.size * leaf.dtype.itemsize for leaf in map(_data, jax.tree.leaves(state)))
 
 
@@ -133,9 +133,9 @@ def check_space(folder: Path, state: Any, there: int = 0, keep: int = KEEP) -> N
     """Check early whether the checkpoints of a state fit on the disk; `there` of them exist.
 
     Raises:
-        OutputError: they do not.
+        OutputError: there is not enough space.
     """
-    # While the newest is written, there is one more than are kept.
+    # While a checkpoint is written, there is one more than are kept.
     number = keep + 1 - min(keep, there)
     needed = number * size_of(state)
     free = shutil.disk_usage(folder).free
@@ -143,7 +143,7 @@ def check_space(folder: Path, state: Any, there: int = 0, keep: int = KEEP) -> N
         raise OutputError(
             folder,
             f"{number} checkpoint{'s' * (number > 1)} need{'s' * (number == 1)} about "
-            f"{needed / 1e6:.3g} MB, {free / 1e6:.3g} MB are free",
+            f"{needed / 1e6:.3g} MB, but only {free / 1e6:.3g} MB are free",
         )
 
 
@@ -152,7 +152,7 @@ def _is_key(leaf: Any) -> bool:
 
 
 def _data(leaf: Any) -> Any:
-    """The data of a typed key; other leaves as they are."""
+    """The raw data of a typed key; other leaves are returned unchanged."""
     if not _is_key(leaf):
         return leaf
     shapes = isinstance(leaf, jax.ShapeDtypeStruct)
@@ -160,7 +160,7 @@ def _data(leaf: Any) -> Any:
 
 
 def _typed(data: jax.Array, like: Any) -> jax.Array:
-    """The data of a key as such a key, where `like` is one."""
+    """Turn data back into a typed key if `like` is a typed key."""
     if not _is_key(like):
         return data
     names: list[str] = []
@@ -169,15 +169,15 @@ def _typed(data: jax.Array, like: Any) -> jax.Array:
 
 
 def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()) -> Any:
-    """The arrays of an archive, whose names are the paths of their leaves.
+    """Read a pytree from an archive, in which arrays are named by their paths.
 
     Args:
-        archive: open.
+        archive: an open archive.
         like: as in `Checkpoints.restore`.
-        besides: other entries that it may have.
+        besides: names of further entries that are allowed.
 
     Raises:
-        CheckpointError: it has other arrays.
+        CheckpointError: the archive has other arrays.
     """
     leaves, structure = jax.tree_util.tree_flatten_with_path(like)
     wanted = {jax.tree_util.keystr(where): leaf for where, leaf in leaves}
@@ -185,26 +185,26 @@ def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()
     passed_over = {name.removesuffix(".npy") for name in besides} - set(wanted)
     for name in sorted(found - passed_over ^ set(wanted)):
         _read_through(archive)
-        what = "is not in it" if name in wanted else "is too much"
-        raise CheckpointError(f"{archive.filename} is of another state: {name} {what}")
+        what = "is missing" if name in wanted else "is unexpected"
+        raise CheckpointError(f"{archive.filename} belongs to another state: {name} {what}")
     filled = [_typed(_array(archive, name, leaf), leaf) for name, leaf in wanted.items()]
     return jax.tree.unflatten(structure, filled)
 
 
 def open_entry(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
-    """An entry of an archive, of which no more is unpacked than is read.
+    """Open an entry of an archive such that only the bytes that are read get unpacked.
 
     Raises:
-        ValueError: it is compressed so that Python would unpack all of it at once.
+        ValueError: its compression makes Python unpack the whole entry at once.
         KeyError: there is no such entry.
     """
     if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise ValueError(f"{name} must be stored or deflated, and is compressed in another way")
+        raise ValueError(f"{name} must be stored or deflated, not compressed in another way")
     return archive.open(name)
 
 
 def _read_through(archive: zipfile.ZipFile) -> None:
-    """Read all entries, so that names and checksums reveal a damaged file: an error of any kind."""
+    """Read all entries; a damaged file then raises an error of any kind."""
     for name in archive.namelist():
         with open_entry(archive, name) as file:
             while file.read(2**20):
@@ -212,22 +212,22 @@ def _read_through(archive: zipfile.ZipFile) -> None:
 
 
 def _array(archive: zipfile.ZipFile, name: str, like: Any) -> jax.Array:
-    """One array, which takes no more memory than `like`, whatever the file says."""
+    """Read one array with no more memory than `like` needs, whatever the file says."""
     like = _data(like)
     with open_entry(archive, f"{name}.npy") as file:
         version = np.lib.format.read_magic(file)
         if version != (1, 0):
-            raise ValueError(f"{name} has the version {version} of its format")
+            raise ValueError(f"{name} has format version {version}, not (1, 0)")
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
         # Dtypes that numpy lacks, such as bfloat16, are stored as bytes.
         if shape != like.shape or fortran or dtype != np.dtype(like.dtype.str):
             _read_through(archive)
             raise CheckpointError(
-                f"{archive.filename} is of another state: {name} is {dtype}{list(shape)}, not "
+                f"{archive.filename} belongs to another state: {name} is {dtype}{list(shape)}, not "
                 f"{like.dtype}{list(like.shape)}"
             )
         size = like.size * like.dtype.itemsize
-        # The checksum is compared at the end of the file.
+        # Reading to the end of the file verifies the checksum.
         data = file.read(size + 1)
     if len(data) != size:
         raise ValueError(f"{name} has {len(data)} bytes, not {size}")

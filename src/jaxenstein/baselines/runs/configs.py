@@ -1,9 +1,11 @@
-"""The configurations that come with this package, in `jaxenstein/configs`, by name."""
+"""The named configs of this package, in `jaxenstein/configs`."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
+import os
+import stat
 from pathlib import Path, PurePath
 
 from ...errors import SettingError, nearest, quoted
@@ -15,14 +17,14 @@ FOLDER, SUFFIX = Path(__file__).parents[2] / "configs", ".toml"
 
 @dataclasses.dataclass(frozen=True)
 class Listed:
-    """What a configuration trains, for people.
+    """A description of a config for `jaxenstein list --configs`.
 
     Attributes:
-        name: what `--config` takes.
-        environment: its id, or "a map".
+        name: the name that `--config` takes.
+        environment: id of the environment, or "a map".
         algo: the algorithm.
-        frame_skip: steps of the world in a decision.
-        decisions: of each run, over all its environments.
+        frame_skip: world steps per decision.
+        decisions: decisions of each run, over all its environments.
         about: one sentence.
     """
 
@@ -35,7 +37,7 @@ class Listed:
 
 
 def configs() -> dict[str, Path]:
-    """The files of the configurations by name, such as `room` or `figure3/simple`."""
+    """The files of the configs by name, such as `room` or `figure3/simple`."""
     files = sorted(FOLDER.rglob(f"*{SUFFIX}"), key=lambda file: (len(file.parts), file))
     return {file.relative_to(FOLDER).with_suffix("").as_posix(): file for file in files}
 
@@ -44,30 +46,34 @@ def find_config(given: str | PurePath, folder: Path = Path()) -> Path:
     """The file that `--config` names.
 
     Args:
-        given: a path, or else the name of a configuration of this package.
-        folder: what a path is relative to.
+        given: a path, or else the name of a config of this package.
+        folder: the folder that a relative path starts from.
 
     Raises:
-        SettingError: there is neither such a file nor such a configuration.
+        SettingError: there is neither such a file nor such a config.
     """
     path, known = folder / given, configs()
-    # Not `is_file`: a pipe can be read, too.
-    if path.exists() and not path.is_dir():
-        return path
+    try:
+        # Not `is_file`, since a pipe can be read, too.
+        if not stat.S_ISDIR(os.stat(path).st_mode):
+            return path
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        pass
+    except OSError:
+        return path  # The reader reports why it cannot be read.
     name = PurePath(given).as_posix()
     if name in known:
         return known[name]
     bare = PurePath(given).with_suffix("") if PurePath(given).suffix == SUFFIX else PurePath(given)
     near = nearest(bare.as_posix(), known) or nearest(bare.name, known)
     raise SettingError(
-        f"cannot read {path}: no such file, and this package has no configuration "
-        f"{quoted(name)}{near}; "
-        "'jaxenstein list --configs' names them"
+        f"cannot read {path}: no such file, and this package has no config "
+        f"{quoted(name)}{near}; 'jaxenstein list --configs' shows all configs"
     )
 
 
 def listed() -> list[Listed]:
-    """The configurations of this package, in the order of `configs`."""
+    """The configs of this package, in the order of `configs`."""
     return [_listed(name, file) for name, file in configs().items()]
 
 

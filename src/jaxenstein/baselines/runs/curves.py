@@ -1,8 +1,9 @@
-"""Bands of means over runs, and plots of learning curves."""
+"""Learning curves with confidence bands, and their plots."""
 
 from __future__ import annotations
 
 import dataclasses
+import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import SettingError, nearest, quoted
+from ...errors import SettingError, nearest, one_line, quoted
 from ...files import atomic, check_writable
 from ...intervals import LEVEL, RESAMPLES
 from ..divergence import METRIC
@@ -30,17 +31,17 @@ POINTS = 50
 def band(curves: np.ndarray, *, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean over runs of curves[runs, points], with a 95 % band from resampling whole runs.
 
-    Missing values are NaN, and are left out of the mean of their point. A point without any value
-    is NaN in all three results.
+    NaN marks missing values, which do not count in the mean of their point. At a point without
+    values, all three results are NaN.
 
     Returns:
-        Mean, lower and upper end, float64[points] each.
+        Mean, lower and upper end of the band, float64[points] each.
     """
     rng = np.random.default_rng(seed)
     runs = len(curves)
     there = ~np.isnan(curves)
     values = np.where(there, curves, 0.0)
-    # How often each run is taken, instead of the runs themselves: two matrix products.
+    # Resample the number of times that each run is drawn: this takes only two matrix products.
     counts = rng.multinomial(runs, np.full(runs, 1 / runs), size=RESAMPLES).astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = values.sum(0) / there.sum(0)
@@ -57,12 +58,13 @@ class Curve:
     """A line of a plot.
 
     Attributes:
-        label: for the legend.
-        at: float64[points], on the horizontal axis: decisions of each run, or minutes of all runs.
+        label: label in the legend.
+        at: float64[points], positions on the horizontal axis: decisions of each run, or minutes of
+            all runs together.
         values: float64[runs, points]; NaN where no episode ended.
-        over: what the horizontal axis counts: "decisions", "minutes", or the "steps" of a file
-            that another program wrote.
-        diverged: how many of the runs did; from there on they have no values.
+        over: label of the horizontal axis: "decisions", "minutes", or "steps" in a file of another
+            program.
+        diverged: number of runs that diverged; after that they have no values.
     """
 
     label: str
@@ -79,26 +81,27 @@ def curves_of(
     over: Over = "decisions",
     steps: Sequence[str] = (),
 ) -> list[Curve]:
-    """The curves of a run directory, one for each point of its grid, or that of other metrics.
+    """The curves of a run directory, one for each point of its grid, or of other metrics.
 
     Args:
-        path: a run directory, or what `jaxenstein.baselines.runs.foreign.read_foreign` reads.
-        metric: a column of its metrics, or several names, of which the first that there is counts.
-            Values of `return`, `length` and `success` are means over the episodes that ended, those
-            of others and of files without these sums are means over rows.
-        points: the largest number of points; each pools as many different places on the horizontal
-            axis. There are fewer where a run would have none between its first and last.
-        over: the horizontal axis: decisions, which are steps of the world over the frame skip, or
-            minutes of training with compilation.
-        steps: names of the column of steps in metrics of other programs.
+        path: a run directory, or metrics that `jaxenstein.baselines.runs.foreign.read_foreign`
+            reads.
+        metric: a metric, or several names, of which the first existing one is used. `return`,
+            `length` and `success` are means over the episodes that ended; other metrics, and files
+            without the sums over episodes, give means over rows.
+        points: the maximum number of points. Each pools equally many positions on the horizontal
+            axis. There are fewer points if a run would otherwise have gaps.
+        over: the horizontal axis: decisions (world steps divided by the frame skip), or minutes of
+            training, including compilation.
+        steps: names of the step column in metrics of other programs.
 
     Raises:
         SettingError: there are no metrics, or no such column.
     """
     path, names = Path(path), [metric] if isinstance(metric, str) else list(metric)
-    if path.name == METRICS and (path.parent / CONFIG).exists():
+    if path.name == METRICS and os.path.exists(path.parent / CONFIG):
         path = path.parent
-    if not (path / CONFIG).exists() and is_foreign(path):
+    if not os.path.exists(path / CONFIG) and is_foreign(path):
         found = read_foreign(path, names, steps, over)
         along = "steps" if over == "decisions" else over
         return [
@@ -141,13 +144,13 @@ def _diverged(runs: Sequence[Sequence[Row]]) -> int:
 def _pooled_runs(
     runs: Sequence[Sequence[Row]], metric: str, points: int, at: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The places of the points on the horizontal axis, and float64[runs, points].
+    """The positions of the points on the horizontal axis, and values float64[runs, points].
 
     Args:
-        runs: the rows of each.
+        runs: the rows of each run.
         metric: a column.
-        points: the largest number of points.
-        at: the places of the rows of each run, in ascending order.
+        points: the maximum number of points.
+        at: the positions of the rows of each run, in ascending order.
     """
     ends = _ends(at, points)
     parts = [np.searchsorted(ends, of_run) for of_run in at]
@@ -161,7 +164,7 @@ def _pooled_runs(
 
 
 def _ends(at: Sequence[np.ndarray], points: int) -> np.ndarray:
-    """The last place of each point, as many that no run has a gap; float64[points]."""
+    """The last position of each point, float64[points]; as many points as leave no run a gap."""
     places = np.unique(np.concatenate(at))
     for count in range(min(points, len(places)), 1, -1):
         ends = np.array([part[-1] for part in np.array_split(places, count)])
@@ -186,7 +189,7 @@ def check_picture(path: Path) -> None:
     """Check early whether a plot can be written.
 
     Raises:
-        SettingError: the suffix is another one, or matplotlib is missing.
+        SettingError: the suffix is wrong, or matplotlib is missing.
         OutputError: the folder is missing or cannot be written to.
     """
     if path.suffix.lower() not in SUFFIXES:
@@ -201,13 +204,13 @@ def save_plot(
     """Plot curves with their bands into files.
 
     Args:
-        curves: at least one.
-        paths: files to write: .png or .svg.
-        metric: for the vertical axis.
-        title: above the plot.
+        curves: at least one curve.
+        paths: files to write, .png or .svg.
+        metric: the metric, for the label of the vertical axis.
+        title: title of the plot.
 
     Raises:
-        SettingError: a suffix is another one, or matplotlib is missing.
+        SettingError: a suffix is wrong, or matplotlib is missing.
         OutputError: a file cannot be written.
     """
     for path in paths:
@@ -223,7 +226,7 @@ def save_figure(figure: Figure, paths: Sequence[Path]) -> None:
     """
     for path in paths:
         suffix = path.suffix.lower()[1:]
-        # Without a date and with fixed ids, equal plots are equal files.
+        # No date and fixed ids, so that equal plots give equal files.
         metadata = {"Date": None} if suffix == "svg" else {"Software": None}
         with _matplotlib().rc_context({"svg.hashsalt": "jaxenstein"}), atomic(path) as temporary:
             figure.savefig(temporary, format=suffix, dpi=150, metadata=metadata)
@@ -240,18 +243,20 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
         many = [f"{runs} runs"] * (runs > 1)
         many += [f"{curve.diverged} diverged" if runs > 1 else "diverged"] * bool(curve.diverged)
         count = f" ({', '.join(many)})" if many else ""
-        # A lone point would not be seen as a line.
+        # A line through a single point would be invisible.
         marker = "o" if np.sum(there) == 1 else ""
         at = curve.at[there]
-        (line,) = axes.plot(at, mean[there], marker=marker, label=f"{curve.label}{count}")
+        (line,) = axes.plot(
+            at, mean[there], marker=marker, label=in_figure(f"{curve.label}{count}")
+        )
         if runs > 1:
             colour = line.get_color()
             axes.fill_between(at, low[there], high[there], color=colour, alpha=0.2, lw=0)
-    # Steps of others stand beside decisions where a run is drawn.
+    # Beside a run, steps of other programs count as decisions.
     counted = {curve.over for curve in curves}
     axes.set_xlabel(min(counted))
-    axes.set_ylabel(AXES.get(metric, metric.replace("_", " ")))
-    axes.set_title(title)
+    axes.set_ylabel(in_figure(AXES.get(metric, metric.replace("_", " "))))
+    axes.set_title(in_figure(title))
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False)
@@ -260,8 +265,14 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
     return figure
 
 
+def in_figure(text: str) -> str:
+    """A text as matplotlib draws it: formulas stand between its dollars, and "_" hides a label."""
+    text = one_line(text).replace("$", r"\$")
+    return f" {text}" if text.startswith("_") else text
+
+
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of so many inches."""
+    """An empty figure; width and height in inches."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return _matplotlib().figure.Figure(figsize=(width, height), layout="constrained")

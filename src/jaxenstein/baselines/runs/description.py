@@ -1,4 +1,4 @@
-"""What a trained network computes, in words and numbers that do without this package."""
+"""Describes the computation of a trained network, for programs without this package."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from ..observations import Part
 
 KINDS = {
     "convolution": (
-        "relu of the sum of kernel * window, plus bias; windows of the image [height, width, "
-        "channels] every `stride` pixels, none beyond the rim; kernel [rows, columns, channels, "
-        "features]"
+        "relu(sum(kernel * window) + bias); windows of the image [height, width, channels] every "
+        "`stride` pixels, without padding; kernel [rows, columns, channels, features]"
     ),
-    "dense": "activation(x @ kernel + bias); x: what it is of, flattened (the last axis runs "
-    "fastest) and joined in order",
+    "dense": "activation(x @ kernel + bias); x: the layers in `of`, flattened (last axis fastest) "
+    "and concatenated in order",
     "gru": (
         "xr, xz, xn = three equal parts of x @ input_kernel + input_bias; "
         "hr, hz, hn = three equal parts of h @ recurrent_kernel; "
         "r = sigmoid(xr + hr); z = sigmoid(xz + hz); n = tanh(xn + r * (hn + candidate_bias)); "
-        "the result and the next h = (1 - z) * n + z * h; h is zeros at the start of an episode"
+        "the result is the next h = (1 - z) * n + z * h; h is zero at the start of an episode; "
+        "x: the layers in `of`, concatenated in order"
     ),
-    "persistence": "what it is of first, plus weights * what it is of second",
+    "persistence": "the first layer in `of`, plus weights * the second",
 }
 """The kinds of layers, as formulas."""
 
@@ -33,7 +33,7 @@ _FORMULAS = {
     "bounds": "(x - {low:g}) / {size:g}",
     "log": "sign(x) * log(1 + abs(x))",
     "distance": "1 / (1 + max(x, 0))",
-    "bits": "the eight bits of x as channels, the lowest first",
+    "bits": "the eight bits of x as channels, lowest bit first",
 }
 
 
@@ -41,19 +41,19 @@ def described(learner: Learner) -> dict[str, Any]:
     """The network of a learner as plain JSON values, layer by layer.
 
     Returns:
-        A dictionary of
+        A dictionary with
 
         - `actions`: the names of the actions, in the order of the logits;
-        - `dtype`: of the computation; arrays are of the file's `weights`;
+        - `dtype`: dtype of the computation; the arrays in the file have the dtype `weights`;
         - `recurrent`: whether h is kept between the steps of an episode; if not, every step is
-          computed as the first one of an episode;
-        - `inputs`: dictionaries with `name`, the `observation` that it is made of (its place in
-          a tree, "" for the whole observation), the `formula` and the shape that it `gives`;
-        - `layers`, in the order of the computation: dictionaries with `name`, `kind`, `of` (names
-          of inputs and layers), the shape that it `gives`, its numbers, and `arrays`: what each
-          array is, and its name in the .npz file;
+          computed like the first step of an episode;
+        - `inputs`: a dictionary for each input with its `name`, its path in the `observation` (""
+          for the whole observation), its `formula`, and its shape (`gives`);
+        - `layers`: a dictionary for each layer, in the order of computation, with its `name`,
+          `kind`, inputs (`of`: names of inputs and layers), output shape (`gives`), sizes, and
+          `arrays`: the name of each array in the .npz file;
         - `kinds`: a formula for each kind of layer;
-        - `policy` and `value`: the layers whose results are the logits and the values.
+        - `policy` and `value`: the layers whose outputs are the logits and the values.
     """
     config = learner.config
     convolutions, images = _convolutions(learner)
@@ -99,7 +99,7 @@ def described(learner: Learner) -> dict[str, Any]:
 
 
 def _inputs(learner: Learner) -> list[dict[str, Any]]:
-    """The parts of an observation as the network takes them, and the action before."""
+    """The parts of an observation as network inputs, and the previous action."""
     shapes = jax.eval_shape(learner.env.reset, jax.random.key(0), learner.env_params)[0]
     paths = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(shapes)]
     found, images, vectors = [], iter(range(len(paths))), iter(range(len(paths)))
@@ -117,7 +117,7 @@ def _inputs(learner: Learner) -> list[dict[str, Any]]:
             }
         )
     actions = learner.simulator.num_actions
-    formula = "1 at the number of the last action, else 0; zeros at the start of an episode"
+    formula = "one-hot vector of the last action; zeros at the start of an episode"
     return [*found, {"name": "previous_action", "formula": formula, "gives": [actions]}]
 
 

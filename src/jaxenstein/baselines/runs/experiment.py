@@ -1,4 +1,4 @@
-"""What a run directory trains: environment, static settings, numbers, seeds, and a grid."""
+"""Experiments: an environment, static settings, hyperparameters, seeds, and a grid."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..learner import Learner
 from ..state import IMPLEMENTATION
 
 FORMAT = 1
-# The most seeds of one experiment, which are trained in parallel; more would fill the memory.
+# The maximum number of seeds. All are trained in parallel; more would fill the memory.
 MOST_SEEDS = 100_000
 RecipeName = Literal["paper", "tuned"]
 NetworkName = Literal["paper", "small", "tiny"]
@@ -28,17 +28,17 @@ NetworkName = Literal["paper", "small", "tiny"]
 
 @dataclasses.dataclass(frozen=True)
 class Experiment:
-    """Runs that one compiled program trains in parallel.
+    """A set of runs that one compiled program trains in parallel.
 
     Attributes:
-        environment: how the environment and its params are built.
+        environment: spec of the environment and its params.
         config: the static settings.
-        hparams: the numbers, by name; None where a number is left to the environment.
-        seeds: one run for each, at every point of the grid.
-        grid: (name, values) of the numbers that differ between runs.
-        recipe: the default of an option that is not given: paper, or tuned, which learns faster.
-        network: its sizes if not given: paper: 256 units; small and tiny: 64, with small
-            convolutions and with one layer of patches; recipe tuned has tiny.
+        hparams: the hyperparameters by name; None leaves a value to the environment.
+        seeds: every point of the grid has one run for each seed.
+        grid: (name, values) of the hyperparameters that differ between runs.
+        recipe: a set of defaults: paper, or tuned, which learns faster.
+        network: default sizes of the network: paper: 256 units; small: 64 units and small
+            convolutions; tiny: 64 units and one layer of patches; recipe tuned uses tiny.
     """
 
     environment: Spec
@@ -55,7 +55,7 @@ class Experiment:
 
     @property
     def runs(self) -> tuple[dict[str, float | int], ...]:
-        """The differences between runs: each one's numbers of the grid, and its `seed`."""
+        """The values in which runs differ: their point of the grid, and their `seed`."""
         names = [name for name, _ in self.grid]
         points = itertools.product(*(values for _, values in self.grid))
         return tuple(
@@ -69,17 +69,17 @@ class Experiment:
         """The training loop, with a new environment.
 
         Raises:
-            JAXensteinError: the environment cannot be built, or does not fit the config.
+            JAXensteinError: the environment cannot be built, or does not suit the config.
         """
         return Learner(*self.environment.build(), self.config)
 
     def keys(self) -> jax.Array:
-        """A typed random key for each run: that of its seed."""
+        """A typed random key for each run, from its seed."""
         keys = {seed: jax.random.key(seed, impl=IMPLEMENTATION) for seed in self.seeds}
         return jnp.stack([keys[int(run["seed"])] for run in self.runs])
 
     def numbers(self) -> HParams:
-        """The numbers of all runs: those of the grid as float32[runs], the others as they are."""
+        """The hyperparameters of all runs: those of the grid are float32[runs], others scalars."""
         varied = {
             name: jnp.asarray([run[name] for run in self.runs], jnp.float32)
             for name, _ in self.grid
@@ -87,7 +87,7 @@ class Experiment:
         return HParams.of(self.config.algo, {**self.hparams, **varied})
 
     def to_json(self) -> dict[str, Any]:
-        """As plain JSON values, which `from_json` reads."""
+        """Convert to plain JSON values for `from_json`."""
         plain = {
             "format": FORMAT,
             "environment": self.environment.to_json(),
@@ -101,10 +101,10 @@ class Experiment:
 
     @classmethod
     def from_json(cls, plain: Any) -> Experiment:
-        """What `to_json` wrote.
+        """Make an experiment from the result of `to_json`.
 
         Raises:
-            SettingError: it is something else, or of another version of this package.
+            SettingError: `plain` is something else, or from another version of this package.
         """
         try:
             if plain["format"] != FORMAT or not is_whole(plain["format"]):
@@ -114,14 +114,14 @@ class Experiment:
             environment = Spec(
                 place["id"], place["version"], _tuples(place["settings"]), _tuples(place["params"])
             )
-            # Runs without this option continue after a divergence.
+            # Runs saved without this option continue after a divergence.
             config = Config.of({"on_divergence": "continue", **_tuples(plain["config"])})
             grid = tuple((name, tuple(values)) for name, values in plain["grid"].items())
             hparams = HParams.of(config.algo, plain["hparams"]).flat()
             seeds = tuple(plain["seeds"])
             return cls(environment, config, hparams, seeds, grid, **plain["presets"])
         except (KeyError, TypeError, AttributeError) as error:
-            raise SettingError(f"not the configuration of a run: {quoted(error)}") from error
+            raise SettingError(f"not the config of a run: {quoted(error)}") from error
 
     def differences(self, other: Experiment) -> list[str]:
         """The fields in which two experiments differ, each with both values."""
@@ -134,7 +134,7 @@ class Experiment:
 
 
 def check_seeds(first: int, count: int) -> tuple[int, ...]:
-    """`count` seeds from `first` on; a `SettingError` unless all are from 0 to 2**32 - 1."""
+    """Return `count` seeds from `first`; a `SettingError` unless all are from 0 to 2**32 - 1."""
     count = check_whole("seeds", count, 1, MOST_SEEDS)
     first = check_whole("seed", first, 0, 2**32 - count)
     return tuple(range(first, first + count))
@@ -160,6 +160,6 @@ def _shown(value: Any) -> str:
 
 
 def exact(value: float | int) -> str:
-    """A number as short as it can be written without becoming another one."""
+    """The shortest exact text of a number."""
     short = f"{value:g}"
     return short if float(short) == value else repr(value)

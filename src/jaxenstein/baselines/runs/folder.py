@@ -1,8 +1,8 @@
 """Run directories: everything about an experiment in one folder.
 
-RUN/config.json     every option with its value, and the versions of packages
+RUN/config.json     the value of every option, and package versions
 RUN/metrics.jsonl   a row for each update and run
-RUN/timing.jsonl    seconds and steps per second, which no two runs share
+RUN/timing.jsonl    seconds and steps per second, apart since they never repeat
 RUN/checkpoints/    the last two states
 """
 
@@ -37,7 +37,7 @@ CONFIG, CHECKPOINTS, LOCK = "config.json", "checkpoints", ".lock"
 
 
 class _Networks(PyTreeNode):
-    """The part of a `TrainState` that playing needs, under the same names."""
+    """The fields of a `TrainState` that an agent needs to act."""
 
     update: Any
     params: Any
@@ -45,34 +45,34 @@ class _Networks(PyTreeNode):
 
 
 class RunFolder:
-    """A run directory; see the module.
+    """A run directory; the docstring of this module lists its files.
 
     Attributes:
-        path: of the folder.
-        experiment: what is trained in it.
+        path: path of the folder.
+        experiment: the experiment.
         checkpoints: its checkpoints.
-        made_with: the `versions` in a folder that was opened.
+        made_with: the `versions` that an existing run was started with.
     """
 
     def __init__(self, path: Path, experiment: Experiment) -> None:
-        """Take a folder that has been made; see `create` and `open`."""
+        """Use an existing folder; call `create` or `open` instead."""
         self.path = path
         self.experiment = experiment
         self.checkpoints = Checkpoints(path / CHECKPOINTS)
         self.made_with: dict[str, Any] = {}
         self._held = False
-        # Paths that this object has created; removed if the training never starts.
+        # Paths created here, removed again if training never starts.
         self._made: list[Path] = []
 
     @classmethod
     def create(cls, path: str | Path, experiment: Experiment) -> RunFolder:
-        """Create a run directory, with its configuration.
+        """Create a run directory, and write its config.
 
-        If several processes do so at the same moment, one succeeds.
+        If several processes try at the same time, one succeeds.
 
         Raises:
-            SettingError: there is a run in that folder, or a link leads out of it.
-            OutputError: it cannot be written.
+            SettingError: the folder already has a run, or a link leads out of it.
+            OutputError: the folder cannot be written to.
         """
         folder = cls(Path(path), experiment)
         folder._refuse_a_run()
@@ -95,16 +95,15 @@ class RunFolder:
     def _refuse_a_run(self) -> None:
         if os.path.lexists(self.path / CONFIG):
             raise SettingError(
-                f"there is a run in {self.path} already: --resume goes on with it, or choose "
-                "another folder"
+                f"{self.path} already has a run: --resume continues it, or choose another folder"
             )
 
     @classmethod
     def open(cls, path: str | Path) -> RunFolder:
-        """Open a run directory that exists.
+        """Open an existing run directory.
 
         Raises:
-            SettingError: there is no run, or its configuration cannot be read.
+            SettingError: there is no run, or its config cannot be read.
         """
         path = Path(path)
         file = path / CONFIG
@@ -129,8 +128,8 @@ class RunFolder:
         """Open the run directory of an experiment, or create it.
 
         Raises:
-            SettingError: there is a run of another experiment.
-            OutputError: it cannot be written.
+            SettingError: the folder has a run of another experiment.
+            OutputError: the folder cannot be written to.
         """
         if not os.path.lexists(Path(path) / CONFIG):
             return cls.create(path, experiment)
@@ -139,26 +138,24 @@ class RunFolder:
         return folder
 
     def check_same(self, experiment: Experiment) -> None:
-        """Make sure that `experiment` is the one of this folder.
+        """Check that `experiment` is the experiment of this folder.
 
         Raises:
-            SettingError: it is another one; the fields that differ are named.
+            SettingError: it is not; the message names the fields that differ.
         """
         differing = experiment.differences(self.experiment)
         if differing:
-            raise SettingError(
-                f"the run in {self.path} has another configuration: {'; '.join(differing)}"
-            )
+            raise SettingError(f"the run in {self.path} has another config: {'; '.join(differing)}")
 
     def go_on_as(self, experiment: Experiment) -> None:
-        """Make sure that `experiment` is the one of this folder, or the same with more steps.
+        """Check that `experiment` is the experiment of this folder, perhaps with more steps.
 
-        More steps are written into the configuration. They do not change what has been trained,
-        since nothing depends on their total without `anneal`.
+        A larger number of steps is written into the config. It needs `anneal=False`: the updates so
+        far then do not depend on the total.
 
         Raises:
-            SettingError: it is another one; the fields that differ are named.
-            OutputError: the configuration cannot be written.
+            SettingError: other fields differ, which the message names, or the steps cannot change.
+            OutputError: the config cannot be written.
         """
         steps = experiment.config.total_steps
         before = self.experiment.config
@@ -168,13 +165,13 @@ class RunFolder:
             return
         if before.anneal or steps < before.total_steps:
             why = (
-                "its learning rate falls to zero over them"
+                "its learning rate is annealed over total_steps"
                 if before.anneal
-                else f"it has {before.total_steps:,} already"
+                else f"its total_steps is already {before.total_steps:,}"
             )
             raise SettingError(
-                f"the run in {self.path} cannot go on to {steps:,} steps: {why}; train anew in "
-                "another folder"
+                f"the run in {self.path} cannot continue to {steps:,} steps: {why}; start a new "
+                "run in another folder"
             )
         with self.locked():
             self._write_down(experiment)
@@ -182,10 +179,10 @@ class RunFolder:
         vars(self).pop("template", None)
 
     def restore(self) -> Restored | None:
-        """The newest complete checkpoint, a state with a leading axis of runs, or None.
+        """The newest complete checkpoint, a state with a leading axis of runs; None without one.
 
         Raises:
-            CheckpointError: there are some, but none can be read.
+            CheckpointError: there are checkpoints, but none can be read.
         """
         return self.checkpoints.restore(self.template)
 
@@ -193,7 +190,7 @@ class RunFolder:
         """The networks of the newest checkpoint.
 
         Returns:
-            Its update, the parameters, [runs, ...], and the diverged runs by number.
+            The update, the parameters [runs, ...], and the diverged runs by number.
 
         Raises:
             SettingError: there is no checkpoint, or none can be read.
@@ -218,14 +215,14 @@ class RunFolder:
 
     @functools.cached_property
     def template(self) -> TrainState:
-        """Shapes and dtypes of the state of all runs."""
+        """The shapes and dtypes of the state of all runs."""
         return jax.eval_shape(self.experiment.learner.many.init, self.experiment.keys())
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes from writing in this folder.
+        """Keep other processes from writing to this folder.
 
-        A new run directory is removed again if the block fails before its first checkpoint.
+        If the block fails before its first checkpoint, a new run directory is removed again.
 
         Raises:
             SettingError: another process has the lock, or a link leads out of the folder.
@@ -251,22 +248,22 @@ class RunFolder:
                 self._held = False
 
     def _discard(self) -> None:
-        """Remove the files of a training that never started, and no others."""
+        """Remove the files of a training that never started, and nothing else."""
         ours = [self.path / name for name in (CHECKPOINTS, LOCK)]
         for path in (*ours, *self._made):
             with contextlib.suppress(OSError):
-                path.rmdir() if path.is_dir() else path.unlink()
+                path.rmdir() if os.path.isdir(path) else path.unlink()
 
 
 def _no_run(path: Path) -> str:
-    """Why there is no run in a path, and where there is one."""
-    if path.is_file():
+    """The message that a path has no run; it names runs below the path."""
+    if os.path.isfile(path):
         return f"{path} is a file, not a run directory"
     below = sorted(place.parent.name for place in path.glob(f"*/{CONFIG}"))
     if below:
         shown = ", ".join(str(path / name) for name in below[:5])
         more = f" and {len(below) - 5} more" if len(below) > 5 else ""
-        return f"there is no run in {path} itself, but in {shown}{more}"
+        return f"there is no run in {path} itself; there are runs in {shown}{more}"
     return f"there is no run in {path}: it has no {CONFIG}"
 
 
@@ -275,28 +272,28 @@ def _take(file: IO[str]) -> bool:
     try:
         import fcntl
     except ImportError:
-        # Elsewhere there is no such lock.
+        # Windows has no such lock.
         return True
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         return False
-    # A lock file that another process has removed in the meantime locks nothing.
+    # If another process has removed the file in the meantime, it locks nothing.
     return os.fstat(file.fileno()).st_nlink > 0
 
 
 def checked(experiment: Experiment) -> Experiment:
-    """Check the experiment of a file, which anybody may have edited.
+    """Check an experiment from a file, which a user may have edited.
 
     Raises:
-        JAXensteinError: it has an entry that `resolve` would not make.
+        JAXensteinError: it has a value that `resolve` would not produce.
     """
     check_grid(dict(experiment.grid), experiment.config.algo)
     experiment.numbers()
     if not experiment.seeds or not all(map(is_whole, experiment.seeds)):
         raise SettingError(f"'seeds' must be whole numbers, not {quoted(list(experiment.seeds))}")
     if check_seeds(experiment.seeds[0], len(experiment.seeds)) != experiment.seeds:
-        raise SettingError(f"'seeds' must follow each other, not {quoted(list(experiment.seeds))}")
+        raise SettingError(f"'seeds' must be consecutive, not {quoted(list(experiment.seeds))}")
     env, _ = experiment.environment.try_out()
     if env.version != experiment.environment.version:
         warnings.warn(of_another_version(experiment, env.version), stacklevel=3)
@@ -304,11 +301,11 @@ def checked(experiment: Experiment) -> Experiment:
 
 
 def of_another_version(experiment: Experiment, now: int) -> str:
-    """The message that an experiment's environment is now of another version, with other rules."""
+    """The message that the environment of an experiment has changed its version."""
     place = experiment.environment
     return (
-        f"it was trained on version {place.version} of {place.id or 'its map'}, which is version "
-        f"{now} now: its rules have changed (CHANGELOG.md)"
+        f"it was trained on version {place.version} of {place.id or 'its map'}, which is now "
+        f"version {now} with other rules (see CHANGELOG.md)"
     )
 
 
@@ -320,7 +317,7 @@ def run_names(experiment: Experiment) -> list[str]:
 
 
 def versions() -> dict[str, str]:
-    """The versions that a run depends on; with others its bits may differ."""
+    """The versions that a run depends on; other versions may change its bits."""
     return {
         "jaxenstein": __version__,
         "jax": jax.__version__,

@@ -1,10 +1,10 @@
-"""Metrics that other programs wrote: JSON lines, and the event files of TensorBoard."""
+"""Reads metrics of other programs: JSON Lines and TensorBoard event files."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -12,12 +12,12 @@ from typing import Any, Literal
 import numpy as np
 
 from ...errors import SettingError, nearest, one_line
-from ...files import reason_of
-from .metrics import EPISODE_MEANS, METRICS, Row
+from ...files import read_text, reason_of
+from .metrics import EPISODE_MEANS, LONGEST, METRICS, Row, is_real
 
 Over = Literal["decisions", "minutes"]
 EVENTS = "*tfevents*"
-# Names of the columns that say where a row is, the likeliest first. `a/b` is a column `b`, too.
+# Names of step columns, in the order in which they are tried. `a/b` also matches `b`.
 STEPS = (
     "step", "steps", "global_step", "env_step", "env_steps", "timestep", "timesteps", "total_steps",
     "total_timesteps", "num_timesteps", "_step", "iteration", "update",
@@ -28,13 +28,13 @@ SEED = "seed"
 
 @dataclasses.dataclass(frozen=True)
 class Foreign:
-    """Runs of the same thing with several seeds.
+    """One or more runs of an experiment.
 
     Attributes:
-        label: for a legend.
+        label: label in the legend.
         metric: the column that was found.
-        runs: rows of each run in the order of their places, all with that column.
-        at: float64[rows] of each run, the places: steps or minutes.
+        runs: the rows of each run that have the column, ordered by position.
+        at: the positions of the rows of each run, float64[rows]: steps or minutes.
     """
 
     label: str
@@ -44,34 +44,35 @@ class Foreign:
 
 
 def is_foreign(path: Path) -> bool:
-    """Whether it is a file, or a folder with metrics of another program."""
-    return path.is_file() or (path / METRICS).is_file() or bool(_event_folders(path))
+    """Whether a path is a file, or a folder with metrics of another program."""
+    return any(map(os.path.isfile, (path, path / METRICS))) or bool(_event_folders(path))
 
 
 def read_foreign(
     path: Path, metrics: Sequence[str], steps: Sequence[str] = (), over: Over = "decisions"
 ) -> Foreign:
-    """Read JSON lines, or the scalars of TensorBoard.
+    """Read JSON Lines, or TensorBoard scalars.
 
-    A line is an object with a column of steps, perhaps one named `seed`, and any others; a metric
-    that is null or not finite is missing at its step. In a folder of TensorBoard every folder with
-    event files is a run.
+    A line is an object with a step column, optionally a column `seed`, and metrics. A metric that
+    is null or not finite in float32 is missing at that step. In a TensorBoard folder, every folder
+    with event files is a run.
 
     Args:
-        path: a file, a folder with `metrics.jsonl`, or one with event files in it or below.
-        metrics: names of columns; the first that there is counts. A column `a/b` is also called
-            `b` if no other one is.
-        steps: the same of the column of steps; empty for `STEPS`.
-        over: steps, or minutes: of a column of `SECONDS`, or of TensorBoard's clock.
+        path: a file, a folder with `metrics.jsonl`, or a folder with event files at any depth.
+        metrics: names of the metric; the first existing column is used. `b` also matches a column
+            `a/b`, if only one column ends in `/b`.
+        steps: names of the step column; empty for `STEPS`.
+        over: the positions: steps ("decisions"), or minutes, from a column in `SECONDS` or from the
+            clock of TensorBoard.
 
     Raises:
-        SettingError: it cannot be read, or has no such column.
+        SettingError: the path cannot be read, or has no such column.
     """
-    file = path / METRICS if (path / METRICS).is_file() else path
-    if not file.is_file():
+    file = path / METRICS if os.path.isfile(path / METRICS) else path
+    if not os.path.isfile(file):
         return _read_events(path, metrics, over)
     rows = _read_lines(file)
-    columns = dict.fromkeys(name for row in rows for name, value in row.items() if _real(value))
+    columns = dict.fromkeys(name for row in rows for name, value in row.items() if is_real(value))
     metric = _pick(file, columns, metrics, "--metric")
     if over == "minutes":
         place, scale = _pick(file, columns, SECONDS, None, "of seconds"), 1 / 60
@@ -79,19 +80,19 @@ def read_foreign(
         place, scale = _pick(file, columns, steps or STEPS, "--step", "of steps"), 1
     by_seed: dict[str, list[tuple[float, Row]]] = {}
     for row in rows:
-        if metric in row and _real(row.get(place)):
+        if metric in row and is_real(row.get(place)):
             of_seed = by_seed.setdefault(json.dumps(row.get(SEED)), [])
             of_seed.append((row[place] * scale, _numbers(row, metric)))
     if not by_seed:
-        raise SettingError(f"{file} has no line with both {metric!r} and {place!r}")
+        raise SettingError(f"no line of {file} has both {metric!r} and {place!r}")
     name = file.absolute().parent.name if file.name == METRICS else file.stem
     return _foreign(name, metric, by_seed.values())
 
 
 def _read_lines(file: Path) -> list[dict[str, Any]]:
-    """The objects in the lines of a file; a last line may be incomplete."""
+    """Read the objects in the lines of a file; an incomplete last line is skipped."""
     try:
-        lines = file.read_text(encoding="utf-8").split("\n")
+        lines = read_text(file, LONGEST).split("\n")
     except (OSError, UnicodeDecodeError) as error:
         raise SettingError(f"cannot read {file}: {reason_of(error)}") from error
     rows = []
@@ -114,7 +115,7 @@ def _read_lines(file: Path) -> list[dict[str, Any]]:
 def _pick(
     file: Path, columns: Iterable[str], names: Iterable[str], flag: str | None, what: str = ""
 ) -> str:
-    """The column of the first of some names that there is."""
+    """The first of some names that is a column."""
     known, wanted = list(columns), list(names)
     for name in wanted:
         ends = [column for column in known if column.rpartition("/")[2] == name]
@@ -123,21 +124,14 @@ def _pick(
     asked = " or ".join(map(repr, wanted)) if not what or len(wanted) < 3 else what
     close = nearest(wanted[0], known) if flag == "--metric" else ""
     listed = ", ".join(known) or "no column of numbers"
-    hint = f"; name another with {flag} NAME" if flag else f"; its name would be {wanted[0]!r}"
+    hint = f"; choose one with {flag} NAME" if flag else f"; rename one to {wanted[0]!r}"
     raise SettingError(f"{file} has no column {asked}{close}; it has: {listed}{hint}")
 
 
 def _numbers(row: Mapping[str, Any], metric: str) -> Row:
-    """The columns that a curve of the metric is made of."""
+    """The columns that a curve of the metric needs."""
     names = (metric, "episodes", EPISODE_MEANS.get(metric, metric))
-    return {name: row[name] for name in names if _real(row.get(name))}
-
-
-def _real(value: Any) -> bool:
-    try:
-        return isinstance(value, int | float) and math.isfinite(value)
-    except OverflowError:
-        return False
+    return {name: row[name] for name in names if is_real(row.get(name))}
 
 
 def _foreign(label: str, metric: str, runs: Iterable[list[tuple[float, Row]]]) -> Foreign:
@@ -147,11 +141,13 @@ def _foreign(label: str, metric: str, runs: Iterable[list[tuple[float, Row]]]) -
 
 
 def _event_folders(path: Path) -> list[Path]:
-    return sorted({file.parent for file in path.rglob(EVENTS) if file.is_file()})
+    if not os.path.isdir(path):
+        return []
+    return sorted({file.parent for file in path.rglob(EVENTS) if os.path.isfile(file)})
 
 
 def _read_events(path: Path, metrics: Sequence[str], over: Over) -> Foreign:
-    """The scalars of a folder; a run is a folder in which there are event files."""
+    """Read TensorBoard scalars; each folder with event files is a run."""
     scalars = [_scalars(folder) for folder in _event_folders(path)]
     columns = dict.fromkeys(name for of_run in scalars for name in of_run)
     metric = _pick(path, columns, metrics, "--metric")
@@ -169,7 +165,7 @@ def _read_events(path: Path, metrics: Sequence[str], over: Over) -> Foreign:
 
 
 def _scalars(folder: Path) -> dict[str, list[tuple[float, int, float]]]:
-    """The clock, step and value of the scalars in the event files of a folder, by name."""
+    """The (clock, step, value) of all scalars in the event files of a folder, by name."""
     try:
         from tensorboard.backend.event_processing import (  # pyright: ignore[reportMissingImports]
             plugin_event_accumulator,
@@ -177,7 +173,7 @@ def _scalars(folder: Path) -> dict[str, list[tuple[float, int, float]]]:
         from tensorboard.util import tensor_util  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise SettingError(
-            f"{folder} has files of TensorBoard, which need tensorboard ({error}): "
+            f"{folder} has TensorBoard files, which need tensorboard ({error}): "
             "pip install tensorboard"
         ) from error
     events = plugin_event_accumulator.EventAccumulator(str(folder), size_guidance={"tensors": 0})
@@ -191,6 +187,6 @@ def _scalars(folder: Path) -> dict[str, list[tuple[float, int, float]]]:
             ]
             for tag in tags
         }
-    # Damaged files make the reader raise anything.
+    # On a damaged file, the reader can raise any error.
     except Exception as error:
         raise SettingError(f"cannot read {folder}: {one_line(str(error))[:200]}") from error

@@ -1,10 +1,10 @@
-"""The metrics of a run: rows of numbers, as JSON lines and sent to other tools, and its timing."""
+"""The metrics and the timing of a run, as JSON Lines and in other tools."""
 
 from __future__ import annotations
 
 import json
 import math
-import sys
+import os
 import time
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,13 +18,13 @@ from ...files import append, atomic, read_text, reason_of, writing
 from ..divergence import METRIC, Divergence
 
 METRICS, TIMING, WANDB_ID = "metrics.jsonl", "timing.jsonl", "wandb-id.txt"
-# The largest whole number in a row: a count or a seed.
-LARGEST = 2**63 - 1
-# The most characters of the rows of a run.
+# The largest integer in a row, a count or a seed, and the bound of all other numbers.
+LARGEST, BEYOND_FLOAT32 = 2**63 - 1, 2.0**128
+# The maximum number of characters in a file of rows.
 LONGEST = 2**30
-# Whole numbers that every row has.
+# Columns of integers that every row has.
 COUNTS = ("update", "steps", "episodes")
-# Means over episodes, and the sums from which they are computed.
+# Means over episodes, and the sums that they are computed from.
 EPISODE_MEANS = {"return": "return_sum", "length": "length_sum", "success": "successes"}
 Number = int | float | None
 Row = dict[str, Number]
@@ -33,18 +33,19 @@ Row = dict[str, Number]
 def rows_of(
     metrics: Mapping[str, Any], runs: Sequence[Mapping[str, Any]], first: int, steps: int
 ) -> list[Row]:
-    """The rows of a chunk, one for each update and run.
+    """The rows of a chunk, one per update and run.
 
     Args:
         metrics: arrays [runs, updates] by name.
-        runs: the grid's numbers and the seed of each run.
-        first: updates before the chunk.
-        steps: environment steps of an update.
+        runs: the grid point and the seed of each run.
+        first: number of updates before the chunk.
+        steps: environment steps per update.
 
     Returns:
-        By update, then by run: `update` from 1, `steps`, the run's numbers of the grid and its seed
-        (a number with the name of a metric, such as `entropy`, as `grid_entropy`), the mean return,
-        length and success rate of the episodes that ended (None if none did), and the metrics.
+        Rows ordered by update, then by run. A row has `update` (from 1), `steps`, the grid point
+        and seed of the run, the mean return, length and success rate of the episodes that ended
+        (None if none did), and the metrics. A grid number with the name of a metric, such as
+        `entropy`, is called `grid_entropy`.
     """
     arrays = {name: np.asarray(values) for name, values in metrics.items()}
     rows: list[Row] = []
@@ -59,7 +60,7 @@ def rows_of(
 
 
 def means(sums: Mapping[str, Number]) -> Row:
-    """Mean return, length and success rate of the episodes whose sums are given, None of no sum."""
+    """Mean return, length and success rate, from sums over episodes; None without episodes."""
     episodes = sums.get("episodes") or 0
     return {
         name: total / episodes if episodes and (total := sums[key]) is not None else None
@@ -68,7 +69,7 @@ def means(sums: Mapping[str, Number]) -> Row:
 
 
 def _plain(value: np.generic) -> Number:
-    """A Python number that is written as short as its precision allows."""
+    """The Python number with the shortest text that is exact in the precision of `value`."""
     if isinstance(value, np.floating):
         number = float(str(value))
         return number if math.isfinite(number) else None
@@ -76,7 +77,7 @@ def _plain(value: np.generic) -> Number:
 
 
 class Sink(Protocol):
-    """A receiver of metrics besides the run directory."""
+    """A receiver of metrics, in addition to the run directory."""
 
     def write(self, rows: Sequence[Row]) -> None:
         """Take the rows of a chunk."""
@@ -88,14 +89,14 @@ class Sink(Protocol):
 
 
 class MetricsFile:
-    """`metrics.jsonl` of a run directory, in which infinite numbers and NaN are null."""
+    """`metrics.jsonl` of a run directory; infinite numbers and NaN are written as null."""
 
     def __init__(self, folder: Path, rows: int = 0) -> None:
-        """Open the file to append after `rows` rows; later ones are cut off.
+        """Open the file to append after `rows` rows; later rows are cut off.
 
         Raises:
-            SettingError: it has fewer rows.
-            OutputError: it cannot be written.
+            SettingError: the file has fewer rows.
+            OutputError: the file cannot be written.
         """
         self._path = folder / METRICS
         with writing(self._path), self._path.open("a+b") as file:
@@ -103,31 +104,31 @@ class MetricsFile:
             for row in range(rows):
                 if not file.readline().endswith(b"\n"):
                     raise SettingError(
-                        f"{self._path} has {row} whole rows where the checkpoint needs {rows}; "
-                        "it is not the file that the run wrote"
+                        f"{self._path} has {row} complete rows, but the checkpoint needs {rows}; "
+                        "the file does not belong to this run"
                     )
             file.truncate(file.tell())
 
     def write(self, rows: Sequence[Row]) -> None:
-        """Append rows, and flush them to the disk; an `OutputError` if that fails."""
+        """Append rows and flush them to disk; an `OutputError` if that fails."""
         append(self._path, "".join(json.dumps(row) + "\n" for row in rows))
 
 
 def read_metrics(folder: Path) -> list[Row]:
-    """The rows of a run directory; an incomplete last line of an interrupted run is skipped.
+    """Read the rows of a run directory; an incomplete last line is skipped.
 
     Raises:
-        SettingError: there are none, or they cannot be read.
+        SettingError: the file is missing or cannot be read.
     """
     path = folder / METRICS
     try:
         lines = read_text(path, LONGEST).split("\n")[:-1]
         rows = [json.loads(line) for line in lines]
         if not all(isinstance(row, dict) and all(map(_is_number, row.values())) for row in rows):
-            raise ValueError("a row is no table of numbers")
+            raise ValueError("a row is not a table of numbers")
         for name in COUNTS:
             if not all(isinstance(row.get(name), int) for row in rows):
-                raise ValueError(f"the {quoted(name)} of a row is no whole number")
+                raise ValueError(f"{quoted(name)} in a row is not a whole number")
         return rows
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
@@ -136,9 +137,9 @@ def read_metrics(folder: Path) -> list[Row]:
 
 
 def rows_by_run(rows: Sequence[Row], runs: int) -> list[list[Row]]:
-    """The rows of each run, the same number for all.
+    """The rows of each run, equally many for all.
 
-    A training that was killed may have left its last update with rows of only some runs.
+    If training was killed, its last update may have rows of only some runs; these are left out.
     """
     whole = len(rows) // runs * runs
     return [list(rows[run:whole:runs]) for run in range(runs)]
@@ -154,16 +155,21 @@ def diverged_runs(rows: Sequence[Row], runs: int) -> dict[int, Divergence]:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether it is None or a number that a run may have written: no NaN, nothing huge."""
-    limit = LARGEST if isinstance(value, int) else sys.float_info.max
-    return value is None or (isinstance(value, int | float) and abs(value) <= limit)
+    """Whether a value is None or a number that a run can write: not NaN and not too large."""
+    whole = isinstance(value, int)
+    return value is None or (abs(value) <= LARGEST if whole else is_real(value))
+
+
+def is_real(value: Any) -> bool:
+    """Whether a value is a number that is finite in float32."""
+    return isinstance(value, int | float) and abs(value) < BEYOND_FLOAT32
 
 
 class Timing:
-    """`timing.jsonl` of a run directory: a file of its own, so that metrics repeat bit for bit."""
+    """`timing.jsonl` of a run directory; separate, so that metrics repeat bit for bit."""
 
     def __init__(self, folder: Path, steps: int, update: int) -> None:
-        """Start the clock at an update; `steps` are those of each update, over all runs.
+        """Start the clock at an update; `steps` is the number of steps per update, over all runs.
 
         Raises:
             OutputError: the file cannot be written.
@@ -171,13 +177,13 @@ class Timing:
         self._path, self._steps = folder / TIMING, steps
         self._update, self._start = update, time.monotonic()
         self._before = self._start
-        if self._path.exists():
-            # A writer that was stopped may have left a part of a row.
+        if os.path.exists(self._path):
+            # An interrupted writer may have left an incomplete row.
             with writing(self._path), self._path.open("r+b") as file:
                 file.truncate(file.read().rfind(b"\n") + 1)
 
     def write(self, update: int) -> None:
-        """Append the seconds since this process began, and the rate since the last row."""
+        """Append the seconds since the start, and the rate since the last row."""
         now = time.monotonic()
         rate = (update - self._update) * self._steps / max(now - self._before, 1e-9)
         row = {"update": update, "seconds": round(now - self._start, 3)}
@@ -186,9 +192,9 @@ class Timing:
 
 
 def read_seconds(folder: Path, updates: int) -> np.ndarray:
-    """float64[updates], the seconds of training until each update was done, compiling included.
+    """The seconds of training until the end of each update, float64[updates], with compilation.
 
-    A clock that is lower than in the row before starts a new session of the training.
+    A lower time than in the row before marks the start of a resumed session.
 
     Raises:
         SettingError: there are no rows, or they cannot be read.
@@ -200,7 +206,7 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
         before = total = 0.0
         for row in rows:
             now = float(row["seconds"])
-            if not math.isfinite(now):
+            if not is_real(now):
                 raise ValueError(f"{now} seconds")
             total += now - before if now >= before else now
             done[int(row["update"])], before = total, now
@@ -215,10 +221,10 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
 
 
 class TensorBoard:
-    """Scalars for TensorBoard, one of its runs for each of ours; needs only tensorboard."""
+    """Writes scalars for TensorBoard, with a TensorBoard run per run; needs only tensorboard."""
 
     def __init__(self, folder: Path, names: Sequence[str]) -> None:
-        """Open a writer for each run, named `names`.
+        """Open a writer for each run; `names` are their names.
 
         Raises:
             ImportError: neither tensorboard nor tensorboardX is installed.
@@ -231,7 +237,7 @@ class TensorBoard:
         self._writers = [Writer(str(folder / name)) for name in names]
 
     def write(self, rows: Sequence[Row]) -> None:
-        """Send every number of every row, at its environment step."""
+        """Write every number of every row at its environment step."""
         for number, row in enumerate(rows):
             writer = self._writers[number % len(self._writers)]
             for name, value in _scalars(row):
@@ -246,12 +252,12 @@ class TensorBoard:
 
 
 class WeightsAndBiases:
-    """Scalars for Weights & Biases: one of its runs, with the means over ours and each by name."""
+    """Sends scalars to one Weights & Biases run: means over runs, and each run by its name."""
 
     def __init__(
         self, folder: Path, names: Sequence[str], project: str, config: dict[str, Any]
     ) -> None:
-        """Begin or continue the run of a folder; a `SettingError` if wandb is not installed."""
+        """Start or continue the run of a folder; a `SettingError` if wandb is not installed."""
         try:
             import wandb  # type: ignore[import-not-found]
         except ImportError as error:
@@ -259,9 +265,9 @@ class WeightsAndBiases:
                 f"Weights & Biases is not installed ({error}): pip install wandb"
             ) from error
         self._names = list(names)
-        # Folders of several sweeps may have the same name.
+        # Folders of different sweeps may have the same name.
         kept = folder / WANDB_ID
-        if not kept.exists():
+        if not os.path.exists(kept):
             with atomic(kept) as temporary:
                 temporary.write_text(f"{folder.absolute().name}-{uuid.uuid4().hex[:8]}\n", "utf-8")
         self._run: Any = wandb.init(
@@ -274,7 +280,7 @@ class WeightsAndBiases:
         )
 
     def write(self, rows: Sequence[Row]) -> None:
-        """Send the rows of each update together, at its environment step.
+        """Send the rows of each update together, at their environment step.
 
         The means leave out diverged runs.
         """
@@ -303,7 +309,7 @@ def _scalars(row: Row) -> Iterable[tuple[str, float]]:
 
 
 def _averages(rows: Sequence[Row]) -> dict[str, float]:
-    """The mean over runs of every number that all of them have."""
+    """The mean over runs of every number that all runs have."""
     scalars = [dict(_scalars(row)) for row in rows]
     names = scalars[0] if scalars else ()
     shared = [name for name in names if all(name in row for row in scalars)]

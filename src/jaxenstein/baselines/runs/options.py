@@ -1,14 +1,15 @@
-"""The options of a training: their names and defaults, files of them, recipes, and grids.
+"""The options of a training: names, defaults, config files, recipes, and grids.
 
 The options are those of the environment, `recipe` and `network`, the fields of `Config` and
-`HParams`, those of every bonus, and a few that say how many runs there are. A file and the flags
-have the same names; flags win.
+`HParams`, the options of every bonus, and the number of runs. Files and flags use the same names;
+flags override files.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,17 +24,20 @@ from ..config import Algorithm, Config, HParams, algorithms
 from ..networks import PATCHES, SMALL
 from .experiment import Experiment, check_seeds
 
-# The size of images, which a run writes down.
+# The default size of images.
 SIZE = {"height": 64, "width": 64}
-# The most levels of lists and tables in a YAML file.
-DEEPEST = 20
-PRESETS, TRAINING, NUMBERS = "presets", "training", "numbers"
+# The maximum number of characters in a file, and the maximum depth of nested lists and tables.
+LONGEST, DEEPEST = 2**20, 20
+# Strings and comments of a TOML file, and a key with too many parts.
+_QUOTED = re.compile(
+    r'''"""(?:\\.|[^\\])*?"""|\'{3}.*?\'{3}|"(?:\\.|[^"\\\n])*"|'[^'\n]*'|\#[^\n]*''', re.DOTALL
+)
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
+PRESETS, TRAINING, NUMBERS = "presets", "training", "hyperparameters"
 RUNS = (
     Option("seed", "runs", Domain("whole", 0, 2**32 - 1), 0, "the first seed"),
     Option("seeds", "runs", Domain("whole", 1), 1, "parallel runs, each with its own seed"),
-    Option(
-        "grid", "runs", Domain("table"), None, "numbers that differ between runs, with their values"
-    ),
+    Option("grid", "runs", Domain("table"), None, "hyperparameters that differ between runs"),
 )
 NETWORKS: Mapping[str, Mapping[str, Any]] = {
     "paper": {},
@@ -46,8 +50,8 @@ _OWN_VALUES = {
     "bonus_advantage": 0.3,
     "entropy": 0.003,
 }
-# For each recipe the options that differ from the paper's: those of all algorithms, then those of
-# some. docs/training.md has the reason of each, and docs/ablations.md what was measured.
+# The defaults of each recipe that differ from the paper: for all algorithms ("*"), then for one.
+# docs/training.md gives the reasons, docs/ablations.md the measurements.
 RECIPES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "paper": {},
     "tuned": {
@@ -70,7 +74,7 @@ RECIPES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
             "bonus_learning_rate": 1e-4,
             "bonus_advantage": 0.3,
             "entropy": 0.003,
-            # With more contrast the policy stays where novelty lasts, with frame skip 3 and 1.
+            # With contrast 10 and frame skips 3 and 1, policies stay at lasting sources of novelty.
             "contrast": 0.0,
         },
         "icm": _OWN_VALUES,
@@ -93,7 +97,7 @@ def _options(rows: tuple[tuple[str, Algorithm], ...]) -> dict[str, Option]:
         found += options_of(row.options, TRAINING, row.settings)
         found += options_of(row.options, NUMBERS, row.numbers)
     options = environment_options() | {option.name: option for option in found}
-    # Its parts are options themselves.
+    # Its entries are options themselves.
     del options["bonus"]
     names = Domain("choice", choices=tuple(name for name, _ in rows))
     options["algo"] = dataclasses.replace(options["algo"], domain=names)
@@ -101,28 +105,35 @@ def _options(rows: tuple[tuple[str, Algorithm], ...]) -> dict[str, Option]:
 
 
 def read_file(path: Path) -> dict[str, Any]:
-    """The options of a TOML file, or of a YAML one where PyYAML is installed.
+    """Read the options of a TOML file, or of a YAML file if PyYAML is installed.
 
     Raises:
-        SettingError: it cannot be read, has another format, or has an unknown option.
+        SettingError: the file cannot be read, has another format, or has an unknown option.
     """
     try:
-        text = read_text(path)
+        text = read_text(path, LONGEST)
     except (OSError, UnicodeDecodeError) as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
     try:
-        given = _yaml(path, text) if path.suffix in (".yaml", ".yml") else tomllib.loads(text)
+        given = _yaml(path, text) if path.suffix in (".yaml", ".yml") else _toml(text)
     except SettingError:
         raise
     except (ValueError, RecursionError) as error:
         raise SettingError(f"{path} is not TOML: {error}") from error
     if not isinstance(given, dict):
-        raise SettingError(f"{path} must hold names with values")
+        raise SettingError(f"{path} must be a table of names with values")
     try:
         given = {str(name).replace("-", "_"): value for name, value in given.items()}
         return checked(given, all_options())
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None
+
+
+def _toml(text: str) -> Any:
+    # Reading takes the square of the parts of a key.
+    if _LONG_KEY.search(_QUOTED.sub("s", text)):
+        raise ValueError(f"a key has more than {DEEPEST} parts")
+    return tomllib.loads(text)
 
 
 def _yaml(path: Path, text: str) -> Any:
@@ -133,23 +144,23 @@ def _yaml(path: Path, text: str) -> Any:
             f"{path}: YAML needs PyYAML ({error}): pip install pyyaml, or write TOML"
         ) from error
     try:
-        # A few lines of aliases could stand for more values than there is memory.
+        # A few lines of aliases can expand to more values than fit into memory.
         depth = 0
         for event in yaml.parse(text):
             if isinstance(event, yaml.AliasEvent):
-                raise yaml.YAMLError("'*name' is not known here; write the value again")
+                raise yaml.YAMLError("aliases such as '*name' are not allowed; repeat the value")
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
-            # Reading takes the square of the depth.
+            # The time to parse grows with the square of the depth.
             if depth > DEEPEST:
-                raise yaml.YAMLError(f"more than {DEEPEST} lists and tables within each other")
+                raise yaml.YAMLError(f"lists and tables are nested more than {DEEPEST} deep")
         return yaml.safe_load(text) or {}
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingError(f"{path} is not YAML: {one_line(str(error))}") from error
 
 
 def defaults_of(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that a recipe and a network stand for, with both names among them.
+    """The options that a recipe and a network set, including their names.
 
     Args:
         given: checked options; only `recipe`, `network` and `algo` are read.
@@ -162,18 +173,18 @@ def defaults_of(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def resolve(given: Mapping[str, Any]) -> Experiment:
-    """The experiment of some options; those not given are the recipe's, or have their defaults.
+    """Make an experiment from options; others get the recipe's value or their default.
 
-    A number may be given or varied by the grid, not both.
+    A hyperparameter may be given or in the grid, not both.
 
     Raises:
-        JAXensteinError: an option is unknown or has a wrong value, or the environment and the
-            training do not fit.
+        JAXensteinError: an option is unknown or has a wrong value, or the config does not suit the
+            environment.
     """
     given = checked(given, all_options())
     for name in given.get("grid") or {}:
         if name.replace("-", "_") in given:
-            raise SettingError(f"{name} is given, and varied by the grid: leave one of them out")
+            raise SettingError(f"{name} is given and also in the grid: leave one of them out")
     given = {**defaults_of(given), **given}
     place = SIZE if "map" in given else {"env": "simple", **SIZE}
     environment = spec_from({**place, **given})
@@ -187,13 +198,13 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
         recipe=given["recipe"],
         network=given["network"],
     )
-    # Raise now if the network does not fit the image.
+    # Raise now if the network does not suit the image.
     experiment.learner  # noqa: B018
     return experiment
 
 
 def given_by(experiment: Experiment) -> dict[str, Any]:
-    """The options from which `resolve` makes an experiment."""
+    """The options from which `resolve` makes this experiment."""
     varied = dict(experiment.grid)
     given = {
         **environment_given_by(experiment.environment),
@@ -214,7 +225,7 @@ def _picked(given: Mapping[str, Any], group: str) -> dict[str, Any]:
 
 
 def check_grid(table: Mapping[str, Any], algo: str) -> tuple[tuple[str, tuple[float, ...]], ...]:
-    """The numbers of a grid with their values; a `SettingError` if the algorithm lacks one."""
+    """Check a grid; a `SettingError` if the algorithm lacks a hyperparameter."""
     check_names(table, HParams.of(algo, {}).flat(), "number in a grid:")
     grid = []
     for name, values in table.items():

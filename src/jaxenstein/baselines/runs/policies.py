@@ -1,4 +1,4 @@
-"""A trained agent that acts: as a pure function, as a policy of episodes, in many environments."""
+"""Trained agents that act: as pure functions, in episodes, or in many environments."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
 class TrainedPolicy:
     """A trained agent.
 
-    `apply` and `initial_carry` are the agent as a pure function, which `jaxenstein.evaluate` and
-    your own loops take. The agent itself is a policy of `jaxenstein.record`, and `batch` acts in
-    environments outside JAX.
+    `apply` and `initial_carry` are the agent as a pure function, for `jaxenstein.evaluate` and your
+    own loops. The agent itself is a policy for `jaxenstein.record`. `batch` acts in environments
+    outside JAX.
 
     Attributes:
-        env: the environment that it was trained in.
-        params: its params.
-        environment: how that environment is built.
-        name: of the agent, to show.
+        env: the environment that the agent was trained in.
+        params: the params of that environment.
+        environment: the spec of that environment.
+        name: name of the agent, for display.
         greedy: whether it takes the most likely action instead of sampling one.
     """
 
     def __init__(self, trained: Trained, run: int, greedy: bool) -> None:
-        """Take the networks and which of them acts; see `load_policy`."""
+        """Use the network of one run; call `load_policy` instead."""
         self._learner = trained.experiment.learner
         one = jax.tree.map(lambda leaf: np.asarray(leaf)[run], trained.params)
         self._weights = jax.device_put(one)
@@ -50,17 +50,16 @@ class TrainedPolicy:
 
     @functools.cached_property
     def apply(self) -> Callable[[PolicyCarry, Any, jax.Array], tuple[PolicyCarry, jax.Array]]:
-        """The agent as a pure function of (carry, obs, key); `jit`, `vmap` and `scan` take it.
+        """The agent as a pure function of (carry, obs, key), for `jit`, `vmap` and `scan`.
 
-        Its arguments are those of a policy of `jaxenstein.evaluate`:
+        The arguments are those of a policy for `jaxenstein.evaluate`:
 
-        - carry: `initial_carry()` at the beginning of an episode, then what was returned;
-        - obs: one observation, as `env` gives it;
-        - key: a random key, typed or uint32[2], to sample the action with; a greedy agent ignores
-          it.
+        - carry: `initial_carry()` at the start of an episode, then the carry returned before;
+        - obs: one observation of `env`;
+        - key: a random key, typed or uint32[2], to sample the action; a greedy agent ignores it.
 
         It returns the next carry and the action, int32[]. It is a `jax.tree_util.Partial` that
-        holds the weights, so a compiled program takes them as arguments.
+        holds the weights, so compiled programs take them as arguments, not as constants.
         """
         policy, greedy = self._learner.policy, self.greedy
 
@@ -71,40 +70,40 @@ class TrainedPolicy:
         return jax.tree_util.Partial(apply, self._weights)
 
     def initial_carry(self) -> PolicyCarry:
-        """The memory at the beginning of an episode, a tree of arrays; see `apply`."""
+        """The memory at the start of an episode, a tree of arrays; see `apply`."""
         return self._learner.initial_carry()
 
     @property
     def network(self) -> dict[str, Any]:
-        """What the network computes, layer by layer, as plain JSON values; see `described`."""
+        """A description of the network, layer by layer, as plain JSON values; see `described`."""
         return described(self._learner)
 
     def check(self, env: AnyEnvironment, params: Any) -> None:
-        """Make sure that it can act in an environment.
+        """Check that the agent can act in an environment.
 
         Raises:
-            SettingError: there are other actions, or observations of another shape.
+            SettingError: the actions or the shapes of observations differ.
         """
         acts, acted = (", ".join(one.action_names) for one in (env, self.env))
         if acts != acted:
             raise SettingError(
-                f"{self.name} was trained with the actions {acted}, and "
+                f"{self.name} was trained with the actions {acted}, but "
                 f"{quoted(env.name)} has {acts}"
             )
         here, there = observation_spec(env, params), self._learner.spec
         if here != there:
             shapes = [[list(part.shape) for part in spec.parts] for spec in (there, here)]
             raise SettingError(
-                f"{self.name} was trained on observations {shapes[0]}, and those of "
-                f"{quoted(env.name)} are {shapes[1]}; take the same size and kind of image"
+                f"{self.name} was trained on observations {shapes[0]}, but those of "
+                f"{quoted(env.name)} are {shapes[1]}; use the same size and kind of image"
             )
 
     def batch(self, size: int, *, seed: int = 0) -> BatchPolicy:
-        """The same agent for several environments at once, each with a memory of its own.
+        """The agent for several environments at once, with a separate memory for each.
 
         Args:
             size: number of environments.
-            seed: of sampled actions.
+            seed: seed for sampled actions.
         """
         key = None if self.greedy else jax.random.key(seed, impl="threefry2x32")
         carry = jax.tree.map(lambda leaf: jnp.stack([leaf] * size), self._learner.initial_carry())
@@ -121,15 +120,15 @@ class BatchPolicy:
     """A trained agent in several environments at once; see `TrainedPolicy.batch`."""
 
     def __init__(self, act: Callable[..., Any], carry: Any, key: jax.Array | None) -> None:
-        """Take `Learner.act` with its weights, its first carry, and a key to sample actions."""
+        """Build from `Learner.act` with its weights, the initial carry, and a key for sampling."""
         self._act, self._carry, self._key, self._steps = act, carry, key, 0
 
     def act(self, observations: Any, first: ArrayLike) -> np.ndarray:
         """The next actions.
 
         Args:
-            observations: those of all environments, stacked, as arrays of NumPy or JAX.
-            first: bool[N], where an observation is the first one of an episode.
+            observations: stacked observations of all environments, as NumPy or JAX arrays.
+            first: bool[N], whether each observation is the first of an episode.
 
         Returns:
             int32[N].

@@ -1,4 +1,4 @@
-"""A trained agent as a serialised program, which runs without this package."""
+"""Exports a trained agent as a serialised program that runs without this package."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ KNOWN = (*PLATFORMS, "rocm", "tpu")
 
 
 def check_program(path: str | Path) -> None:
-    """Find out early whether a program can be written at a path.
+    """Check early whether a program can be written to a path.
 
     Raises:
-        SettingError: it has another suffix, or flatbuffers is not installed.
-        OutputError: it cannot be written.
+        SettingError: the suffix is wrong, or flatbuffers is not installed.
+        OutputError: the file cannot be written.
     """
     if Path(path).suffix != SUFFIX:
         raise SettingError(f"{path} should end in {SUFFIX}")
     if importlib.util.find_spec("flatbuffers") is None:
         raise SettingError(
-            f"{path} needs flatbuffers, by which JAX writes programs: pip install flatbuffers"
+            f"{path}: JAX needs flatbuffers to write programs: pip install flatbuffers"
         )
     check_writable(path)
 
@@ -41,24 +41,24 @@ def check_program(path: str | Path) -> None:
 def write_program(
     path: str | Path, agent: TrainedPolicy, platforms: Sequence[str] = PLATFORMS
 ) -> None:
-    """Write an agent as a program of `jax.export`, with its weights as constants.
+    """Write an agent as a `jax.export` program, with its weights as constants.
 
-    The program is called as `call(carry, obs, keys)` and returns `(carry, actions)`, for N agents
-    at once, each in an environment of its own; one program serves every N:
+    Call the program as `call(carry, obs, keys)`; it returns `(carry, actions)`. It acts for any
+    number N of agents at once, each in its own environment:
 
     - carry: a dictionary of `memory` float32[N, hidden], `previous` int32[N] (the last action) and
-      `started` bool[N]. Zeros begin an episode;
-    - obs: observations of the agent's environment, stacked along the leading axis [N];
-    - keys: uint32[N, 2], keys of threefry2x32, as `jax.random.key_data` gives them;
+      `started` bool[N]. All zeros start an episode;
+    - obs: observations of the agent's environment, stacked along a leading axis [N];
+    - keys: uint32[N, 2], threefry2x32 keys from `jax.random.key_data`;
     - actions: int32[N].
 
     Args:
-        path: the file, which ends in `.jaxexport`; it is written whole or not at all.
-        agent: a greedy one ignores the keys.
-        platforms: those of JAX that the program shall run on.
+        path: the file, which must end in `.jaxexport`; it is complete or absent.
+        agent: the agent; a greedy agent ignores the keys.
+        platforms: the JAX platforms that the program runs on.
 
     Raises:
-        SettingError: as in `check_program`, or a platform is none of JAX.
+        SettingError: as in `check_program`, or JAX does not know a platform.
         OutputError: as in `check_program`.
     """
     from jax import export
@@ -81,5 +81,5 @@ def write_program(
 
 
 def _plain(carry: PolicyCarry) -> dict[str, jax.Array]:
-    """The carry in types that JAX knows by itself; zeros begin an episode."""
+    """The carry as a dictionary, in which all zeros start an episode."""
     return {"memory": carry.memory, "previous": carry.previous, "started": ~carry.first}

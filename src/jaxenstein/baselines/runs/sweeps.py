@@ -1,4 +1,4 @@
-"""Sweeps: the grids of the paper or others as experiments, and a summary of their results."""
+"""Plans sweeps over the paper's grids or others, and summarises their results."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .curves import curves_of
 from .experiment import Experiment, exact
 from .options import resolve
 
-# The seeds of the paper at each point of its grids.
+# The number of seeds at each point, as in the paper.
 SEEDS = 5
-# Points of a grid are compared over the last of so many parts of the updates.
+# Points are compared over the last of PARTS parts of the updates.
 PARTS = 10
 
 
 def swept() -> tuple[str, ...]:
-    """The algorithms that have a grid: those of the paper, and others registered with one."""
+    """The algorithms with a grid: those of the paper, and others registered with a grid."""
     return tuple(name for name, row in algorithms().items() if row.grid is not None)
 
 
@@ -36,15 +36,15 @@ def plan(
     """The experiments of a sweep, by the names of their folders.
 
     Args:
-        given: options as in `resolve`; a `grid` among them takes the place of the paper's.
+        given: options as in `resolve`; `grid` replaces the paper's grids.
         algos: the algorithms.
-        at_once: the most parallel runs of one program, which memory limits; seeds of one point
-            stay together.
-        paper: whether to train the paper's grids if none is given, or only one point of each; they
-            do not vary a number that is given.
+        at_once: the maximum number of parallel runs in one program, to save memory; the seeds of a
+            point stay together.
+        paper: whether to train the paper's grids if none is given, or a single point. Given
+            hyperparameters are not varied.
 
     Raises:
-        JAXensteinError: the options do not fit.
+        JAXensteinError: the options are wrong.
     """
     planned: dict[str, Experiment] = {}
     for algo in algos:
@@ -75,11 +75,11 @@ class Point:
     """The result of one point of a grid at the end of the training.
 
     Attributes:
-        label: its folder and numbers.
-        runs: the number of seeds.
-        diverged: how many of them did, and have no part in what follows.
-        earned: mean return of the last tenth of the updates, with an interval over seeds.
-        success: the same of the success rate.
+        label: name of the folder and values of the point.
+        runs: number of seeds.
+        diverged: number of seeds that diverged; the next fields leave them out.
+        earned: mean return over the last tenth of the updates, with an interval over seeds.
+        success: the same for the success rate.
     """
 
     label: str
@@ -90,9 +90,9 @@ class Point:
 
 
 def summary(folders: Sequence[Path]) -> list[Point]:
-    """The points of all grids, sorted from the highest return to the lowest.
+    """The points of all grids, sorted by return, the highest first.
 
-    Points without a finished episode in the last tenth come last, with NaN.
+    Points without a finished episode in the last tenth of the updates have NaN and come last.
 
     Raises:
         SettingError: a folder holds no run, or no metrics yet.
@@ -114,7 +114,7 @@ def summary(folders: Sequence[Path]) -> list[Point]:
 
 
 def _last(values: np.ndarray) -> Interval:
-    """The mean over runs of the last column; runs without a value there are left out."""
+    """The mean of the last column over runs; runs without a value are left out."""
     last = values[:, -1]
     there = last[~np.isnan(last)]
     if not there.size:

@@ -1,14 +1,15 @@
-"""Trained networks in a run directory or in a file of their own, and how they did.
+"""Reads and writes trained networks, in run directories and in single files.
 
-Such a file is an .npz with an array for every leaf of the network of one run, and `config.json`:
-that of a run directory, with the agent's score and what its network computes. The files of this
-package are in `jaxenstein/pretrained`; their names are `pretrained/NAME`.
+A file is an .npz with an array for every leaf of the network of one run, and a `config.json` like
+that of a run directory, with the score of the agent and a description of its network. The files of
+this package are in `jaxenstein/pretrained`; their names are `pretrained/NAME`.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import warnings
 import zipfile
 from collections.abc import Mapping
@@ -33,11 +34,10 @@ Weights = Literal["float16", "float32"]
 
 PRETRAINED, SUFFIX = "pretrained", ".npz"
 OWN_POLICY = (
-    "an agent of your own is given as --policy MODULE:FUNCTION (docs/training.md, 'Agents of your "
-    "own')"
+    "give your own agent as --policy MODULE:FUNCTION (see 'Agents of your own' in docs/training.md)"
 )
 HERE = Path(__file__).parents[2] / PRETRAINED
-# The most bytes of a configuration.
+# The maximum size of a config in bytes.
 LONGEST = 2**20
 
 
@@ -46,9 +46,9 @@ class Trained:
     """Trained networks with their experiment.
 
     Attributes:
-        name: of the run directory or the file, to show.
-        experiment: the runs.
-        params: of the networks; leaves [runs, ...].
+        name: name of the run directory or file, for display.
+        experiment: the experiment with its runs.
+        params: parameters of the networks; leaves [runs, ...].
         update: number of updates.
         folder: the run directory; None for a file.
         diverged: the diverged runs by number.
@@ -92,19 +92,19 @@ class Trained:
 
 
 def load_trained(path: str | Path) -> Trained:
-    """The networks of a run directory, from its newest checkpoint, or of a file.
+    """Load the networks of a run directory, from its newest checkpoint, or of a file.
 
     Args:
-        path: the run directory; a file of `export_policy`, which ends in `.npz`; or
+        path: a run directory; a file from `export_policy`, which ends in `.npz`; or
             `pretrained/NAME`, unless that path exists.
 
     Raises:
         SettingError: there is no such run or file, or it cannot be read.
     """
     path = Path(path)
-    if path.suffix == SUFFIX and not path.is_dir():
+    if path.suffix == SUFFIX and not os.path.isdir(path):
         return read_trained(path)
-    if path.parent == Path(PRETRAINED) and not path.exists():
+    if path.parent == Path(PRETRAINED) and not os.path.exists(path):
         known = pretrained()
         if path.name not in known:
             raise SettingError(
@@ -112,21 +112,21 @@ def load_trained(path: str | Path) -> Trained:
                 f"there are: {', '.join(known) or 'none'}"
             )
         return read_trained(known[path.name])
-    if not path.exists() and path.name in pretrained():
+    if not os.path.exists(path) and path.name in pretrained():
         raise SettingError(
-            f"there is no run in {path}; of the agents that come with this package one is "
-            f"{PRETRAINED}/{path.name}"
+            f"there is no run in {path}; did you mean the pretrained agent "
+            f"{PRETRAINED}/{path.name}?"
         )
-    if path.is_file() or (":" in path.name and not path.exists()):
+    if os.path.isfile(path) or (":" in path.name and not os.path.exists(path)):
         raise SettingError(
-            f"{path} is neither a run directory nor a {SUFFIX} file of 'jaxenstein export'; "
+            f"{path} is neither a run directory nor a {SUFFIX} file from 'jaxenstein export'; "
             f"{OWN_POLICY}"
         )
     return trained_in(RunFolder.open(path))
 
 
 def trained_in(folder: RunFolder) -> Trained:
-    """The networks of an open run directory, from its newest checkpoint.
+    """Load the networks of an open run directory from its newest checkpoint.
 
     Raises:
         SettingError: there is no checkpoint, or none can be read.
@@ -144,13 +144,13 @@ def write_trained(file: Path, trained: Trained, weights: Weights, score: Mapping
     """Write the network of one run into a file.
 
     Args:
-        file: ends in `.npz`.
-        trained: of one run.
-        weights: precision of the numbers.
+        file: the file, which ends in `.npz`.
+        trained: networks of a single run.
+        weights: precision of the weights.
         score: plain JSON values, which `read_config` returns.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     network = described(trained.experiment.learner)
     agent = {"update": trained.update, "weights": weights, "score": score, "network": network}
@@ -168,7 +168,7 @@ def write_trained(file: Path, trained: Trained, weights: Weights, score: Mapping
 
 
 def score_of(results: Results) -> dict[str, Any]:
-    """As plain JSON values: means with their intervals, and every run's means by its name."""
+    """Summarise results as plain JSON values: means with intervals, and the means of each run."""
     fields = {"return": results.returns, "length": results.lengths, "success": results.successes}
     overall = {name: dataclasses.asdict(mean_interval(values)) for name, values in fields.items()}
     runs = {
@@ -182,14 +182,14 @@ def read_trained(file: Path) -> Trained:
     """Read a file of `write_trained`.
 
     Raises:
-        SettingError: there is no such file, or it is damaged or has another content.
+        SettingError: there is no such file, or it is damaged or something else.
     """
     plain = read_config(file)
     try:
         experiment = checked(Experiment.from_json(plain))
         update, weights = plain["agent"]["update"], plain["agent"]["weights"]
         if len(experiment.runs) != 1:
-            raise SettingError(f"it must be of one run, not of {len(experiment.runs)}")
+            raise SettingError(f"it must have one run, not {len(experiment.runs)}")
         check_whole("agent.update", update, 0)
         if weights not in ("float16", "float32"):
             raise SettingError(f"weights must be float16 or float32, not {quoted(weights)}")
@@ -200,7 +200,7 @@ def read_trained(file: Path) -> Trained:
             params = read_tree(archive, like, besides=(CONFIG,))
     except JAXensteinError as error:
         raise SettingError(f"{file}: {error}") from error
-    # A damaged file makes the readers raise anything.
+    # On a damaged file, the readers can raise any error.
     except Exception as error:
         raise _unreadable(file, error) from error
     params = jax.tree.map(lambda leaf: leaf[None].astype(np.float32), params)
@@ -211,7 +211,7 @@ def read_trained(file: Path) -> Trained:
 
 
 def read_config(file: Path) -> dict[str, Any]:
-    """The configuration in such a file: that of its run, and `agent` with its score.
+    """Read the config of a file of `write_trained`: the config of its run, and `agent`.
 
     Raises:
         SettingError: as in `read_trained`.
@@ -220,7 +220,7 @@ def read_config(file: Path) -> dict[str, Any]:
         with zipfile.ZipFile(file) as archive, open_entry(archive, CONFIG) as entry:
             plain = json.loads(entry.read(LONGEST))
         if not isinstance(plain, dict) or not isinstance(plain.get("agent"), dict):
-            raise ValueError(f"its {CONFIG} is not that of an agent")
+            raise ValueError(f"its {CONFIG} does not describe an agent")
         return plain
     except FileNotFoundError:
         raise SettingError(f"there is no file {file}") from None
@@ -229,6 +229,4 @@ def read_config(file: Path) -> dict[str, Any]:
 
 
 def _unreadable(file: Path, error: Exception) -> SettingError:
-    return SettingError(
-        f"{file} is not an agent that 'jaxenstein export' wrote: {reason_of_any(error)}"
-    )
+    return SettingError(f"{file} is not an agent from 'jaxenstein export': {reason_of_any(error)}")

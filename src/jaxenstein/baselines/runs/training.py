@@ -1,8 +1,9 @@
-"""Training in a run directory, and the warning of a training that stalls."""
+"""Trains in a run directory, and warns if training stalls."""
 
 from __future__ import annotations
 
 import math
+import os
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -17,15 +18,15 @@ from .checkpoints import check_space
 from .folder import RunFolder, of_another_version, versions
 from .metrics import METRICS, MetricsFile, Row, Sink, Timing, read_metrics, rows_of
 
-# Seconds of training between two checkpoints.
+# Default number of seconds between checkpoints.
 SAVE_EVERY = 60.0
-# A run stalls if it had so many episodes without a success, and its policy lost this share of its
-# first entropy: before that it still explores.
+# Training stalls if EPISODES episodes per run had no success and the entropy of every policy fell
+# below LOST times its initial value. Before that, policies still explore.
 EPISODES = 1000
 LOST = 0.5
-# Standard errors by which the latest returns must lie above the first ones to have risen.
+# Returns have risen if the latest are this many standard errors above the first.
 RISEN = 4.0
-ADVICE = "docs/training.md, 'Where it does not learn', says what to try"
+ADVICE = "see 'Where it does not learn' in docs/training.md for what to try"
 
 
 def train(
@@ -37,23 +38,23 @@ def train(
     notify: Callable[[int, Sequence[Row]], object] = lambda update, rows: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Train from the newest checkpoint until the experiment is done; return the updates done.
+    """Train from the newest checkpoint to the end; return the number of updates so far.
 
-    However often it is interrupted, and whatever `chunk` and `save_every` are, the metrics and
-    the final state are the same, bit for bit on a CPU. Training also ends once all runs have
-    diverged; `metrics.diverged_runs` returns the runs and the updates.
+    Interruptions, `chunk` and `save_every` do not change the metrics and the final state, bit for
+    bit on a CPU. Training also ends once all runs have diverged; `metrics.diverged_runs` returns
+    which, and when.
 
     Args:
         folder: the run directory.
-        chunk: updates in one call of the compiled program.
-        save_every: seconds between checkpoints; there is one at the end as well.
-        sinks: where the rows of metrics go besides the folder.
-        notify: called with the updates so far, first with no rows, then with those of each chunk.
-        stop: asked after each chunk whether to end early, with a checkpoint.
+        chunk: updates per call of the compiled program.
+        save_every: seconds between checkpoints; the end of training also saves one.
+        sinks: further receivers of the rows of metrics.
+        notify: called with the updates so far and the rows of each chunk; first without rows.
+        stop: called after each chunk; if it returns true, training stops with a checkpoint.
 
     Raises:
-        SettingError: another process trains there, or its files are not those of the run.
-        OutputError: something cannot be written.
+        SettingError: another process trains in the folder, or its files do not belong together.
+        OutputError: a file cannot be written.
     """
     with folder.locked():
         experiment, runs = folder.experiment, folder.experiment.runs
@@ -87,13 +88,13 @@ def _all_diverged(state: TrainState) -> bool:
 
 
 def _check_versions(folder: RunFolder) -> None:
-    """Refuse to go on with other rules, and warn if the bits may differ."""
+    """Refuse to resume if the rules have changed, and warn if the bits may differ."""
     experiment = folder.experiment
     now = experiment.learner.env.version
     if now != experiment.environment.version:
         raise SettingError(
-            f"the run in {folder.path} cannot go on: {of_another_version(experiment, now)}; "
-            "train anew in another folder"
+            f"the run in {folder.path} cannot be resumed: {of_another_version(experiment, now)}; "
+            "start a new run in another folder"
         )
     before = folder.made_with
     others = [
@@ -103,14 +104,14 @@ def _check_versions(folder: RunFolder) -> None:
     ]
     if others:
         warnings.warn(
-            f"the run in {folder.path} began with {'; '.join(others)}: from here on it is not bit "
-            "for bit what it would have been",
+            f"the run in {folder.path} was started with {'; '.join(others)}: from here on, its "
+            "results may not be bit for bit the same",
             stacklevel=3,
         )
 
 
 def _begin(folder: RunFolder) -> tuple[int, TrainState]:
-    """Updates so far and the state; a first checkpoint shows early whether they can be written."""
+    """The updates so far and the state; a new run saves a checkpoint, to detect failures early."""
     check_space(folder.path, folder.template, len(folder.checkpoints.updates()))
     restored = folder.restore()
     if restored is not None:
@@ -118,22 +119,22 @@ def _begin(folder: RunFolder) -> tuple[int, TrainState]:
         for reason in restored.damaged:
             warnings.warn(f"skipped a damaged checkpoint: {reason}", stacklevel=3)
         return restored.update, place(restored.state, folder.experiment.config)
-    if (folder.path / METRICS).exists() and read_metrics(folder.path):
-        raise SettingError(f"the run in {folder.path} has metrics, but no checkpoint to go on from")
+    if os.path.exists(folder.path / METRICS) and read_metrics(folder.path):
+        raise SettingError(f"the run in {folder.path} has metrics but no checkpoint to resume")
     state = folder.experiment.learner.many.init(folder.experiment.keys())
     folder.checkpoints.save(0, state)
     return 0, place(state, folder.experiment.config)
 
 
 class StallWatch:
-    """Warns once if all policies of a training settle and no run has succeeded.
+    """Warns once if all policies have become nearly deterministic without any success.
 
-    It does not warn if a run succeeded once, if returns have risen, or if a policy is still close
-    to random.
+    There is no warning if a run succeeded once, if returns have risen, or if a policy is still
+    close to random.
     """
 
     def __init__(self, runs: int) -> None:
-        """Take the number of runs, whose rows alternate."""
+        """Take the number of runs; `check` gets their rows in turn."""
         self._runs, self._warned = runs, False
         self._episodes = self._successes = 0.0
         self._entropies: list[float] = []
@@ -141,7 +142,7 @@ class StallWatch:
         self._early = self._late = np.zeros(3)
 
     def check(self, rows: Sequence[Row]) -> str | None:
-        """The warning, if the next rows (of whole updates) give reason for one."""
+        """Take the next rows, of whole updates; return the warning if there is reason for one."""
         for start in range(0, len(rows), self._runs):
             update = rows[start : start + self._runs]
             self._episodes += _sum(update, "episodes")
@@ -159,13 +160,13 @@ class StallWatch:
                 last, first = np.mean(going, axis=0)
                 return (
                     f"no success in {self._episodes:,.0f} episodes, and the entropy of the policy "
-                    f"fell from {first:.2g} to {last:.2g}: it settles without having found the "
-                    f"goal; {ADVICE}"
+                    f"fell from {first:.2g} to {last:.2g}: the policy stops exploring before it "
+                    f"has found the goal; {ADVICE}"
                 )
         return None
 
     def _add_returns(self, rows: Sequence[Row]) -> None:
-        """Add to the first episodes, a tenth of those before a warning, or to as many latest."""
+        """Add to the sums over the first or the latest episodes, EPISODES / 10 per run each."""
         wanted = EPISODES * self._runs / 10
         names = ("episodes", "return_sum", "return_square_sum")
         sums = np.array([_sum(rows, name) for name in names])
@@ -180,7 +181,7 @@ def _sum(rows: Sequence[Row], name: str) -> float:
 
 
 def _risen(early: np.ndarray, late: np.ndarray) -> bool:
-    """Whether the mean return of the latest episodes is higher than chance explains."""
+    """Whether the mean return of the latest episodes is significantly higher."""
     if not early[0] or not late[0]:
         return False
     (first, first_error), (mean, error) = map(_estimate, (early, late))

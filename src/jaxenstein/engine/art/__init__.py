@@ -1,7 +1,7 @@
 """Pictures of sprites and panels, 32 by 32 characters each, as bit planes.
 
-`.` is empty, `#` is drawn in the first colour, `o` in the second: shape and detail of a sprite,
-shadow and accent of a panel.
+`.` is empty, `#` has the first colour and `o` the second: shape and detail of a sprite, shadow and
+accent of a panel.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ MARKS = ".#o"
 
 @functools.cache
 def load_art(name: str) -> np.ndarray:
-    """uint32[2, 32]: planes (drawn at all, drawn in the second colour) by column, top bit greatest.
+    """uint32[2, 32]: bit planes (any colour, second colour) by column; the top is the highest bit.
 
     Args:
-        name: the file beside this module, without its suffix; or the picture itself, 32 lines.
+        name: a file beside this module, without its suffix, or the picture itself as 32 lines.
     """
     text = name
     if "\n" not in name:

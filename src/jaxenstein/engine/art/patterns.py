@@ -1,7 +1,7 @@
-"""Patterns of walls and floors, each drawn by a rule.
+"""Procedural patterns of walls and floors.
 
-A wall's pattern is the shadow plane of a panel (see `scene.Theme`): joints between stones, gaps
-between boards. Patterns go on beyond the edges of a tile. A floor's pattern is two words of
+A wall pattern is the shadow plane of a panel (see `scene.Theme`): joints between stones, gaps
+between boards. Patterns continue across the edges of tiles. A floor pattern is two words of
 stripes, one for each axis.
 """
 
@@ -18,13 +18,13 @@ Coordinates = np.ndarray
 
 
 def _brick(x: Coordinates, y: Coordinates) -> np.ndarray:
-    """Four courses, each half a brick aside of the one above."""
+    """Four courses of bricks, each offset by half a brick."""
     course = y // 8
     return (y % 8 >= 6) | ((x + 8 * (course % 2)) % 16 >= 14)
 
 
 def _stone(x: Coordinates, y: Coordinates) -> np.ndarray:
-    """Rubble: joints where two of the nearest stones' middles are about equally far."""
+    """Rubble: joints where the two nearest stone centres are about equally far."""
     rng = np.random.default_rng(11)
     row, column = np.indices((4, 4))
     middles = np.stack([8 * column + 4, 8 * row + 4], axis=-1).reshape(-1, 2)
@@ -36,13 +36,13 @@ def _stone(x: Coordinates, y: Coordinates) -> np.ndarray:
 
 
 def _panel(x: Coordinates, y: Coordinates) -> np.ndarray:
-    """A frame around a field, which has a smaller one."""
+    """A frame around a smaller frame."""
     rim = np.minimum(np.minimum(x, SIZE - 1 - x), np.minimum(y, SIZE - 1 - y))
     return ((rim >= 3) & (rim < 5)) | ((rim >= 9) & (rim < 10))
 
 
 def _tile(x: Coordinates, y: Coordinates) -> np.ndarray:
-    """Square tiles, nine in the area of a wall's tile but for the joints."""
+    """Nine square tiles per tile of wall, with joints."""
     return (x % 11 >= 9) | (y % 11 >= 9)
 
 
@@ -62,7 +62,7 @@ _WALLS: dict[str, Callable[[Coordinates, Coordinates], np.ndarray]] = {
     "wood": _wood,
 }
 WALL_PATTERNS = tuple(_WALLS)
-"""Names of the patterns of walls."""
+"""The names of the wall patterns."""
 
 _HALF, _JOINT, _BOARDS = 0xFFFF0000, 0xC000C000, 0x80808080
 FLOOR_PATTERNS: dict[str, tuple[int, int]] = {
@@ -77,7 +77,7 @@ FLOOR_PATTERNS: dict[str, tuple[int, int]] = {
 
 @functools.cache
 def wall_patterns() -> np.ndarray:
-    """uint32[patterns, 2, 32]: planes as `load_art` has them, the second of which is empty."""
+    """uint32[patterns, 2, 32]: planes as from `load_art`; the second plane is empty."""
     y, x = np.indices((SIZE, SIZE))
     weights = np.left_shift(np.uint32(1), np.arange(SIZE, dtype=np.uint32)[::-1])[:, None]
     planes = np.stack([draw(x, y) for draw in _WALLS.values()])

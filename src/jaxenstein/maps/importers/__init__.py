@@ -1,1 +1,1 @@
-"""Maps of other projects, read and converted to tile maps."""
+"""Importers that convert maps of other projects to tile maps."""

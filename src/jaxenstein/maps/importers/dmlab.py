@@ -1,11 +1,11 @@
-"""DeepMind Lab's mazes: `.map` files of cells with thin walls between them, to tile maps.
+"""Convert DeepMind Lab's mazes, `.map` files of cells with thin walls, to tile maps.
 
 In these files a cell is 100 units wide; x grows to the east and y to the north. A wall is a panel
-of 1 unit just inside a cell, at one of its sides, and as high as the cell; a picture (decal) hangs
-right before a panel. A tile map has walls of a tile's thickness: cell (column, row) becomes tile
-(2 column + 1, 2 (rows - 1 - row) + 1), the tiles between two cells are the side that they share,
-and those between four cells are wall where any of the four sides that meet there is one. Rows of
-cells are counted from the south, rows of tiles from the north.
+of 1 unit just inside a cell, at one of its sides, and as high as the cell. A picture (decal) hangs
+just in front of a panel. In a tile map, walls are as thick as a tile: cell (column, row) becomes
+tile (2 column + 1, 2 (rows - 1 - row) + 1), and the tile between two cells is the side that they
+share. A tile between four cells is wall if any of the four sides that meet there is. Rows of cells
+are counted from the south, rows of tiles from the north.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ WALL_SYMBOLS: dict[str, str] = {
     "gray": "#",
     "gray_bright": "#",
 }
-"""The symbol of the wall that stands for a texture `..._wall_COLOUR`; others become `#`."""
+"""The symbol of the wall for each texture `..._wall_COLOUR`; other textures become `#`."""
 
 _STEPS: dict[Side, Cell] = {"west": (-1, 0), "east": (1, 0), "north": (0, -1), "south": (0, 1)}
 _ACROSS: dict[Side, str] = {"west": "east", "east": "west", "north": "south", "south": "north"}
 
 
 def build_tilemap(maze: LabMaze) -> TileMap:
-    """The tile map of a maze: 2 columns + 1 by 2 rows + 1 tiles, north up.
+    """Build the tile map of a maze: 2 columns + 1 by 2 rows + 1 tiles, north up.
 
-    Decals are numbered in the order of the file; the same picture has the same number. A wall
-    tile with a decal has the decal's label in `TileMap.tiles`; in `TileMap.faces` only the face
-    where the decal hangs has it, the others show the panels.
+    Decals are numbered in the order of the file; equal pictures have equal numbers. A wall tile
+    with a decal has the decal's label in `TileMap.tiles`. In `TileMap.faces`, only the face with
+    the decal has this label; the other faces show the panels.
 
     Raises:
         MapError: the maze has more different decals than there are labels.
@@ -65,7 +65,7 @@ def build_tilemap(maze: LabMaze) -> TileMap:
 
 
 def wall_label(texture: str) -> int:
-    """The label of the wall that stands for a panel's texture."""
+    """The label of the wall for the texture of a panel."""
     colour = texture.rpartition("_wall_")[2]
     return SYMBOLS[WALL_SYMBOLS.get(colour, "#")].label
 
@@ -98,7 +98,7 @@ def _panel_faces(maze: LabMaze) -> np.ndarray:
 def _corner(around: np.ndarray) -> list[int]:
     """The faces of a tile between four cells: 0 if no wall ends there.
 
-    A face continues the walls that it is in line with, where there are any.
+    A face continues the walls in line with it, if there are any.
 
     Args:
         around: uint8[4, 3, 3], the faces of the tiles around it.
@@ -117,7 +117,7 @@ def _decals(maze: LabMaze) -> dict[tuple[Cell, int], int]:
     if len(textures) > len(DECAL_LABELS):
         most = len(DECAL_LABELS)
         raise MapError(
-            f"the maze has {len(textures)} different decals; there are labels for {most}"
+            f"the maze has {len(textures)} different decals; there are only {most} labels"
         )
     return {
         _seen(maze, side): DECAL_LABELS[textures.index(texture)] for side, texture in maze.decals
@@ -125,14 +125,14 @@ def _decals(maze: LabMaze) -> dict[tuple[Cell, int], int]:
 
 
 def _seen(maze: LabMaze, side: CellSide) -> tuple[Cell, int]:
-    """The tile, as (row, column), and the face of it that show a side of a cell."""
+    """The tile, as (row, column), and its face that show a side of a cell."""
     column, row = maze.tile_of(side[:2])
     dx, dy = _STEPS[side[2]]
     return (row + dy, column + dx), FACES.index(_ACROSS[side[2]])
 
 
 def _first(faces: np.ndarray) -> np.ndarray:
-    """uint8[rows, columns]: of each tile the first face that is not 0."""
+    """uint8[rows, columns]: the first nonzero face of each tile."""
     chosen = (faces != 0).argmax(axis=0)
     return np.take_along_axis(faces, chosen[None], axis=0)[0]
 

@@ -1,4 +1,4 @@
-"""What the `.map` file of a DeepMind Lab maze says, cell by cell; `dmlab` explains its geometry."""
+"""Read the `.map` file of a DeepMind Lab maze; `dmlab` explains its geometry."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from .quake import LARGEST, Brush, Entity, Patch, read_entities
 
 Side = Literal["west", "east", "north", "south"]
 CellSide = tuple[int, int, Side]
-"""(column, row, side) of a cell, its row counted from the south."""
+"""(column, row, side) of a cell, with rows counted from the south."""
 
 CELL = 100.0
-"""Width of a cell in the file's units."""
+"""The width of a cell in the units of the file."""
 MAX_CELLS = (MAX_SIZE - 1) // 2
-"""The most cells, along and across, that a tile map can hold."""
+"""The most cells in each direction that a tile map can hold."""
 
-# In units: what is thin, how far off its wall a picture may hang, and what passes for equal.
+# In units: the limit for thin, the largest gap between picture and wall, a tolerance for equality.
 _THIN, _CLOSE = 10.0, 0.5
 # The sides of a cell at its low and its high end, along x and along y.
 _ENDS: tuple[tuple[Side, Side], ...] = (("west", "east"), ("south", "north"))
@@ -30,12 +30,12 @@ _Span = tuple[tuple[float, str], tuple[float, str]]
 
 @dataclass(frozen=True)
 class LabMaze:
-    """What the `.map` file of a maze says. Cells are (column, row), row 0 in the south.
+    """The content of the `.map` file of a maze. Cells are (column, row), row 0 in the south.
 
     Attributes:
-        name: what the maze is called.
-        columns: cells from west to east.
-        rows: cells from south to north.
+        name: the name of the maze.
+        columns: number of cells from west to east.
+        rows: number of cells from south to north.
         floors: texture of the floor of each cell; a cell without floor is solid.
         panels: texture of the wall panel at each side of a cell that has one.
         decals: texture of the picture at each side of a cell that has one.
@@ -55,7 +55,7 @@ class LabMaze:
     apples: tuple[Cell, ...]
 
     def tile_of(self, cell: Cell) -> Cell:
-        """(column, row) of a cell's tile."""
+        """(column, row) of the tile of a cell."""
         return 2 * cell[0] + 1, 2 * (self.rows - 1 - cell[1]) + 1
 
 
@@ -66,18 +66,18 @@ def read_maze(text: str, name: str = "maze", source: str = "") -> LabMaze:
 
     Args:
         text: the content of the file.
-        name: what to call the maze.
-        source: what to call the file in errors.
+        name: the name of the maze.
+        source: the name of the file, for errors.
 
     Raises:
-        MapError: with the line of what is wrong: the file is damaged, has no floor or no start,
-            is too large, or is no maze of cells and panels.
+        MapError: the file is damaged, has no floor or no start, is too large, or is not a maze of
+            cells and panels. The message names the line.
 
     Warns:
-        MapWarning: with the line, where an entity begins without its brace.
+        MapWarning: an entity starts without its brace; the message names the line.
     """
     if not isinstance(text, str):
-        raise MapError(f"a .map file is text (str), not {type(text).__name__}", source=source)
+        raise MapError(f"a .map file must be text (str), not {type(text).__name__}", source=source)
     entities = read_entities(text, source)
     if not entities:
         raise MapError("the file is empty", source=source)
@@ -88,7 +88,7 @@ def read_maze(text: str, name: str = "maze", source: str = "") -> LabMaze:
 
 
 class _MazeReader:
-    """Collects what the entities say. Every value comes with its line."""
+    """Collects the content of the entities. Every value comes with its line."""
 
     def __init__(self, source: str) -> None:
         self._source = source
@@ -102,7 +102,7 @@ class _MazeReader:
         }
 
     def add(self, entity: Entity) -> None:
-        """Take in one entity."""
+        """Add one entity."""
         if entity.classname == "worldspawn":
             for brush in entity.brushes:
                 self._add_brush(brush)
@@ -115,7 +115,7 @@ class _MazeReader:
             cells.setdefault(cell, entity.line)
 
     def maze(self, name: str) -> LabMaze:
-        """Check that the parts fit together, and put the south-western cell at (0, 0)."""
+        """Check that the parts fit together, and move the south-western cell to (0, 0)."""
         if not self._floors:
             raise self._error("the maze has no floor")
         starts, goals, apples = self._things.values()
@@ -151,13 +151,13 @@ class _MazeReader:
         )
 
     def _check_places(self) -> None:
-        """Check that everything is where a floor is, and decals where panels are."""
+        """Check that everything is on floor, and that decals are on panels."""
         for (column, row, _), (texture, line) in self._panels.items():
             if (column, row) not in self._floors:
-                raise self._error(f"the panel {texture} belongs to a cell without floor", line)
+                raise self._error(f"the panel {texture} is in a cell without floor", line)
         for side, (texture, line) in self._decals.items():
             if side not in self._panels:
-                raise self._error(f"the decal {texture} hangs on no wall panel", line)
+                raise self._error(f"the decal {texture} is not on a wall panel", line)
         for kind, cells in self._things.items():
             for cell, line in cells.items():
                 if cell not in self._floors:
@@ -168,7 +168,7 @@ class _MazeReader:
                 raise self._error("the goal shares its cell with a start or an apple", line)
 
     def _add_brush(self, brush: Brush) -> None:
-        """Find out whether a brush is floor, ceiling or wall panel, and of which cell."""
+        """Add a floor, ceiling or wall panel, with its cell."""
         spans = self._spans(brush)
         lengths = [high - low for (low, _), (high, _) in spans]
         wide = [abs(length - CELL) < _CLOSE for length in lengths]
@@ -182,11 +182,11 @@ class _MazeReader:
             self._add_panel(spans, 0 if thin[0] else 1, brush)
         else:
             size = " by ".join(f"{length:g}" for length in lengths)
-            message = f"a brush of {size} units is no floor, ceiling or wall panel of a cell"
+            message = f"a brush of {size} units is not the floor, ceiling or a wall of a cell"
             raise self._error(f"{message}, which is {CELL:g} units wide", brush.line)
 
     def _add_panel(self, spans: list[_Span], across: int, brush: Brush) -> None:
-        """Take in a wall panel that is thin along axis `across`."""
+        """Add a wall panel that is thin along axis `across`."""
         (low, low_texture), (high, high_texture) = spans[across]
         if _is_line(low):
             end, cell, texture = 0, round(low / CELL), high_texture
@@ -206,44 +206,44 @@ class _MazeReader:
             if len(level) == 1:
                 ends[level[0]][plane.points[0][level[0]]] = plane.texture
         if len(brush.planes) != 6 or any(len(end) != 2 for end in ends):
-            raise self._error("a brush is no box along the axes", brush.line)
+            raise self._error("a brush is not a box along the axes", brush.line)
         spans = [sorted(end.items()) for end in ends]
         return [(span[0], span[1]) for span in spans]
 
     def _place(self, span: _Span, brush: Brush) -> int:
-        """The number of the cell that a span is as long as."""
+        """The number of the cell with the extent of a span."""
         (low, _), (high, _) = span
         if not _is_line(low):
             raise self._off_lattice(low, high, brush)
         return round(low / CELL)
 
     def _add_decal(self, patch: Patch) -> None:
-        """Find out which side of which cell a picture hangs on."""
+        """Add a picture at the side of a cell."""
         low, high = ([f(axis) for axis in zip(*patch.points, strict=True)] for f in (min, max))
         flat = [b - a < _CLOSE for a, b in zip(low, high, strict=True)]
         if flat[0] == flat[1] or flat[2]:
-            message = f"the patch {patch.texture} is no flat and upright picture along x or y"
+            message = f"the patch {patch.texture} is not a flat, upright picture along x or y"
             raise self._error(message, patch.line)
         across = 0 if flat[0] else 1
         column, row = (math.floor((low[axis] + high[axis]) / 2 / CELL) for axis in (0, 1))
         away = low[across] - CELL * (column, row)[across]
         end = 0 if away < CELL / 2 else 1
         if min(away, CELL - away) >= _THIN:
-            raise self._error(f"the decal {patch.texture} hangs at no side of a cell", patch.line)
+            raise self._error(f"the decal {patch.texture} is not at a side of a cell", patch.line)
         side = column, row, _ENDS[across][end]
         if side in self._decals:
-            raise self._error(f"the decal {patch.texture} hangs before another", patch.line)
+            raise self._error(f"the decal {patch.texture} hides another decal", patch.line)
         self._decals[side] = patch.texture, patch.line
 
     def _cell_of(self, entity: Entity) -> Cell:
-        """The cell that the origin of an entity lies in."""
+        """The cell that contains the origin of an entity."""
         words = entity.properties.get("origin", "").split()
         try:
             point = [float(word) for word in words]
         except ValueError:
             point = []
         if len(point) != 3 or not all(abs(value) <= LARGEST for value in point):
-            message = f"the {entity.classname} has no origin of three coordinates"
+            message = f"the {entity.classname} has no origin with three coordinates"
             raise self._error(message, entity.line)
         return math.floor(point[0] / CELL), math.floor(point[1] / CELL)
 
@@ -256,5 +256,5 @@ class _MazeReader:
 
 
 def _is_line(coordinate: float) -> bool:
-    """Whether a coordinate is one where cells begin."""
+    """Whether a coordinate is the edge of a cell."""
     return abs(coordinate - CELL * round(coordinate / CELL)) < _CLOSE

@@ -1,9 +1,9 @@
-"""MiniGrid environments to tile maps.
+"""Convert MiniGrid environments to tile maps.
 
-Facts of MiniGrid (Farama Foundation, Apache 2.0, package version 3.2.0) that this file relies on:
-an environment has a `grid` of columns and rows of objects with `type` and `color`, `agent_pos`
+This file relies on these facts of MiniGrid (Farama Foundation, Apache 2.0, package version 3.2.0).
+An environment has a `grid` of columns and rows of objects with `type` and `color`, `agent_pos`
 (column, row) and `agent_dir`, quarter turns clockwise from east. A door may be open, closed or
-locked. Its episodes end on the one goal of the map, unless the environment's class says otherwise.
+locked. An episode ends on the only goal of the map, unless the environment's class differs.
 
 Neither minigrid nor gymnasium is imported before `convert_id` is called.
 """
@@ -26,14 +26,14 @@ from ..things import COLOUR_NAMES
 from ..tilemap import Cell, Door, Key, TileMap
 
 PREFIXES = ("MiniGrid-", "BabyAI-")
-"""What the ids begin with that the package minigrid registers."""
+"""The prefix of the ids that minigrid registers."""
 
 _PICK_UP = "an object has to be picked up to end the episode"
 _INSTRUCTION = "the task is an instruction in words ({mission})"
 
-# What maps cannot say, by the name of the class that brings it.
+# Rules that maps cannot express, by the name of the class that has them.
 _RULES: dict[str, str] = {
-    "KeyCorridorEnv": f"{_PICK_UP}; with a goal in the place of the ball this task is here as "
+    "KeyCorridorEnv": f"{_PICK_UP}; with a goal instead of the ball, this task is available as "
     "key-corridor-s3r1 to -s6r3",
     "UnlockPickupEnv": _PICK_UP,
     "BlockedUnlockPickupEnv": _PICK_UP,
@@ -58,7 +58,7 @@ class MiniGridMap:
 
     Attributes:
         tilemap: the map; its one spawn is the agent's cell.
-        heading: degrees in which the agent looks: 0 east, 90 south, 180 west, 270 north.
+        heading: the agent's heading in degrees: 0 east, 90 south, 180 west, 270 north.
     """
 
     tilemap: TileMap
@@ -66,41 +66,40 @@ class MiniGridMap:
 
 
 def convert(env: Any) -> MiniGridMap:
-    """The present layout of a MiniGrid environment, as `jaxenstein.tasks.navigation` plays it.
+    """Convert the current layout of a MiniGrid environment for `jaxenstein.tasks.navigation`.
 
-    Walls become the default wall whatever their colour, coloured floor and open doors become
-    floor. Closed and locked doors, keys and the goal stay what they are. Not part of the result
-    are the rules in which `Navigation` differs: there keys do not block the way, are picked up
-    by walking over them and are all kept, and doors stay open.
+    Walls of any colour become the default wall; coloured floor and open doors become floor. Closed
+    and locked doors, keys and the goal are kept. The rules of `Navigation` differ from MiniGrid's:
+    keys do not block the way, the agent picks them up by walking over them and keeps them all, and
+    doors stay open.
 
     Args:
-        env: the environment, in any number of Gymnasium wrappers (which are ignored), after
-            `reset`.
+        env: the environment, after `reset`; Gymnasium wrappers are ignored.
 
     Raises:
-        SettingError: if it is no MiniGrid environment, has not been reset, or has a rule that
-            no map can keep, such as an instruction or an object to pick up.
-        MapError: for a thing that maps do not have, with its place; for no goal or several;
-            while the agent carries something.
+        SettingError: the environment is not from MiniGrid, has not been reset, or has a rule that
+            no map can express, such as an instruction or an object to pick up.
+        MapError: there is a thing that maps do not have (the message names the place), no goal or
+            several goals, or the agent carries something.
 
     Warns:
-        MapWarning: if the goal cannot be reached from the agent's cell; if the environment's class
-            is an unknown one that changes what a step does.
+        MapWarning: the agent's cell has no path to the goal, or an unknown class of environment
+            changes what a step does.
     """
     return _convert(env, stacklevel=3)
 
 
 def convert_id(id: str, seed: int) -> MiniGridMap:
-    """The layout that a registered MiniGrid environment has after `reset(seed=seed)`.
+    """Convert the layout that a registered MiniGrid environment has after `reset(seed=seed)`.
 
     Args:
         id: an id of Gymnasium's registry, such as "MiniGrid-FourRooms-v0".
-        seed: the seed, 0 or more; equal seeds give equal maps.
+        seed: the seed, at least 0; equal seeds give equal maps.
 
     Raises:
-        UnknownEnvironmentError: there is no such id.
-        SettingError: as for `convert`; if gymnasium or minigrid is missing; if the environment
-            cannot be made or reset; if the seed is no whole number from 0.
+        UnknownEnvironmentError: the id does not exist.
+        SettingError: as for `convert`, or gymnasium or minigrid is missing, the environment cannot
+            be made or reset, or the seed is not a whole number >= 0.
         MapError: as for `convert`.
 
     Warns:
@@ -112,7 +111,7 @@ def convert_id(id: str, seed: int) -> MiniGridMap:
 
 
 def _convert(env: Any, stacklevel: int) -> MiniGridMap:
-    """`convert`, with the warnings' stack level as seen from here."""
+    """As `convert`, with the stack level of warnings relative to this function."""
     env = getattr(env, "unwrapped", env)
     name = _name(env)
     _check_rules(env, name, stacklevel + 1)
@@ -128,29 +127,29 @@ def _convert(env: Any, stacklevel: int) -> MiniGridMap:
 
 
 def _reset(id: str, seed: int) -> Any:
-    """The environment with this id, made and reset."""
+    """Make and reset the environment with this id."""
     with _silence():
         gymnasium = _import_packages()
     _check_known(id, gymnasium.registry)
-    with _silence():  # anew, since gymnasium adds a filter of its own when it is imported
+    with _silence():  # again, because gymnasium adds its own warning filter when it is imported
         try:
             env = gymnasium.make(id)
             env.reset(seed=seed)
-        except Exception as error:  # code of others, which may fail in any way
+        except Exception as error:  # third-party code may fail in any way
             raise SettingError(f"gymnasium cannot make and reset {quoted(id)}: {error}") from error
     return env
 
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Keep what the packages print (pygame greets) and warn (old versions) off the output."""
+    """Suppress output (pygame's greeting) and warnings (old versions) of the packages."""
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         yield
 
 
 def _import_packages() -> Any:
-    """Gymnasium, with MiniGrid's environments registered."""
+    """Import Gymnasium, with MiniGrid's environments registered."""
     try:
         importlib.import_module("minigrid")
         return importlib.import_module("gymnasium")
@@ -165,8 +164,8 @@ def _check_known(id: str, registry: Any) -> None:
     if not isinstance(id, str) or id not in registry:
         ours = [known for known in registry if known.startswith(PREFIXES)]
         raise UnknownEnvironmentError(
-            f"unknown MiniGrid environment {quoted(id)}{nearest(str(id), ours)}; the {len(ours)} "
-            "that the installed minigrid has are in gymnasium.registry"
+            f"unknown MiniGrid environment {quoted(id)}{nearest(str(id), ours)}; "
+            f"gymnasium.registry has the {len(ours)} ids of the installed minigrid"
         )
 
 
@@ -176,13 +175,13 @@ def _name(env: Any) -> str:
 
 
 def _rule(env: Any) -> str:
-    """What of the environment's rules no map can say; "" if nothing is known."""
+    """The rule of the environment that no map can express; "" if none is known."""
     names = [base.__name__ for base in type(env).__mro__]
     return next((_RULES[name] for name in names if name in _RULES), "")
 
 
 def _check_rules(env: Any, name: str, stacklevel: int) -> None:
-    """Raise for a class with a rule that no map keeps, warn of one that may have such a rule."""
+    """Raise for a rule that no map can express; warn about a class that may have such a rule."""
     if rule := _rule(env):
         mission = repr(str(getattr(env, "mission", "")))
         raise SettingError(f"{name} cannot be converted: {rule.format(mission=mission)}")
@@ -191,7 +190,7 @@ def _check_rules(env: Any, name: str, stacklevel: int) -> None:
     owner = next((base for base in bases if "step" in vars(base)), None)
     if original is not None and owner is not original and owner is not None:
         warnings.warn(
-            f"{name}: {owner.__name__} changes what a step does; its rules are not part of the map",
+            f"{name}: {owner.__name__} changes what a step does, but the map lacks its rules",
             MapWarning,
             stacklevel=stacklevel,
         )
@@ -231,8 +230,8 @@ def _read_grid(grid: Any, start: Cell, name: str) -> TileMap:
                 line[column] = door_label(colour, bool(thing.is_locked))
             elif kind not in ("floor", "empty", "door"):
                 raise MapError(
-                    f"{_describe(thing)} at {_place(column, row)}: maps have walls, doors, keys "
-                    "and a goal",
+                    f"{_describe(thing)} at {_place(column, row)}: maps only have walls, doors, "
+                    "keys and a goal",
                     source=name,
                 )
     _check_goal(goals, start, name)
@@ -248,8 +247,8 @@ def _check_goal(goals: list[Cell], start: Cell, name: str) -> None:
     if len(goals) > 1:
         places = " and ".join(_place(*goal) for goal in goals[:2])
         raise MapError(
-            f"there are {len(goals)} goals (at {places}), each of which ends an episode; here one "
-            "of them would be drawn",
+            f"there are {len(goals)} goals (at {places}), each of which ends an episode, but here "
+            "each episode would have one of them",
             source=name,
         )
     if start in goals:
@@ -260,7 +259,7 @@ def _colour(thing: Any, column: int, row: int, name: str) -> int:
     """Colour index of a door or key."""
     if thing.color not in COLOUR_NAMES:
         raise MapError(
-            f"{_describe(thing)} at {_place(column, row)}: doors and keys are "
+            f"{_describe(thing)} at {_place(column, row)}: doors and keys must be "
             f"{', '.join(COLOUR_NAMES)}",
             source=name,
         )

@@ -1,8 +1,8 @@
-"""The text format `.map` of Quake's level editors: entities, brushes and patches.
+"""The `.map` text format of Quake's level editors: entities, brushes and patches.
 
-An entity is `{`, pairs of quoted words, brushes, `}`. A brush is the space behind some planes, each
-given by three points and a texture; a patch (`patchDef2`) is a curved or flat sheet over a grid of
-control points. `//` begins a comment.
+An entity is `{`, pairs of quoted strings, brushes, `}`. A brush is the space behind several
+planes, each given by three points and a texture. A patch (`patchDef2`) is a curved or flat sheet
+over a grid of control points. `//` starts a comment.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ...errors import MapError, MapWarning, quoted
 Point = tuple[float, float, float]
 
 LARGEST = 1_000_000.0
-"""The largest coordinate that is believed."""
+"""The largest accepted coordinate."""
 
 _TOKEN = re.compile(r'//.*|"[^"]*"|[(){}]|[^\s(){}"]+|"')
 _END = ""
@@ -25,7 +25,7 @@ _END = ""
 
 @dataclass(frozen=True)
 class Plane:
-    """One plane of a brush: three points on it and the texture that it shows."""
+    """A plane of a brush: three points on it, and its texture."""
 
     points: tuple[Point, Point, Point]
     texture: str
@@ -33,7 +33,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Brush:
-    """A solid: its planes, and the line where it begins."""
+    """A solid: its planes, and the line where it starts."""
 
     planes: tuple[Plane, ...]
     line: int
@@ -41,7 +41,7 @@ class Brush:
 
 @dataclass(frozen=True)
 class Patch:
-    """A sheet: its texture and control points, and the line where it begins."""
+    """A sheet: its texture and control points, and the line where it starts."""
 
     texture: str
     points: tuple[Point, ...]
@@ -50,11 +50,11 @@ class Patch:
 
 @dataclass
 class Entity:
-    """A thing with properties, of which `classname` says what it is.
+    """An entity with properties; `classname` is its kind.
 
     Attributes:
-        line: where it begins.
-        properties: its pairs of words.
+        line: the line where it starts.
+        properties: its pairs of strings.
         brushes: its solids.
         patches: its sheets.
     """
@@ -66,7 +66,7 @@ class Entity:
 
     @property
     def classname(self) -> str:
-        """What it is; "" if the file does not say."""
+        """The kind of entity; "" if the file does not say."""
         return self.properties.get("classname", "")
 
 
@@ -74,15 +74,15 @@ def read_entities(text: str, source: str = "") -> list[Entity]:
     """Read a `.map` file.
 
     Args:
-        text: its content.
-        source: what to call it in errors.
+        text: the content of the file.
+        source: the name of the file, for errors.
 
     Raises:
-        MapError: with the line of what is wrong.
+        MapError: the file is invalid; the message names the line.
 
     Warns:
-        MapWarning: with the line, where an entity begins without its brace. It is read all the
-            same, for two of DeepMind Lab's own mazes have such a place.
+        MapWarning: an entity starts without its brace; the message names the line. The entity is
+            read anyway, because two of DeepMind Lab's own mazes have this fault.
     """
     reader = _Reader(text, source)
     entities = []
@@ -92,7 +92,7 @@ def read_entities(text: str, source: str = "") -> list[Entity]:
 
 
 class _Reader:
-    """The tokens of a text one by one; `token` is the one to be read next."""
+    """Reads the tokens of a text one by one; `token` is the next one."""
 
     def __init__(self, text: str, source: str) -> None:
         self.source = source
@@ -108,7 +108,7 @@ class _Reader:
         self.take()
 
     def take(self) -> str:
-        """The next token."""
+        """Read the next token."""
         token = self.token
         self.token, self.line = next(self._tokens, (_END, self._last))
         return token
@@ -120,12 +120,12 @@ class _Reader:
         self.take()
 
     def shown(self) -> str:
-        """The next token, for people."""
+        """The next token, for messages."""
         short = self.token if len(self.token) <= 40 else f"{self.token[:40]}..."
         return repr(short) if self.token else "the end of the file"
 
     def number(self, where: str) -> float:
-        """Read a finite number that may be a coordinate."""
+        """Read a finite number in the range of coordinates."""
         try:
             value = float(self.token)
         except ValueError:
@@ -137,7 +137,7 @@ class _Reader:
         return value
 
     def word(self, where: str) -> str:
-        """Read a name without quotes."""
+        """Read an unquoted name."""
         if self.token in (_END, *"(){}") or self.token.startswith('"'):
             raise self.error(f"expected a name {where}, found {self.shown()}")
         return self.take()
@@ -151,7 +151,7 @@ def _entity(reader: _Reader) -> Entity:
     entity = Entity(reader.line)
     where = f"in the entity of line {entity.line}"
     if reader.token.startswith('"') and len(reader.token) > 1:
-        problem = reader.error(f"an entity begins without '{{', with {reader.shown()}")
+        problem = reader.error(f"an entity starts without '{{', with {reader.shown()}")
         warnings.warn(str(problem), MapWarning, stacklevel=4)
     else:
         reader.expect("{", "at the start of an entity")
@@ -168,7 +168,7 @@ def _entity(reader: _Reader) -> Entity:
 def _quoted(reader: _Reader, where: str) -> str:
     token = reader.token
     if len(token) < 2 or token[0] != '"':
-        raise reader.error(f"expected a quoted word {where}, found {reader.shown()}")
+        raise reader.error(f"expected a quoted string {where}, found {reader.shown()}")
     reader.take()
     return token[1:-1]
 
@@ -224,7 +224,7 @@ def _patch(reader: _Reader, line: int) -> Patch:
     reader.expect("}", "after a patch")
     if len(size) < 2 or not points or size[0] * size[1] != len(points):
         shape = " by ".join(f"{length:g}" for length in size[:2])
-        message = f"a patch of {shape or 'no'} control points has {len(points)}"
+        message = f"a patch of {shape or 'no'} control points has {len(points)} of them"
         raise MapError(message, line=line, source=reader.source)
     return Patch(texture, tuple(points), line)
 

@@ -1,1 +1,1 @@
-"""ViZDoom's own scenarios: Doom's motion in integers, its maps, its rules by the tic."""
+"""ViZDoom's own scenarios: Doom's motion in integers, its maps, and its rules tic by tic."""

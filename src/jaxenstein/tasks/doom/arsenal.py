@@ -1,4 +1,4 @@
-"""The player's weapons, one or several: their triggers, and how the player changes weapons."""
+"""The player's weapons: their triggers, and how the player changes weapons."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from .parts import Game, Part
 from .weapons import Slot, Trigger, Weapon, pull
 
 SWITCH_TICS, RAISE_TICS = 30, 15
-"""Tics from asking for another weapon to shooting with it, and of them those of its raising."""
+"""Tics from selecting a weapon to its first possible shot, and how many of them raise it."""
 SELECT = tuple(f"weapon {number}" for number in range(1, 7))
 NEXT_WEAPON, PREVIOUS_WEAPON = "next weapon", "previous weapon"
 SWITCHING = (*SELECT, NEXT_WEAPON, PREVIOUS_WEAPON)
-"""The buttons that change weapons, in this order and at the end of a scenario's buttons."""
-# What the game calls the ammunition, kind by kind, and how many weapons there are of each button.
+"""The buttons that change weapons, in this order at the end of a scenario's buttons."""
+# The game's names of the kinds of ammunition, and the number of weapons on each button.
 _AMMO_NAMES = ("AMMO2", "AMMO3", "AMMO5")
 _SLOT_NAMES = tuple(f"WEAPON{number}" for number in range(1, 6))
-# Beyond all distances, in map units. Of a batch that fires, one in so many is computed at a time.
+# Beyond all distances, in map units. Shots of a batch are computed for this fraction at a time.
 _FAR, _FEW = 1 << 20, 8
 # The numbers of a weapon that a program looks up.
 _NUMBERS = tuple(
@@ -43,11 +43,11 @@ class Arms(PyTreeNode):
     """Which of W weapons the player has.
 
     Attributes:
-        selected: int32[], the one in its hands.
-        pending: int32[], the one that it changes to; W for none.
+        selected: int32[], the weapon in hand.
+        pending: int32[], the weapon to change to; W for none.
         owned: bool[W].
-        ammo: int32[3], of each ammunition.
-        asked: int32[], the selecting buttons held in the tic before, as bits.
+        ammo: int32[3], shots of each kind of ammunition.
+        asked: int32[], the selecting buttons that were held in the previous tic, as bits.
     """
 
     selected: jax.Array
@@ -58,15 +58,15 @@ class Arms(PyTreeNode):
 
 
 class Arsenal(Part):
-    """The player's weapons, one or several: `state.trigger`, and of several `state.arms`.
+    """The player's weapons: `state.trigger`, and `state.arms` if there are several weapons.
 
     Attributes:
         slots: the weapons.
-        ammo: int32[W], the kind of ammunition that each shoots.
-        uses: int32[W], how much of it a shot takes.
-        buttons: int32[W], the number by which each is selected.
-        rays: the most bullets of a shot.
-        most: the most shots that there can be.
+        ammo: int32[W], the kind of ammunition of each weapon.
+        uses: int32[W], the ammunition that a shot uses.
+        buttons: int32[W], the button that selects each weapon.
+        rays: the largest number of bullets in a shot.
+        most: the largest number of shots that the player can have.
     """
 
     def __init__(
@@ -78,14 +78,15 @@ class Arsenal(Part):
         raise_tics: int = 0,
         first_button: int = 0,
     ) -> None:
-        """Lay out the tables.
+        """Build the tables.
 
         Args:
-            slots: the weapons; with only one of them the player cannot change.
-            shots: there are at first, of bullets.
-            most: there can be, if that is more.
+            slots: the weapons; with a single weapon the player cannot change weapons.
+            shots: bullets at the start.
+            most: the most bullets, if larger.
             raise_tics: tics until the first weapon is raised.
-            first_button: the number of the first button of `SWITCHING`, of several weapons.
+            first_button: the index of the first button of `SWITCHING`, if there are several
+                weapons.
         """
         self.slots = tuple(slots)
         self.ammo = np.array([slot.ammo for slot in slots], np.int32)
@@ -102,30 +103,30 @@ class Arsenal(Part):
         self.game_variables = several if len(slots) > 1 else (slots[0].weapon.game_ammo,)
 
     def __len__(self) -> int:
-        """How many weapons there are."""
+        """The number of weapons."""
         return len(self.slots)
 
     def index_of(self, weapon: Weapon) -> int:
-        """The place of a weapon."""
+        """The index of a weapon."""
         return [slot.weapon for slot in self.slots].index(weapon)
 
     def __getitem__(self, index: jax.Array) -> Any:
-        """The weapon at int32[], whose numbers are those of a program: a `Weapon` of arrays."""
+        """The weapon with index int32[]: a `Weapon` of arrays."""
         row = jnp.asarray(self._rows)[index]
         return Weapon("", **{name: cast(Any, row[i]) for i, name in enumerate(_NUMBERS)})
 
     def trigger(self, weapon: Weapon | None = None) -> Trigger:
-        """The first state of a weapon, by default of the first one."""
+        """The first state of a weapon's trigger, by default of the first weapon."""
         weapon = weapon or self.slots[0].weapon
         wait = jnp.int32(self.raise_tics)
         return Trigger(jnp.int32(weapon.ready), jnp.bool_(False), jnp.int32(self._shots), wait)
 
     def locked(self, time: jax.Array) -> jax.Array | bool:
-        """bool[]: whether ATTACK must not be held yet, since the weapon would stay locked."""
+        """bool[]: whether ATTACK must not be held yet, because the weapon would stay locked."""
         return self.slots[0].weapon.locks & (time <= self.raise_tics)
 
     def arms(self, owned: Sequence[Weapon], selected: Weapon) -> Arms:
-        """The first state of several weapons: those owned, one of them in hand, and bullets."""
+        """The first state of several weapons: those owned, the one in hand, and the bullets."""
         mine = np.array([slot.weapon in owned for slot in self.slots])
         return Arms(
             selected=jnp.int32(self.index_of(selected)),
@@ -136,16 +137,16 @@ class Arsenal(Part):
         )
 
     def usable(self, arms: Arms) -> jax.Array:
-        """bool[W]: those that the player has and has ammunition for."""
+        """bool[W]: the weapons that the player has and has ammunition for."""
         return arms.owned & (arms.ammo[self.ammo] >= self.uses)
 
     def tic(self, state: Any, attack: jax.Array, held: jax.Array) -> tuple[Any, jax.Array]:
-        """The state after a tic of the weapons, and bool[] whether a shot left.
+        """The state after a tic of the weapons, and bool[], whether a shot was fired.
 
         Args:
-            state: before it.
+            state: the state before the tic.
             attack: bool[], whether ATTACK is held.
-            held: int32[], the buttons that are held, bit i for button i.
+            held: int32[], the held buttons, bit i for button i.
         """
         if len(self) == 1:
             trigger, fires = pull(self.slots[0].weapon, state.trigger, attack)
@@ -155,11 +156,11 @@ class Arsenal(Part):
         return state.replace(trigger=trigger, arms=arms), fires
 
     def chosen(self, arms: Arms, asked: jax.Array) -> Arms:
-        """The arms after a tic in which selecting buttons are held; each counts in its first tic.
+        """The arms after a tic with selecting buttons; a button acts in the first tic of a press.
 
         Args:
-            arms: before it.
-            asked: int32[], the buttons of `SWITCHING` that are held, bit i for the i-th.
+            arms: the arms before the tic.
+            asked: int32[], the held buttons of `SWITCHING`, bit i for the i-th.
         """
         count = len(self)
         new = asked & ~arms.asked
@@ -179,7 +180,7 @@ class Arsenal(Part):
     def pulled(
         self, arms: Arms, trigger: Trigger, attack: jax.Array
     ) -> tuple[Trigger, Arms, jax.Array]:
-        """Trigger and arms after a tic in which ATTACK was held or not, and whether a shot left."""
+        """Trigger and arms after a tic with or without ATTACK, and whether a shot was fired."""
         count = len(self)
         comes = (trigger.wait == RAISE_TICS) & (arms.pending < count)
         selected = jnp.where(comes, arms.pending, arms.selected)
@@ -187,7 +188,7 @@ class Arsenal(Part):
         weapon = self[selected]
         tics = jnp.where(comes, weapon.ready, trigger.tics)
         kind = jnp.asarray(self.ammo)[selected]
-        # One that is empty is put away once its shot is over.
+        # An empty weapon is put away once its shot is over.
         empty = (arms.ammo[kind] < weapon.uses) & (tics + 1 >= weapon.again) & (pending == count)
         best = jnp.argmin(jnp.where(self.usable(arms), self._order, 1 << 16)).astype(jnp.int32)
         pending = jnp.where(empty, best, pending)
@@ -210,14 +211,14 @@ class Arsenal(Part):
         walls: np.ndarray,
         bits: jax.Array,
     ) -> jax.Array:
-        """int32[N]: the damage that the bullets of a shot do to each body, zero without a shot.
+        """int32[N]: the damage of a shot's bullets to each body, zero without a shot.
 
         Args:
-            state: after the tic in which the shot may leave; it goes along the player's angle.
-            shot: bool[] whether it leaves, int32[2] from where.
-            bodies: int32[N, 2] places, int32[N] half-widths, bool[N] which can be hit.
-            walls: float32[L, 4] that stop bullets.
-            bits: uint32[R], random, of each bullet.
+            state: the state after the tic of the shot, which goes along the player's angle.
+            shot: bool[], whether there is a shot; int32[2], its origin.
+            bodies: int32[N, 2] positions, int32[N] half-widths, bool[N] which can be hit.
+            walls: float32[L, 4], the walls that stop bullets.
+            bits: uint32[R], random, for each bullet.
         """
         (fires, origin), (places, widths, there) = shot, bodies
         if all(slot.weapon.speed for slot in self.slots):
@@ -237,7 +238,7 @@ class Arsenal(Part):
         bodies: tuple[jax.Array, jax.Array],
         bits: jax.Array,
     ) -> jax.Array:
-        """int32[N]: what they do, by the weapon in hand and whether its trigger has been held."""
+        """int32[N]: the damage, for the weapon in hand and whether its trigger was held."""
         (selected, held), (origin, angle), (places, there) = hand, line, bodies
         weapon = self.slots[0].weapon if selected is None else self[selected]
         scatters = ((weapon.loose == 1) | held) & (weapon.spread > 0)
@@ -249,19 +250,19 @@ class Arsenal(Part):
         return jnp.sum(jnp.where(hit, damage[:, None], 0), axis=0, dtype=jnp.int32)
 
     def show(self, image: jax.Array, state: Any, kind: ImageKind) -> jax.Array:
-        """An image with the weapon in the player's hands."""
+        """Draw the weapon in the player's hands onto an image."""
         images = [slot.weapon.show(image, state.trigger, kind) for slot in self.slots]
         return images[0] if len(images) == 1 else jnp.stack(images)[state.arms.selected]
 
     def describe(self, state: Any) -> Info:
-        """Shots left, and of several weapons the number of the button that selects this one."""
+        """Shots left and, with several weapons, the button that selects the current one."""
         shots = {"ammo": state.trigger.ammo}
         if len(self) == 1:
             return shots
         return shots | {"weapon": jnp.asarray(self.buttons)[state.arms.selected]}
 
     def from_game(self, state: Any, game: Game) -> Any:
-        """The game's ammunition and weapons; of a button it tells only how many weapons it has."""
+        """Read the game's ammunition and weapons; it only reports how many a button has."""
         values = game.variables
         if len(self) == 1:
             shots = min(max(values[self.slots[0].weapon.game_ammo], 0), self.most)

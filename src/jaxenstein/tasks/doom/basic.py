@@ -1,6 +1,6 @@
-"""ViZDoom's Basic, tic by tic: step to the side until the monster stands ahead, and shoot it.
+"""ViZDoom's Basic, tic by tic: step to the side until the monster is ahead, and shoot it.
 
-With it Simpler Basic, in which the monster is nearer, and Rocket Basic, with a rocket launcher.
+Also Simpler Basic, in which the monster is closer, and Rocket Basic, with a rocket launcher.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from .scenario import DoomScenario, DoomState, Room
 from .view import OCHRE, SLATE, TAN, TILES
 from .weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Slot, Trigger
 
-# The monster stands on the line x = 0, from the one y to the other.
+# The monster is on the line x = 0, between these two y.
 LOWEST, HIGHEST = -161, 224
 HALF_WIDTH = CACODEMON.half_width
 _NO_WALLS = np.zeros((0, 4), np.float32)
-# The player's way, for a velocity of one, in the 4 or 8 tics up to the shot and until it stands;
-# so far off, in map units, a shot still hits with something to spare.
+# How far a player with velocity 1 moves in the 4 or 8 tics before the shot and until it stops; the
+# distance in map units at which a shot still hits with some margin.
 _COASTS, _STOPS, _NEAR = {4: 3.2, 8: 5.6}, 9.0, 24
 
 
 class DoomBasicParams(Params):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
         kill_reward: reward of hitting the monster.
-        shot_reward: reward of each shot, that one included.
+        shot_reward: reward of each shot, including the one that hits.
         living_reward: reward of every tic.
     """
 
@@ -56,14 +56,14 @@ class DoomBasicParams(Params):
 
 
 class DoomBasicState(DoomState):
-    """State of the task.
+    """The state of the task.
 
     Attributes:
         health: int32[], of the player.
-        trigger: what the weapon does.
-        target: int32[2], where the monster is, map units in 16.16.
+        trigger: the state of the weapon.
+        target: int32[2], the position of the monster, map units in 16.16.
         killed: bool[], whether it was hit; the next tic ends the episode.
-        rockets: in flight; None of a weapon that fires bullets.
+        rockets: rockets in flight; None if the weapon fires bullets.
     """
 
     health: jax.Array
@@ -74,7 +74,7 @@ class DoomBasicState(DoomState):
 
 
 class Target(Part):
-    """A monster that does nothing: `state.target`, and `state.killed`."""
+    """A passive monster: `state.target` and `state.killed`."""
 
     objects = (GameObject(CACODEMON.game_name, CACODEMON.label, CACODEMON.pictures[2:]),)
 
@@ -84,7 +84,7 @@ class Target(Part):
         return Sprites(state.target[None], dead, jnp.ones(1, bool))
 
     def from_game(self, state: DoomBasicState, game: Game) -> DoomBasicState:
-        """The monster of the game."""
+        """Read the monster from the game."""
         rows = game.of(CACODEMON.game_name)
         return state.replace(target=rows[0, :2].astype(np.int32)) if len(rows) else state
 
@@ -98,12 +98,13 @@ _ROOMS = {
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
-    """Shoot a monster that does nothing. The player steps aside, but cannot turn.
+    """Shoot a passive monster. The player steps sideways but cannot turn.
 
-    With a pistol, whose bullet hits at once, or with a rocket launcher, whose rocket needs a second
-    to get there. Rockets have no width here: they must meet the monster itself. The launcher takes
-    up ATTACK when it has been raised and ATTACK been released. Reward: `kill_reward` for the hit,
-    `shot_reward` for every shot, `living_reward` in every tic. The tic after the hit terminates.
+    The weapon is a pistol, whose bullet hits at once, or a rocket launcher, whose rocket needs a
+    second to arrive. Rockets have no width here, so they must hit the monster itself. The launcher
+    only accepts ATTACK after it is raised and ATTACK has been released. Reward: `kill_reward` for
+    the hit, `shot_reward` for every shot, `living_reward` in every tic. The tic after the hit
+    terminates the episode.
 
     Attributes:
         hall: `"basic"`, or `"simpler-basic"`: 64 map units shorter, with brighter walls.
@@ -125,7 +126,7 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
 
     @property
     def scenario(self) -> str | None:
-        """Its name in ViZDoom; that of Rocket Basic plays in the room of Simpler Basic."""
+        """Its name in ViZDoom; Rocket Basic plays in the room of Simpler Basic."""
         return "rocket_basic" if self.rocket else super().scenario
 
     @functools.cached_property
@@ -136,7 +137,7 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
 
     @functools.cached_property
     def rockets(self) -> Missiles:
-        """Its rockets, none of the pistol."""
+        """The rockets; none for the pistol."""
         return rockets(3 if self.rocket else 0, half_width=0, name="CustomRocket")
 
     @functools.cached_property
@@ -146,7 +147,7 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
         return (Health(FULL_HEALTH), self.arsenal, Target(), *missiles)
 
     def init_state(self, key: jax.Array, params: DoomBasicParams) -> DoomBasicState:
-        """Sample where the monster stands."""
+        """Sample the position of the monster."""
         del params
         bits = jax.random.bits(key, (3,), jnp.uint32)
         y = LOWEST * ONE + sample_index(bits[2], (HIGHEST - LOWEST) * ONE + 1)
@@ -183,14 +184,14 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
         return state.replace(killed=over | hits), reward, over, events
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return About(
             aim="hit the monster",
             ends="in the tic after the hit",
             rewards={
                 "kill_reward": "{:+g} for the hit",
-                "shot_reward": "{:+g} a shot",
-                "living_reward": "{:+g} a tic",
+                "shot_reward": "{:+g} per shot",
+                "living_reward": "{:+g} per tic",
             },
             events=SHOOTING,
             variables={"health": "0 to 100", "ammo": "bullets left"},
@@ -202,7 +203,7 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
 
 
 def step_and_shoot(env: DoomBasic, params: Any) -> Choose:
-    """Step aside until the shot will leave in front of the monster, then shoot."""
+    """Step sideways until a shot would hit the monster, then shoot."""
     del params
     left, right, shoot = (env.index_of(name) for name in (MOVE_LEFT, MOVE_RIGHT, ATTACK))
     coasts = _COASTS[env.arsenal.slots[0].weapon.shot]

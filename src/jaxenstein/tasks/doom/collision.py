@@ -1,7 +1,7 @@
-"""What bodies, bullets and eyes meet: walls as tables and as segments, boxes, and rays.
+"""Collisions of bodies, bullets and lines of sight: walls as tables and segments, boxes, and rays.
 
-Places are int32 map units (16.16). A body is a box whose sides run along the axes. What is
-measured along rays is float32 map units; a ray meets boxes and segments exactly, without sampling.
+Positions are int32 map units (16.16). A body is a box with sides along the axes. Distances along
+rays are float32 map units. Rays meet boxes and segments exactly, without sampling.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ RADIUS = 16
 """Half the side of the player's box in map units."""
 CELL_BITS = 20
 BLOCK_BITS = 23
-"""A block of the game's index of lines is 128 map units wide, a cell here 16."""
+"""The width in map units of a block of the game's index of lines, and of a cell here."""
 LATTICE = 1 << (CELL_BITS - 16)
-# Each body fits into 2 by 2 blocks with all that it may touch in a tic: a window.
+# A body overlaps at most 2 by 2 blocks with everything that it may touch in a tic: a window.
 WINDOW = 2
 BLOCKS = WINDOW**2
-# How many blocks a trace may visit, and bits of each of them for the same set of blocks.
+# The most blocks that a trace visits; a set of blocks times this is repeated for each visit.
 VISITS = 5
 _EACH_VISIT = sum(1 << BLOCKS * i for i in range(VISITS))
-# Places in an axis of `Geometry.windows`.
+# Indices into the third axis of `Geometry.windows`.
 SIGN, EDGE, PLACE, MEMBERS, ORDER = range(5)
 _NEVER = 2**31 - 1
 # A ray with a component below this runs along an axis.
@@ -40,18 +40,18 @@ _PARALLEL = 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Geometry:
-    """The walls of a map as tables; on the host, constants of a program.
+    """The walls of a map as tables on the host; constants of a program.
 
     Attributes:
         origin: int32[2], west and south end of the map, 16.16 map units.
         cells: uint8[n, m], whether the box of a body whose centre is in a cell (x, y) overlaps a
             wall: bit 0 inside the cell, 1 on its west edge, 2 on its south edge, 3 on both.
-        windows: int32[columns, rows, 2, 5, L], the walls of the 2 by 2 blocks from each block on,
-            apart those with one x (running north and south) and those with one y: `SIGN` times
-            a coordinate is at least `EDGE` behind the wall, which stands at `PLACE`; bit
-            i + 2 j of `MEMBERS` says whether block (i, j) of the window has it, five times over
-            at a distance of 4 bits; `ORDER` is its number. Where there are fewer than L walls,
-            the last entries are never behind.
+        windows: int32[columns, rows, 2, 5, L], the walls of the window of 2 by 2 blocks that
+            starts at each block: first the walls with a single x (running north and south), then
+            those with a single y. A coordinate is behind the wall if `SIGN` times it is at least
+            `EDGE`; the wall is at `PLACE`. Bit i + 2 j of `MEMBERS` says whether block (i, j) of
+            the window contains it, repeated five times at intervals of 4 bits. `ORDER` is its
+            number. With fewer than L walls, nothing is ever behind the last entries.
     """
 
     origin: np.ndarray
@@ -73,19 +73,19 @@ class Geometry:
 
 @functools.cache
 def load_geometry(name: str) -> Geometry:
-    """The tables of a map of `maps/`."""
+    """The tables of a map in `maps/`."""
     return build_geometry(load_map(name).walls)
 
 
 def build_geometry(walls: Sequence[Line]) -> Geometry:
-    """The tables of walls that stand on a lattice of 16 map units.
+    """The tables of walls on a lattice of 16 map units.
 
     Raises:
-        ValueError: a wall does not.
+        ValueError: a wall is not on the lattice.
     """
     ends = ends_of(walls)
     if (ends % LATTICE).any():
-        raise ValueError(f"walls must stand on a lattice of {LATTICE} map units")
+        raise ValueError(f"walls must be on a lattice of {LATTICE} map units")
     low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
     return Geometry(
         origin=(low * ONE).astype(np.int32),
@@ -95,11 +95,11 @@ def build_geometry(walls: Sequence[Line]) -> Geometry:
 
 
 def _cells(ends: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """`Geometry.cells`; halves of a cell stand for what lies inside."""
+    """Build `Geometry.cells`; half cells represent the interiors."""
     least, most = ends.min(axis=1), ends.max(axis=1)
     counts = (high - low) // LATTICE + 1
     axes = [low[i] + np.arange(2 * counts[i]) * (LATTICE / 2) for i in (0, 1)]
-    # Strictly between, for each wall and coordinate: bool[walls, 2 * count].
+    # Strictly between the ends, for each wall and coordinate: bool[walls, 2 * count].
     near = [
         (axis[None] < most[:, i, None] + RADIUS) & (axis[None] > least[:, i, None] - RADIUS)
         for i, axis in enumerate(axes)
@@ -111,7 +111,7 @@ def _cells(ends: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _windows(ends: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """`Geometry.windows`."""
+    """Build `Geometry.windows`."""
     shift = BLOCK_BITS - 16
     first, last = (ends.min(axis=1) - low) >> shift, (ends.max(axis=1) - low) >> shift
     counts = ((high - low) >> shift) + 1
@@ -141,11 +141,11 @@ def _windows(ends: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def _side(line: np.ndarray, axis: int) -> tuple[int, int, int]:
     """(sign, edge, place) of a wall whose points share the coordinate `axis`.
 
-    The game finds a point behind a wall if a product of 64 bits reaches 2**32, which is so from
-    a certain distance on, a fraction of a map unit that depends on the wall's length.
+    In the game, a point is behind a wall if a 64-bit product reaches 2**32. This is so from a
+    certain distance on, a fraction of a map unit that depends on the wall's length.
     """
     run = int(line[1, 1 - axis] - line[0, 1 - axis])
-    # The back of walls that go north is west, of those that go east it is north.
+    # Walls that go north have their back in the west, walls that go east in the north.
     sign = -1 if (run > 0) == (axis == 0) else 1
     place = int(line[0, axis]) * ONE
     slack = -(-(1 << 32) // (abs(run) * ONE))
@@ -163,26 +163,26 @@ def along(angle: jax.Array) -> jax.Array:
 
 
 def bearing(offset: jax.Array) -> jax.Array:
-    """int32[...]: the angle of int32[..., 2], 2**32 a circle, about as exact as float32."""
+    """int32[...]: the angle of int32[..., 2], 2**32 per turn, about as exact as float32."""
     x, y = offset[..., 0].astype(jnp.float32), offset[..., 1].astype(jnp.float32)
     return (jnp.arctan2(y, x) * jnp.float32(2**22 / math.pi)).astype(jnp.int32) << 9
 
 
 def offsets(origin: jax.Array, places: jax.Array) -> jax.Array:
-    """float32[..., 2]: from int32[..., 2] to int32[..., 2], in map units."""
+    """float32[..., 2]: the offset from int32[..., 2] to int32[..., 2], in map units."""
     rank = max(origin.ndim, places.ndim)
     way = ranked(places, rank) - ranked(origin, rank)
     return way.astype(jnp.float32) * jnp.float32(1 / ONE)
 
 
 def way_to(origin: jax.Array, places: jax.Array) -> jax.Array:
-    """float32[..., 2]: the direction from int32[..., 2] to int32[..., 2], of length one."""
+    """float32[..., 2]: the unit vector from int32[..., 2] to int32[..., 2]."""
     way = offsets(origin, places)
     return way / jnp.maximum(jnp.sqrt(jnp.sum(way**2, axis=-1, keepdims=True)), 1)
 
 
 def to_boxes(offset: jax.Array, ray: jax.Array, half_width: jax.Array | np.ndarray) -> jax.Array:
-    """float32[...]: how far along a ray a box is, `inf` if the ray misses it.
+    """float32[...]: the distance along a ray to a box, `inf` if the ray misses it.
 
     A ray that only touches a side hits, as in the game.
 
@@ -202,7 +202,7 @@ def to_boxes(offset: jax.Array, ray: jax.Array, half_width: jax.Array | np.ndarr
 
 
 def to_walls(origin: jax.Array, ray: jax.Array, walls: np.ndarray) -> jax.Array:
-    """float32[...]: how far along rays the first wall is, `inf` if there is none.
+    """float32[...]: the distance along rays to the first wall, `inf` if there is none.
 
     Args:
         origin: int32[..., 2].
@@ -224,7 +224,7 @@ def to_walls(origin: jax.Array, ray: jax.Array, walls: np.ndarray) -> jax.Array:
 
 
 def is_seen(origin: jax.Array, target: jax.Array, walls: np.ndarray) -> jax.Array:
-    """bool[...]: whether no wall stands between places int32[..., 2]."""
+    """bool[...]: whether no wall is between positions int32[..., 2]."""
     return to_walls(origin, offsets(origin, target), walls) > 1
 
 
@@ -237,16 +237,16 @@ def first_body(
     walls: np.ndarray,
     reach: float | np.ndarray = np.inf,
 ) -> jax.Array:
-    """bool[..., N]: the body that each ray hits first; all false if it hits none, or a wall first.
+    """bool[..., N]: the body that each ray hits first; all False if none, or if a wall is first.
 
     Args:
         origin: int32[..., 2].
-        ray: float32[..., 2], of length one.
-        places: int32[N, 2], of the bodies.
+        ray: float32[..., 2], of length 1.
+        places: int32[N, 2], positions of the bodies.
         half_widths: float32[N].
-        there: bool[..., N], which of them can be hit.
-        walls: float32[L, 4] that stop rays.
-        reach: how far the rays go.
+        there: bool[..., N], which bodies can be hit.
+        walls: float32[L, 4], walls that stop rays.
+        reach: the length of the rays.
     """
     offset = offsets(origin[..., None, :], places)
     distance = to_boxes(offset, ray[..., None, :], half_widths)
@@ -260,7 +260,7 @@ def first_body(
 
 
 def ranked(values: jax.Array, rank: int) -> jax.Array:
-    """The values with so many axes, the new ones in front."""
+    """The values with `rank` axes; new axes are leading."""
     return values.reshape((1,) * (rank - values.ndim) + values.shape)
 
 
@@ -274,13 +274,13 @@ def overlap(
     others: jax.Array,
     half_widths: jax.Array | np.ndarray,
 ) -> jax.Array:
-    """bool[...]: whether boxes overlap; those that touch do not.
+    """bool[...]: whether boxes overlap; boxes that touch do not.
 
     Args:
-        place: int32[..., 2], the centre of one, map units in 16.16.
-        half_width: int32[...], of it, in map units.
-        others: int32[..., 2], the centre of the other.
-        half_widths: int32[...], of it.
+        place: int32[..., 2], the centre of a box, map units in 16.16.
+        half_width: int32[...], its half-width in map units.
+        others: int32[..., 2], the centre of the other box.
+        half_widths: int32[...], its half-width.
     """
     gap = place - others
     reach = ranked(jnp.asarray(half_width + half_widths) * ONE, gap.ndim - 1)
@@ -288,23 +288,23 @@ def overlap(
 
 
 def crosses(place: jax.Array, half_width: jax.Array | np.ndarray, walls: np.ndarray) -> jax.Array:
-    """bool[...]: whether a box crosses a wall; touching one is free.
+    """bool[...]: whether a box crosses a wall; touching one is allowed.
 
     Args:
-        place: int32[..., 2], its centre.
+        place: int32[..., 2], the centre of the box.
         half_width: float32[...], in map units.
-        walls: float32[L, 4] of `segments`.
+        walls: float32[L, 4], from `segments`.
     """
     if not len(walls):
         return jnp.zeros(place.shape[:-1], bool)
-    # In one row, which vectorises where the last axis is short.
+    # Flattened, because this vectorises even if the last axis is short.
     shape = place.shape[:-1]
     x, y = (place[..., i].reshape(-1).astype(jnp.float32) * jnp.float32(1 / ONE) for i in (0, 1))
     side = ranked(jnp.asarray(half_width, jnp.float32), len(shape))
     side = jnp.broadcast_to(side, shape).reshape(-1)
     table = jnp.asarray(walls)
 
-    # One wall after the other: a reduction along a short axis takes several times as long.
+    # One wall after another: a reduction along a short axis takes several times as long.
     def visit(i: jax.Array, found: jax.Array) -> jax.Array:
         x0, y0, x1, y1 = table[i]
         near_x = (x + side > jnp.minimum(x0, x1)) & (x - side < jnp.maximum(x0, x1))

@@ -33,22 +33,22 @@ from .scenario import DoomScenario, Room
 from .view import BROWN
 from .weapons import PISTOL, SHOOTING, Slot
 
-# The game's numbers of the kinds of monsters; to which eighth of a circle those of a side look.
+# The game's numbers of the kinds of monsters; the eighth of a turn in which those of a side look.
 _KINDS = {3004: ZOMBIE, 9: SHOTGUN_GUY, 65: CHAINGUN_GUY}
 _SOUTH_WEST, _NORTH_WEST = 5, 3
-# The player does not move in the first tics of the game; from so far off, along the corridor, the
-# player `storm` shoots at monsters, in map units.
+# The player cannot move in the first tics of the game; the distance along the corridor, in map
+# units, at which the player `storm` shoots at monsters.
 _FROZEN, _STORMS = 7, 420
 
 
 class DoomCorridorParams(FightParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
         goal_reward: reward of reaching the armour.
-        death_penalty: taken off the reward of the tic in which the player dies.
-        way_reward: reward of each map unit nearer to the end of the corridor.
-        monster_health: of each.
+        death_penalty: subtracted from the reward of the tic in which the player dies.
+        way_reward: reward per map unit of progress along the corridor.
+        monster_health: health of each monster.
     """
 
     max_steps_in_episode: Scalar = 2100
@@ -61,7 +61,7 @@ class DoomCorridorParams(FightParams):
 
 
 class DoomCorridorState(FightState):
-    """State of the task.
+    """The state of the task.
 
     Attributes:
         taken: bool[], whether the armour was reached; the next tic ends the episode.
@@ -72,11 +72,11 @@ class DoomCorridorState(FightState):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
-    """Reach the armour at the end of a corridor with six marksmen in its alcoves.
+    """Reach the armour at the end of a corridor with six gunmen in its alcoves.
 
-    They never leave their places, one hit kills each, and what they hit hurts twice. Reward: way in
-    map units along the corridor, `goal_reward` at the armour, and minus `death_penalty` for
-    dying, which terminates. The tic after the armour was reached terminates, too.
+    They never move, one hit kills each of them, and their hits do double damage. Reward: progress
+    in map units along the corridor, `goal_reward` at the armour, and minus `death_penalty` for
+    dying, which terminates the episode. So does the tic after the armour is reached.
     """
 
     params_class: ClassVar[type[Params]] = DoomCorridorParams
@@ -95,7 +95,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
 
     @functools.cached_property
     def geometry(self) -> Geometry:
-        """The corridor's own walls, and the rails before the alcoves."""
+        """The walls of the corridor, and the rails in front of the alcoves."""
         walls = [w for w in self.doom_map.walls if w.x0 == w.x1 or abs(w.y0) == abs(w.y1) == 32]
         return build_geometry([*walls, *self.doom_map.rails])
 
@@ -111,7 +111,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
 
     @functools.cached_property
     def horde(self) -> Horde:
-        """The monsters of the map by their ids: they stay in their places, and react at once."""
+        """The monsters of the map by their ids: they never move, and react at once."""
         walls = segments(self.doom_map.walls)
         kinds = [standing(_KINDS[thing.kind]) for thing in self._marksmen]
         return Horde(kinds, walls=walls, opaque=walls, fast=True)
@@ -132,7 +132,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
         return Health(FULL_HEALTH), self.arsenal, self.horde, self.goal
 
     def init_state(self, key: jax.Array, params: DoomCorridorParams) -> DoomCorridorState:
-        """The monsters of the map, which look every now and then."""
+        """The monsters of the map, which look for the player now and then."""
         count = len(self.horde)
         bits = jax.random.bits(key, (count,), jnp.uint32)
         spots = np.array([(thing.x, thing.y) for thing in self._marksmen])
@@ -154,7 +154,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
         action: jax.Array,
         params: DoomCorridorParams,
     ) -> tuple[DoomCorridorState, jax.Array, jax.Array, Info]:
-        """Fight, and look whether the armour was touched."""
+        """Fight, and check whether the armour was touched."""
         before, leaves, kills = state.fixed_position[0], state.taken, state.kills
         action = jnp.where(state.time < _FROZEN, NO_OP, action)
         state, fought = fight(self, key, state, action, params)
@@ -168,12 +168,12 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
         return state.replace(taken=leaves | reached), reward, dead | leaves, events
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return About(
             aim="reached the armour",
-            ends="where the player dies, and in the tic after the armour was reached",
+            ends="when the player dies, and in the tic after the armour is reached",
             rewards={
-                "way_reward": "{:+g} a map unit of the way",
+                "way_reward": "{:+g} per map unit of progress",
                 "goal_reward": "{:+g} at the armour",
                 "death_penalty": "-{:g} at death",
             },
@@ -187,7 +187,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
 
 
 def storm(env: DoomDeadlyCorridor, params: Any) -> Choose:
-    """Shoot the monsters that see the player and are near; then walk on to the armour."""
+    """Shoot monsters that are near and see the player, then walk on to the armour."""
     aim, walk = turn_and_shoot(env, params), walker(env)
     goal = jnp.asarray(env.goal.place)
 
@@ -206,10 +206,10 @@ STORM = Player("shoots what is near, then walks on; sees the whole state", storm
 
 
 def run(env: DoomDeadlyCorridor, params: Any) -> Choose:
-    """Run straight on."""
+    """Run straight ahead."""
     del params
     ahead = env.index_of(FORWARD)
     return lambda key, state: jnp.int32(ahead)
 
 
-RUN = Player("runs straight on, whatever comes", run)
+RUN = Player("runs straight ahead", run)

@@ -1,4 +1,4 @@
-"""ViZDoom's Deathmatch for one player, tic by tic: monsters without end, and things to take."""
+"""ViZDoom's Deathmatch for one player, tic by tic: endless monsters, and things to pick up."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ from .scenario import DoomScenario, Room
 from .view import CEILING, CLAY
 from .weapons import BULLETS, FIST, PISTOL, ROCKET_LAUNCHER, SHELLS, SHOOTING, SLOTS
 
-# Of each kind: the reward of its death, its chance to come in 65536ths, and how many there can be.
+# For each kind: the reward of its death, its chance to appear in 65536ths, and the most of it.
 _HORDE: tuple[tuple[MonsterKind, int, int, int], ...] = (
     (ZOMBIE, 1, 2621, 7),
     (SHOTGUN_GUY, 3, 2621, 7),
@@ -59,24 +59,24 @@ _HORDE: tuple[tuple[MonsterKind, int, int, int], ...] = (
 )
 _REWARDS = np.array([pay for _, pay, _, count in _HORDE for _ in range(count)], np.float32)
 _CHANCES = np.array([chance for _, _, chance, _ in _HORDE], np.float32)
-# The health, and how much of each ammunition, below which the player `hunt` fetches more.
+# The health, and the amount of each ammunition, below which the player `hunt` fetches more.
 _HURT, _SHORT = 60, (30, 8, 0)
 # Player and monsters appear within these bounds of x and y.
 _SQUARE = (32, 992)
-# The most kills that a variable can tell.
+# The most kills that a variable can show.
 _MOST_KILLS = 10_000
 
 
 class DoomMatchParams(FightParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        kill_reward: what the rewards of the kinds of monsters are multiplied by.
-        death_penalty: taken off the reward of the tic in which the player dies.
-        first: tics until the first monsters may come.
-        period: tics from then on until others may.
-        crowd: what the chances of monsters to come are multiplied by.
-        monster_health: what the health of each kind is multiplied by.
+        kill_reward: factor on the rewards of the kinds of monsters.
+        death_penalty: subtracted from the reward of the tic in which the player dies.
+        first: tics until the first monsters may appear.
+        period: tics after which more may appear.
+        crowd: factor on the chances of monsters to appear.
+        monster_health: factor on the health of each kind.
     """
 
     max_steps_in_episode: Scalar = 4200
@@ -90,15 +90,15 @@ class DoomMatchParams(FightParams):
 
 
 class DoomMatchState(FightState):
-    """State of the task, with M things to take.
+    """The state of the task with M things to pick up.
 
     Attributes:
-        fireballs: those in flight.
-        rockets: likewise.
+        fireballs: fireballs in flight.
+        rockets: rockets in flight.
         arms: weapons and ammunition.
-        armour: int32[], what it can still take, 0 to 200.
-        armour_share: int32[], of a blow that it takes off, in 65536ths.
-        items: bool[M], what is there to be taken.
+        armour: int32[], the damage that it can still absorb, 0 to 200.
+        armour_share: int32[], the fraction of damage that it absorbs, in 65536ths.
+        items: bool[M], which things are present.
     """
 
     fireballs: Projectiles
@@ -111,13 +111,13 @@ class DoomMatchState(FightState):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
-    """Kill as many monsters as possible: they keep coming, of six kinds, and also fight each other.
+    """Kill as many monsters as possible: six kinds keep appearing, which also fight each other.
 
-    Weapons, ammunition, armour and medkits lie in the rooms around the arena. Reward: 1 to 10 for
-    each monster that dies, whoever killed it, by its kind. Death terminates.
+    Weapons, ammunition, armour and medkits are in the rooms around the arena. Reward: 1 to 10 for
+    each monster that dies, by its kind, whoever killed it. Death terminates the episode.
     """
 
-    # A second thing behind the first hardly shows, but for the crowds of things in the rooms.
+    # A second thing behind the first is hardly visible, except for the many things in the rooms.
     sprite_layers: int = 4
 
     params_class: ClassVar[type[Params]] = DoomMatchParams
@@ -141,7 +141,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
 
     @functools.cached_property
     def horde(self) -> Horde:
-        """The monsters, which turn on each other."""
+        """The monsters, which fight each other too."""
         kinds = [kind for kind, _, _, count in _HORDE for _ in range(count)]
         walls = segments(self.doom_map.walls)
         return Horde(kinds, walls=walls, opaque=walls, infighting=True)
@@ -154,7 +154,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
 
     @functools.cached_property
     def items(self) -> Items:
-        """What there is to take."""
+        """The things to pick up."""
         found = [ITEMS[thing.kind] for thing in self.doom_map.things]
         places = np.array([(thing.x, thing.y) for thing in self.doom_map.things])
         return Items(found, (places * ONE).astype(np.int32), self.arsenal)
@@ -166,7 +166,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
 
     @functools.cached_property
     def fireballs(self) -> Missiles:
-        """What hell knights throw."""
+        """The fireballs of hell knights."""
         return fireballs(8)
 
     @functools.cached_property
@@ -176,7 +176,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:
-        """Health, armour, weapons, monsters, fireballs, things to take, rockets."""
+        """Health, armour, weapons, monsters, fireballs, things to pick up, rockets."""
         player = Health(MOST_HEALTH), self.armour, self.arsenal
         return *player, self.horde, self.fireballs, self.items, self.rockets
 
@@ -192,7 +192,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         }
 
     def absorbed(self, state: DoomMatchState, lost: jax.Array) -> tuple[DoomMatchState, jax.Array]:
-        """Blows, of which the armour takes a share."""
+        """Take damage, part of which the armour absorbs."""
         return self.armour.absorbed(state, lost)
 
     @property
@@ -201,7 +201,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         return np.array([(512.0, 512.0)])
 
     def init_state(self, key: jax.Array, params: DoomMatchParams) -> DoomMatchState:
-        """Sample place and heading; no monster is there."""
+        """Sample position and heading; there are no monsters yet."""
         del params
         bits = jax.random.bits(key, (3,), jnp.uint32)
         low, high = _SQUARE
@@ -225,7 +225,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
     def transition(
         self, key: jax.Array, state: DoomMatchState, action: jax.Array, params: DoomMatchParams
     ) -> tuple[DoomMatchState, jax.Array, jax.Array, Info]:
-        """Fight; take what is there; the dead are taken away; now and then others come."""
+        """Fight, pick up things, remove dead monsters, and sometimes add new ones."""
         fight_key, ball_key, rocket_key, horde_key = jax.random.split(key, 4)
         living, before = state.monsters.living, state.kills
         state, fought = fight(self, fight_key, state, action, params)
@@ -249,7 +249,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
     def _joined(
         self, key: jax.Array, state: DoomMatchState, params: DoomMatchParams
     ) -> DoomMatchState:
-        """The state with the monsters that come in this tic."""
+        """Add the monsters that appear in this tic."""
         since = state.time + 1 - jnp.asarray(params.first, jnp.int32)
         period = jnp.maximum(jnp.asarray(params.period, jnp.int32), 1)
         due = (since >= 0) & (since % period == 0)
@@ -264,7 +264,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
     # For the player `hunt`.
 
     def to_fetch(self, state: DoomMatchState) -> tuple[jax.Array, jax.Array]:
-        """What is worth a walk: health, bullets, shells and their weapons."""
+        """The things worth fetching: health, bullets, shells and their weapons."""
         items, arms = self.items, state.arms
         usual = np.isin(items.ammo, (BULLETS, SHELLS))
         heals = jnp.asarray(items.health > 1) & (state.health < _HURT)
@@ -280,12 +280,12 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         return tiles_of(self, middle, np.ones(1, bool))
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return About(
             aim="reached the time limit alive",
-            ends="where the player dies",
+            ends="when the player dies",
             rewards={
-                "kill_reward": "{:+g} for each zombie that dies, and 3 to 10 times that for others",
+                "kill_reward": "{:+g} per zombie that dies, and 3 to 10 times that for others",
                 "death_penalty": "-{:g} at death",
             },
             events={

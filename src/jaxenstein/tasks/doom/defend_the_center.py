@@ -1,4 +1,4 @@
-"""ViZDoom's Defend the Center, tic by tic: turn and shoot what comes from all around."""
+"""ViZDoom's Defend the Center, tic by tic: turn and shoot monsters from all sides."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from .scenario import DoomScenario, Room
 from .view import CEILING, GREY
 from .weapons import PISTOL, SHOOTING, Slot
 
-# How far away monsters appear, in map units.
+# The distance at which monsters appear, in map units.
 DISTANCE = 735
-# No player is pushed so far from the middle as these walls are.
+# Walls so far from the middle that no blow pushes the player to them.
 _BOUNDS = 512
 _FIFTHS = (0, 13107, 26214, 39321, 52428)
 
 
 class DoomCenterParams(FightParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
         kill_reward: reward of each monster that dies.
-        death_penalty: taken off the reward of the tic in which the player dies.
-        monster_health: of each.
+        death_penalty: subtracted from the reward of the tic in which the player dies.
+        monster_health: health of each monster.
         absence: tics from a monster's death to the next one of its kind.
     """
 
@@ -57,10 +57,10 @@ class DoomCenterParams(FightParams):
 
 
 class DoomCenterState(FightState):
-    """State of the task.
+    """The state of the task.
 
     Attributes:
-        absence: int32[5], tics until a new monster takes the place of one that died.
+        absence: int32[5], tics until a new monster replaces one that died.
     """
 
     absence: jax.Array
@@ -70,9 +70,9 @@ class DoomCenterState(FightState):
 class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     """Shoot monsters that come from all sides; the player turns, but does not walk.
 
-    Two demons and three marines with chainsaws. One that dies is replaced by another at the wall,
-    anywhere around. There are 26 bullets. Reward: `kill_reward` for each monster that dies, and
-    minus `death_penalty` for dying, which terminates.
+    There are two demons and three marines with chainsaws. A dead one is replaced by another
+    somewhere along the wall. There are 26 bullets. Reward: `kill_reward` for each monster that
+    dies, and minus `death_penalty` for dying, which terminates the episode.
     """
 
     params_class: ClassVar[type[Params]] = DoomCenterParams
@@ -112,7 +112,7 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
         return build_geometry([Line(*a, *b, "-") for a, b in itertools.pairwise(corners)])
 
     def init_state(self, key: jax.Array, params: DoomCenterParams) -> DoomCenterState:
-        """Five monsters around the player, which have noticed it and taken a step."""
+        """Five monsters around the player that have noticed it and taken a step."""
         count, pose = len(self.horde), self.only_pose()
         angle = jnp.asarray(np.array(_FIFTHS, np.uint32) << 16)
         health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
@@ -127,7 +127,7 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     def transition(
         self, key: jax.Array, state: DoomCenterState, action: jax.Array, params: DoomCenterParams
     ) -> tuple[DoomCenterState, jax.Array, jax.Array, Info]:
-        """Fight; the dead are taken away, and after a while others come."""
+        """Fight; dead monsters disappear and are replaced after a while."""
         fight_key, spawn_key = jax.random.split(key)
         living, before = state.monsters.living, state.kills
         state, fought = fight(self, fight_key, state, action, params)
@@ -146,27 +146,27 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
         return state, reward, dead, events
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return about_defence()
 
 
 def _at_wall(angle: jax.Array) -> jax.Array:
-    """int32[..., 2]: the place near the wall at an angle uint32[...]."""
+    """int32[..., 2]: the position near the wall at an angle uint32[...]."""
     cosine, sine = direction(angle)
     return jnp.stack([cosine, sine], axis=-1) * DISTANCE
 
 
 def about_defence(**events: Event) -> About:
-    """What is said of tasks in which monsters come and are shot.
+    """A description of tasks in which the player shoots monsters that come.
 
     Args:
-        events: more than shots, kills and death.
+        events: events in addition to shots, kills and death.
     """
     return About(
         aim="reached the time limit alive",
-        ends="where the player dies",
+        ends="when the player dies",
         rewards={
-            "kill_reward": "{:+g} for each monster that dies",
+            "kill_reward": "{:+g} per monster that dies",
             "death_penalty": "-{:g} at death",
         },
         events={**SHOOTING, **events, "died": Event("died")},

@@ -1,4 +1,4 @@
-"""ViZDoom's Defend the Line, tic by tic: turn and shoot what stands at the other side of a room."""
+"""ViZDoom's Defend the Line, tic by tic: turn and shoot monsters across a room."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ from .scenario import DoomScenario, Room
 from .view import CRATES
 from .weapons import PISTOL, Slot
 
-# Imps and demons stand at this x, at these y.
+# Imps and demons are at this x, at these y.
 LINE = 64
 _IMPS, _DEMONS = (90, 200, 400), (150, 300, 450)
 
 
 class DoomLineParams(DoomCenterParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        monster_health: of the first ones.
-        growth: how much more health than the last one each new monster of a place has.
+        monster_health: health of the first monsters.
+        growth: health that each new monster has in addition to its predecessor's.
     """
 
     growth: Scalar = number(4, 0)
 
 
 class DoomLineState(FightState):
-    """State of the task.
+    """The state of the task.
 
     Attributes:
-        fireballs: those in flight.
-        absence: int32[6], tics until a new monster takes the place of one that died.
+        fireballs: fireballs in flight.
+        absence: int32[6], tics until a new monster replaces one that died.
         strength: int32[6], the health of the next one.
     """
 
@@ -63,10 +63,10 @@ class DoomLineState(FightState):
 class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
     """Shoot monsters at the other side of a room; the player turns, but does not walk.
 
-    Three imps stay there and throw fireballs, and three demons run up. One that dies is replaced at
-    its place by a stronger one. Ammunition never ends. Reward: `kill_reward` for each monster that
-    dies, whoever killed it, and minus `death_penalty` for dying, which ends; the game knows no time
-    limit, here it is 2100 tics.
+    Three imps stay there and throw fireballs, and three demons attack. A dead one is replaced at
+    its place by a stronger one. Ammunition is unlimited. Reward: `kill_reward` for each monster
+    that dies, whoever killed it, and minus `death_penalty` for dying, which ends the episode. The
+    game has no time limit; here it is 2100 tics.
     """
 
     params_class: ClassVar[type[Params]] = DoomLineParams
@@ -79,7 +79,7 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
 
     @functools.cached_property
     def horde(self) -> Horde:
-        """The imps, and then the demons."""
+        """The imps, then the demons."""
         kinds = [standing(IMP)] * len(_IMPS) + [DEMON] * len(_DEMONS)
         return Horde(kinds, walls=segments(self.doom_map.walls))
 
@@ -90,7 +90,7 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
 
     @functools.cached_property
     def fireballs(self) -> Missiles:
-        """What the imps throw."""
+        """The fireballs of the imps."""
         return fireballs(24)
 
     @functools.cached_property
@@ -100,12 +100,12 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
 
     @property
     def _fresh(self) -> tuple[jax.Array, jax.Array]:
-        """Where monsters stand and look: int32[6, 2], uint32[6]."""
+        """The positions and headings of monsters: int32[6, 2], uint32[6]."""
         places = np.array([(LINE, y) for y in _IMPS + _DEMONS], np.int32) * np.int32(ONE)
         return jnp.asarray(places), jnp.full(len(places), np.uint32(1 << 31))
 
     def init_state(self, key: jax.Array, params: DoomLineParams) -> DoomLineState:
-        """Six monsters, which have noticed the player and taken a step."""
+        """Six monsters that have noticed the player and taken a step."""
         count, pose = len(self.horde), self.only_pose()
         health = jnp.broadcast_to(jnp.asarray(params.monster_health), (count,))
         monsters = self.horde.placed(*self._fresh, jnp.ones(count, bool), health)
@@ -120,7 +120,7 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
     def transition(
         self, key: jax.Array, state: DoomLineState, action: jax.Array, params: DoomLineParams
     ) -> tuple[DoomLineState, jax.Array, jax.Array, Info]:
-        """Fight; the dead are taken away, and after a while stronger ones come."""
+        """Fight; dead monsters disappear and are replaced by stronger ones after a while."""
         fight_key, ball_key = jax.random.split(key)
         living, before = state.monsters.living, state.kills
         state, fought = fight(self, fight_key, state, action, params)
@@ -143,5 +143,5 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
         return state, reward, dead, events | {"hits": hits, "died": dead}
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return about_defence(**HITS)

@@ -24,29 +24,29 @@ from .projectiles import Missiles, Projectiles, launch, throw, with_player
 from .scenario import DoomScenario, DoomState
 from .weapons import Trigger, Weapon
 
-# The damage of a rocket's blast, and how far it reaches in map units.
+# The damage of a rocket's blast, and its reach in map units.
 _BLAST = 128
 
-# A state with the fields of `FightState`, and fireballs or rockets where these fly.
+# A state with the fields of `FightState`, and fireballs or rockets if the scenario has any.
 S = TypeVar("S", bound=Any)
 
 
 class FightParams(Params):
-    """The numbers that scenarios with fights share.
+    """The params that scenarios with fights share.
 
     Attributes:
-        damage_factor: what hurts the player is multiplied by it.
+        damage_factor: factor on all damage to the player.
     """
 
     damage_factor: Scalar = number(1.0, 0)
 
 
 class FightState(DoomState):
-    """State of a player among monsters.
+    """The state of a player among monsters.
 
     Attributes:
         health: int32[], of the player.
-        trigger: what the weapon in its hands does.
+        trigger: the state of the weapon in hand.
         monsters: the monsters.
         kills: int32[], monsters killed in this episode, whoever killed them.
     """
@@ -58,12 +58,12 @@ class FightState(DoomState):
 
 
 class Fought(PyTreeNode):
-    """What came of a tic of fighting.
+    """The outcome of a tic of fighting.
 
     Attributes:
-        fires: bool[], whether the player's shot left.
-        throws: bool[N], the monsters that throw something.
-        reached: the places that the player reached.
+        fires: bool[], whether the player fired a shot.
+        throws: bool[N], the monsters that throw a fireball.
+        reached: the positions that the player reached.
     """
 
     fires: jax.Array
@@ -74,7 +74,7 @@ class Fought(PyTreeNode):
 def before_fight(
     scenario: DoomScenario[Any, Any], monsters: Monsters, weapon: Weapon | None = None
 ) -> dict[str, Any]:
-    """The fields of `FightState` of a healthy player with a weapon, by default the first one."""
+    """The fields of `FightState` for a healthy player with a weapon, by default the first."""
     return {
         "health": jnp.int32(FULL_HEALTH),
         "trigger": scenario.arsenal.trigger(weapon),
@@ -86,7 +86,7 @@ def before_fight(
 def fight(
     scenario: DoomScenario[S, Any], key: jax.Array, state: S, action: jax.Array, params: FightParams
 ) -> tuple[S, Fought]:
-    """A tic: the player turns, shoots, and moves; then the monsters do."""
+    """A tic: the player turns, shoots and moves; then the monsters act."""
     horde, arsenal, before = scenario.horde, scenario.arsenal, state.monsters
     bits = random_bits(key, (len(horde) + 1, 4 + max(int(horde.rays.max()), 1)))
 
@@ -114,7 +114,7 @@ def fight(
 
 
 def _with_monsters(state: S, monsters: Monsters) -> S:
-    """The state with the monsters after blows, of which some may have died."""
+    """The state with the monsters after they were hurt; some may have died."""
     killed = jnp.sum(state.monsters.living & ~monsters.living, dtype=jnp.int32)
     return state.replace(monsters=monsters, kills=state.kills + killed)
 
@@ -126,14 +126,14 @@ def suffer(
     damage: jax.Array,
     params: FightParams,
 ) -> S:
-    """The state after blows to the player, which also push it by an eighth of a unit a point.
+    """The state after damage to the player, which also pushes it by 1/8 map unit per point.
 
     Args:
         scenario: the scenario, with the player's armour if it has any.
-        state: before them.
-        origins: int32[N, 2], where each comes from.
+        state: the state before the damage.
+        origins: int32[N, 2], where each blow comes from.
         damage: int32[N], before the damage factor.
-        params: of the environment.
+        params: the params of the environment.
     """
     factor = jnp.asarray(params.damage_factor, jnp.float32)
     blows, player = where_few(_lost, FEW), state.fixed_position
@@ -146,7 +146,7 @@ def suffer(
 def _lost(
     damage: jax.Array, factor: jax.Array, origins: jax.Array, player: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """int32[N] health lost by int32[N] damage from int32[N, 2], and int32[2] by which it pushes."""
+    """int32[N], health lost by damage int32[N] from int32[N, 2]; int32[2], the push."""
     lost = jnp.floor(damage.astype(jnp.float32) * factor)
     way = way_to(origins, player[None])
     push = jnp.sum(way * (lost[:, None] * jnp.float32(ONE / 8)), axis=0)
@@ -161,9 +161,9 @@ def fly_fireballs(
     fought: Fought,
     params: FightParams,
 ) -> tuple[S, jax.Array]:
-    """The fireballs' tic after `fight`: the state, and int32[] how many of them hit the player.
+    """A tic of the fireballs, after `fight`: the state; int32[], the fireballs that hit the player.
 
-    They hurt monsters of other kinds than the thrower's as well.
+    Fireballs also hurt monsters of other kinds than the thrower's.
     """
     horde, before = scenario.horde, state.monsters
     throws, balls = jnp.any(fought.throws), state.fireballs
@@ -197,7 +197,7 @@ def fly_fireballs(
 def _thrown(
     horde: Horde, balls: Projectiles, throws: jax.Array, monsters: Monsters, player: jax.Array
 ) -> Projectiles:
-    """The fireballs with those of the monsters bool[N] that throw one."""
+    """The fireballs with new ones from the monsters bool[N] that throw."""
     goal, _ = horde.enemies(monsters, player)
     way = way_to(monsters.position, goal)
     return throw(balls, throws, monsters.position, way, horde.ball_speed)
@@ -212,11 +212,11 @@ def fly_rockets(
     fires: jax.Array,
     params: FightParams,
 ) -> S:
-    """The state after a tic of the player's rockets, one more if bool[] it fires.
+    """The state after a tic of the player's rockets, plus a new one if bool[] it fires.
 
-    A rocket ends at a wall or at a monster, which its hit hurts. Then its blast hurts every body
-    nearer than 128 map units and not behind a wall, the player's too: by 128 less the distance to
-    the body's side.
+    A rocket ends at a wall or at a monster, which it hurts. Then its blast hurts every body closer
+    than 128 map units and not behind a wall, including the player. The damage is 128 minus the
+    distance to the body's side.
     """
     horde, monsters = scenario.horde, state.monsters
     bits = jax.random.bits(key, (missiles.count + len(horde),), jnp.uint32)
@@ -227,7 +227,7 @@ def fly_rockets(
     places, widths, _ = bodies
     after, hits = missiles.fly(before, bodies, horde.opaque)
     ends = before.flies & ~after.flies
-    # A look earlier, a rocket was before the wall at which it ends. Few of a batch end in a tic.
+    # Blasts start one check before the end, in front of any wall. Few rockets end in a tic.
     sources = after.position, after.position - before.velocity // missiles.looks
     blasts = where_few(partial(_blasts, widths, horde.opaque), FEW)
     damage = jnp.where(hits, direct[:, None], 0) + blasts(jnp.any(ends), *sources, places)
@@ -241,9 +241,9 @@ def fly_rockets(
 def _blasts(
     widths: np.ndarray, walls: np.ndarray, centres: jax.Array, eyes: jax.Array, places: jax.Array
 ) -> jax.Array:
-    """int32[M, N]: what explosions at int32[M, 2] do to bodies at int32[N, 2] of int32[N] widths.
+    """int32[M, N]: the damage of explosions at int32[M, 2] to bodies at int32[N, 2].
 
-    They do nothing behind walls float32[L, 4], seen from int32[M, 2].
+    They do no damage behind walls float32[L, 4], as seen from int32[M, 2].
     """
     gap = jnp.max(jnp.abs(offsets(centres[:, None], places[None])), axis=-1)
     side = jnp.maximum(gap - widths[None].astype(np.float32), 0)

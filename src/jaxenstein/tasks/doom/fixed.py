@@ -1,7 +1,7 @@
 """Doom's numbers: 16.16 fixed point in 32 bits, its sines, and its random bytes.
 
-Doom multiplies and divides in 64 bits, which JAX has only in its 64-bit mode. Each function here
-gives the same bits with int32 and uint32 alone, in the range that it names.
+Doom multiplies and divides in 64 bits, which JAX only has in its 64-bit mode. Each function here
+returns the same bits with only int32 and uint32, within the ranges in its docstring.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 FRACTION_BITS = 16
 ONE = 1 << FRACTION_BITS
-# A circle has so many entries in the table of sines; an angle's top bits tell its entry.
+# The entries of the table of sines per turn; the top bits of an angle select the entry.
 ENTRIES = 8192
 ENTRY_SHIFT = 32 - 13
 _LOW = ONE - 1
@@ -20,7 +20,7 @@ _HIGHEST, _LOWEST = 2**31 - 1, -(2**31)
 
 
 def to_fixed(value: float) -> int:
-    """A number as 16.16, rounded to the nearest."""
+    """A number as 16.16, rounded to nearest."""
     return round(value * ONE)
 
 
@@ -32,7 +32,7 @@ def multiply(value: jax.Array, fraction: jax.Array) -> jax.Array:
 
 
 def rounded_fraction(part: jax.Array, whole: jax.Array) -> jax.Array:
-    """int32: `part / whole`, rounded to the nearest and halves to even.
+    """int32: `part / whole`, rounded to nearest, with ties to even.
 
     Args:
         part: int32, 0 to `whole`.
@@ -44,10 +44,10 @@ def rounded_fraction(part: jax.Array, whole: jax.Array) -> jax.Array:
 
 
 def divide(value: jax.Array, divisor: jax.Array) -> jax.Array:
-    """int32: `value / divisor` cut towards zero, the greatest or least number if that is too large.
+    """int32: `value / divisor` rounded towards zero, saturated if it is too large.
 
     Args:
-        value: int32, less than 2**21 in size.
+        value: int32, with magnitude below 2**21.
         divisor: int32, 0 to 2**21 - 1.
     """
     size, safe = jnp.abs(value), jnp.maximum(divisor, 1)
@@ -59,16 +59,16 @@ def divide(value: jax.Array, divisor: jax.Array) -> jax.Array:
 
 
 def _divide(part: jax.Array, whole: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """int32 twice: 65536 part / whole, and the rest; in two steps of 10 and 6 bits."""
+    """int32 twice: 65536 part / whole, and the remainder; in two steps of 10 and 6 bits."""
     first, rest = _quotient(part << 10, whole)
     second, rest = _quotient(rest << 6, whole)
     return (first << 6) + second, rest
 
 
 def _quotient(value: jax.Array, divisor: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """int32 twice: quotient and rest of value >= 0 and divisor > 0; quotients below 2**20.
+    """int32 twice: quotient and remainder of value >= 0 and divisor > 0; quotients below 2**20.
 
-    By floats, which are at most one off, since processors divide no vectors of integers.
+    Uses floats, which are off by at most one, because processors have no integer vector division.
     """
     guess = (value.astype(jnp.float32) / divisor.astype(jnp.float32)).astype(jnp.int32)
     rest = value - guess * divisor
@@ -79,9 +79,9 @@ def _quotient(value: jax.Array, divisor: jax.Array) -> tuple[jax.Array, jax.Arra
 
 
 def sines() -> np.ndarray:
-    """int32[10240]: Doom's sines of a circle and a quarter; the quarter makes them cosines too.
+    """int32[10240]: Doom's sines of a turn and a quarter; the quarter makes them cosines too.
 
-    The second quarter mirrors the first one entry off, as in the game.
+    The second quarter mirrors the first with an offset of one entry, as in the game.
     """
     quarter = ENTRIES // 4
     steps = np.arange(quarter) * (2 * np.pi / ENTRIES)
@@ -93,7 +93,7 @@ def sines() -> np.ndarray:
 
 
 def direction(angle: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """int32 cosine and sine of an angle (uint32, 2**32 a circle) from Doom's table."""
+    """int32 cosine and sine of an angle (uint32, 2**32 per turn) from Doom's table."""
     table = jnp.asarray(sines())
     entry = (angle >> ENTRY_SHIFT).astype(jnp.int32)
     cosine = table.at[entry + ENTRIES // 4].get(mode="promise_in_bounds")
@@ -108,10 +108,10 @@ def byte(bits: jax.Array, number: int) -> jax.Array:
 def roll(
     dice: int | np.ndarray | jax.Array, sides: int | np.ndarray | jax.Array, byte: jax.Array
 ) -> jax.Array:
-    """int32[...]: `dice` times the throw of a die with `sides` sides, from random bytes."""
+    """int32[...]: `dice` times the roll of a die with `sides` sides, from random bytes."""
     return jnp.asarray(dice) * (byte % jnp.asarray(sides) + 1)
 
 
 def spread(bits: jax.Array, shift: int | np.ndarray) -> jax.Array:
-    """uint32[...]: the random error of an angle: the difference of two bytes times 2**shift."""
+    """uint32[...]: a random angle error: the difference of two bytes, times 2**shift."""
     return ((byte(bits, 0) - byte(bits, 1)) << shift).astype(jnp.uint32)

@@ -1,4 +1,4 @@
-"""ViZDoom's Health Gathering and Health Gathering Supreme, tic by tic: live on a floor of acid."""
+"""ViZDoom's Health Gathering and Health Gathering Supreme, tic by tic: survive on acid."""
 
 from __future__ import annotations
 
@@ -54,22 +54,22 @@ _SUPREME = (
         name="poison",
     ),
 )
-# A straight way is looked at in so many steps; how much farther a medkit counts that is behind
-# walls or poison, and how near poison is too near, in map units.
+# The number of points checked along a straight path; the extra distance for medkits behind walls
+# or poison, and the distance at which poison is too close, in map units.
 _STEPS, _BLOCKED, _POISONED, _CLEARANCE = 48, 1e4, 1e3, 60
-# So near a medkit that is not needed, a player waits; so far it looks ahead on a way around, in
-# nodes.
+# The distance at which a player waits for a medkit to be needed; how many nodes it looks ahead on
+# a path around walls.
 _ARRIVED, _AHEAD = 20, 2
 
 
 class DoomHealthParams(Params):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        damage: health lost to the floor at a time, the first before the first observation.
+        damage: health that the floor takes each time; the first time before the first observation.
         damage_period: tics from one damage to the next.
-        living_reward: reward of every tic, the last one included.
-        death_penalty: taken off the reward of the tic that dies.
+        living_reward: reward of every tic, including the last one.
+        death_penalty: subtracted from the reward of the tic in which the player dies.
     """
 
     max_steps_in_episode: Scalar = 2100
@@ -81,13 +81,13 @@ class DoomHealthParams(Params):
 
 
 class DoomHealthState(DoomState):
-    """State of the task, with N places for things (see `Pickups`).
+    """The state of the task with N places for things (see `Pickups`).
 
     Attributes:
         health: int32[], 0 to 100.
         places: int32[N, 2], map units in 16.16, of things kind by kind.
-        present: bool[N], which of them are there.
-        number: int32[N], which of all things so far each is; the game takes the newest first.
+        present: bool[N], which things are present.
+        number: int32[N], the order in which things appeared; the game takes the newest first.
     """
 
     health: jax.Array
@@ -98,18 +98,18 @@ class DoomHealthState(DoomState):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
-    """Stay alive on a floor that hurts, by walking over medkits. Doom's own motion.
+    """Stay alive on a floor that hurts, by walking over medkits, with Doom's own motion.
 
     The floor takes 8 health every 32 tics. Medkits, and in the second scenario poison, appear
-    somewhere at fixed intervals and are taken by walking into them. Reward: 1 a tic, and -100
-    more for dying, which terminates.
+    somewhere at fixed intervals, and the player takes them by walking into them. Reward: 1 per
+    tic, and -100 for dying, which terminates the episode.
 
     Attributes:
         supreme: whether it is Health Gathering Supreme: in a large room with walls, and with
             poison that looks like a bottle.
     """
 
-    # Things are as high as the eye or lower: a third one in a column hardly shows.
+    # Things are at most as high as the eye, so a third one in a column is hardly visible.
     sprite_layers: int = 2
     supreme: bool = False
 
@@ -124,23 +124,23 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
 
     @property
     def starts(self) -> np.ndarray:
-        """float[n, 2]: the map spots, or the one start of a map without."""
+        """float[n, 2]: the map spots, or the only start of a map without spots."""
         return self.doom_map.places(MAP_SPOT, START)
 
     @property
     def angles(self) -> tuple[int, int]:
-        """The first heading, lowest and highest, in 65536ths of a circle."""
+        """The range of the first heading, in 65536ths of a turn."""
         return ANY_ANGLE if self.doom_map.of_kind(MAP_SPOT) else (0, 0)
 
     @functools.cached_property
     def pickups(self) -> Pickups:
-        """What lies on the floor."""
+        """The things on the floor."""
         kinds = _SUPREME if self.supreme else _SMALL
         return Pickups(kinds, self.room.map_name, self.geometry)
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:
-        """Health, and what lies on the floor."""
+        """Health, and the things on the floor."""
         return Health(FULL_HEALTH), self.pickups
 
     def init_state(self, key: jax.Array, params: DoomHealthParams) -> DoomHealthState:
@@ -153,7 +153,7 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
     def transition(
         self, key: jax.Array, state: DoomHealthState, action: jax.Array, params: DoomHealthParams
     ) -> tuple[DoomHealthState, jax.Array, jax.Array, Info]:
-        """Suffer, move, take things, then new ones appear."""
+        """Take damage, move, take things; then new ones appear."""
         time = state.time + 1
         hurt = time % jnp.maximum(params.damage_period, 1) == 0
         health = jnp.maximum(state.health - jnp.where(hurt, params.damage, 0), 0)
@@ -165,16 +165,16 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
         return state, reward, dead, counts | {"died": dead}
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         kinds = self.pickups.kinds
         taken = {f"took_{kind.name}": Event(kind.one, kind.several) for kind in kinds}
         return about_health(taken, GREEDY_MEDKITS, "tic")
 
 
 def greedy_medkits(env: DoomHealthGathering, params: Any) -> Choose:
-    """Go to the nearest medkit that can be walked to straight, past no poison if possible.
+    """Go to the nearest medkit on a straight path, avoiding poison if possible.
 
-    Where there is none, it goes by the way around the walls to the nearest.
+    If there is none, it takes the path around the walls to the nearest medkit.
     """
     del params
     count = env.pickups.kinds[0].capacity
@@ -193,7 +193,7 @@ def greedy_medkits(env: DoomHealthGathering, params: Any) -> Choose:
         lost = there[nearest] & ~free[nearest]
         target = around(lost, state.fixed_position, medkits, there)
         target = jnp.where(lost, target, medkits[nearest])
-        # One that is not needed now is left where it lies, and a body must move to take it.
+        # A medkit that is not needed is left alone, and a body must move to take it.
         arrived = jnp.all(jnp.abs(target - state.fixed_position) < _ARRIVED * ONE)
         waits = arrived & (state.health >= FULL_HEALTH) | ~jnp.any(there)
         return jnp.where(waits, NO_OP, walk(state, target))
@@ -202,14 +202,14 @@ def greedy_medkits(env: DoomHealthGathering, params: Any) -> Choose:
 
 
 GREEDY_MEDKITS = Player(
-    "goes to the nearest medkit and waits there while it is not needed; sees the whole state",
+    "goes to the nearest medkit and waits until it is needed; sees the whole state",
     greedy_medkits,
     waits="waits: healthy",
 )
 
 
 def _walkable(geometry: Geometry, position: jax.Array, places: jax.Array) -> jax.Array:
-    """bool[N]: whether a body may walk straight from a position to places int32[N, 2]."""
+    """bool[N]: whether a body can walk straight from a position to int32[N, 2]."""
     part = np.linspace(0, 1, _STEPS + 1, dtype=np.float32)[1:-1]
     way = (places - position[None]).astype(jnp.float32)[:, None] * part[None, :, None]
     steps = position[None, None] + way.astype(jnp.int32)
@@ -219,7 +219,7 @@ def _walkable(geometry: Geometry, position: jax.Array, places: jax.Array) -> jax
 def _passes(
     offset: jax.Array, position: jax.Array, poison: jax.Array, there: jax.Array
 ) -> jax.Array:
-    """bool[N]: whether the straight way along float32[N, 2] map units comes near poison."""
+    """bool[N]: whether the straight path along float32[N, 2] map units passes close to poison."""
     if poison.shape[0] == 0:
         return jnp.zeros(offset.shape[0], bool)
     place = (poison - position[None]).astype(jnp.float32) * (1 / ONE)
@@ -232,7 +232,7 @@ def _passes(
 def _way_around(
     geometry: Geometry, position: jax.Array, medkits: jax.Array, there: jax.Array
 ) -> jax.Array:
-    """int32[2]: where to walk to reach the nearest medkit over the lattice of 32 units."""
+    """int32[2]: the next point on the path to the nearest medkit, on the lattice of 32 units."""
     shape = tuple(size // 2 for size in geometry.cells.shape)
     node = jax.vmap(functools.partial(nearest_node, geometry))(medkits) // 2
     node = jnp.minimum(node, np.array(shape, np.int32)[None] - 1)

@@ -1,4 +1,4 @@
-"""What lies there to be taken: health, armour, ammunition and weapons, and what each of it gives.
+"""Things to pick up: health, armour, ammunition and weapons, and what each of them gives.
 
 Numbers are those of the game's own tables (ViZDoom 1.3.2, wadsrc/static/actors/doom).
 """
@@ -34,33 +34,33 @@ from .weapons import (
 )
 
 MOST_HEALTH, MOST_ARMOUR = 200, 200
-"""What bonuses lead to."""
+"""The maximum that bonuses lead to."""
 THIRD, HALF = 21846, 32768
-"""What armour takes off a blow, in 65536ths."""
+"""The fraction of damage that armour absorbs, in 65536ths."""
 TAKING = {
     "took_health": Event("took health", "took health {} times"),
     "took_armour": Event("took armour", "took armour {} times"),
     "took_weapon": Event("took a weapon", "took {} weapons"),
     "took_ammunition": Event("took ammunition", "took {} boxes of ammunition"),
 }
-"""The events of taking."""
+"""The events of picking things up."""
 
 
 @dataclass(frozen=True)
 class ItemKind:
-    """A kind of thing to take.
+    """A kind of thing to pick up.
 
     Attributes:
-        game_name: what the game calls it.
+        game_name: the game's name.
         label: its label id.
-        picture: what it looks like.
-        health: what it gives.
-        armour: likewise.
-        share: of a blow that the armour takes off, in 65536ths.
-        bonus: whether it always adds to health and armour, up to 200; else health is given below
-            100, and armour replaces one that is less.
+        picture: its picture.
+        health: the health that it gives.
+        armour: the armour that it gives.
+        share: the fraction of damage that the armour absorbs, in 65536ths.
+        bonus: whether it always adds to health and armour, up to 200. Otherwise it gives health
+            below 100, and replaces weaker armour.
         ammo: the kind of ammunition that it gives; -1 for none.
-        amount: how much of it.
+        amount: the amount of ammunition.
         weapon: the weapon that it is.
     """
 
@@ -125,8 +125,8 @@ ITEMS: dict[int, ItemKind] = {
         "RocketLauncher", 60, ((72, 84, 64), (140, 120, 60)), ROCKET_LAUNCHER, ROCKETS, 2
     ),
 }
-"""By the numbers of the game's maps."""
-# What the game's map has, and our states leave out.
+"""The kinds by their numbers in the game's maps."""
+# Things in the game's map that our states leave out.
 _LEFT_OUT = (
     GameObject("PlasmaRifle", things.WEAPON.label),
     GameObject("CellPack", things.AMMUNITION.label),
@@ -134,16 +134,16 @@ _LEFT_OUT = (
 
 
 class Armour(Part):
-    """The player's armour: `state.armour`, int32[], what it can still take off blows.
+    """The player's armour: `state.armour`, int32[], the damage that it can still absorb.
 
-    And `state.armour_share`, int32[], what it takes off each blow, in 65536ths.
+    Also `state.armour_share`, int32[], the fraction of damage that it absorbs, in 65536ths.
     """
 
     game_variables = ("ARMOR",)
-    limits = {"armour": MOST_ARMOUR}  # noqa: RUF012, nobody changes it
+    limits = {"armour": MOST_ARMOUR}  # noqa: RUF012, never modified
 
     def absorbed(self, state: Any, lost: jax.Array) -> tuple[Any, jax.Array]:
-        """The state after blows int32[N], and int32[] how much of them the player feels."""
+        """The state after damage int32[N]; int32[], the part that reaches the player."""
         spared = (jnp.minimum(lost, 32767) * state.armour_share) >> 16
         saved = jnp.minimum(jnp.sum(spared, dtype=jnp.int32), state.armour)
         felt = jnp.sum(lost, dtype=jnp.int32) - saved
@@ -154,24 +154,24 @@ class Armour(Part):
         return {"armour": state.armour}
 
     def from_game(self, state: Any, game: Game) -> Any:
-        """The game's armour."""
+        """Read the game's armour."""
         return state.replace(armour=np.int32(game.variables["ARMOR"]))
 
 
 class Items(Part):
-    """M things to take: `state.items`, bool[M], which of them still lie there.
+    """M things to pick up: `state.items`, bool[M], which of them are left.
 
-    The state has `health`, `armour`, `armour_share` and `arms` besides.
+    The state also has `health`, `armour`, `armour_share` and `arms`.
 
     Attributes:
-        places: int32[M, 2], where each lies, map units in 16.16.
-        health, armour, share, ammo, amount: int32[M], as of `ItemKind`.
-        weapon: int32[M], its place in the arsenal, or -1.
+        places: int32[M, 2], their positions, map units in 16.16.
+        health, armour, share, ammo, amount: int32[M], as in `ItemKind`.
+        weapon: int32[M], index into the arsenal, or -1.
         bonus: bool[M].
     """
 
     def __init__(self, items: Sequence[ItemKind], places: np.ndarray, arsenal: Arsenal) -> None:
-        """Lay out the tables."""
+        """Build the tables."""
         self._arsenal, self._items, self.places = arsenal, items, places
         kinds = tuple(dict.fromkeys(items))
         shown = (GameObject(kind.game_name, kind.label, (kind.picture,)) for kind in kinds)
@@ -186,11 +186,11 @@ class Items(Part):
         self.weapon = np.array(slots, np.int32)
 
     def sprites(self, state: Any) -> Sprites:
-        """What still lies there."""
+        """The things that are left."""
         return Sprites(jnp.asarray(self.places), jnp.asarray(self._pictures), state.items)
 
     def from_game(self, state: Any, game: Game) -> Any:
-        """What still lies there in the game."""
+        """Read which things are left in the game."""
         lying = [
             np.any(np.all(game.of(item.game_name)[:, :2] == place, axis=1))
             for item, place in zip(self._items, self.places, strict=True)
@@ -201,8 +201,8 @@ class Items(Part):
         """The state after the player has taken what it needs, and the events of `TAKING`.
 
         Args:
-            state: before it.
-            reach: bool[M], what is in reach.
+            state: the state before.
+            reach: bool[M], the things in reach.
         """
         health, healing = self._healed(state.health, reach)
         armour, share, clothing = self._clothed(state, reach)
@@ -259,11 +259,11 @@ class Goal(Part):
     objects = (GameObject("GreenArmor", things.GOAL.label, (VEST,)),)
 
     def __init__(self, place: np.ndarray) -> None:
-        """Say where it lies: int32[2], map units in 16.16."""
+        """Store its position: int32[2], map units in 16.16."""
         self.place = place
 
     def sprites(self, state: Any) -> Sprites:
-        """The armour, as long as it was not reached."""
+        """The armour, until it is reached."""
         return Sprites(jnp.asarray(self.place)[None], jnp.zeros(1, jnp.int32), ~state.taken[None])
 
 

@@ -1,7 +1,7 @@
-"""Maps of ViZDoom's scenarios: their files in map units, their tiles, and where things fit.
+"""Maps of ViZDoom's scenarios: their files in map units, their tiles, and free places for things.
 
-Doom's x grows eastwards and y northwards. Walls are seen from one side only, and the floors are
-flat. A map of tiles has north up, and its rows run southwards.
+Doom's x grows eastwards and y northwards. Walls are visible from one side only, and floors are
+flat. In a map of tiles, north is up, and rows run southwards.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from ..draws import sample_index
 from .fixed import FRACTION_BITS
 
 START, MAP_SPOT, ARMOUR = 1, 9001, 2018
-"""Kinds of things: where the player starts, places that scripts know, the green armour."""
+"""Kinds of things: the player's start, map spots for scripts, the green armour."""
 WALL = 2
-"""The label of solid tiles without a face of their own (the engine's first wall)."""
+"""The label of solid tiles without their own face (the engine's first wall)."""
 THING_RADIUS = 20
-"""Half-width of things to take, in map units."""
+"""Half-width of pickups, in map units."""
 GRAIN = 4
-"""The borders of where things may lie stand on a lattice of this many map units."""
+"""The spacing in map units of the lattice on which free places for things are computed."""
 _WEST, _EAST, _NORTH, _SOUTH = range(4)
 
 
 @dataclass(frozen=True)
 class Line:
-    """A wall: seen from (x0, y0) to (x1, y1) the open side lies on the right, in map units."""
+    """A wall from (x0, y0) to (x1, y1) in map units; the open side is on the right."""
 
     x0: int
     y0: int
@@ -45,7 +45,7 @@ class Line:
 
 @dataclass(frozen=True)
 class MapThing:
-    """An object of the map: its number in the game's list of kinds, its id and its place."""
+    """An object on the map: its number in the game's list of kinds, its id and its position."""
 
     kind: int
     id: int
@@ -55,15 +55,15 @@ class MapThing:
 
 @dataclass(frozen=True)
 class DoomMap:
-    """What a flat map with straight walls consists of.
+    """A flat map with straight walls.
 
     Attributes:
-        walls: in the order of the game's own list, which decides between equals.
+        walls: in the order of the game's list, which breaks ties.
         things: by kind and id.
         floor: height of the floor in map units.
         ceiling: height of the ceiling.
         light: light level, 0 to 255.
-        rails: what stops bodies and neither bullets nor eyes.
+        rails: lines that stop bodies, but neither bullets nor sight.
     """
 
     walls: tuple[Line, ...]
@@ -74,16 +74,16 @@ class DoomMap:
     rails: tuple[Line, ...] = ()
 
     def of_kind(self, kind: int) -> tuple[MapThing, ...]:
-        """The things of a kind by their ids."""
+        """The things of a kind, by id."""
         return tuple(thing for thing in self.things if thing.kind == kind)
 
     def places(self, *kinds: int) -> np.ndarray:
-        """float64[n, 2]: where the things of the first of these kinds stand that the map has."""
+        """float64[n, 2]: the positions of things of the first of these kinds that the map has."""
         found = next(filter(None, map(self.of_kind, kinds)), ())
         return np.array([(thing.x, thing.y) for thing in found], np.float64).reshape(-1, 2)
 
     def text(self) -> str:
-        """The map as a file of `maps/` has it, without its first comment."""
+        """The map as text, as in the files of `maps/` without the first comment."""
         lines = [f"height {self.floor:g} {self.ceiling:g}", f"light {self.light:g}"]
         lines += [f"thing {t.kind} {t.id} {t.x:.9g} {t.y:.9g}" for t in self.things]
         lines += [f"wall {w.x0} {w.y0} {w.x1} {w.y1} {w.texture}" for w in self.walls]
@@ -93,13 +93,13 @@ class DoomMap:
 
 @functools.cache
 def load_map(name: str) -> DoomMap:
-    """A map of this package, by the name of its file without suffix."""
+    """Load a map of this package, by the name of its file without suffix."""
     folder = resources.files("jaxenstein.tasks.doom").joinpath("maps")
     return parse_map(folder.joinpath(f"{name}.txt").read_text("ascii"))
 
 
 def parse_map(text: str) -> DoomMap:
-    """A map from its text; see `DoomMap.text`. Lines that begin with `#` are comments."""
+    """Parse a map; see `DoomMap.text`. Lines that start with `#` are comments."""
     walls, rails, things, heights, light = [], [], [], (0.0, 0.0), 0.0
     for line in text.splitlines():
         word, *rest = line.split()
@@ -127,11 +127,11 @@ class TileGrid:
     Attributes:
         solid: bool[rows, columns], first row in the north, with a border of solid tiles.
         faces: uint8[4, rows, columns] as in `engine.level.Level.walls`; 0 where open, `WALL` on
-            sides that nobody sees, else `WALL + 1` plus the number of the face's texture.
-        textures: their names.
+            invisible sides, else `WALL + 1` plus the index of the face's texture.
+        textures: the names of the textures.
         west: x of the first column's west side in map units.
-        north: y of the first row's north side.
-        unit: map units a tile.
+        north: y of the first row's north side in map units.
+        unit: map units per tile.
     """
 
     solid: np.ndarray
@@ -142,7 +142,7 @@ class TileGrid:
     unit: int
 
     def to_position(self, x: float, y: float) -> tuple[float, float]:
-        """Map units to (x, y) in tiles."""
+        """Convert map units to (x, y) in tiles."""
         return (x - self.west) / self.unit, (self.north - y) / self.unit
 
     def text(self, things: Iterable[MapThing] = ()) -> str:
@@ -156,27 +156,27 @@ class TileGrid:
         return "".join("".join(line) + "\n" for line in lines)
 
     def level(self) -> Level:
-        """The map as the engine draws it."""
+        """The map as a level of the engine."""
         return compile_level(self.faces, np.zeros((0, 2), np.int32))
 
 
 def rasterise(doom_map: DoomMap, unit: int = 16) -> TileGrid:
-    """The tiles of a map whose walls all stand on a lattice.
+    """The tiles of a map whose walls are all on a lattice.
 
     A tile is open if a line from its centre to the west crosses an odd number of walls.
 
     Args:
         doom_map: the map.
-        unit: map units a tile.
+        unit: map units per tile.
 
     Raises:
-        MapError: if a wall does not stand on the lattice.
+        MapError: a wall is not on the lattice.
     """
     walls = doom_map.walls
     for wall in walls:
         ends = wall.x0, wall.y0, wall.x1, wall.y1
         if any(end % unit for end in ends):
-            raise MapError(f"the wall {ends} does not stand on a lattice of {unit} map units")
+            raise MapError(f"the wall {ends} is not on a lattice of {unit} map units")
     (west, south), (east, north) = (
         f(ends_of(walls), axis=(0, 1)).tolist() for f in (np.min, np.max)
     )
@@ -195,7 +195,7 @@ def rasterise(doom_map: DoomMap, unit: int = 16) -> TileGrid:
 
 
 def fill(doom_map: DoomMap, unit: int) -> TileGrid:
-    """The tiles nearest to a map whose walls run anywhere: solid where the centre is not inside.
+    """Approximate a map with walls at any angle by tiles: solid where the centre is not inside.
 
     Every face shows the first wall's texture.
     """
@@ -218,11 +218,11 @@ def _show(wall: Line, faces: np.ndarray, label: int, west: int, north: int, unit
     left, right = sorted((x - west) // unit for x in (wall.x0, wall.x1))
     top, bottom = sorted((north - y) // unit for y in (wall.y0, wall.y1))
     if left == right:
-        # Going north, the open side on the right is the east one.
+        # Going north, the open side on the right is the east side.
         face, column = (_EAST, left - 1) if wall.y1 > wall.y0 else (_WEST, left)
         target = faces[face, top:bottom, column]
     else:
-        # Going east, the open side on the right is the south one.
+        # Going east, the open side on the right is the south side.
         face, row = (_SOUTH, top - 1) if wall.x1 > wall.x0 else (_NORTH, top)
         target = faces[face, row, left:right]
     if (target == 0).any():
@@ -233,16 +233,16 @@ def _show(wall: Line, faces: np.ndarray, label: int, west: int, north: int, unit
 def outline(solid: np.ndarray, unit: int) -> tuple[Line, ...]:
     """The walls of a map of tiles: a segment along each straight run of solid tiles.
 
-    The map's south-western corner is the origin, and everything outside is solid.
+    The origin is the map's south-western corner, and everything outside is solid.
 
     Args:
         solid: bool[rows, columns], first row in the north.
-        unit: map units a tile.
+        unit: map units per tile.
     """
     padded = np.pad(solid, 1, constant_values=True)
     rows = len(solid)
     lines = []
-    # Of a border between two rows: what is solid on one side of it and open on the other.
+    # For a border between two rows: tiles that are solid on one side and open on the other.
     for row in range(rows + 1):
         above, below = padded[row, 1:-1], padded[row + 1, 1:-1]
         y = (rows - row) * unit
@@ -259,19 +259,19 @@ def outline(solid: np.ndarray, unit: int) -> tuple[Line, ...]:
 
 
 def _runs(there: np.ndarray) -> list[tuple[int, int]]:
-    """(first, past the last) of each run of true values."""
+    """(first, after the last) of each run of true values."""
     edges = np.flatnonzero(np.diff(np.pad(there.astype(np.int8), 1)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 @dataclass(frozen=True, eq=False)
 class FreePlaces:
-    """Places for the centres of things: rectangles of R by a lattice of 4 map units.
+    """Places for the centres of things: R rectangles of cells of 4 map units.
 
     Attributes:
         corner: int32[R, 2], west and south end of each in map units.
-        columns: int32[R], how many cells each is wide.
-        before: int32[R], cells of all the rectangles up to and with this one.
+        columns: int32[R], the width of each in cells.
+        before: int32[R], the number of cells of all rectangles up to and including this one.
     """
 
     corner: np.ndarray
@@ -279,7 +279,7 @@ class FreePlaces:
     before: np.ndarray
 
     def sample(self, bits: jax.Array) -> jax.Array:
-        """int32[..., 2]: uniform places in map units (16.16), from random bits uint32[..., 3]."""
+        """int32[..., 2]: uniform positions in map units (16.16), from random uint32[..., 3]."""
         cell = sample_index(bits[..., 0], int(self.before[-1]))
         later = cell[..., None] >= jnp.asarray(self.before).reshape((1,) * cell.ndim + (-1,))
         row = jnp.sum(later, axis=-1, dtype=jnp.int32)
@@ -296,7 +296,7 @@ class FreePlaces:
 
 @functools.cache
 def load_free_places(map_name: str) -> FreePlaces:
-    """Where things of half-width 20 fit on a map: anywhere that they do not stick into a wall."""
+    """The places on a map for things of half-width 20 that do not stick into a wall."""
     walls = load_map(map_name).walls
     ends = ends_of(walls)
     low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
@@ -308,7 +308,7 @@ def load_free_places(map_name: str) -> FreePlaces:
         for i, axis in enumerate(axes)
     ]
     hit = np.einsum("wx,wy->xy", near[0].astype(np.int32), near[1].astype(np.int32)) > 0
-    # Inside the walls there is no wall to touch, either: a line to the west tells.
+    # Places inside walls do not touch them either, so a line to the west tells inside from outside.
     crossed = np.zeros(hit.shape, np.int32)
     for (x0, y0), (x1, y1) in ends:
         if x0 == x1:
@@ -327,7 +327,7 @@ def _rectangles(free: np.ndarray, low: np.ndarray) -> FreePlaces:
     for row in range(free.shape[1]):
         runs = _runs(free[:, row])
         live = {run: live[run] if run in live else len(found) + i for i, run in enumerate(runs)}
-        # Numbers of new rectangles must follow each other.
+        # Numbers of new rectangles must be consecutive.
         for run in runs:
             if live[run] >= len(found):
                 live[run] = len(found)

@@ -1,10 +1,10 @@
-"""How monsters look, walk and decide to attack: one rule moves all of a state at once.
+"""How monsters look, walk and decide to attack: one rule updates all monsters of a state at once.
 
-A monster goes through frames as in the game: each lasts some tics and begins with an act. Standing
-ones look for the player; walking ones choose at every step whether to attack, to go on, or to
-turn, in eight directions and mostly towards the player (ZDoom's p_enemy.cpp, read for its rules).
-In the game one moves after the other; here all choose at once, and of two that would overlap the
-later one waits.
+As in the game, a monster goes through frames: each lasts some tics and starts with an action.
+Standing monsters look for the player. Walking ones decide at every step whether to attack, to
+continue, or to turn, in eight directions and mostly towards the player (the rules are those of
+ZDoom's p_enemy.cpp). In the game monsters move one after another. Here all decide at once, and of
+two that would overlap the later one waits.
 """
 
 from __future__ import annotations
@@ -21,12 +21,14 @@ from .fixed import ONE, byte
 from .monster_kinds import Act
 from .monsters import FEW, Horde, Infighting, Monsters
 
-# How near the side of an enemy is to be bitten, in map units, and the middle of the player to be
-# noticed behind one's back.
+# The distance from the side of an enemy at which a monster bites, in map units, and the distance
+# from the middle of the player at which a monster notices it from behind.
 _BITES, _NOTICES = 44, 64 * ONE
-# Aims that fail by distance: nearer ones count as farther off for those that bite, and none beyond.
+# The game subtracts the first from the distance, and the second too if a monster cannot bite, and
+# caps the result at the third. A shot is fired if a random byte is at least that large.
 _NEARER, _NO_BITE, _FARTHEST = 64, 128, 200
-# A step counts as towards the player from so far off, and so much of it is one across.
+# The offset along an axis from which on the player is in that direction; the length of a diagonal
+# step along each axis, in 16.16.
 _LEVEL, _DIAGONAL = 10 * ONE, 46341
 _DIRECTIONS = 8
 _STEPS = np.array(
@@ -36,28 +38,28 @@ _STEPS = np.array(
 _NOWHERE = 99
 
 Place = tuple[jax.Array, jax.Array, jax.Array]
-"""int32[N, 2] where monsters are, bool[N] which of them live, int32[2] where the player is."""
+"""int32[N, 2], positions of monsters; bool[N], which of them live; int32[2], the player."""
 
 
 def approximate(offset: jax.Array) -> jax.Array:
-    """int32[...]: the game's length of int32[..., 2]: the longer side and half of the other."""
+    """int32[...]: the game's length of int32[..., 2]: the longer side plus half of the other."""
     size = jnp.abs(offset)
     return jnp.max(size, axis=-1) + (jnp.min(size, axis=-1) >> 1)
 
 
 def in_reach(offset: jax.Array, half_width: jax.Array | np.ndarray, sees: jax.Array) -> jax.Array:
-    """bool[N]: which monsters see their enemy near enough to bite it.
+    """bool[N]: which monsters see their enemy and are close enough to bite it.
 
     Args:
         offset: int32[N, 2], from each monster to its enemy.
-        half_width: int32[N], of that one, in map units.
+        half_width: int32[N], of the enemy, in map units.
         sees: bool[N], whether there is no wall between them.
     """
     return sees & (approximate(offset) < jnp.asarray(_BITES + half_width) * ONE)
 
 
 def sight(monsters: Monsters, goal: jax.Array, walls: np.ndarray) -> jax.Array:
-    """bool[N]: which monsters have no wall between them and places int32[2] or int32[N, 2]."""
+    """bool[N]: which monsters have no wall between them and int32[2] or int32[N, 2]."""
     if not len(walls):
         return jnp.ones(monsters.present.shape, bool)
     return is_seen(monsters.position, jnp.broadcast_to(goal, monsters.position.shape), walls)
@@ -69,14 +71,14 @@ def act(
     """A tic of all monsters.
 
     Args:
-        horde: their tables, and the walls.
-        monsters: before it.
-        player: int32[2], where the player is.
-        noise: bool[], whether it has just shot.
+        horde: the tables of the monsters, and the walls.
+        monsters: the monsters before the tic.
+        player: int32[2], the position of the player.
+        noise: bool[], whether the player has just shot.
         bits: uint32[N, 2], random.
 
     Returns:
-        The monsters, and bool[N] which of them attack now, as the act of their frame says.
+        The monsters, and bool[N], which of them attack now, by the action of their frame.
     """
     monsters = _settled(monsters)
     goal, width = horde.enemies(monsters, player)
@@ -120,7 +122,7 @@ def act(
 
 
 def _settled(monsters: Monsters) -> Monsters:
-    """The monsters, of which those whose enemy is dead go for the player again."""
+    """The monsters, after those whose enemy is dead turn to the player again."""
     infighting = monsters.infighting
     if infighting is None:
         return monsters
@@ -142,21 +144,21 @@ def _calmer(infighting: Infighting | None, steps: jax.Array) -> Infighting | Non
 def _following(
     horde: Horde, monsters: Monsters, sees: jax.Array, near: jax.Array, bits: jax.Array
 ) -> jax.Array:
-    """int32[N]: the frame after this one; some strike again while they can."""
+    """int32[N]: the frame after this one; some monsters keep attacking while they can."""
     back = horde.at(horde.back, monsters.frame)
     again = jnp.where(horde.missile >= 0, sees | (byte(bits[:, 1], 0) < 40), near)
     return jnp.where((back >= 0) & again, back, horde.at(horde.following, monsters.frame))
 
 
 def _notices(monsters: Monsters, offset: jax.Array) -> jax.Array:
-    """bool[N]: whether the player is in front, or so near that it does not matter."""
+    """bool[N]: whether the player is in front, or so close that it does not matter."""
     turn = bearing(offset).astype(jnp.uint32) - monsters.facing
     in_front = (turn <= jnp.uint32(1 << 30)) | (turn >= jnp.uint32(3 << 30))
     return in_front | (approximate(offset) <= _NOTICES)
 
 
 def _dares(horde: Horde, offset: jax.Array, luck: jax.Array) -> jax.Array:
-    """bool[N]: whether it shoots, the farther away the less likely; luck is a random byte."""
+    """bool[N]: whether it shoots, less likely at larger distances; `luck` is a random byte."""
     shift = _NEARER + np.where(horde.melee >= 0, 0, _NO_BITE)
     distance = (approximate(offset) >> 16) - shift.astype(np.int32)
     return luck >= jnp.minimum(distance, _FARTHEST)
@@ -171,13 +173,13 @@ def walk(
     turns: jax.Array,
     bits: jax.Array,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Positions, directions and steps left after the monsters that walk have stepped on or turned.
+    """Positions, directions and steps left after walking monsters have stepped or turned.
 
     Args:
-        horde: their tables, and the walls that block them.
+        horde: the tables of the monsters, and the walls that block them.
         monsters: the monsters.
         player: int32[2], a body in their way.
-        offset: int32[N, 2], from each to where it wants to go.
+        offset: int32[N, 2], from each to its target.
         walks: bool[N], which take a step.
         turns: bool[N], which choose another direction first.
         bits: uint32[N], random.
@@ -187,7 +189,7 @@ def walk(
     ahead = _free(horde, place, _step(horde, monsters, monsters.direction)[:, None])
     goes_on = walks & (steps_left >= 0) & ahead[:, 0] & (monsters.direction < _DIRECTIONS)
     turns = turns | (walks & ~goes_on)
-    # Few of a batch choose another direction in the same tic.
+    # Few members of a batch choose another direction in the same tic.
     choose = where_few(partial(_another, horde), FEW)
     best = choose(jnp.any(turns), place, monsters.direction, offset, bits)
     direction = jnp.where(turns, best, monsters.direction)
@@ -205,7 +207,7 @@ def walk(
 
 
 def _step(horde: Horde, monsters: Monsters, direction: jax.Array) -> jax.Array:
-    """int32[N, 2]: where each comes by a step in directions int32[N], if nothing is in its way."""
+    """int32[N, 2]: the position of each after a step in direction int32[N], without obstacles."""
     way = jnp.asarray(np.append(_STEPS, np.zeros((1, 2), np.int32), axis=0))
     way = way.at[direction].get(mode="promise_in_bounds")
     return monsters.position + way * horde.speed[:, None]
@@ -218,7 +220,7 @@ def _another(
     offset: jax.Array,
     bits: jax.Array,
 ) -> jax.Array:
-    """int32[N]: the direction that each would choose; arguments as of `walk`."""
+    """int32[N]: the direction that each would choose; the arguments are those of `walk`."""
     target = place[0][:, None] + _STEPS[None] * horde.speed[:, None, None]
     free = _free(horde, place, target)
     best = jnp.argmin(jnp.where(free, _preferences(old, offset, bits), _NOWHERE), axis=1)
@@ -226,7 +228,7 @@ def _another(
 
 
 def _free(horde: Horde, place: Place, target: jax.Array) -> jax.Array:
-    """bool[N, D]: whether each can step to places int32[N, D, 2]; one without speed always can."""
+    """bool[N, D]: whether each can step to int32[N, D, 2]; one without speed always can."""
     if not horde.speed.any():
         return jnp.ones(target.shape[:2], bool)
     position, living, player = place
@@ -242,7 +244,7 @@ def _free(horde: Horde, place: Place, target: jax.Array) -> jax.Array:
 
 
 def _preferences(old: jax.Array, offset: jax.Array, bits: jax.Array) -> jax.Array:
-    """int32[N, 8]: the rank of each direction, the lowest first: to the player, onwards, any, back.
+    """int32[N, 8]: the rank of each direction, lowest first: to the player, ahead, any, back.
 
     Args:
         old: int32[N], the direction so far.

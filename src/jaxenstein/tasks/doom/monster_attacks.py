@@ -1,4 +1,4 @@
-"""What the attacks of monsters do: bites, and bullets that may hit another monster instead."""
+"""The effects of monsters' attacks: bites, and bullets that may hit another monster instead."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from .monster_ai import in_reach, sight
 from .monster_kinds import Act
 from .monsters import FEW, Horde, Monsters
 
-# Shots that reach no farther, in map units, are blows, for which the enemy must be near.
+# Shots with at most this reach, in map units, are blows, for which the enemy must be close.
 _BLOW = 100
 
 
 class Blows(NamedTuple):
-    """What attacks do.
+    """The effects of attacks.
 
     Attributes:
-        lost: int32[N], what the player loses by each monster.
-        dealt: int32[N], what each monster loses.
-        source: int32[N], by which other one.
+        lost: int32[N], health that the player loses to each monster.
+        dealt: int32[N], health that each monster loses.
+        source: int32[N], the monster that hurt it.
         bitten: bool[N], which monsters have bitten.
     """
 
@@ -39,16 +39,16 @@ class Blows(NamedTuple):
 def attack(
     horde: Horde, monsters: Monsters, attacks: jax.Array, player: jax.Array, bits: jax.Array
 ) -> Blows:
-    """What the monsters that attack do.
+    """The effects of the monsters that attack.
 
     Args:
-        horde: their tables, and the walls that stop bullets.
+        horde: the tables of the monsters, and the walls that stop bullets.
         monsters: the monsters.
-        attacks: bool[N], which attack now, as the act of their frame says.
-        player: int32[2], where the player is.
+        attacks: bool[N], which attack now, by the action of their frame.
+        player: int32[2], the position of the player.
         bits: uint32[N, R], random; R is the most rays of a shot, and at least 1.
     """
-    # In a tic, monsters attack in few of a batch.
+    # In a tic, monsters only attack in few members of a batch.
     blows = where_few(partial(_blows, horde), FEW)
     return blows(jnp.any(attacks), monsters, attacks, player, bits)
 
@@ -73,7 +73,7 @@ def _blows(
 
 
 def _bitten(monsters: Monsters, bite: jax.Array) -> jax.Array:
-    """int32[N, N + 1]: what bites int32[N] do to each monster, and to the player."""
+    """int32[N, N + 1]: the damage of bites int32[N] to each monster, and to the player."""
     count = bite.shape[0]
     if monsters.infighting is None:
         return jnp.pad(bite[:, None], ((0, 0), (count, 0)))
@@ -89,14 +89,14 @@ def _shot(
     places: tuple[jax.Array, jax.Array],
     bits: jax.Array,
 ) -> jax.Array:
-    """int32[N, N + 1]: what bullets do to each monster, and to the player.
+    """int32[N, N + 1]: the damage of bullets to each monster, and to the player.
 
     Args:
-        horde: their tables.
+        horde: the tables of the monsters.
         monsters: the monsters.
         shoots: bool[N], which of them shoot.
-        near: bool[N], whose enemy can be reached by a blow.
-        places: int32[2] where the player is, int32[N, 2] where the enemies are.
+        near: bool[N], whose enemy is in reach of a blow.
+        places: int32[2], the player; int32[N, 2], the enemies.
         bits: uint32[N, R], random.
     """
     player, goal = places
@@ -123,10 +123,10 @@ def _shot(
 
 
 def throws(horde: Horde, monsters: Monsters, attacks: jax.Array, bitten: jax.Array) -> jax.Array:
-    """bool[N]: which monsters throw something; one that has bitten or flinched does not.
+    """bool[N]: which monsters throw a fireball; one that has bitten or flinched does not.
 
     Args:
-        horde: their tables.
+        horde: the tables of the monsters.
         monsters: the monsters after the blows of this tic.
         attacks: bool[N], which attack now.
         bitten: bool[N], which of them have bitten.

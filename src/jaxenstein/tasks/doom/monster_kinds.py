@@ -1,8 +1,7 @@
-"""Kinds of monsters: health, size, speed, looks, and the frames that they go through.
+"""Kinds of monsters: health, size, speed, pictures, and the frames of their animations.
 
-Numbers are those of the game's own tables (ViZDoom 1.3.2, wadsrc/static/actors/doom). Sizes of the
-pictures of demons, imps and marines are those of the game's own pictures, read off screens of 1280
-by 960.
+Numbers are those of the game's own tables (ViZDoom 1.3.2, wadsrc/static/actors/doom). The sizes of
+the pictures of demons, imps and marines were measured on screens of 1280 by 960 pixels.
 """
 
 from __future__ import annotations
@@ -15,17 +14,17 @@ from ...maps.things import RGB
 from .view import Picture
 
 FOREVER = 1 << 30
-"""Tics of a frame that stays."""
+"""The tics of a frame that stays."""
 
 
 class Act(enum.IntEnum):
-    """What a monster does as a frame begins; those from `BITE` on are attacks."""
+    """What a monster does at the start of a frame; values from `BITE` on are attacks."""
 
     NOTHING, WATCH, CHASE, BITE, SHOOT, THROW = range(6)
 
 
 class Pose(enum.IntEnum):
-    """What a monster looks like."""
+    """The picture of a monster."""
 
     ONE, TWO, AIM, DEAD = range(4)
 
@@ -35,11 +34,10 @@ class MonsterFrame:
     """A frame of a monster's animation.
 
     Attributes:
-        tics: how long it lasts.
-        pose: what it shows.
-        act: what begins it.
-        back: how many frames earlier it goes on while the player can still be attacked; -1 for
-            nothing of the kind.
+        tics: its duration.
+        pose: its picture.
+        act: the action at its start.
+        back: how many frames to go back while the player can still be attacked; -1 for never.
     """
 
     tics: int
@@ -60,7 +58,7 @@ def _walking(tics: int) -> tuple[MonsterFrame, ...]:
 def _pictures(
     art: str, side: float, shape: RGB, detail: RGB, lift: float = 0
 ) -> tuple[Picture, ...]:
-    """The pictures of a monster, pose by pose."""
+    """The pictures of a monster, one per pose."""
     return tuple(Picture(f"{art}-{pose.name.lower()}", side, shape, detail, lift) for pose in Pose)
 
 
@@ -69,28 +67,28 @@ class MonsterKind:
     """A kind of monster.
 
     Attributes:
-        name: what it is called.
-        game_name: what the game calls it.
+        name: its name.
+        game_name: the game's name.
         label: its label id.
-        pictures: what it looks like, pose by pose (`Pose`).
-        health: of a new one.
+        pictures: its pictures, one per pose (`Pose`).
+        health: initial health.
         half_width: in map units.
-        speed: map units a step.
-        stand: frames of one that has not noticed the player.
-        walk: of one that has, and after all others.
-        melee: of one that attacks a player near by; none if it cannot.
-        missile: of one that attacks from afar.
+        speed: map units per step.
+        stand: frames while it has not noticed the player.
+        walk: frames after that, and after all others.
+        melee: frames of an attack on a player close by; empty if it has none.
+        missile: frames of an attack from a distance.
         flinch: tics for which pain stops it.
-        pain_chance: of 256, to flinch when hit.
-        dice: damage is this times a die.
-        sides: of that die.
-        rays: bullets of a shot.
-        spread: bits by which the sum of two bytes is shifted to be the error of their angle.
-        reach: how far they go, in map units.
-        ball_speed: of what it throws, map units a tic.
-        ball_dice: the damage of that is this times a die.
-        ball_sides: of that die.
-        die: frames of one that dies.
+        pain_chance: probability of flinching when hit, in 256ths.
+        dice: damage is this times the roll of a die.
+        sides: sides of that die.
+        rays: bullets per shot.
+        spread: bits by which the sum of two bytes is shifted to give the angle error of a bullet.
+        reach: range of bullets, in map units.
+        ball_speed: speed of its fireballs, map units per tic.
+        ball_dice: the damage of a fireball is this times the roll of a die.
+        ball_sides: sides of that die.
+        die: frames of its death.
     """
 
     name: str
@@ -118,7 +116,7 @@ class MonsterKind:
 
 
 def standing(kind: MonsterKind) -> MonsterKind:
-    """A kind that never leaves its place."""
+    """A kind of monster that never moves."""
     return replace(kind, speed=0)
 
 

@@ -1,11 +1,11 @@
-"""The monsters of a scenario: tables and states, who they are after, how they are hurt.
+"""The monsters of a scenario: tables and states, their enemies, and damage to them.
 
-One rule moves all monsters of a state at once (`monster_ai`), by tables of their kinds. They go
-for the player, or for each other where there is infighting. Its rules are the game's (ZDoom's
-p_interaction.cpp and p_enemy.cpp, read for them): every blow that does not kill makes a monster go
-for its source, if it has not been after somebody for that reason for less than a hundred of its
-steps. Kinds do not matter, but that fireballs do nothing to the thrower's own kind. When the enemy
-is dead, the monster goes for the player again.
+One rule updates all monsters of a state at once (`monster_ai`), from the tables of their kinds.
+They attack the player or, with infighting, each other. The rules are those of the game (ZDoom's
+p_interaction.cpp and p_enemy.cpp): a monster that survives a hit attacks its source, unless it has
+turned to another enemy in this way less than a hundred steps ago. The kinds do not matter, except
+that fireballs do not hurt the thrower's own kind. When the enemy is dead, the monster attacks the
+player again.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from .monster_kinds import Act, MonsterFrame, MonsterKind, Pose
 from .parts import Game, GameObject, Part, Sprites
 
 REACTION = 8
-"""Steps after waking up before which no monster shoots."""
+"""Steps after waking up in which no monster shoots."""
 STUBBORN = 100
-"""Steps for which a monster keeps to the enemy that it has turned to."""
+"""Steps for which a monster keeps the enemy that it has turned to."""
 FEW = 8
-"""What few of a batch need in a tic is computed for one in so many at a time."""
+"""Rarely needed results of a batch are computed for this fraction of it at a time."""
 
 
 class Infighting(PyTreeNode):
-    """Which enemy each of N monsters is after.
+    """The enemies of N monsters.
 
     Attributes:
         target: int32[N], the number of another monster; N for the player.
-        anger: int32[N], steps for which it keeps to that one.
+        anger: int32[N], steps for which it keeps that enemy.
     """
 
     target: jax.Array
@@ -45,23 +45,23 @@ class Infighting(PyTreeNode):
 
 
 class Monsters(PyTreeNode):
-    """N monsters, each of the kind that the horde has in its place.
+    """N monsters, each of the kind that the horde has at its index.
 
     Attributes:
         position: int32[N, 2], map units in 16.16.
-        facing: uint32[N], where a standing one looks, 2**32 a circle.
+        facing: uint32[N], the heading of a standing monster, 2**32 per turn.
         present: bool[N], whether it is on the map, dead or alive.
         health: int32[N], at most 0 if it is dead.
-        frame: int32[N], the row of the horde's frames.
-        tics: int32[N], until the next one.
-        direction: int32[N], of its walk, counterclockwise from east; 8 for none.
+        frame: int32[N], a row of the horde's frames.
+        tics: int32[N], tics until the next frame.
+        direction: int32[N], of its walk, counter-clockwise from east; 8 for none.
         steps_left: int32[N], steps until it chooses another direction.
         reaction: int32[N], steps before it may shoot.
         just_attacked: bool[N], whether it has just shot and now walks first.
         alarmed: bool[N], whether it has heard the player shoot.
         infighting: its enemies; None if that is always the player.
-        just_hit: bool[N], whether it has flinched, and shoots as soon as it may think of it; None
-            if no kind both flinches and shoots.
+        just_hit: bool[N], whether it has flinched, and shoots at the next opportunity; None if no
+            kind both flinches and shoots.
     """
 
     position: jax.Array
@@ -80,25 +80,25 @@ class Monsters(PyTreeNode):
 
     @property
     def living(self) -> jax.Array:
-        """bool[N]: which of them stand in the way, and can be hurt."""
+        """bool[N]: which of them block the way and can be hurt."""
         return self.present & (self.health > 0)
 
 
 class Horde(Part):
-    """The monsters of a scenario: `state.monsters`, and `state.kills`, those killed so far.
+    """The monsters of a scenario: `state.monsters`, and `state.kills`, the number killed.
 
     Attributes:
         kinds: the kinds of monsters, without repetition.
-        kind_of: int32[N], the number of each monster's kind.
+        kind_of: int32[N], the index of each monster's kind.
         fast: whether they react at once and attack without pausing, as in the game's skill 5.
-        infighting: whether those hurt by another monster turn on it.
-        opaque: float32[L, 4], the walls that hide the player and stop bullets.
-        walls: float32[L, 4], the walls that monsters do not cross.
-        frame_tics, following, back, acts, poses: int32[F], of each frame.
+        infighting: whether monsters that are hurt by another one attack it.
+        opaque: float32[L, 4], the walls that block sight and bullets.
+        walls: float32[L, 4], the walls that block monsters.
+        frame_tics, following, back, acts, poses: int32[F], for each frame.
         stand, walk, melee, missile, pain, die: int32[N], the first such frame of each, or -1.
         half_width, speed, health, pain_chance, dice, sides, rays, spread, ball_speed, ball_dice,
-            ball_sides: int32[N], as of `MonsterKind`.
-        reach: float32[N].
+            ball_sides: int32[N], as in `MonsterKind`.
+        reach: float32[N], as in `MonsterKind`.
     """
 
     game_variables = ("KILLCOUNT",)
@@ -112,14 +112,14 @@ class Horde(Part):
         fast: bool = False,
         infighting: bool = False,
     ) -> None:
-        """Lay out the tables.
+        """Build the tables.
 
         Args:
             kinds: the kind of each monster.
-            walls: see the class.
-            opaque: likewise; none by default.
-            fast: see the class.
-            infighting: likewise.
+            walls: as in the class.
+            opaque: as in the class; none by default.
+            fast: as in the class.
+            infighting: as in the class.
         """
         self.fast, self.infighting = np.bool_(fast), infighting
         self.walls = walls
@@ -142,14 +142,14 @@ class Horde(Part):
         self.ball_sides = self._numbers("ball_sides")
 
     def __len__(self) -> int:
-        """How many monsters there are."""
+        """The number of monsters."""
         return len(self.kind_of)
 
     def _numbers(self, name: str) -> np.ndarray:
         return np.array([getattr(self.kinds[i], name) for i in self.kind_of], np.int32)
 
     def _lay_out(self, kind: MonsterKind) -> tuple[int, ...]:
-        """Add a kind's frames; the first of each sequence."""
+        """Add the frames of a kind; returns the first frame of each sequence."""
         walk = len(self._rows)
         walks = self._add(kind.walk, walk)
         stand = self._add(kind.stand, len(self._rows))
@@ -160,7 +160,7 @@ class Horde(Part):
         return stand, walks, melee, missile, pain, die
 
     def _add(self, frames: Sequence[MonsterFrame], after: int) -> int:
-        """Add frames that lead to row `after`; the first one's row, or -1."""
+        """Add frames that lead to row `after`; returns the row of the first one, or -1."""
         first = len(self._rows)
         for i, frame in enumerate(frames):
             row = first + i
@@ -170,15 +170,15 @@ class Horde(Part):
         return first if frames else -1
 
     def place_of(self, kind: MonsterKind) -> int:
-        """The place of the first monster of a kind."""
+        """The index of the first monster of a kind."""
         return int(np.argmax(self.kind_of == self.kinds.index(kind)))
 
     def at(self, table: np.ndarray, frame: jax.Array) -> jax.Array:
-        """int32[N]: the rows of one of the tables of frames."""
+        """int32[N]: the entries of a table of frames."""
         return jnp.asarray(table).at[frame].get(mode="promise_in_bounds")
 
     def healthy(self, factor: Any) -> jax.Array:
-        """int32[N]: the health of new monsters, multiplied by a factor, at least 1."""
+        """int32[N]: the health of new monsters, times a factor, at least 1."""
         health = jnp.asarray(self.health, jnp.float32) * factor
         return jnp.maximum(jnp.round(health), 1).astype(jnp.int32)
 
@@ -189,11 +189,11 @@ class Horde(Part):
         return Sprites(monsters.position, pictures, monsters.present)
 
     def describe(self, state: Any) -> Info:
-        """The monsters killed so far."""
+        """The number of monsters killed so far."""
         return {"killed": state.kills}
 
     def from_game(self, state: Any, game: Game) -> Any:
-        """The monsters of the game, kind by kind in the horde's places."""
+        """Read the monsters of the game, kind by kind, into the horde's indices."""
         place, present = np.zeros((len(self), 2), np.int32), np.zeros(len(self), bool)
         for number, kind in enumerate(self.kinds):
             slots = np.flatnonzero(self.kind_of == number)
@@ -209,7 +209,7 @@ class Horde(Part):
     def placed(
         self, position: jax.Array, facing: jax.Array, present: jax.Array, health: jax.Array
     ) -> Monsters:
-        """Monsters that stand there and have not looked yet; arguments as of `Monsters`."""
+        """Standing monsters that have not looked yet; the arguments are as in `Monsters`."""
         count = len(self)
         none = jnp.zeros(count, jnp.int32)
         shoots_back = (self.missile >= 0) & (self.pain_chance > 0)
@@ -234,11 +234,11 @@ class Horde(Part):
     def enemies(
         self, monsters: Monsters, player: jax.Array
     ) -> tuple[jax.Array, jax.Array | np.ndarray]:
-        """Where each monster's enemy is, int32[N, 2], and its half-width, int32[N] map units.
+        """int32[N, 2], the position of each monster's enemy; int32[N], its half-width in map units.
 
         Args:
             monsters: the monsters.
-            player: int32[2], where the player is.
+            player: int32[2], the position of the player.
         """
         count = len(self)
         if monsters.infighting is None:
@@ -255,13 +255,13 @@ class Horde(Part):
         bits: jax.Array,
         source: jax.Array | None = None,
     ) -> Monsters:
-        """The monsters after blows: some flinch, some die.
+        """The monsters after damage: some flinch, some die.
 
         Args:
-            monsters: before them.
+            monsters: the monsters before.
             damage: int32[N].
             bits: uint32[N], random.
-            source: int32[N], which monster has hurt each; the player if there is none.
+            source: int32[N], the monster that hurt each one; None for the player.
         """
         hit = monsters.living & (damage > 0)
         health = monsters.health - jnp.where(hit, damage, 0)
@@ -285,12 +285,12 @@ class Horde(Part):
 def _provoked(
     before: Infighting | None, hurt: jax.Array, source: jax.Array | None
 ) -> Infighting | None:
-    """The infighting after blows.
+    """The infighting after damage.
 
     Args:
-        before: them.
-        hurt: bool[N], which monsters were hurt and live.
-        source: int32[N], by which monster; N for the player, who it is if there is none.
+        before: the infighting before.
+        hurt: bool[N], which monsters were hurt and are alive.
+        source: int32[N], the monster that hurt each one, N for the player; None for the player.
     """
     if before is None:
         return None

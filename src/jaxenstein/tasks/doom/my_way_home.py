@@ -28,17 +28,17 @@ from .view import BROWN
 
 # The sum of the half-widths of the player and of the armour.
 REACH = 16 + 20
-# Places between which a way is free are looked at so far apart, in map units.
+# The spacing of the points that are checked along a straight path, in map units.
 _SAMPLE = 2
 EVERY_SPOT = tuple(range(10, 27))
 
 
 class DoomHomeParams(Params):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
         goal_reward: reward of touching the armour.
-        living_reward: reward of every tic, that one included.
+        living_reward: reward of every tic, including the last one.
     """
 
     max_steps_in_episode: Scalar = 2100
@@ -48,7 +48,7 @@ class DoomHomeParams(Params):
 
 
 class DoomHomeState(DoomState):
-    """State of the task.
+    """The state of the task.
 
     Attributes:
         taken: bool[], whether the armour has been taken; the next tic ends the episode.
@@ -59,15 +59,15 @@ class DoomHomeState(DoomState):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
-    """Find the green armour. Doom's own motion, so nothing learned here is lost in the game.
+    """Find the green armour, with Doom's own motion, so that policies transfer to the game.
 
     Reward: `goal_reward` in the tic that touches the armour, and `living_reward` in every tic.
-    The tic after it, in which the game leaves the level, terminates.
+    The tic after it, in which the game leaves the level, terminates the episode.
 
     Attributes:
         spots: ids of the map spots where episodes start, 10 to 26.
-        angles: the first heading, the lowest and the highest, in 65536ths of a circle
-            counterclockwise from east.
+        angles: the lowest and the highest first heading, in 65536ths of a turn, counter-clockwise
+            from east.
     """
 
     spots: tuple[int, ...] = EVERY_SPOT
@@ -125,7 +125,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     def transition(
         self, key: jax.Array, state: DoomHomeState, action: jax.Array, params: DoomHomeParams
     ) -> tuple[DoomHomeState, jax.Array, jax.Array, Info]:
-        """Move, and look whether the armour was touched."""
+        """Move, and check whether the armour was touched."""
         del key
         leaves = state.taken
         state, places = self.moved(state, action)
@@ -140,11 +140,11 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
         return super().describe(state, params) | {"distance_to_goal": length(offset)}
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return About(
             aim="reached the armour",
-            ends="in the tic after the armour was reached",
-            rewards={"goal_reward": "{:+g} at the armour", "living_reward": "{:+g} a tic"},
+            ends="in the tic after the armour is reached",
+            rewards={"goal_reward": "{:+g} at the armour", "living_reward": "{:+g} per tic"},
             events={"reached_goal": Event("reached the armour")},
             variables={"distance_to_goal": "tiles to the armour, in a straight line"},
             players={"shortest_path": SHORTEST_PATH},
@@ -154,7 +154,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
 
 
 def shortest_path(env: DoomMyWayHome, params: Any) -> Choose:
-    """Walk to the goal by the way that is shortest for the body's box."""
+    """Walk to the goal on the path that is shortest for the body's box."""
     del params
     table = jnp.asarray(waypoints(env.room.map_name, tuple(map(int, env.goals[0]))))
     walk = walker(env)
@@ -168,16 +168,16 @@ def shortest_path(env: DoomMyWayHome, params: Any) -> Choose:
     return choose
 
 
-SHORTEST_PATH = Player("walks the shortest way; sees the whole state", shortest_path)
+SHORTEST_PATH = Player("walks the shortest path; sees the whole state", shortest_path)
 
 
 @functools.cache
 def waypoints(map_name: str, goal: tuple[int, int]) -> np.ndarray:
-    """int32[n, m, 2]: from each point of the lattice, the farthest one to walk straight to.
+    """int32[n, m, 2]: from each lattice point, the farthest point to walk to in a straight line.
 
     Args:
-        map_name: of the map.
-        goal: where the ways lead, in map units, on the lattice.
+        map_name: the name of the map.
+        goal: the target in map units, on the lattice.
     """
     geometry = load_geometry(map_name)
     following = _ways(free_nodes(geometry), _node(geometry, goal))
@@ -197,7 +197,7 @@ def _node(geometry: Geometry, place: tuple[int, int]) -> tuple[int, int]:
 
 
 def _ways(free: np.ndarray, goal: tuple[int, int]) -> dict[tuple[int, int], tuple[int, int]]:
-    """The next point of the shortest way to the goal, straight or across, from each point."""
+    """The next point of the shortest path to the goal, straight or diagonal, from each point."""
     following: dict[tuple[int, int], tuple[int, int]] = {}
     far = {goal: 0.0}
     heap = [(0.0, goal)]
@@ -218,7 +218,7 @@ def _ways(free: np.ndarray, goal: tuple[int, int]) -> dict[tuple[int, int], tupl
 
 
 def _is_straight(geometry: Geometry, start: tuple[int, int], end: tuple[int, int]) -> bool:
-    """Whether a body may walk from one point of the lattice straight to another."""
+    """Whether a body can walk straight from one lattice point to another."""
     a, b = (np.array(node) * LATTICE * ONE for node in (start, end))
     count = max(2, int(np.abs(b - a).max() / (_SAMPLE * ONE)) + 1)
     places = (a + (b - a) * np.linspace(0, 1, count)[:, None]).astype(np.int64)

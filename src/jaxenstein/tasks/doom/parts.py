@@ -1,4 +1,4 @@
-"""What a scenario is made of: parts, each of which has its share of the state and shows it."""
+"""The parts of a scenario, each with its fields of the state and its sprites."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .view import Picture
 
 @dataclass(frozen=True)
 class GameObject:
-    """A kind of thing that stands, lies or flies about.
+    """A kind of object.
 
     Attributes:
-        name: what the game calls it.
+        name: the game's name.
         label: its label id.
-        pictures: what it looks like, one after the other as `Part.sprites` numbers them; none for
-            what our states do not hold.
+        pictures: its pictures, in the order of the numbers in `Part.sprites`; empty for objects
+            that our states do not have.
     """
 
     name: str
@@ -31,13 +31,13 @@ class GameObject:
 
 
 class Game(NamedTuple):
-    """What the running game tells besides the player's pose.
+    """The data of the running game other than the player's pose.
 
     Attributes:
-        names: what it calls each of M objects.
-        objects: int64[M, 5], of each object x and y in 16.16 map units, a number that is the
-            higher the later it appeared, its angle, 2**32 a circle, and its speed.
-        variables: the values of the variables that were asked for, and of HEALTH.
+        names: the game's names of M objects.
+        objects: int64[M, 5], for each object x and y in 16.16 map units, a number that increases
+            with the time of appearance, the angle, 2**32 per turn, and the speed.
+        variables: the values of the requested variables, and of HEALTH.
     """
 
     names: tuple[str, ...]
@@ -45,16 +45,16 @@ class Game(NamedTuple):
     variables: Mapping[str, int]
 
     def of(self, *names: str) -> np.ndarray:
-        """int64[K, 5]: the objects of these names, in the game's order."""
+        """int64[K, 5]: the objects with these names, in the game's order."""
         return self.objects[np.isin(np.array(self.names, str), names)]
 
 
 class Sprites(NamedTuple):
-    """Billboards of a part.
+    """The billboards of a part.
 
     Attributes:
         places: int32[N, 2], map units in 16.16.
-        pictures: int32[N], numbers of pictures, counted over the part's objects.
+        pictures: int32[N], picture numbers, counted over the part's objects.
         visible: bool[N].
     """
 
@@ -66,13 +66,13 @@ class Sprites(NamedTuple):
 class Part:
     """A part of a scenario: constants of a program, and functions of the scenario's states.
 
-    Each part owns some fields of the state, which its docstring names. Whatever a part does not
-    have is left as it is here.
+    Each part owns some fields of the state, which its docstring names. Subclasses override the
+    methods that they need.
 
     Attributes:
-        objects: the kinds of things that it shows.
-        game_variables: what it asks of the running game, by the game's names.
-        limits: entries of `describe` that the `dict` observation has, each with its highest value.
+        objects: the kinds of objects that it shows.
+        game_variables: the game's names of the variables that it needs from the running game.
+        limits: entries of `describe` for the `dict` observation, each with its highest value.
     """
 
     objects: tuple[GameObject, ...] = ()
@@ -80,22 +80,22 @@ class Part:
     limits: Mapping[str, int] = {}
 
     def sprites(self, state: Any) -> Sprites | None:
-        """What there is to see of it."""
+        """The sprites of the part."""
         del state
         return None
 
     def show(self, image: jax.Array, state: Any, kind: ImageKind) -> jax.Array:
-        """The image of the view with what the part shows over it, if that is asked for."""
+        """Draw the part over an image of the view, if that is enabled."""
         del state, kind
         return image
 
     def describe(self, state: Any) -> Info:
-        """Its entries of `info`."""
+        """The entries of `info`."""
         del state
         return {}
 
     def from_game(self, state: Any, game: Game) -> Any:
-        """The state with what the running game tells of the part, in numpy."""
+        """The state with what the running game reports about the part, in numpy."""
         del game
         return state
 
@@ -104,7 +104,7 @@ class Health(Part):
     """The player's health: `state.health`, int32[]."""
 
     def __init__(self, most: int) -> None:
-        """Say how much there can be of it."""
+        """Set the maximum health."""
         self.limits = {"health": most}
 
     def describe(self, state: Any) -> Info:
@@ -112,5 +112,5 @@ class Health(Part):
         return {"health": state.health}
 
     def from_game(self, state: Any, game: Game) -> Any:
-        """The game's health."""
+        """Read the game's health."""
         return state.replace(health=np.int32(game.variables["HEALTH"]))

@@ -1,9 +1,9 @@
-"""One tic of Doom's player: buttons, turn, thrust, move or slide, friction, the eye's bob.
+"""One tic of Doom's player: buttons, turn, thrust, move or slide, friction, and the bobbing eye.
 
-All in integers, so that a trajectory is that of the game to the last bit. Positions and
-velocities are 16.16 map units, x eastwards and y northwards; angles are uint32, 2**32 a circle,
-0 east and growing counterclockwise. The rules are those of ZDoom's engine in ViZDoom 1.3, found
-by reading it (p_user.cpp, p_mobj.cpp, p_map.cpp, p_maputl.cpp) and held against recordings.
+Everything is in integers, so that trajectories match the game bit by bit. Positions and velocities
+are 16.16 map units, x eastwards and y northwards; angles are uint32, 2**32 per turn, 0 east,
+growing counter-clockwise. The rules are those of ZDoom's engine in ViZDoom 1.3 (p_user.cpp,
+p_mobj.cpp, p_map.cpp, p_maputl.cpp), and were checked against recordings.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ MOVE_LEFT, MOVE_RIGHT = "move left", "move right"
 ATTACK = "attack"
 NOTHING = "nothing"
 ALL_MOVES = (MOVE_LEFT, MOVE_RIGHT, ATTACK, FORWARD, BACKWARD, TURN_LEFT, TURN_RIGHT)
-"""The buttons of a player who may move in every way, and shoot."""
-# Turning adds this much a tic, the less of the two in a turn's first tics.
+"""The buttons of a player who can move in every direction, and shoot."""
+# How much a turn adds per tic; the smaller one in the first tics of a turn.
 SLOW_TURN, FAST_TURN = 320 << 16, 640 << 16
 SLOW_TICS = 6
-# Below this speed (a sixteenth of a unit) a body without thrust stands.
+# Below this speed (a sixteenth of a unit), a body without thrust stops.
 STANDS = 4096
-# The eye bobs once in so many tics; a quarter of the squared speed, up to 16, is twice as far as
-# the eye goes in map units.
+# The tics of one bobbing period; a quarter of the squared speed, up to 16, is twice the amplitude
+# of the eye in map units.
 _BOB_TICS, _BOB_SHARE, _BOB_MOST = 20, 0.25, 16.0
 
 
@@ -58,11 +58,11 @@ class Buttons(PyTreeNode):
 
 
 def hold(names: Sequence[str], held: jax.Array) -> Buttons:
-    """The buttons that a number stands for.
+    """Decode the buttons held in a tic.
 
     Args:
         names: the scenario's buttons, in the order of its configuration.
-        held: int32[], whose bit i says whether button i is held.
+        held: int32[]; bit i says whether button i is held.
     """
 
     def is_down(name: str) -> jax.Array:
@@ -82,8 +82,8 @@ def hold(names: Sequence[str], held: jax.Array) -> Buttons:
 def numbered(count: int, at_most: int) -> np.ndarray:
     """int32[actions]: the buttons of each action, as bits for `hold`.
 
-    As ViZDoom's Gymnasium wrapper numbers them: all choices of at most so many of `count`
-    buttons in the order of binary numbers whose first digit is the first button. With one button
+    The order is that of ViZDoom's Gymnasium wrapper: all choices of at most `at_most` of `count`
+    buttons, in the order of binary numbers whose first digit is the first button. With one button
     at a time, that is none, then the buttons from the last to the first.
     """
     choices = itertools.product((0, 1), repeat=count)
@@ -94,7 +94,7 @@ def numbered(count: int, at_most: int) -> np.ndarray:
 
 
 def action_name(names: Sequence[str], held: int) -> str:
-    """What an action is called that holds these buttons, such as `"turn left + forward"`."""
+    """The name of the action that holds these buttons, such as `"turn left + forward"`."""
     return " + ".join(name for i, name in enumerate(names) if held >> i & 1) or NOTHING
 
 
@@ -103,9 +103,9 @@ class Body(PyTreeNode):
 
     Attributes:
         position: int32[2], 16.16 map units.
-        velocity: int32[2], units a tic; components stay below 15 units in the game.
+        velocity: int32[2], units per tic; components stay below 15 units in the game.
         angle: uint32[].
-        turn_tics: int32[], tics that a turn button has been held.
+        turn_tics: int32[], for how many tics a turn button has been held.
     """
 
     position: jax.Array
@@ -115,13 +115,13 @@ class Body(PyTreeNode):
 
 
 class Reached(PyTreeNode):
-    """The places that a body reached in a tic and may touch things at, even if a wall sent it back.
+    """The positions at which a body may touch things in a tic, even if a wall sent it back.
 
     Attributes:
         moving: bool[], whether it moved at all.
-        target: int32[2], the first place.
+        target: int32[2], the first position.
         slid: bool[], whether there were others.
-        others: int32[6, 2], those, or the first one again.
+        others: int32[6, 2], the others, or copies of the first.
     """
 
     moving: jax.Array
@@ -131,19 +131,19 @@ class Reached(PyTreeNode):
 
 
 Blocked = Callable[[jax.Array], jax.Array]
-"""Whether bodies block a place, int32[2] -> bool[]."""
+"""A function that tells whether bodies block a position, int32[2] -> bool[]."""
 
 
 def tic(
     geometry: Geometry, body: Body, buttons: Buttons, bodies: Blocked | None = None
 ) -> tuple[Body, Reached]:
-    """The body after one tic, and the places that it reached.
+    """The body after one tic, and the positions that it reached.
 
     Args:
         geometry: the walls.
-        body: before the tic.
-        buttons: held in it.
-        bodies: what else is in its way, where there is anything.
+        body: the body before the tic.
+        buttons: the buttons held in it.
+        bodies: other bodies in its way, if there are any.
     """
     angle, turn_tics = _turn(body, buttons)
     added = thrust(angle, buttons)
@@ -167,7 +167,7 @@ def tic(
 def _bump(
     geometry: Geometry, bodies: Blocked, position: jax.Array, velocity: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """Position and velocity of one that runs into another: north or south alone, else the rest."""
+    """Position and velocity after running into a body: move along y alone, or x alone, or stop."""
     north, east = velocity * np.array([0, 1], np.int32), velocity * np.array([1, 0], np.int32)
 
     def free(move: jax.Array) -> jax.Array:
@@ -180,7 +180,7 @@ def _bump(
 
 
 def _turn(body: Body, buttons: Buttons) -> tuple[jax.Array, jax.Array]:
-    """uint32[] angle and int32[] tics of turning."""
+    """uint32[], the angle; int32[], the tics of turning."""
     turns = buttons.turn_left | buttons.turn_right
     tics = jnp.where(turns, body.turn_tics + 1, 0)
     yaw = jnp.where(tics < SLOW_TICS, jnp.uint32(SLOW_TURN), jnp.uint32(FAST_TURN))
@@ -191,8 +191,8 @@ def _turn(body: Body, buttons: Buttons) -> tuple[jax.Array, jax.Array]:
 def thrust(angle: jax.Array, buttons: Buttons) -> jax.Array:
     """int32[2]: what the buttons add to the velocity.
 
-    A forward thrust is 51200 = 25 * 2048, one to the side 49152 = 24 * 2048, along the angle less
-    90 degrees; so the products of 16.16 numbers are shifts by 5 bits.
+    A forward thrust is 51200 = 25 * 2048; a sideways one is 49152 = 24 * 2048, along the angle
+    minus 90 degrees. So the products of 16.16 numbers are shifts by 5 bits.
     """
     cosine, sine = direction(angle)
     forward = jnp.stack([cosine, sine]) * (25 * buttons.ahead) >> 5
@@ -200,7 +200,7 @@ def thrust(angle: jax.Array, buttons: Buttons) -> jax.Array:
 
 
 def friction(velocity: jax.Array, buttons: Buttons) -> jax.Array:
-    """int32[2]: 29/32 of a velocity, or none."""
+    """int32[2]: 29/32 of a velocity, or zero."""
     slow = jnp.all(jnp.abs(velocity) < STANDS)
     stands = slow & (buttons.ahead == 0) & (buttons.aside == 0)
     return jnp.where(stands, 0, velocity * 29 >> 5)
@@ -209,17 +209,17 @@ def friction(velocity: jax.Array, buttons: Buttons) -> jax.Array:
 def bobbed(
     pace: jax.Array, angle: jax.Array, buttons: Buttons, velocity: jax.Array, slid: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """The velocity from the player's own steps, int32[2]: during a tic, and after its friction.
+    """int32[2] twice: the velocity from the player's own steps, in a tic and after its friction.
 
-    The eye bobs by it: blows push the body, and not the eye (ZDoom's p_user.cpp, read for its rule,
-    and held against heights that the game tells).
+    The bobbing of the eye depends on it: blows push the body, but do not move the eye (the rule of
+    ZDoom's p_user.cpp, checked against heights that the game reports).
 
     Args:
-        pace: as the tic before left it.
+        pace: the velocity after the previous tic.
         angle: uint32[], of the player.
-        buttons: held in the tic.
+        buttons: the buttons held in the tic.
         velocity: int32[2], of the body after it.
-        slid: bool[], whether it met a wall, which slows both.
+        slid: bool[], whether the body met a wall, which slows both.
     """
     steps = pace + thrust(angle, buttons)
     after = friction(steps, buttons)
@@ -228,10 +228,10 @@ def bobbed(
 
 
 def bob_height(steps: jax.Array, time: jax.Array) -> jax.Array:
-    """float32[]: map units by which the eye is above its usual height.
+    """float32[]: how many map units the eye is above its usual height.
 
     Args:
-        steps: int32[2], of `bobbed`.
+        steps: int32[2], from `bobbed`.
         time: int32[], tics since the game began.
     """
     speed = steps.astype(jnp.float32) * np.float32(1 / ONE)
@@ -241,10 +241,10 @@ def bob_height(steps: jax.Array, time: jax.Array) -> jax.Array:
 
 
 def touches(reached: Reached, place: jax.Array, reach: int) -> jax.Array:
-    """bool[...]: whether the body's box overlapped that of a thing at a place that it reached.
+    """bool[...]: whether the body's box overlapped that of a thing at a position that it reached.
 
     Args:
-        reached: the places.
+        reached: the positions.
         place: int32[..., 2], of the things, map units in 16.16.
         reach: the sum of the half-widths, in map units.
     """

@@ -1,6 +1,6 @@
 """Things that keep appearing on the floor and change the player's health, as in Health Gathering.
 
-They are taken where the body's box was put, in the order in which the game looks.
+They are taken where the body's box moved to, in the order in which the game checks them.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ REACH = (RADIUS + THING_RADIUS) * ONE
 
 @dataclass(frozen=True)
 class Pickup:
-    """A kind of thing to take.
+    """A kind of pickup.
 
     Attributes:
-        game_name: what the game calls it.
+        game_name: the game's name.
         label: its label id.
-        picture: how it looks.
-        health: what it gives, or takes.
-        at_first: how many lie there in the first observation.
+        picture: its picture.
+        health: health that it gives or, if negative, takes.
+        at_first: the number in the first observation.
         period: tics from one new one to the next.
-        capacity: how many an episode of 2100 tics can have.
-        spared_when_full: whether it is left where it lies at full health.
-        name: what it is called.
+        capacity: the most in an episode of 2100 tics.
+        spared_when_full: whether it is not taken at full health.
+        name: its name.
     """
 
     game_name: str
@@ -54,20 +54,20 @@ class Pickup:
 
     @property
     def one(self) -> str:
-        """What happened when one was taken."""
+        """The event of taking one."""
         return f"took {'a medkit' if self.name == 'medkit' else self.name}"
 
     @property
     def several(self) -> str:
-        """What happened when {} were taken."""
+        """The event of taking {} of them."""
         return "took {} medkits" if self.name == "medkit" else f"took {{}} times {self.name}"
 
 
 class Pickups(Part):
     """N places for things, kind by kind; N is the capacity of all kinds together.
 
-    `state.places`, int32[N, 2], map units in 16.16; `state.present`, bool[N]; and `state.number`,
-    int32[N], which of all things so far each is: the game takes the newest first.
+    The state has `places`, int32[N, 2], map units in 16.16; `present`, bool[N]; and `number`,
+    int32[N], the order in which things appeared: the game takes the newest first.
 
     Attributes:
         kinds: the kinds of things.
@@ -75,7 +75,7 @@ class Pickups(Part):
     """
 
     def __init__(self, kinds: Sequence[Pickup], map_name: str, geometry: Geometry) -> None:
-        """Lay out the places on a map."""
+        """Build the places on a map."""
         self.kinds, self._geometry = tuple(kinds), geometry
         self._free = load_free_places(map_name)
         sizes = [kind.capacity for kind in kinds]
@@ -84,7 +84,7 @@ class Pickups(Part):
         self.objects = tuple(GameObject(k.game_name, k.label, (k.picture,)) for k in kinds)
 
     def first(self, key: jax.Array) -> dict[str, jax.Array]:
-        """The fields of the first state: the first things, somewhere."""
+        """The fields of the first state, with the first things at random places."""
         at_first = [kind.at_first for kind in self.kinds]
         new = self._free.sample(random_bits(key, (sum(at_first), 3)))
         parts, number, seen = [], [], 0
@@ -101,7 +101,7 @@ class Pickups(Part):
         }
 
     def appear(self, state: Any, key: jax.Array, time: jax.Array) -> Any:
-        """The state with one thing more of each kind whose time, int32[], it is."""
+        """The state with a new thing of each kind that is due at the time int32[]."""
         new = self._free.sample(random_bits(key, (len(self.kinds), 3)))
         here = jnp.zeros(len(self.kind_of), bool)
         slots = np.arange(len(self.kind_of), dtype=np.int32)
@@ -113,7 +113,7 @@ class Pickups(Part):
         return state.replace(
             places=jnp.where(here[:, None], place, state.places),
             present=state.present | here,
-            # Of two at the same time the game's script makes the first kind first.
+            # If two are due at once, the game's script creates the first kind first.
             number=jnp.where(here, (time + 1) * len(self.kinds) + self.kind_of, state.number),
         )
 
@@ -121,9 +121,9 @@ class Pickups(Part):
         """The state after a living player has taken what it touches, and counts for each event.
 
         Args:
-            state: before it.
-            health: int32[], of the player in this tic; who has none takes nothing.
-            reached: the places that the player's body reached.
+            state: the state before.
+            health: int32[], of the player in this tic; a dead player takes nothing.
+            reached: the positions that the player's body reached.
         """
         reach = touched(reached, state.places, state.present) & (health > 0)
         after, taken = self.take_one(health, reach)
@@ -140,7 +140,7 @@ class Pickups(Part):
         return state.replace(health=health, present=state.present & ~taken), counts
 
     def take_one(self, health: jax.Array, reach: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """int32[] health after and bool[N] what is taken, if at most one thing bool[N] is in reach.
+        """int32[], health after; bool[N], things taken, if at most one thing bool[N] is in reach.
 
         Args:
             health: int32[].
@@ -162,12 +162,12 @@ class Pickups(Part):
         health: jax.Array,
         reach: jax.Array,
     ) -> tuple[jax.Array, jax.Array]:
-        """As `take_one` of several, one after another: block by block, in each the newest first.
+        """As `take_one` for several things, one after another: block by block, newest first.
 
         Args:
-            target: int32[2], where the body was put.
+            target: int32[2], where the body moved to.
             places: int32[N, 2].
-            number: int32[N], which of all things so far each is.
+            number: int32[N], the order in which things appeared.
             health: int32[].
             reach: bool[N].
         """
@@ -191,11 +191,11 @@ class Pickups(Part):
         return health, taken
 
     def sprites(self, state: Any) -> Sprites:
-        """What lies there."""
+        """The things that are present."""
         return Sprites(state.places, jnp.asarray(self.kind_of), state.present)
 
     def from_game(self, state: Any, game: Game) -> Any:
-        """The things of the game."""
+        """Read the things of the game."""
         count = len(self.kind_of)
         places, present = np.zeros((count, 2), np.int32), np.zeros(count, bool)
         number = np.zeros(count, np.int32)
@@ -207,12 +207,12 @@ class Pickups(Part):
 
 
 def touched(reached: Reached, places: jax.Array, present: jax.Array) -> jax.Array:
-    """bool[N]: the things into which the body's box was put in a tic, even if it was sent back.
+    """bool[N]: the things that the body's box overlapped in a tic, even if it was sent back.
 
     Args:
-        reached: where it was put.
+        reached: the positions of the body.
         places: int32[N, 2], of the things.
-        present: bool[N], which are there.
+        present: bool[N], which are present.
     """
 
     def others(others: jax.Array, places: jax.Array) -> jax.Array:

@@ -1,6 +1,6 @@
-"""What the scripted players of several scenarios share: walking, aiming, and the player `hunt`.
+"""Shared code of the scripted players of several scenarios: walking, aiming, and `hunt`.
 
-A player of one scenario stands beside it.
+A player for a single scenario is in the scenario's file.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
 from .scenario import DoomScenario
 
 NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
-"""The points of a lattice beside one of them."""
-# A body walks on while its way is less than this off, in 2**32ths of a circle; a turn of a tic is
-# 1.76 or 3.52 degrees.
+"""The neighbours of a lattice point."""
+# A body keeps walking while its heading is off by less than this, in 2**32ths of a turn; turning
+# for a tic changes it by 1.76 or 3.52 degrees.
 _ALIGNED = 1 << 25
-# A half turn counts as so many map units of distance, over pi; a player shoots at what it aims at
-# by this share of its half-width; `hunt` shoots from so many map units.
+# In choosing a target, a half turn counts as this distance in map units, over pi. A player shoots
+# if its aim is within this share of the target's half-width; `hunt` shoots from this distance.
 _TURNING, _SURE, _RANGE = 80, 0.8, 800
 
 
 def walker(env: DoomScenario[Any, Any]) -> Callable[[Any, jax.Array], jax.Array]:
-    """A function of a state and an int32[2] place (16.16) that gives the action to get there."""
+    """A function from a state and an int32[2] position (16.16) to the action that leads there."""
     left, right, ahead = walking_actions(env.action_names)
 
     def walk(state: Any, target: jax.Array) -> jax.Array:
@@ -47,24 +47,24 @@ def walker(env: DoomScenario[Any, Any]) -> Callable[[Any, jax.Array], jax.Array]
 
 
 def nearest_node(geometry: Geometry, position: jax.Array) -> jax.Array:
-    """int32[2]: the point of the lattice of 16 units that is nearest to a position."""
+    """int32[2]: the point of the lattice of 16 units nearest to a position."""
     half = LATTICE * ONE // 2
     node = (position - jnp.asarray(geometry.origin) + half) // (LATTICE * ONE)
     return jnp.clip(node, 0, np.array(geometry.cells.shape, np.int32) - 1)
 
 
 def free_nodes(geometry: Geometry) -> np.ndarray:
-    """bool[n, m]: the points of the lattice where a body may stand."""
+    """bool[n, m]: the lattice points where a body can be."""
     return (geometry.cells >> 3 & 1) == 0
 
 
 def off_by(error: jax.Array) -> jax.Array:
-    """float32[...]: the size of an angle int32[...], 2**32 a circle, in radians."""
+    """float32[...]: the magnitude of an angle int32[...], 2**32 per turn, in radians."""
     return jnp.abs(error.astype(jnp.float32)) * jnp.float32(math.pi * 2.0**-31)
 
 
 def turn_and_shoot(env: Any, params: Any) -> Choose:
-    """Turn to the monster that is nearest, also by angle, and shoot when it is ahead."""
+    """Turn to the monster that is nearest, counting angle too, and shoot when it is ahead."""
     del params
     left, right, shoot = (env.index_of(name) for name in (TURN_LEFT, TURN_RIGHT, ATTACK))
     widths = jnp.asarray(env.horde.half_width, jnp.float32)
@@ -94,35 +94,35 @@ TURN_AND_SHOOT = Player(
 
 
 def only(state: Any, shown: jax.Array) -> Any:
-    """The state as a player sees it that knows of the monsters bool[N] alone."""
+    """The state with only the monsters bool[N]."""
     monsters = state.monsters
     health = jnp.where(shown, monsters.health, 0)
     return state.replace(monsters=monsters.replace(health=health))
 
 
 class Hunted(Protocol):
-    """What the player `hunt` asks of a scenario; M is the number of things to fetch."""
+    """The methods of a scenario that the player `hunt` needs; M is the number of things."""
 
     def to_fetch(self, state: Any) -> tuple[jax.Array, jax.Array]:
-        """int32[M, 2] places of things, and bool[M] which of them the player goes for."""
+        """int32[M, 2], positions of things; bool[M], which of them the player should fetch."""
         ...
 
     def next_tiles(self, state: Any) -> jax.Array:
-        """bool[rows, columns]: the tiles where it goes otherwise."""
+        """bool[rows, columns]: the tiles to go to otherwise."""
         ...
 
 
 def tiles_of(
     env: DoomScenario[Any, Any], places: np.ndarray | jax.Array, which: np.ndarray | jax.Array
 ) -> jax.Array:
-    """bool[rows, columns]: the tiles of some places, int32[N, 2] and bool[N]."""
+    """bool[rows, columns]: the tiles of those int32[N, 2] positions for which bool[N] is true."""
     cell = jnp.floor(env.to_tiles(jnp.asarray(places))).astype(jnp.int32)
     none = jnp.zeros((env.tilemap.rows, env.tilemap.columns), bool)
     return none.at[cell[:, 1], cell[:, 0]].max(jnp.asarray(which))
 
 
 def hunt(env: Any, params: Any) -> Choose:
-    """Shoot the nearest monster in sight; else fetch things (`to_fetch`), or go on."""
+    """Shoot the nearest visible monster; otherwise fetch things (`to_fetch`), or walk on."""
     fight, walk = turn_and_shoot(env, params), walker(env)
     floor = jnp.asarray(np.pad(open_tiles(env.tilemap), 1))
 

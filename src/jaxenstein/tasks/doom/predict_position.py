@@ -1,4 +1,4 @@
-"""ViZDoom's Predict Position, tic by tic: one rocket for a monster that walks to and fro."""
+"""ViZDoom's Predict Position, tic by tic: one rocket for a monster that walks back and forth."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from .scenario import DoomScenario, DoomState, Room
 from .view import STEEL, TUBES
 from .weapons import ROCKET_LAUNCHER, SHOOTING, Slot, Trigger
 
-# The monster: map units a step, where it turns back and how near to it, the lines on which it
-# walks and starts, its steps before the first tic.
+# The monster: map units per step, where it turns back and how close to that, the lines on which it
+# walks and starts, and its steps before the first tic.
 STEP, _END, _NEAR, _LINES, _STARTS, _BEFORE = 20, 608, 52, 200, 600, 3
-# From the only shot on, the game waits for so many tics.
+# The tics that the game waits after the only shot.
 _WAITS = 46
-# So far off, in map units, a shot still hits with something to spare; a monster that walks on
-# beyond this y turns back soon.
+# The distance in map units at which a shot still hits with some margin; a monster that walks past
+# this y will turn back soon.
 _SPARE, _TURNS_BACK = 24, 560
 
 
 class DoomPredictParams(Params):
-    """The numbers of Predict Position.
+    """The params of the task.
 
     Attributes:
         kill_reward: reward of hitting the monster.
@@ -56,16 +56,16 @@ class DoomPredictParams(Params):
 
 
 class DoomPredictState(DoomState):
-    """State of Predict Position.
+    """The state of the task.
 
     Attributes:
         health: int32[], of the player.
-        trigger: what the weapon does.
+        trigger: the state of the weapon.
         monsters: the monster.
-        rockets: the only one.
+        rockets: the only rocket.
         line: int32[], the x on which the monster walks, 16.16 map units.
-        northward: bool[], to which of its ends.
-        waits: int32[], tics until the shot counts as missed; 0 before it.
+        northward: bool[], the direction in which it walks.
+        waits: int32[], tics until the shot counts as missed; 0 before the shot.
         killed: bool[], whether the monster was hit; the next tic ends the episode.
     """
 
@@ -80,7 +80,7 @@ class DoomPredictState(DoomState):
 
 
 class Walker(Part):
-    """The monster: `state.monsters`, and `state.killed`."""
+    """The monster: `state.monsters` and `state.killed`."""
 
     objects = (GameObject(CACODEMON.game_name, CACODEMON.label, CACODEMON.pictures[2:]),)
 
@@ -90,7 +90,7 @@ class Walker(Part):
         return Sprites(state.monsters.position, dead, jnp.ones(1, bool))
 
     def from_game(self, state: DoomPredictState, game: Game) -> DoomPredictState:
-        """The monster of the game, which looks where it walks to."""
+        """Read the monster of the game, which looks in the direction of its walk."""
         rows = game.of(CACODEMON.game_name)
         if not len(rows):
             return state
@@ -103,10 +103,10 @@ class Walker(Part):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
-    """Hit a monster that walks to and fro with the only rocket, which needs a second to get there.
+    """Hit a monster that walks back and forth with the only rocket, which needs a second to arrive.
 
     The player turns, but does not walk. Reward: `kill_reward` for the hit, `living_reward` in every
-    tic. The tic after the hit terminates, and so does the 46th after the shot.
+    tic. The tic after the hit terminates the episode, and so does the 46th tic after the shot.
     """
 
     params_class: ClassVar[type[Params]] = DoomPredictParams
@@ -121,7 +121,7 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
 
     @functools.cached_property
     def horde(self) -> Horde:
-        """The one monster, and the walls that stop it and the rocket."""
+        """The monster, and the walls that stop it and the rocket."""
         walls = segments(self.doom_map.walls)
         return Horde([dataclasses.replace(CACODEMON, speed=STEP)], walls=walls)
 
@@ -141,7 +141,7 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
         return Health(FULL_HEALTH), self.arsenal, Walker(), self.rockets
 
     def init_state(self, key: jax.Array, params: DoomPredictParams) -> DoomPredictState:
-        """Sample the monster's line, its place there and its way; it has begun to walk."""
+        """Sample the monster's line, position and direction; it is already walking."""
         del params
         bits = jax.random.bits(key, (3 + _BEFORE,), jnp.uint32)
         line = sample_index(bits[0], _LINES * ONE + 1)
@@ -170,7 +170,7 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
         return state.replace(monsters=state.monsters.replace(tics=3 * one))
 
     def patrol(self, state: DoomPredictState, bits: jax.Array) -> DoomPredictState:
-        """A tic of the monster on its way, with random bits uint32[]."""
+        """A tic of the monster's walk, with random bits uint32[]."""
         horde, monster = self.horde, state.monsters
         tics = monster.tics - 1
         steps = monster.living & (tics <= 0)
@@ -187,7 +187,7 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
             tics=jnp.where(steps, jnp.asarray(horde.frame_tics[horde.walk]), tics),
             direction=direction,
             steps_left=steps_left,
-            # One that has got there chooses another direction at its next step.
+            # A monster that has arrived chooses another direction at its next step.
             just_attacked=jnp.where(steps, arrives, monster.just_attacked),
         )
         return state.replace(monsters=monster, northward=state.northward ^ arrives[0])
@@ -220,11 +220,11 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
         return state, reward, over, events
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return About(
             aim="hit the monster",
             ends="in the tic after the hit, and in the 46th after the shot",
-            rewards={"kill_reward": "{:+g} for the hit", "living_reward": "{:+g} a tic"},
+            rewards={"kill_reward": "{:+g} for the hit", "living_reward": "{:+g} per tic"},
             events=SHOOTING,
             variables={"health": "0 to 100", "ammo": "rockets left"},
             captions=("ammo",),
@@ -235,7 +235,7 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
 
 
 def lead_and_shoot(env: DoomPredictPosition, params: Any) -> Choose:
-    """Turn to where the monster will be when the rocket gets there, and shoot."""
+    """Turn to where the monster will be when the rocket arrives, and shoot."""
     del params
     left, right, shoot = (env.index_of(name) for name in (TURN_LEFT, TURN_RIGHT, ATTACK))
     weapon, step = ROCKET_LAUNCHER, int(env.horde.speed[0])

@@ -1,4 +1,4 @@
-"""Projectiles, fireballs and rockets: what flies straight on until it meets a body or a wall."""
+"""Projectiles, fireballs and rockets: they fly straight until they meet a body or a wall."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ _ROCKETS = (
     Picture("burst", 60, (200, 80, 20), (255, 200, 90), lift=4),
 )
 HITS = {"hits": Event("was hit by a fireball", "was hit by {} fireballs")}
-"""The event of players that fireballs hit."""
-# Tics for which the end of a projectile is seen.
+"""The event for players that fireballs hit."""
+# Tics for which the explosion of a projectile is visible.
 _BURST = 18
 
 
 class Projectiles(PyTreeNode):
-    """The projectiles of a state; M is how many there can be, and a new one takes the oldest place.
+    """At most M projectiles; a new one replaces the oldest.
 
     Attributes:
         position: int32[M, 2], map units in 16.16.
-        velocity: int32[M, 2], units a tic.
-        flies: bool[M], whether it is on its way.
-        bursts: int32[M], tics for which its end is still seen.
-        owner: int32[M], the body that it passes by.
-        next: int32[], the place of the next one.
+        velocity: int32[M, 2], units per tic.
+        flies: bool[M], whether it is in flight.
+        bursts: int32[M], tics for which its explosion is still visible.
+        owner: int32[M], the body that it cannot hit.
+        next: int32[], the index of the next new one.
     """
 
     position: jax.Array
@@ -53,7 +53,7 @@ class Projectiles(PyTreeNode):
 
 
 def no_projectiles(count: int) -> Projectiles:
-    """None, and room for so many."""
+    """No projectiles, with room for `count`."""
     pairs = jnp.zeros((count, 2), jnp.int32)
     nothing = jnp.zeros(count, jnp.int32)
     return Projectiles(pairs, pairs, jnp.zeros(count, bool), nothing, nothing, jnp.int32(0))
@@ -66,14 +66,14 @@ def throw(
     way: jax.Array,
     speed: int | np.ndarray,
 ) -> Projectiles:
-    """New ones, from each place that throws; half a tic's way ahead already.
+    """Add new projectiles, which have already flown for half a tic.
 
     Args:
-        projectiles: those so far.
-        throws: bool[N].
-        origin: int32[N, 2], of the bodies that throw, the first N of `fly`.
-        way: float32[N, 2], the direction, of length one.
-        speed: map units a tic, of all or int32[N].
+        projectiles: the projectiles so far.
+        throws: bool[N], which bodies throw one.
+        origin: int32[N, 2], positions of these bodies, the first N of `fly`.
+        way: float32[N, 2], directions of length 1.
+        speed: map units per tic, for all or int32[N].
     """
     count = projectiles.flies.shape[0]
     fixed = np.asarray(speed, np.float32).reshape(-1, 1) * np.float32(ONE)
@@ -102,14 +102,14 @@ def fly(
     walls: np.ndarray,
     looks: int = 3,
 ) -> tuple[Projectiles, jax.Array]:
-    """A tic on: the projectiles, and bool[M, N] the body that each has just hit.
+    """The projectiles after a tic; bool[M, N], the body that each has just hit.
 
     Args:
-        projectiles: before it.
-        half_width: of each, in map units.
-        bodies: as of `Missiles.fly`.
-        walls: likewise.
-        looks: as of `Missiles`.
+        projectiles: the projectiles before the tic.
+        half_width: half-width of each, in map units.
+        bodies: as in `Missiles.fly`.
+        walls: as in `Missiles.fly`.
+        looks: as in `Missiles`.
     """
     part = np.arange(1, looks + 1, dtype=np.int32)[:, None]
     way = [at[None] + _quotient(by[None] * part, looks) for at, by in _pairs(projectiles)]
@@ -133,7 +133,7 @@ def fly(
 
 
 def _pairs(projectiles: Projectiles) -> list[tuple[jax.Array, jax.Array]]:
-    """int32[M] place and velocity along x, and along y."""
+    """int32[M], position and velocity along x, and along y."""
     return [(projectiles.position[:, i], projectiles.velocity[:, i]) for i in (0, 1)]
 
 
@@ -149,12 +149,12 @@ def _met(
     bodies: tuple[jax.Array, np.ndarray, jax.Array],
     owner: jax.Array,
 ) -> jax.Array:
-    """int32[looks, M]: the first body that is met at each look, or N; arguments as of `fly`."""
+    """int32[looks, M]: the first body met at each look, or N; the arguments are those of `fly`."""
     places, widths, there = bodies
     reach = jnp.asarray((widths + half_width) * ONE)
     count = len(widths)
 
-    # One body after the other, as walls in `crosses`.
+    # One body after another, like walls in `crosses`.
     def visit(k: jax.Array, found: jax.Array) -> jax.Array:
         i = count - 1 - k
         close = [jnp.abs(way[axis] - places[i, axis]) < reach[i] for axis in (0, 1)]
@@ -165,13 +165,13 @@ def _met(
 
 
 class Missiles(Part):
-    """Projectiles of one sort, in the field of the state that `field` names.
+    """Projectiles of one kind, in the state field named `field`.
 
     Attributes:
         field: `"fireballs"` or `"rockets"`.
-        count: how many there can be.
-        half_width: of each, in map units.
-        looks: how often each looks for what it meets on its way of a tic.
+        count: the most projectiles.
+        half_width: half-width of each, in map units.
+        looks: how often per tic each checks for collisions.
     """
 
     def __init__(
@@ -183,22 +183,22 @@ class Missiles(Part):
         half_width: int,
         looks: int = 3,
     ) -> None:
-        """Say what flies; see the class. The first object's pictures: in flight, and after."""
+        """Store the attributes. The first object's pictures: in flight, and exploding."""
         self.field, self.objects = field, objects
         self.count, self.half_width, self.looks = count, half_width, looks
 
     def none(self) -> Projectiles:
-        """None of them yet."""
+        """No projectiles."""
         return no_projectiles(self.count)
 
     def sprites(self, state: Any) -> Sprites:
-        """Those in flight, and the ends of others."""
+        """Those in flight, and the explosions of others."""
         shots: Projectiles = getattr(state, self.field)
         ends = jnp.where(shots.flies, 0, 1).astype(jnp.int32)
         return Sprites(shots.position, ends, shots.flies | (shots.bursts > 0))
 
     def from_game(self, state: Any, game: Game) -> Any:
-        """The game's; those that have burst stand still, and too many of them are left out."""
+        """Read the game's projectiles; exploded ones stand still, and surplus ones are dropped."""
         rows, count = game.of(*(thing.name for thing in self.objects)), self.count
         order = np.argsort(rows[:, 4] == 0, kind="stable")[:count]
         place, speed = np.zeros((count, 2), np.int32), np.zeros(count)
@@ -214,19 +214,19 @@ class Missiles(Part):
         bodies: tuple[jax.Array, np.ndarray, jax.Array],
         walls: np.ndarray,
     ) -> tuple[Projectiles, jax.Array]:
-        """A tic of the projectiles, and bool[M, N] the body that each has just hit.
+        """The projectiles after a tic; bool[M, N], the body that each has just hit.
 
         Args:
-            projectiles: before it.
-            bodies: int32[N, 2] places, int32[N] half-widths, bool[N] which are there. Of two that
-                are met at once the first is hit.
-            walls: float32[L, 4] of `collision.segments`.
+            projectiles: the projectiles before the tic.
+            bodies: int32[N, 2] positions, int32[N] half-widths, bool[N] which are present. If two
+                are met at once, the first is hit.
+            walls: float32[L, 4], from `collision.segments`.
         """
         return fly(projectiles, self.half_width, bodies, walls, self.looks)
 
 
 def fireballs(count: int) -> Missiles:
-    """The fireballs of monsters, so many in flight at the same time; more replace the oldest."""
+    """The fireballs of monsters, at most `count` in flight; more replace the oldest."""
     objects = (
         GameObject("DoomImpBall", FIREBALL.label, _FIREBALLS),
         GameObject("BaronBall", FIREBALL.label),
@@ -235,12 +235,12 @@ def fireballs(count: int) -> Missiles:
 
 
 def rockets(count: int = 3, half_width: int = 11, name: str = "Rocket") -> Missiles:
-    """The player's rockets, of which more than three are never seen at the same time.
+    """The player's rockets, of which at most three are ever visible.
 
     Args:
-        count: how many there can be.
-        half_width: in map units; one without any looks for bodies once a tic.
-        name: what the game calls them.
+        count: the most rockets.
+        half_width: in map units; rockets without width check for bodies once per tic.
+        name: the game's name.
     """
     objects = (GameObject(name, ROCKET.label, _ROCKETS),)
     looks = 3 if half_width else 1
@@ -250,7 +250,7 @@ def rockets(count: int = 3, half_width: int = 11, name: str = "Rocket") -> Missi
 def with_player(
     player: jax.Array, bodies: tuple[jax.Array, np.ndarray, jax.Array]
 ) -> tuple[jax.Array, np.ndarray, jax.Array]:
-    """Bodies as `Missiles.fly` takes them, with the player first, which its rockets pass by."""
+    """Bodies for `Missiles.fly`, with the player first, whom its own rockets cannot hit."""
     places, widths, there = bodies
     return (
         jnp.concatenate([player[None], places]),

@@ -1,4 +1,4 @@
-"""How monsters come: those that wait from the first tic on, and those that come later."""
+"""How monsters appear: those present from the first tic, and those that come later."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from .monster_ai import act
 from .monsters import Horde, Monsters
 
 TRIES = 6
-"""Random places that are looked at before a monster stays away after all."""
-# The tic of the game in which an agent sees the player first; until then it does not move.
+"""How many random positions are tried before a monster does not appear."""
+# The tic of the game with the agent's first observation; the agent cannot move before.
 _FIRST_TIC = 10
-# The first look of a monster is one of so many tics.
+# A monster's first look is in one of this many tics.
 _FIRST_LOOKS = 10
-# The game draws its chances from so many numbers.
+# The range of the game's random numbers for chances.
 _CHANCES = ONE + 1
 
 
 def woken(horde: Horde, monsters: Monsters, player: jax.Array, key: jax.Array) -> Monsters:
-    """The monsters in the game's tenth tic: they have looked, seen the player, and taken a step.
+    """The monsters in the game's tenth tic: they have seen the player and taken a step.
 
     Args:
-        horde: their tables; their first look is in this tic or, if they look so often, before.
-        monsters: that stand there and see the player.
-        player: int32[2], where the player is.
+        horde: the tables of the monsters; they look in this tic or, if they look often, earlier.
+        monsters: standing monsters that see the player.
+        player: int32[2], the position of the player.
         key: random.
     """
     looking = monsters.replace(tics=jnp.ones(len(horde), jnp.int32))
@@ -43,12 +43,12 @@ def woken(horde: Horde, monsters: Monsters, player: jax.Array, key: jax.Array) -
 def asleep(
     horde: Horde, places: np.ndarray, facing: jax.Array, health: jax.Array, bits: jax.Array
 ) -> Monsters:
-    """Monsters at int32[N, 2] places, each of which looks for the player within its first ten tics.
+    """Monsters at int32[N, 2], each of which looks for the player within its first ten tics.
 
     Args:
-        horde: their tables.
+        horde: the tables of the monsters.
         places: map units in 16.16.
-        facing: uint32[N], where they look.
+        facing: uint32[N], their headings.
         health: int32[N].
         bits: uint32[N], random.
     """
@@ -63,17 +63,17 @@ def arrived(
     comes: jax.Array,
     fresh: tuple[jax.Array, jax.Array, jax.Array],
 ) -> Monsters:
-    """The old monsters, but new ones in the places of those that come.
+    """The old monsters, with new ones at the indices of those that appear.
 
     Args:
-        horde: their tables.
-        old: the monsters, without those that come.
-        comes: bool[N].
-        fresh: int32[N, 2] places of those that come, uint32[N] where they look, int32[N] health.
+        horde: the tables of the monsters.
+        old: the monsters before.
+        comes: bool[N], which ones appear.
+        fresh: int32[N, 2] positions, uint32[N] headings and int32[N] health of new ones.
     """
     place, facing, health = fresh
     new = horde.placed(place, facing, old.present | comes, health)
-    # They tick once in the tic in which they appear.
+    # They already act in the tic in which they appear.
     new = new.replace(tics=new.tics - 1)
 
     def chosen(fresh: jax.Array, kept: jax.Array) -> jax.Array:
@@ -89,17 +89,17 @@ def replaced(
     absence: jax.Array,
     fresh: tuple[jax.Array, jax.Array, jax.Array],
 ) -> tuple[Monsters, jax.Array]:
-    """The monsters without the dead, and with those whose time has come and that find room.
+    """The monsters without the dead, and with those that are due and find room.
 
     Args:
-        horde: their tables, and the walls.
-        old: the monsters.
+        horde: the tables of the monsters, and the walls.
+        old: the monsters before.
         killed: bool[N], which have died in this tic.
-        absence: int32[N], tics until there is another one in the place of each.
-        fresh: as of `arrived`.
+        absence: int32[N], tics until each is replaced.
+        fresh: as in `arrived`.
 
     Returns:
-        The monsters, and bool[N] which have come.
+        The monsters, and bool[N], which have appeared.
     """
     place, width = fresh[0], horde.half_width
     present = old.present & ~killed
@@ -113,7 +113,7 @@ def replaced(
 
 
 def absent(absence: jax.Array, killed: jax.Array, period: jax.Array | float) -> jax.Array:
-    """int32[N]: tics until the next monster, a tic later; `period` where one was just killed."""
+    """int32[N]: tics until the next monster, a tic later; `period` if one was just killed."""
     return jnp.where(killed, jnp.asarray(period, jnp.int32), jnp.maximum(absence - 1, 0))
 
 
@@ -131,21 +131,21 @@ def invaded(
     health: jax.Array,
     bits: jax.Array,
 ) -> tuple[Monsters, jax.Array]:
-    """The monsters with those that come wherever there is room, at most one of each of K kinds.
+    """The monsters with new ones wherever there is room, at most one of each of K kinds.
 
-    A new one takes the place of one that is not there; while all of its kind are, none comes.
+    A new one takes the index of one that is not present; if all of its kind are, none appears.
 
     Args:
-        horde: their tables.
-        old: the monsters.
-        player: int32[2], where the player is.
-        chances: of each kind, in 65536ths.
-        square: the least and the greatest x and y of those that come, in map units.
+        horde: the tables of the monsters.
+        old: the monsters before.
+        player: int32[2], the position of the player.
+        chances: the chance of each kind, in 65536ths.
+        square: the bounds of x and y of new ones, in map units.
         health: int32[N], of new ones.
         bits: uint32[K, W], random, of the shape `words`.
 
     Returns:
-        The monsters, and bool[N] which have come.
+        The monsters, and bool[N], which have appeared.
     """
     kinds, low, high = len(horde.kinds), *square
     wants = sample_index(bits[:, 0], _CHANCES).astype(jnp.float32) < jnp.asarray(chances)
@@ -164,7 +164,7 @@ def invaded(
 def _roomy(
     horde: Horde, old: Monsters, player: jax.Array, places: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """Of places int32[K, T, 2] for each kind the first with room, and bool[K] whether one has."""
+    """For each kind the first of int32[K, T, 2] with room; bool[K], whether one has room."""
     widths = np.array([kind.half_width for kind in horde.kinds], np.int32)
     bodies = jnp.concatenate([old.position, player[None]])
     sizes = np.append(horde.half_width, np.int32(RADIUS))
@@ -172,7 +172,7 @@ def _roomy(
     free = ~jnp.any(met & jnp.append(old.living, True)[None, None], axis=-1)
     first = jnp.argmax(free, axis=1)
     place = jnp.take_along_axis(places, first[:, None, None], axis=1)[:, 0]
-    # Of two that come at once to the same place the later one stays away.
+    # If two appear at once at the same position, the later one does not appear.
     beside = overlap(place[:, None], widths[:, None], place[None], widths[None])
     later = jnp.any(beside & np.tri(len(widths), k=-1, dtype=bool), axis=1)
     return place, jnp.any(free, axis=1) & ~later

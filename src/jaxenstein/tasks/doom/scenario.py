@@ -1,4 +1,4 @@
-"""What all of Doom's scenarios are: a body with buttons on a map, and the parts that they hold."""
+"""The base of all Doom scenarios: a player with buttons on a map, and parts."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ from .physics import Blocked, Body, Buttons, Reached, action_name, hold, numbere
 from .view import EYE, ROW_FOCAL_SHARE, doom_theme, face_labels
 
 ButtonsAtOnce = Literal["single", "all"]
-# Map units a tic that no player exceeds: ahead 8.33, aside 8.
+# The highest speed of a player in map units per tic: 8.33 ahead, 8 sideways.
 TOP_SPEED = 12
-# The headings that a script chooses from, in 65536ths of a circle: any of them, both ends included.
+# The headings from which a script chooses, in 65536ths of a turn: all, both ends included.
 ANY_ANGLE = (0, ONE)
 
 
 class Room(NamedTuple):
-    """Where a scenario plays.
+    """The map of a scenario.
 
     Attributes:
-        map_name: of a file of `maps/`, without suffix.
-        floor: mean RGB of its floor's texture.
-        ceiling: likewise.
+        map_name: the name of a file in `maps/`, without suffix.
+        floor: mean RGB of the floor's texture.
+        ceiling: mean RGB of the ceiling's texture.
     """
 
     map_name: str
@@ -58,16 +58,17 @@ class Room(NamedTuple):
 
 
 class DoomState(State):
-    """State of a body in Doom.
+    """The state of a body in Doom.
 
-    The game knows the last four alone; `position` and `heading` follow from them in each step,
-    and observations are drawn from them. A state with others of these goes on as the game would.
+    The last four fields are the game's own. `position` and `heading` are computed from them in
+    each step, and observations are rendered from those two. If you change the last four, the state
+    continues as the game would.
 
     Attributes:
         fixed_position: int32[2], map units in 16.16, x eastwards and y northwards.
-        fixed_velocity: int32[2], units a tic.
-        angle: uint32[], 2**32 a circle, 0 east, growing counterclockwise.
-        turn_tics: int32[], tics that a turn button has been held.
+        fixed_velocity: int32[2], units per tic.
+        angle: uint32[], 2**32 per turn, 0 east, growing counter-clockwise.
+        turn_tics: int32[], for how many tics a turn button has been held.
     """
 
     fixed_position: jax.Array
@@ -82,22 +83,22 @@ P = TypeVar("P", bound=Params)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomScenario(FirstPerson[S, P]):
-    """A scenario: a player's body on a map, and parts. A step is a tic, of which a second has 35.
+    """A scenario: a player's body on a map, and parts. A step is a tic, 1/35 of a second.
 
-    A scenario says which parts there are (`parts`), how an episode starts (`init_state`) and what
-    happens in a tic (`transition`). What is seen, what `info` and the `dict` observation tell, and
-    how a state of the running game becomes one of ours follows from the parts.
+    A scenario defines its parts (`parts`), how an episode starts (`init_state`) and what happens
+    in a tic (`transition`). The parts determine the image, the entries of `info` and of the `dict`
+    observation, and how a state of the running game becomes one of ours.
 
     Attributes:
-        buttons: `"single"`: an action holds no button or one, numbered as by ViZDoom's Gymnasium
+        buttons: `"single"`: an action holds at most one button, numbered as in ViZDoom's Gymnasium
             wrapper: none, then the buttons from the last to the first. `"all"`: any combination,
             in the wrapper's order.
-        field_of_view: as of all environments. Rows are those of the game's screen of 320 by 240
-            whatever the image's size, so pixels are square only in images of the ratio 10 to 9.
-        hud: show health and ammunition as bars in a strip below the view, which then is as much
-            lower; for images of colours or greys.
+        field_of_view: as in all environments. Rows are those of the game's screen of 320 by 240
+            for every image size, so pixels are square only in images of the ratio 10 to 9.
+        hud: show health and ammunition as bars in a strip below the view, which becomes shorter by
+            as much; only for images of colours or greys.
         show_weapon: show the weapon in the player's hands, and the flash of its shots, as the game
-            does by default; likewise.
+            does by default; only for images of colours or greys.
     """
 
     buttons: ButtonsAtOnce = choice("single", ButtonsAtOnce)
@@ -106,11 +107,11 @@ class DoomScenario(FirstPerson[S, P]):
     show_weapon: bool = False
 
     button_names: ClassVar[tuple[str, ...]]
-    # Map units of a tile.
+    # Map units per tile.
     unit: ClassVar[int] = 32
     # Whether the tiles are large enough for patterns on walls and floor.
     takes_patterns: ClassVar[bool] = False
-    # The game's count that tells whether the aim was reached, where the end does not.
+    # The game variable that tells whether the aim was reached, if the end does not.
     success_count: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
@@ -124,29 +125,29 @@ class DoomScenario(FirstPerson[S, P]):
         check_strip(self.hud, self.observation, self.height)
         check_overlay("show_weapon", self.show_weapon, self.observation)
         if self.hud and not self.limits:
-            raise SettingError(f"hud=True: there is neither health nor a weapon in {self.name!r}")
+            raise SettingError(f"hud=True: {self.name!r} has neither health nor a weapon")
         if self.show_weapon and not self._most_ammo:
-            raise SettingError(f"show_weapon=True: there is no weapon in {self.name!r}")
+            raise SettingError(f"show_weapon=True: {self.name!r} has no weapon")
 
     @property
     @abc.abstractmethod
     def room(self) -> Room:
-        """Where it plays."""
+        """The map of the scenario."""
 
     @functools.cached_property
     @abc.abstractmethod
     def parts(self) -> tuple[Part, ...]:
-        """What the scenario holds, in the order in which things are shown."""
+        """The parts of the scenario, in drawing order."""
 
     @functools.cached_property
     def horde(self) -> Horde:
-        """The monsters, one of the parts of scenarios that have any."""
-        raise NotImplementedError(f"there are no monsters in {self.name!r}")
+        """The monsters, for scenarios that have any."""
+        raise NotImplementedError(f"{self.name!r} has no monsters")
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:
-        """The player's weapons, one of the parts of scenarios that have any."""
-        raise NotImplementedError(f"there is no weapon in {self.name!r}")
+        """The player's weapons, for scenarios that have any."""
+        raise NotImplementedError(f"{self.name!r} has no weapon")
 
     @functools.cached_property
     def limits(self) -> dict[str, int]:
@@ -155,17 +156,17 @@ class DoomScenario(FirstPerson[S, P]):
 
     @property
     def game_variables(self) -> tuple[str, ...]:
-        """What the game tells besides pose and health, by its names."""
+        """The game's variables that are needed in addition to pose and health, by name."""
         return tuple(name for part in self.parts for name in part.game_variables)
 
     @functools.cached_property
     def game_labels(self) -> dict[str, int]:
-        """The label of each object of the game by its name."""
+        """The label of each object of the game, by name."""
         return {thing.name: thing.label for part in self.parts for thing in part.objects}
 
     @functools.cached_property
     def action_buttons(self) -> np.ndarray:
-        """int32[actions]: the buttons that each action holds, bit i for `button_names[i]`."""
+        """int32[actions]: the buttons of each action, bit i for `button_names[i]`."""
         count = len(self.button_names)
         return numbered(count, 1 if self.buttons == "single" else count)
 
@@ -181,7 +182,7 @@ class DoomScenario(FirstPerson[S, P]):
 
     @functools.cached_property
     def geometry(self) -> Geometry:
-        """What bodies meet on it."""
+        """The walls that bodies collide with."""
         return load_geometry(self.room.map_name)
 
     @functools.cached_property
@@ -199,21 +200,21 @@ class DoomScenario(FirstPerson[S, P]):
 
     @property
     def scenario(self) -> str | None:
-        """Its name in ViZDoom, where that comes with it."""
+        """Its name in ViZDoom, if it comes with ViZDoom."""
         return self.room.map_name.replace("-", "_")
 
     @property
     def starts(self) -> np.ndarray:
-        """float[n, 2]: places in map units where episodes start."""
+        """float[n, 2]: the starts of episodes in map units."""
         return self.doom_map.places(START)
 
     @property
     def goals(self) -> np.ndarray:
-        """float[n, 2]: places of goals in map units."""
+        """float[n, 2]: the goals in map units."""
         return np.zeros((0, 2))
 
     def cells(self, places: np.ndarray) -> tuple[tuple[int, int], ...]:
-        """(column, row) of the tiles of places in map units, float[n, 2]."""
+        """(column, row) of the tiles of positions in map units, float[n, 2]."""
         corners = [self.tiles.to_position(x, y) for x, y in places.tolist()]
         return tuple((math.floor(x), math.floor(y)) for x, y in corners)
 
@@ -229,12 +230,12 @@ class DoomScenario(FirstPerson[S, P]):
 
     @functools.cached_property
     def level(self) -> Level:
-        """The map as the renderer has it."""
+        """The map for the renderer."""
         return self.tiles.level().replace(walls=face_labels(self.tiles))
 
     @functools.cached_property
     def camera(self) -> Camera:
-        """The eyes of the game's player."""
+        """The camera of the game's player."""
         return Camera(
             self.view_height,
             int(self.width),
@@ -246,7 +247,7 @@ class DoomScenario(FirstPerson[S, P]):
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the map looks."""
+        """The look of the map."""
         things = [thing for part in self.parts for thing in part.objects]
         return doom_theme(
             tuple((picture, thing.label) for thing in things for picture in thing.pictures),
@@ -271,7 +272,7 @@ class DoomScenario(FirstPerson[S, P]):
         )
 
     def scene(self, state: S, params: P) -> Scene:
-        """The map and the things on it, from where the player stands."""
+        """The map and the things on it, from the player's pose."""
         del params
         return Scene(
             level=self.level,
@@ -285,7 +286,7 @@ class DoomScenario(FirstPerson[S, P]):
 
     @property
     def view_height(self) -> int:
-        """Rows of the image above the strip."""
+        """The number of image rows above the strip."""
         return self.height - strip_rows(self.height) if self.hud else self.height
 
     def draw(self, state: S, params: P, kind: ImageKind) -> jax.Array:
@@ -297,7 +298,7 @@ class DoomScenario(FirstPerson[S, P]):
         return jnp.concatenate([image, self.strip(state, kind)]) if self.hud else image
 
     def strip(self, state: S, kind: ImageKind) -> jax.Array:
-        """The strip of `hud=True`: health, and at the right ammunition if there is any."""
+        """The strip of `hud=True`: health and, on the right, ammunition if there is any."""
         rows, most, now = strip_rows(self.height), self._most_ammo, self._told(state)
         right = self.width // 2 if most else 0
         health = bar(now["health"] / FULL_HEALTH, rows, self.width - right, kind)
@@ -311,38 +312,38 @@ class DoomScenario(FirstPerson[S, P]):
         return self.limits.get("ammo", 0)
 
     def _told(self, state: S) -> Info:
-        """What the parts tell of a state."""
+        """The entries of the parts for a state."""
         return {name: value for part in self.parts for name, value in part.describe(state).items()}
 
     def describe(self, state: S, params: P) -> Info:
-        """Add what the parts tell."""
+        """Add the entries of the parts."""
         return super().describe(state, params) | self._told(state)
 
     def variables(self, state: S) -> dict[str, jax.Array]:
-        """What `limits` names: float32[1] each."""
+        """The entries of `limits`: float32[1] each."""
         told = self._told(state)
         return {name: told[name].astype(jnp.float32)[None] for name in self.limits}
 
     def variable_spaces(self) -> dict[str, Box]:
-        """Their spaces."""
+        """The spaces of the variables."""
         kind = np.dtype(np.float32)
         return {name: Box(0.0, float(most), (1,), kind) for name, most in self.limits.items()}
 
     def succeeded(
         self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
     ) -> jax.Array:
-        """Whether the task's event happened; without one, whether the time limit was reached."""
+        """Whether the success event happened or, without one, the time limit was reached."""
         if self.success_event:
             return super().succeeded(state, reward, terminated, events, params)
         return state.done & ~terminated
 
     def lift(self, state: S) -> jax.Array | None:
-        """float32[]: tiles by which the eye is above its usual height, if that changes."""
+        """float32[]: how many tiles the eye is above its usual height; None if that is fixed."""
         del state
         return None
 
     def stride(self, params: P) -> float:
-        """The most tiles that a tic moves the player."""
+        """The most tiles that the player moves in a tic."""
         del params
         return TOP_SPEED / self.unit
 
@@ -354,22 +355,22 @@ class DoomScenario(FirstPerson[S, P]):
         return jnp.stack([east, south], axis=-1).astype(jnp.float32) * jnp.float32(1 / tile)
 
     def start_pose(self, bits: jax.Array, angles: tuple[int, int] = (0, 0)) -> dict[str, jax.Array]:
-        """The fields of a state of a body that stands at one of the starts.
+        """The fields of a state for a body that stands at one of the starts.
 
         Args:
             bits: uint32[2], random.
-            angles: the lowest and the highest angle, in 65536ths of a circle.
+            angles: the lowest and the highest angle, in 65536ths of a turn.
         """
         table = [[to_fixed(value) for value in spot] for spot in self.starts.tolist()]
         spots = jnp.asarray(np.array(table, np.int32))
         return self.pose(spots[sample_index(bits[0], len(table))], sample_angle(bits[1], angles))
 
     def only_pose(self) -> dict[str, jax.Array]:
-        """The same where there is one start, and the player looks east."""
+        """As `start_pose`, for a single start facing east."""
         return self.start_pose(jnp.zeros(2, jnp.uint32))
 
     def pose(self, position: jax.Array, angle: jax.Array) -> dict[str, jax.Array]:
-        """The fields of a state of a body that stands still.
+        """The fields of a state for a body that stands still.
 
         Args:
             position: int32[2], map units in 16.16.
@@ -383,17 +384,17 @@ class DoomScenario(FirstPerson[S, P]):
         Args:
             state: the state.
             position: int32[2], map units in 16.16.
-            velocity: int32[2], units a tic.
+            velocity: int32[2], units per tic.
             angle: uint32[].
         """
         return state.replace(**self._pose(Body(position, velocity, angle, jnp.int32(0))))
 
     def from_game(self, state: S, game: Game) -> S:
-        """The state with what the running game tells besides the pose, in numpy."""
+        """The state with what the running game reports besides the pose, in numpy."""
         return functools.reduce(lambda state, part: part.from_game(state, game), self.parts, state)
 
     def absorbed(self, state: S, lost: jax.Array) -> tuple[S, jax.Array]:
-        """The state after blows int32[N], and int32[] how much of them the player feels."""
+        """The state after damage int32[N]; int32[], the part that reaches the player."""
         return state, jnp.sum(lost, dtype=jnp.int32)
 
     def pressed(self, action: jax.Array) -> Buttons:
@@ -408,12 +409,12 @@ class DoomScenario(FirstPerson[S, P]):
     def moved(
         self, state: S, action: jax.Array, bodies: Blocked | None = None
     ) -> tuple[S, Reached]:
-        """The state after the body has moved in a tic, and the places that it reached.
+        """The state after the body has moved in a tic, and the positions that it reached.
 
         Args:
-            state: before it.
+            state: the state before the tic.
             action: the action.
-            bodies: tells where others are in its way, if there are any.
+            bodies: a function that tells where other bodies are in its way, if there are any.
         """
         body = Body(state.fixed_position, state.fixed_velocity, state.angle, state.turn_tics)
         after, reached = tic(self.geometry, body, self.pressed(action), bodies)
@@ -431,12 +432,12 @@ class DoomScenario(FirstPerson[S, P]):
 
 
 def to_heading(angle: jax.Array) -> jax.Array:
-    """float32[]: Doom's angle as a heading in radians, clockwise, from 0 up to 2 pi."""
+    """float32[]: Doom's angle as a heading in radians, clockwise, in [0, 2 pi)."""
     turned = (jnp.uint32(0) - angle) >> 8
     return turned.astype(jnp.float32) * jnp.float32(2 * math.pi * 2.0**-24)
 
 
 def sample_angle(bits: jax.Array, angles: tuple[int, int]) -> jax.Array:
-    """uint32[]: an angle as scripts of the game choose it, in 65536ths of a circle, ends too."""
+    """uint32[]: an angle drawn as in the game's scripts, in 65536ths of a turn, ends included."""
     low, high = angles
     return (sample_index(bits, high - low + 1) + low).astype(jnp.uint32) << 16

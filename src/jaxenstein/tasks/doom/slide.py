@@ -1,9 +1,9 @@
 """Sliding along walls, as ZDoom's players do when their way is blocked.
 
-Three corners of the body are traced along the move. The body goes up to the first wall that one
-of them meets, and on along it; if that fails too, it tries once more, then north or south alone,
-then east or west alone. A trace knows only the walls of the game's blocks that it passes, and
-meets the infinite lines through them: a corner may catch on a wall that ends before it.
+Three corners of the body are traced along the move. The body moves up to the first wall that one
+of them meets, and then along it. If that is blocked too, it tries once more, then only along y,
+then only along x. A trace only tests the walls in the blocks that it passes, and it meets the
+infinite lines through them: a corner may catch on a wall that ends before it.
 """
 
 from __future__ import annotations
@@ -33,40 +33,40 @@ from .collision import (
 from .fixed import FRACTION_BITS, ONE, divide, multiply, rounded_fraction
 
 ATTEMPTS = 6
-"""Places where a sliding body is tried after the first: two in each of two rounds, two after."""
-# A body stays this fraction of its move away from a wall.
+"""How many positions a sliding body tries after the first: two in each of two rounds, two later."""
+# A body stays away from a wall by this fraction of its move.
 _FUDGE = ONE // 32
 _HALF = RADIUS * ONE
-# The three corners by the signs of the leading one: that one itself, and those beside it.
+# The three corners, as signs of the leading corner: that one, and its two neighbours.
 _CORNERS = np.array(((1, -1, 1), (1, 1, -1)), np.int32)
 _BLOCK = 1 << BLOCK_BITS
-# Across a border that a trace does not cross, it is as good as parallel to it.
+# The slope of a coordinate across a border that the trace does not cross: practically parallel.
 _PARALLEL = 256 * ONE
-# The parts of the keys by which lines met are compared: see `_nearest`.
+# The parts of the keys that order the lines met; see `_nearest`.
 _ORDER_BITS, _RANK_BITS, _GAP_OFFSET = 7, 3, 16
 _KEY_BITS = _ORDER_BITS + _RANK_BITS
 _TRACE_BITS = 2
 _NONE = 2**31 - 1
 
-# A pair of one value for x and one for y.
+# A pair of a value for x and a value for y.
 Pair = tuple[jax.Array, jax.Array]
-# A position, a velocity, a move still to make, whether the body slides, and whether it has done.
+# A position, a velocity, the remaining move, whether the body slides, and whether it is done.
 _Way = tuple[jax.Array, jax.Array, jax.Array, jax.Array, jax.Array]
 
 
 def slide(
     geometry: Geometry, position: jax.Array, velocity: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Where a body comes that cannot go on by its velocity.
+    """Move a body that cannot continue with its velocity.
 
     Args:
         geometry: the walls.
         position: int32[2].
-        velocity: int32[2], which is not zero.
+        velocity: int32[2], not zero.
 
     Returns:
-        int32[2] position, int32[2] velocity before friction, and int32[6, 2] the places at which
-        the body was tried; where there were fewer, the position that it came to.
+        int32[2], the position; int32[2], the velocity before friction; int32[6, 2], the positions
+        that the body tried, padded with the final position.
     """
     free = partial(_attempt, geometry)
 
@@ -113,8 +113,8 @@ def first_wall(
     """The first wall that a corner of a body meets on a move.
 
     Returns:
-        bool[] whether there is one; int32[] the fraction of the move up to it, 0 to `ONE`;
-        bool[] whether it runs east and west.
+        bool[], whether there is one; int32[], the fraction of the move up to it, 0 to `ONE`;
+        bool[], whether it runs east and west.
     """
     start, end, block, visited = staged(partial(_traces, geometry))(position, move)
     table = jnp.asarray(geometry.windows.reshape(-1, *geometry.windows.shape[2:]))
@@ -133,7 +133,7 @@ def _traces(
         lead = jnp.where(move[i] > 0, jnp.int32(_HALF), jnp.int32(-_HALF))
         corner = position[i] + lead * _CORNERS[i]
         end.append(corner + move[i])
-        # The game shifts traces off the borders of blocks where they start exactly there.
+        # The game moves the start of a trace off the border of a block.
         on_border = (corner - origin) & (_BLOCK - 1) == 0
         start.append(corner + jnp.where(on_border, jnp.int32(ONE), 0))
         begin.append(start[i] - origin)
@@ -148,19 +148,19 @@ def _traces(
 def _nearest(
     walls: jax.Array, centre: jax.Array, start: jax.Array, end: jax.Array, visited: jax.Array
 ) -> Pair:
-    """The first walls that the three traces meet, of those that share one coordinate.
+    """The first walls that the three traces meet, among those that share one coordinate.
 
     Args:
-        walls: int32[5, L], one kind of a window of `Geometry.windows`.
+        walls: int32[5, L], one kind of wall in a window of `Geometry.windows`.
         centre: int32[], the body's coordinate.
-        start: int32[3], that of each trace's start.
-        end: int32[3], and of its end.
-        visited: int32[3], the blocks of the window that each trace visits: see `_visited`.
+        start: int32[3], the coordinate of each trace's start.
+        end: int32[3], the coordinate of each trace's end.
+        visited: int32[3], the blocks of the window that each trace visits; see `_visited`.
 
     Returns:
-        int32[3] keys, least for the first wall, or `_NONE`; int32[3] the lengths of the traces.
-        A key has the way to the wall, then which of the visited blocks had it first, then its
-        number: the game takes them in this order.
+        int32[3], keys, lowest for the first wall, or `_NONE`; int32[3], the lengths of the traces.
+        A key contains the distance to the wall, then the index of the first visited block with the
+        wall, then the wall's number: the game orders walls by these.
     """
     sign, edge, place, members, order = (
         walls[i][None] for i in (SIGN, EDGE, PLACE, MEMBERS, ORDER)
@@ -172,7 +172,7 @@ def _nearest(
     seen = members & visited[:, None]
     later = [seen & ((1 << BLOCKS * i) - 1) == 0 for i in range(1, VISITS)]
     rank = functools.reduce(jnp.add, (none.astype(jnp.int32) for none in later))
-    # What rounds to 0 or to the whole move counts as well.
+    # Fractions that round to 0 or to the whole move count as well.
     slack = length >> 17
     met = (behind[0] != behind[1]) & ~behind[2] & (seen != 0)
     met = met & (gap >= -slack) & (gap <= length + slack)
@@ -181,7 +181,7 @@ def _nearest(
 
 
 def _by_fraction(key: jax.Array, length: jax.Array, *, axis: int) -> jax.Array:
-    """int32[3]: keys of `_nearest` with the way as a fraction, the trace, and the kind of wall."""
+    """int32[3]: keys of `_nearest` with the distance as a fraction, the trace, and the kind."""
     gap = jnp.clip((key >> _KEY_BITS) - _GAP_OFFSET, 0, length)
     fraction = rounded_fraction(gap, jnp.maximum(length, 1))
     trace = np.arange(len(_CORNERS[0]), dtype=np.int32)
@@ -191,10 +191,10 @@ def _by_fraction(key: jax.Array, length: jax.Array, *, axis: int) -> jax.Array:
 
 
 def _visited(start: Pair, end: Pair, corner: Pair) -> jax.Array:
-    """int32[3]: the blocks that traces visit, in their order, four bits each: see `Geometry`.
+    """int32[3]: the blocks that traces visit, in order, four bits each; see `Geometry`.
 
-    The game's own way of stepping from block to block, with its roundings: the first block, both
-    beside it if the trace leaves through their common corner, the next one, the last one.
+    This is the game's way of stepping from block to block, with its rounding: the first block,
+    both neighbours if the trace leaves through their common corner, the next one, the last one.
 
     Args:
         start: int32[3], x and y of the traces' starts, from the map's origin.
@@ -206,7 +206,7 @@ def _visited(start: Pair, end: Pair, corner: Pair) -> jax.Array:
     way = [b - a for a, b in zip(start, end, strict=True)]
     place = [value >> (BLOCK_BITS - FRACTION_BITS) for value in start]
     part = [_to_border(place[i], step[i]) for i in (0, 1)]
-    # What a coordinate grows by over a block of the other, and where it is at the first border.
+    # The slope of each coordinate over a block of the other, and its value at the first border.
     slope = [
         jnp.where(step[1 - i] == 0, jnp.int32(_PARALLEL), divide(way[i], jnp.abs(way[1 - i])))
         for i in (0, 1)
@@ -216,12 +216,12 @@ def _visited(start: Pair, end: Pair, corner: Pair) -> jax.Array:
         jnp.where(diagonal, here[i] << FRACTION_BITS, place[i] + multiply(slope[i], part[1 - i]))
         for i in (0, 1)
     ]
-    # Where it is still in its block, the trace goes on into the next block of the other kind.
+    # If the value is still in its block, the trace continues into the next block of the other axis.
     through = [cut[i] >> FRACTION_BITS == here[i] for i in (0, 1)]
     leaves = (step[0] != 0) | (step[1] != 0)
     both, either = through[0] & through[1] & leaves, (through[0] | through[1]) & leaves
     second = [here[i] + jnp.where(through[1 - i], step[i], 0) for i in (0, 1)]
-    # After a step along one axis, the other must lead on.
+    # After a step along one axis, the other must continue.
     later = [
         (cut[i] + jnp.where(through[i], slope[i], 0)) >> FRACTION_BITS == second[i] for i in (0, 1)
     ]
@@ -245,13 +245,13 @@ def _visited(start: Pair, end: Pair, corner: Pair) -> jax.Array:
 
 
 def _to_border(place: jax.Array, step: jax.Array) -> jax.Array:
-    """int32: of a block, how far a place is from the border that a trace crosses, if it does."""
+    """int32: the distance, within a block, to the border that a trace crosses, if it does."""
     inside = place & (ONE - 1)
     return jnp.where(step > 0, ONE - inside, jnp.where(step < 0, inside, jnp.int32(ONE)))
 
 
 def _diagonal(slope: list[jax.Array], part: list[jax.Array]) -> jax.Array:
-    """bool: whether a trace at 45 degrees passes exactly through a block's corner."""
+    """bool: whether a trace at 45 degrees passes exactly through a corner of a block."""
     steep = (jnp.abs(slope[0]) == ONE) & (jnp.abs(slope[1]) == ONE)
     turned = [jnp.where(slope[1 - i] < 0, ONE - part[i], part[i]) for i in (0, 1)]
     return steep & (turned[0] == turned[1])

@@ -1,4 +1,4 @@
-"""ViZDoom's Take Cover, tic by tic: step out of the way of fireballs for as long as it goes."""
+"""ViZDoom's Take Cover, tic by tic: dodge fireballs for as long as possible."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from .scenario import DoomScenario, Room
 from .view import CRATES
 from .weapons import PISTOL, Slot
 
-# Imps stand on this line, from the one y to the other; there is room for so many.
+# Imps are on this line, between these two y; the most imps.
 LINE, LOWEST, HIGHEST, MOST = 64, 20, 652, 16
 _FIRST = (20, 278, 652)
-# Tics of the game before which the player cannot move.
+# Tics of the game before the player can move.
 _FROZEN = 7
-# Map units: fireballs farther ahead or aside than this are no danger yet; so near a side of the
-# room a player goes back.
+# Map units: fireballs farther away than this, ahead or sideways, are not dangerous yet; this close
+# to a side of the room, a player goes back.
 _AHEAD, _ASIDE, _WALL = 260, 70, 70
 
 
 class DoomCoverParams(FightParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        living_reward: reward of every tic, the last one included.
+        living_reward: reward of every tic, including the last one.
         period: tics from one new imp to the next.
     """
 
@@ -56,12 +56,12 @@ class DoomCoverParams(FightParams):
 
 
 class DoomCoverState(FightState):
-    """State of a player that dodges.
+    """The state of the task.
 
     Attributes:
-        fireballs: those in flight.
-        pace: int32[2], the velocity that its own steps gave it.
-        steps: int32[2], the same as the eye bobs by it.
+        fireballs: fireballs in flight.
+        pace: int32[2], the velocity from the player's own steps.
+        steps: int32[2], that velocity as used for the bobbing of the eye.
     """
 
     fireballs: Projectiles
@@ -71,10 +71,10 @@ class DoomCoverState(FightState):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
-    """Dodge fireballs: imps at the other side of the room throw them, and become ever more.
+    """Dodge the fireballs of imps at the other side of the room, which become more and more.
 
-    One or two hits kill, and the imps cannot be hurt. Reward: `living_reward` in every tic. Death
-    terminates; the game knows no time limit, here it is 2100 tics.
+    One or two hits kill the player, and the imps cannot be hurt. Reward: `living_reward` in every
+    tic. Death terminates the episode. The game has no time limit; here it is 2100 tics.
     """
 
     params_class: ClassVar[type[Params]] = DoomCoverParams
@@ -87,18 +87,18 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
 
     @functools.cached_property
     def horde(self) -> Horde:
-        """Imps that nothing can hurt."""
+        """Imps that cannot be hurt."""
         imp = dataclasses.replace(standing(IMP), pain_chance=0)
         return Horde([imp] * MOST, walls=segments(self.doom_map.walls))
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:
-        """An empty weapon, and no button for it."""
+        """An empty weapon without a button."""
         return Arsenal([Slot(PISTOL)], shots=0)
 
     @functools.cached_property
     def fireballs(self) -> Missiles:
-        """What the imps throw."""
+        """The fireballs of the imps."""
         return fireballs(24)
 
     @functools.cached_property
@@ -124,7 +124,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
     def transition(
         self, key: jax.Array, state: DoomCoverState, action: jax.Array, params: DoomCoverParams
     ) -> tuple[DoomCoverState, jax.Array, jax.Array, Info]:
-        """Step, let the imps throw and the fireballs fly; every now and then one more imp."""
+        """Step, let the imps throw and the fireballs fly; sometimes add an imp."""
         fight_key, ball_key, imp_key = jax.random.split(key, 3)
         time = state.time + 1
         action = jnp.where(state.time < _FROZEN, NO_OP, action)
@@ -140,7 +140,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
         return state, reward, dead, {"hits": hits, "died": dead}
 
     def _joined(self, key: jax.Array, imps: Monsters, comes: jax.Array) -> Monsters:
-        """The imps with one more, if it comes now and finds room where it is to stand."""
+        """The imps with one more, if it is due and finds room."""
         y = sample_index(jax.random.bits(key, (), jnp.uint32), (HIGHEST - LOWEST) * ONE + 1)
         place = jnp.stack([jnp.int32(LINE * ONE), LOWEST * ONE + y])
         width = self.horde.half_width
@@ -151,30 +151,30 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
         return arrived(self.horde, imps, here, (places, west, health))
 
     def _imps(self, places: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-        """Arguments of `Horde.placed`: imps at int32[N, 2] that look west; none is there yet."""
+        """Arguments of `Horde.placed`: imps at int32[N, 2] that look west; none is present yet."""
         west = jnp.full(MOST, np.uint32(1 << 31))
         return places, west, jnp.zeros(MOST, bool), jnp.asarray(self.horde.health)
 
     def lift(self, state: DoomCoverState) -> jax.Array:
-        """The eye bobs as the player walks."""
+        """The bobbing of the eye while the player walks."""
         return bob_height(state.steps, state.time) * np.float32(1 / self.unit)
 
     def from_game(self, state: DoomCoverState, game: Game) -> DoomCoverState:
-        """The state of the game, which does not tell the pace."""
+        """Read the state of the game, which does not report the pace."""
         state = super().from_game(state, game)
         velocity = state.fixed_velocity
         return state.replace(pace=velocity, steps=velocity * 32 // 29)
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return About(
             aim="reached the time limit alive",
-            ends="where the player dies",
-            rewards={"living_reward": "{:+g} a tic"},
+            ends="when the player dies",
+            rewards={"living_reward": "{:+g} per tic"},
             events={**HITS, "died": Event("died")},
             variables={
                 "health": "0 to 100",
-                "ammo": "bullets left: there is no weapon here",
+                "ammo": "bullets left; there is no weapon here",
                 "killed": "monsters killed",
             },
             captions=("health",),

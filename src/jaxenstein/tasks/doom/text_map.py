@@ -1,4 +1,4 @@
-"""Maps in characters in Doom's map units: what stands on them, and what lies there to be taken."""
+"""Text maps in Doom's map units: their tiles, their things, and their pickups."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .parts import GameObject, Part, Sprites
 from .view import MEDKIT_BOX, Picture
 
 TILE, HEIGHT = 64, 96
-"""Map units: of a tile, and from floor to ceiling."""
+"""Map units per tile, and from floor to ceiling."""
 _KNOWN = frozenset(
     character
     for character, symbol in SYMBOLS.items()
@@ -31,18 +31,18 @@ _GOAL_STAR = Picture("goal", 40, (255, 216, 20), (140, 118, 11), lift=10)
 
 @functools.lru_cache(maxsize=64)
 def read_text(text: str) -> TileMap:
-    """A map; what is odd about it is told once, to the caller that builds the environment."""
+    """Read a map; warnings name the caller that builds the environment."""
     return parse_ascii(text, goal_required=False, known=_KNOWN, stacklevel=7)
 
 
 def doom_map_of(tilemap: TileMap) -> DoomMap:
-    """The map in map units, whose origin is the map's south-western corner."""
+    """The map in map units, with the map's south-western corner as the origin."""
     solid = np.array([list(row) for row in tilemap.tiles]) != 0
     return DoomMap(outline(solid, TILE), (), 0, HEIGHT, 255)
 
 
 def grid_of(tilemap: TileMap) -> TileGrid:
-    """Where the tiles are in map units."""
+    """The grid of tiles in map units."""
     walls = tilemap.walls
     faces = walls if walls.ndim == 3 else walls[None].repeat(4, axis=0)
     return TileGrid(faces[0] != 0, faces, (), 0, tilemap.rows * TILE, TILE)
@@ -56,7 +56,7 @@ def centres_of(tilemap: TileMap, cells: object) -> np.ndarray:
 
 
 def things_of(tilemap: TileMap, role: Role) -> tuple[list[int], np.ndarray]:
-    """The labels of the things of a role, row by row, and their places int32[n, 2]."""
+    """The labels of the things with a role, row by row, and their positions int32[n, 2]."""
     items = [item for item in tilemap.items if THING_OF[item.label].role == role]
     places = centres_of(tilemap, [(item.column, item.row) for item in items])
     return [item.label for item in items], places
@@ -66,7 +66,7 @@ class Supplies(Part):
     """Medkits and boxes of ammunition: `state.supplies`.
 
     Attributes:
-        places: int32[M, 2], where they lie, map units in 16.16.
+        places: int32[M, 2], their positions, map units in 16.16.
         medkits: bool[M], which of them are medkits.
     """
 
@@ -76,11 +76,11 @@ class Supplies(Part):
     )
 
     def __init__(self, places: np.ndarray, medkits: np.ndarray) -> None:
-        """Say where they lie; see the class."""
+        """Store their positions; see the class."""
         self.places, self.medkits = places, medkits
 
     def sprites(self, state: Any) -> Sprites:
-        """Those that still lie there."""
+        """The supplies that are left."""
         pictures = jnp.asarray(np.where(self.medkits, 0, 1).astype(np.int32))
         return Sprites(jnp.asarray(self.places), pictures, state.supplies)
 
@@ -95,11 +95,11 @@ class Goals(Part):
     objects = (GameObject("", things.GOAL.label, (_GOAL_STAR,)),)
 
     def __init__(self, places: np.ndarray) -> None:
-        """Say where they are."""
+        """Store their positions."""
         self.places = places
 
     def sprites(self, state: Any) -> Sprites:
-        """All of them."""
+        """All goals."""
         del state
         count = len(self.places)
         none = jnp.zeros(count, jnp.int32)

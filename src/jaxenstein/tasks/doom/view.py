@@ -1,4 +1,4 @@
-"""How Doom's scenarios look here: one colour a texture, Doom's light, our own pictures."""
+"""The look of Doom's scenarios: one colour per texture, Doom's light, our own pictures."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from .maps import TileGrid
 EYE = 41
 """Height of the eye above the floor in map units."""
 ROW_FOCAL_SHARE = 0.8
-"""Of the game's screen: 240 rows and a focal length of 192, since pixels are 1.2 times as high
-as wide."""
+"""Vertical resolution and focal length of the game's screen: 240 rows and 192, because pixels are
+1.2 times as high as wide."""
 
-# Each wall's texture: the symbol of the wall that stands for it here, and its mean colour.
+# For each wall texture: the symbol of the wall that represents it, and its mean colour.
 TEXTURES: dict[str, tuple[str, RGB]] = {
     "BIGDOOR2": ("1", (55, 53, 51)),
     "CEIL4_2": ("2", (0, 0, 23)),
@@ -57,24 +57,24 @@ STEEL, TUBES = (89, 89, 89), (60, 44, 44)  # STONE5, TLITE6_5
 CLAY = (89, 69, 45)  # CEIL3_3
 
 Layer = tuple[str, tuple[RGB, RGB]]
-"""A picture of `engine/art`, and the colours of its shape and of its detail."""
+"""A picture of `engine/art`, with the colours of its shape and of its detail."""
 FIST: Layer = "fist", ((196, 148, 108), (120, 84, 60))
 FLASH: Layer = "muzzle-flash", ((240, 132, 28), (255, 244, 190))
-# Shares of the image's rows and columns that a weapon in the player's hands takes, and tics for
-# which the flash of a shot is seen.
+# The shares of the image's rows and columns that a weapon in the player's hands covers, and the
+# tics for which the flash of a shot is visible.
 HAND_ROWS, HAND_COLUMNS, FLASH_TICS = 0.4, 0.3, 4
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A thing as it is drawn: a square that stands on the floor, or hovers above it.
+    """The picture of a thing: a square on the floor or above it.
 
     Attributes:
-        art: its picture, a file in `engine/art`.
-        side: of the square, in map units.
+        art: a file in `engine/art`.
+        side: side of the square, in map units.
         shape: RGB of the picture's first colour.
-        detail: RGB of its second one.
-        lift: of its lower side above the floor, in map units; monsters' feet are below it.
+        detail: RGB of its second colour.
+        lift: height of its lower side above the floor, in map units; monsters' feet are below it.
     """
 
     art: str
@@ -90,24 +90,24 @@ MEDKIT_BOX = Picture("medkit-box", 29.5, (150, 152, 148), (52, 122, 46))
 
 @dataclass(frozen=True)
 class DoomLight(Light):
-    """Doom's light: 32 steps of brightness, the farther the darker, down to the sector's own.
+    """Doom's light: 32 steps of brightness, darker with distance, down to the sector's minimum.
 
     Attributes:
-        level: of the sector, 0 to 255.
-        unit: map units a tile.
+        level: light level of the sector, 0 to 255.
+        unit: map units per tile.
     """
 
     level: float = 192.0
     unit: int = 16
 
     def wall(self, depth: jax.Array, horizontal: jax.Array, along: jax.Array) -> jax.Array:
-        """float32: of walls; those that run north and south are lit more than the others."""
+        """float32: the factor for walls; walls that run north and south are brighter."""
         del along
         contrast = jnp.where(horizontal, jnp.float32(_CONTRAST), jnp.float32(-_CONTRAST))
         return self._factor(depth, contrast)
 
     def plain(self, depth: Any) -> Any:
-        """float32: of floor, ceiling and billboards, numpy in, numpy out."""
+        """float32: the factor for floor, ceiling and billboards; numpy for numpy, else JAX."""
         return self._factor(depth, np.float32(0))
 
     def _factor(self, depth: Any, darker: Any) -> Any:
@@ -118,8 +118,8 @@ class DoomLight(Light):
         return 1 - step * np.float32(1 / _STEPS)
 
 
-# Steps of brightness; how much sooner than others walls of one direction get darker, in steps;
-# and by how many steps something is brighter at a distance of one map unit.
+# Steps of brightness; how many steps earlier walls in one direction get darker; and by how many
+# steps a surface is brighter at a distance of one map unit.
 _STEPS, _CONTRAST, _REACH = 32, 4, 1280
 
 
@@ -129,9 +129,9 @@ def label_of(texture: str) -> int:
 
 
 def face_labels(tiles: TileGrid) -> np.ndarray:
-    """uint8[4, rows, columns]: what the faces of a map's walls show, as label ids.
+    """uint8[4, rows, columns]: the label ids of the faces of a map's walls.
 
-    Sides that nobody sees show what another side of the tile shows, or the first texture.
+    Invisible sides have the label of another side of the tile, or the first texture's.
     """
     table = np.array([0, 0, 0, *map(label_of, tiles.textures)], np.uint8)
     faces = table[tiles.faces]
@@ -151,11 +151,12 @@ def doom_theme(
     """The look of a scenario.
 
     Args:
-        pictures: of the things, each with its label id, in the order of `Sprites.picture`.
-        floor: mean RGB of its texture.
-        ceiling: likewise.
+        pictures: the pictures of the things with their label ids, in the order of
+            `Sprites.picture`.
+        floor: mean RGB of the floor's texture.
+        ceiling: mean RGB of the ceiling's texture.
         level: the sector's light, 0 to 255.
-        unit: map units a tile.
+        unit: map units per tile.
     """
     colours = np.array(LABEL_COLOURS, np.float32)
     for texture, (_, rgb) in TEXTURES.items():
@@ -187,14 +188,14 @@ def overlay_weapon(
     flashes: jax.Array,
     kind: ImageKind,
 ) -> jax.Array:
-    """An image with a weapon in the player's hands over it.
+    """Draw a weapon in the player's hands over an image.
 
     Args:
-        image: uint8[height, width, 3], or uint8[height, width] of grays.
-        layers: what the weapon looks like, the farthest first.
-        raised: bool[], whether the weapon is in sight.
-        flashes: bool[], whether the flash of a shot is.
-        kind: of the image; those without colours or grays stay as they are.
+        image: uint8[height, width, 3], or uint8[height, width] of greys.
+        layers: the pictures of the weapon, farthest first.
+        raised: bool[], whether the weapon is visible.
+        flashes: bool[], whether the flash of a shot is visible.
+        kind: the kind of image; images without colours or greys are not changed.
     """
     if kind not in ("rgb", "gray"):
         return image
@@ -213,7 +214,7 @@ def overlay_weapon(
 def _stamps(
     layers: tuple[Layer, ...], rows: int, columns: int, kind: ImageKind
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of a weapon at rest and of one that fires: bool[2, rows, columns] and its colours there."""
+    """For a weapon at rest and one that fires: bool[2, rows, columns] and its colours there."""
     pictures = [_piled(layers), _piled((FLASH, *layers))]
     there, colours = (np.stack(parts) for parts in zip(*pictures, strict=True))
     row = ((np.arange(rows) + 0.5) * SIZE / rows).astype(int)[:, None]
@@ -226,7 +227,7 @@ def _stamps(
 
 
 def _piled(layers: tuple[Layer, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """bool[32, 32] where one of the pictures is, and uint8[32, 32, 3] the colours of the last."""
+    """bool[32, 32], where any of the pictures is; uint8[32, 32, 3], the topmost colours."""
     there, image = np.zeros((SIZE, SIZE), bool), np.zeros((SIZE, SIZE, 3), np.uint8)
     bits = np.arange(SIZE, dtype=np.uint32)[::-1]
     for art, colours in layers:

@@ -1,8 +1,8 @@
-"""Weapons of the player: when a shot leaves, what it does, and how the player changes weapons.
+"""Weapons of the player: when a shot is fired, what it does, and how the player changes weapons.
 
-Numbers are those of the game's own tables (ViZDoom 1.3.2, wadsrc/static/actors/doom), in which
-ATTACK is looked at while the weapon is ready, and once more after a shot, when a held trigger
-fires again. The tics were held against the running game.
+Numbers are those of the game's own tables (ViZDoom 1.3.2, wadsrc/static/actors/doom). ATTACK is
+checked while the weapon is ready, and once more after a shot, when a held trigger fires again. The
+tics were checked against the running game.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from .view import FLASH_TICS, Layer, overlay_weapon
 
 BULLETS, SHELLS, ROCKETS = range(3)
 MOST_AMMO = np.array((200, 50, 50), np.int32)
-"""The most of each ammunition."""
+"""The most of each kind of ammunition."""
 SHOOTING = {
     "shots": Event("fired", "fired {} times"),
     "kills": Event("killed a monster", "killed {} monsters"),
 }
-"""The events of players with weapons."""
+"""The events for players with weapons."""
 _PISTOL_PICTURE: Layer = "pistol", ((40, 40, 46), (104, 106, 114))
 _LAUNCHER_PICTURE: Layer = "rocket-launcher", ((84, 92, 72), (40, 44, 38))
 
@@ -38,23 +38,23 @@ class Weapon:
     """A weapon.
 
     Attributes:
-        name: what it is called.
+        name: its name.
         shot: tics from pressing ATTACK to the shot.
-        again: tics from pressing to the next shot's pressing, if it is held.
-        ready: tics from pressing until it can be pressed anew.
-        dice: the damage of a bullet is this times a die.
-        sides: of that die.
-        spread: bits by which the sum of two bytes is shifted to be the error of the angle of
-            all shots of a held trigger but the first; 0 if there is none.
-        speed: of the rockets that it fires, map units a tic; 0 if it fires bullets.
-        locks: whether it stays locked until ATTACK is released once it is raised.
-        picture: what it looks like in the player's hands, the farthest layer first.
-        game_ammo: what the game calls its ammunition.
-        second: tics from pressing to a second shot; -1 if there is none.
-        rays: bullets of a shot.
-        uses: ammunition that a shot takes.
-        loose: whether first shots, too, have an error.
-        reach: how far shots go, in map units.
+        again: tics from pressing ATTACK to the start of the next shot, if it is held.
+        ready: tics from pressing ATTACK until it can be pressed again.
+        dice: the damage of a bullet is this times the roll of a die.
+        sides: sides of that die.
+        spread: bits by which the sum of two bytes is shifted to give the angle error of all shots
+            of a held trigger except the first; 0 if there is none.
+        speed: speed of its rockets, map units per tic; 0 if it fires bullets.
+        locks: whether, once raised, it stays locked until ATTACK is released.
+        picture: its picture in the player's hands, farthest layer first.
+        game_ammo: the game's name of its ammunition.
+        second: tics from pressing ATTACK to a second shot; -1 if there is none.
+        rays: bullets per shot.
+        uses: ammunition per shot.
+        loose: whether first shots have an error too.
+        reach: range of shots, in map units.
     """
 
     name: str
@@ -75,11 +75,11 @@ class Weapon:
     reach: float = math.inf
 
     def damage(self, byte: jax.Array) -> jax.Array:
-        """int32[...]: of one hit, from a random byte."""
+        """int32[...]: the damage of one hit, from a random byte."""
         return roll(self.dice, self.sides, byte)
 
     def show(self, image: jax.Array, trigger: Trigger, kind: ImageKind) -> jax.Array:
-        """An image with the weapon in the player's hands, once it is raised."""
+        """Draw the weapon in the player's hands onto an image, once it is raised."""
         ends = min(self.shot + FLASH_TICS, self.ready)
         flashes = (trigger.tics >= self.shot) & (trigger.tics < ends)
         return overlay_weapon(image, self.picture, trigger.wait == 0, flashes, kind)
@@ -107,13 +107,13 @@ ROCKET_LAUNCHER = Weapon(
 
 @dataclass(frozen=True)
 class Slot:
-    """A weapon in its place.
+    """A weapon and how it is selected.
 
     Attributes:
         weapon: the weapon.
-        button: the number by which it is selected; of two with the same one the other is taken.
-        order: the lower, the sooner it is taken up when another one is empty.
-        ammo: the ammunition that it shoots.
+        button: the button that selects it; pressing it again selects the other weapon on it.
+        order: when a weapon is empty, the player takes up the one with the lowest order.
+        ammo: its kind of ammunition.
     """
 
     weapon: Weapon
@@ -131,17 +131,17 @@ SLOTS = (
     Slot(CHAINGUN, 4, 700, BULLETS),
     Slot(ROCKET_LAUNCHER, 5, 2500, ROCKETS),
 )
-"""The game's weapons, in the order in which they are stepped through."""
+"""The game's weapons, in the order in which the player steps through them."""
 
 
 class Trigger(PyTreeNode):
-    """What the weapon in the player's hands does.
+    """The state of the weapon in the player's hands.
 
     Attributes:
-        tics: int32[], since ATTACK was taken up; from the weapon's `ready` on it is ready.
-        held: bool[], whether the shot before was followed by this one without a release.
+        tics: int32[], since ATTACK was accepted; from the weapon's `ready` on it is ready.
+        held: bool[], whether this shot followed the previous one without a release.
         ammo: int32[], shots left.
-        wait: int32[], tics until it is raised and takes up ATTACK at all.
+        wait: int32[], tics until it is raised and accepts ATTACK.
     """
 
     tics: jax.Array
@@ -151,7 +151,7 @@ class Trigger(PyTreeNode):
 
 
 def pull(weapon: Weapon, trigger: Trigger, attack: jax.Array) -> tuple[Trigger, jax.Array]:
-    """The weapon after a tic in which ATTACK was held or not, and bool[] whether a shot left."""
+    """The weapon after a tic with or without ATTACK; bool[], whether a shot was fired."""
     tics = trigger.tics + 1
     presses = attack & (trigger.ammo >= weapon.uses) & (trigger.wait == 0)
     again = presses & (tics == weapon.again)

@@ -1,5 +1,5 @@
-"""MiniGrid's worlds in first person: things to carry, doors that close again, lava, wanderers.
+"""MiniGrid's worlds in first person: things to carry, doors, lava, moving obstacles.
 
-`world` has the rules, `state` what they change, `view` how it looks; `sketch` lays a world out at
-reset, `planner` solves them all; the other modules are families of worlds.
+`world` has the rules, `state` the state that they change, `view` the rendering. `sketch` lays out a
+world at reset, `planner` solves all of them. The other modules are families of worlds.
 """

@@ -22,10 +22,10 @@ RED, GREEN, BLUE, YELLOW, GREY = 0, 1, 2, 4, 5
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DoorKey(GridWorld):
-    """A wall with a locked yellow door; its key lies on the near side, the goal on the far one.
+    """A wall with a locked yellow door; the key is on the near side, the goal on the far side.
 
     Attributes:
-        size: tiles of the world's side, walls included.
+        size: tiles along the world's side, walls included.
     """
 
     size: int = number(8, 5, 64)
@@ -48,7 +48,7 @@ class DoorKey(GridWorld):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LockedRoom(GridWorld):
-    """A hall with three rooms on each side; one is locked and holds the goal, another its key."""
+    """A hall with three rooms on each side; one is locked and has the goal, another has its key."""
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, GOAL_KIND)
 
@@ -81,7 +81,7 @@ class RedBlueDoors(GridWorld):
     """A room with a red door in the west and a blue one in the east: open red, then blue.
 
     Attributes:
-        size: tiles of the room's side, walls included; the world is twice as wide.
+        size: tiles along the room's side, walls included; the world is twice as wide.
     """
 
     size: int = number(8, 4, 32)
@@ -91,7 +91,7 @@ class RedBlueDoors(GridWorld):
     fail_words: ClassVar[str] = "opened the blue door first"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Sample the start and the places of the doors."""
+        """Sample the start and the positions of the doors."""
         size, left = self.size, self.size // 2
         sketch = Sketch(key, 2 * size, size)
         for column in (left, left + size - 1):
@@ -102,19 +102,19 @@ class RedBlueDoors(GridWorld):
         return sketch.state()
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """Whether the blue door is open, and whether the red one was before."""
+        """Whether the blue door is open, and whether the red one was opened before."""
         red, blue = step.before.doors.opened[0], step.after.doors.opened[1]
         return blue & red, blue & ~red
 
     def subgoal(self, state: GridState) -> Subgoal:
-        """The red door, and once it is open the blue one."""
+        """The red door, then the blue one."""
         which = jnp.where(state.doors.opened[0], 1, 0) == np.arange(2)
         return Subgoal(self.door_tiles(state, which), jnp.int32(INTERACT))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Unlock(GridWorld):
-    """Two rooms with a locked door between them; its key lies in the first: open the door."""
+    """Two rooms with a locked door between them; the key is in the first: open the door."""
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND,)
     aim_words: ClassVar[str] = "opened the door"
@@ -141,7 +141,7 @@ class UnlockPickup(PickUpWorld):
     """Two rooms with a locked door between them; pick up the box in the second.
 
     Attributes:
-        blocked: whether a ball lies before the door.
+        blocked: whether a ball is in front of the door.
     """
 
     blocked: bool = False
@@ -162,12 +162,12 @@ class UnlockPickup(PickUpWorld):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class KeyCorridorBall(PickUpWorld):
-    """KeyCorridor as it is in MiniGrid: pick up the ball in the locked room with empty hands.
+    """KeyCorridor as in MiniGrid: pick up the ball in the locked room with empty hands.
 
-    Layouts are those of `KeyCorridor`, with the ball where that has its goal.
+    Layouts are those of `KeyCorridor`, with the ball in place of its goal.
 
     Attributes:
-        room_size: tiles from a room's wall to its opposite one, both included; at least 3.
+        room_size: tiles from a room's wall to the opposite wall, both included; at least 3.
         room_rows: rows of rooms, 1 to 3.
     """
 
@@ -181,7 +181,7 @@ class KeyCorridorBall(PickUpWorld):
         """Sample a layout, and the colour of the ball."""
         layout_key, start_key = jax.random.split(key)
         sketch, _ = corridor_sketch(layout_key, start_key, self.room_size, self.room_rows)
-        # Not 0 or 1, which are the two keys that this one is split into.
+        # Not 0 or 1, because this key is split into those two.
         bits = jax.random.bits(jax.random.fold_in(key, 2), (), jnp.uint32)
         colour = sample_index(bits, COLOURS)
         state = sketch.state(asked=(BALL_KIND, colour))
@@ -193,14 +193,14 @@ class KeyCorridorBall(PickUpWorld):
 class ObstructedMaze(PickUpWorld):
     """Two or nine rooms with locked doors; pick up the blue ball behind them.
 
-    With nine rooms each side room that is open to the middle one has two locked doors to its
-    corners, and their keys; the ball is in one of the corners.
+    With nine rooms, each side room that is open to the middle room has two locked doors to its
+    corner rooms, and their keys; the ball is in one of the corner rooms.
 
     Attributes:
         quarters: side rooms with locked doors, 1 to 4; 0 for two rooms with one door.
-        start_aside: whether an episode begins in the eastern side room; else in the middle one.
+        start_aside: whether the agent starts in the eastern side room instead of the middle one.
         hidden: whether the keys are in boxes.
-        blocked: whether a ball lies before each locked door.
+        blocked: whether a ball is in front of each locked door.
     """
 
     quarters: int = number(0, 0, 4)
@@ -212,7 +212,7 @@ class ObstructedMaze(PickUpWorld):
     aim_words: ClassVar[str] = "picked up the blue ball"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Sample doors and their colours, what blocks them, the keys, the ball and the start."""
+        """Sample doors and their colours, obstacles, the keys, the ball and the start."""
         sketch = RoomSketch(key, 3, 3) if self.quarters else RoomSketch(key, 2, 1)
         colours = sketch.shuffled(COLOURS)
         if not self.quarters:

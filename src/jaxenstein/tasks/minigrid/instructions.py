@@ -1,4 +1,4 @@
-"""Worlds with an instruction: go to a door or a thing, fetch one, put one near another."""
+"""Worlds with an instruction: go to a door or thing, fetch a thing, put one near another."""
 
 from __future__ import annotations
 
@@ -35,24 +35,25 @@ from .world import GridWorld, PickUpWorld
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GoToDoor(GridWorld):
-    """A room with four doors of different colours: say "done" beside the one asked for.
+    """A room with four doors of different colours: say "done" beside the requested one.
 
-    Interact ends the episode as well, in vain.
+    Interact also ends the episode, as a failure.
 
     Attributes:
-        size: the most tiles of the room's sides, which are drawn, walls included; at least 5.
+        size: the largest number of tiles along the room's sides, which are random, walls
+            included; at least 5.
     """
 
     size: int = number(5, 5, 32)
 
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND,)
     asks: ClassVar[bool] = True
-    aim_words: ClassVar[str] = "said done beside what was asked for"
+    aim_words: ClassVar[str] = "said done beside the requested thing"
     fail_words: ClassVar[str] = "said done elsewhere"
 
     def lay_out(self, key: jax.Array) -> GridState:
         """Sample the room, its doors, the start and the instruction."""
-        # A margin of one tile, since doors do not stand on a map's border.
+        # A margin of one tile, because doors may not be on the border of a map.
         sketch = Sketch(key, self.size + 2, self.size + 2)
         columns, rows = sketch.number(5, self.size + 1), sketch.number(5, self.size + 1)
         sketch.wall(~sketch.area(2, 2, columns - 2, rows - 2))
@@ -67,27 +68,27 @@ class GoToDoor(GridWorld):
         return sketch.state(asked=(DOOR_KIND, colours[sketch.number(0, 4)]))
 
     def target(self, state: GridState) -> jax.Array:
-        """bool[rows, columns], where what is asked for is."""
+        """bool[rows, columns], the tile of the requested thing."""
         return self.door_tiles(state, state.doors.colour == state.asked[0, 1])
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """Whether the agent says done in the right place; or elsewhere, or interacts."""
+        """Whether the agent says done at the right place; whether elsewhere, or it interacts."""
         there = self.stands_beside(step.after, self.target(step.after))
         said = step.action == DONE
         return said & there, (said & ~there) | (step.action == INTERACT)
 
     def subgoal(self, state: GridState) -> Subgoal:
-        """To say done beside it."""
+        """To say done beside the target."""
         return Subgoal(self.target(state), jnp.int32(DONE))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GoToObject(GoToDoor):
-    """A room with things of different kinds or colours: say "done" beside the one asked for.
+    """A room with things of different kinds or colours: say "done" beside the requested one.
 
     Attributes:
-        size: tiles of the room's side, walls included; at least 5.
-        objects: how many things.
+        size: tiles along the room's side, walls included; at least 5.
+        objects: the number of things.
     """
 
     size: int = 6
@@ -106,17 +107,17 @@ class GoToObject(GoToDoor):
         return sketch.state(asked=(chosen[0], chosen[1]))
 
     def target(self, state: GridState) -> jax.Array:
-        """bool[rows, columns], where what is asked for is; also where it was picked up."""
+        """bool[rows, columns], the tile of the requested thing, or where it was picked up."""
         return self.tiles_of(state, self.asked_for(state))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fetch(PickUpWorld):
-    """A room with keys and balls: pick up the one asked for; any other ends the episode.
+    """A room with keys and balls: pick up the requested one; any other ends the episode.
 
     Attributes:
-        size: tiles of the room's side, walls included; at least 5.
-        objects: how many things, 2 or 3.
+        size: tiles along the room's side, walls included; at least 5.
+        objects: the number of things, 2 or 3.
     """
 
     size: int = number(8, 5, 32)
@@ -127,10 +128,10 @@ class Fetch(PickUpWorld):
     fail_words: ClassVar[str] = "picked up something else"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Sample the things, the start, and which of them to fetch.
+        """Sample the things, the start, and which thing to fetch.
 
-        In MiniGrid two things may shut the agent, or the thing to fetch, into a corner; here
-        these layouts, two in ten thousand, have another start or another target.
+        In MiniGrid, two things may enclose the agent or the target in a corner. Here, these
+        layouts (two in ten thousand) have another start or another target.
         """
         sketch = Sketch(key, self.size, self.size)
         rows = []
@@ -148,21 +149,21 @@ class Fetch(PickUpWorld):
         return sketch.state(asked=(things[chosen, 0], things[chosen, 1]))
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """Whether that is in the hand, or something else."""
+        """Whether the target is in the hand, and whether another thing is."""
         solved, _ = super().judge(step)
         return solved, jnp.any(step.after.things.held) & ~solved
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PutNear(GridWorld):
-    """A room with different things: put one of them down beside another, as asked.
+    """A room with different things: put one of them down beside another, as requested.
 
-    Picking up another one ends the episode, and so does laying down elsewhere. Beside is on one
-    of the eight tiles around.
+    Picking up another thing or putting it down elsewhere ends the episode. Beside means on one of
+    the eight tiles around.
 
     Attributes:
-        size: tiles of the room's side, walls included; at least 6.
-        objects: how many things, 2 or 3.
+        size: tiles along the room's side, walls included; at least 6.
+        objects: the number of things, 2 or 3.
     """
 
     size: int = number(6, 6, 32)
@@ -170,7 +171,7 @@ class PutNear(GridWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
     asks: ClassVar[bool] = True
-    aim_words: ClassVar[str] = "put down beside the other what was asked for"
+    aim_words: ClassVar[str] = "put the requested thing beside the other"
     fail_words: ClassVar[str] = "picked up something else, or put it down elsewhere"
 
     def __post_init__(self) -> None:
@@ -179,7 +180,7 @@ class PutNear(GridWorld):
         check_whole("objects", self.objects, 2, 2 if self.size < 8 else 3)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Sample the things, none of which is beside another, the start and the instruction."""
+        """Sample the things, no two of them next to each other, the start and the instruction."""
         sketch = Sketch(key, self.size, self.size)
         drawn, near = _different(sketch, self.objects), jnp.zeros((self.size, self.size), bool)
         for kind, colour in drawn:
@@ -192,7 +193,7 @@ class PutNear(GridWorld):
         return sketch.state(asked=(moved[0], moved[1]), near=(other[0], other[1]))
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """Whether it lies there now; or was dropped elsewhere, or not dropped; or is another."""
+        """Whether the thing is there now; whether another was picked up or it was put elsewhere."""
         held, after = step.before.things.held, step.after
         moved = self.asked_for(after)
         dropped = jnp.any(held & after.things.lying)
@@ -219,22 +220,22 @@ class PutNear(GridWorld):
 
 
 def _different(sketch: Sketch, count: int) -> jax.Array:
-    """int32[count, 2], the kind and the colour of things no two of which have both the same."""
+    """int32[count, 2], the kind and colour of things that differ in at least one of both."""
     pairs = sketch.shuffled(PORTABLE * COLOURS)[:count]
     return jnp.stack([pairs // COLOURS, pairs % COLOURS], axis=-1)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Memory(GridWorld):
-    """A room with a key or a ball, and a hall to a crossing with one of each: go to its like.
+    """A room with a key or a ball, and a hall to a junction with one of each: go to the same kind.
 
-    Going to the other one ends the episode. The start is anywhere between the room and the
-    crossing, facing east, so the agent may have to turn back and look first. Nothing can be picked
+    Going to the other thing ends the episode. The start is anywhere between the room and the
+    junction, facing east, so the agent may have to turn back and look first. Nothing can be picked
     up.
 
     Attributes:
-        size: tiles of the world's side, walls included; odd.
-        random_length: whether the hall's length is drawn.
+        size: tiles along the world's side, walls included; odd.
+        random_length: whether the length of the hall is random.
     """
 
     size: int = number(9, 7, 63)
@@ -242,11 +243,11 @@ class Memory(GridWorld):
 
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND)
     hands: ClassVar[bool] = False
-    aim_words: ClassVar[str] = "went to the thing that is like the first"
-    fail_words: ClassVar[str] = "went to the other one"
+    aim_words: ClassVar[str] = "went to the thing of the same kind"
+    fail_words: ClassVar[str] = "went to the other thing"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Sample the first thing, which of both is where, the hall's length and the start."""
+        """Sample the first thing, the sides of the other two, the hall's length and the start."""
         size, middle, green = self.size, self.size // 2, 1
         sketch = Sketch(key, size, size)
         end = sketch.number(4, size - 2) if self.random_length else jnp.int32(size - 3)
@@ -263,7 +264,7 @@ class Memory(GridWorld):
         return sketch.state()
 
     def ends(self, state: GridState) -> tuple[jax.Array, jax.Array]:
-        """int32[2], int32[2]: the tiles before the like thing, and before the other one."""
+        """int32[2], int32[2]: the tiles in front of the matching thing and of the other one."""
         things = state.things
         inward = np.array(((0, 1), (0, -1)), np.int32)
         before = things.tile[1:] + inward
@@ -276,7 +277,7 @@ class Memory(GridWorld):
         return jnp.all(step.after.cell == right), jnp.all(step.after.cell == wrong)
 
     def subgoal(self, state: GridState) -> Subgoal:
-        """The tile before the like thing."""
+        """The tile in front of the matching thing."""
         column, row = self.ends(state)[0]
         tiles = jnp.zeros(state.level.walls.shape[-2:], bool).at[row, column].set(True)
         return Subgoal(tiles, jnp.int32(NOWHERE))

@@ -16,25 +16,25 @@ from .sketch import COLOURS, Sketch
 from .state import GOAL_KIND, GridState
 from .world import GridWorld
 
-# Tiles of the world's side; the least of a room's.
+# Tiles along the world's side; the least along a room's.
 SIDE, LEAST = 25, 4
-# How often a room is tried, as in MiniGrid, and how many rooms are laid for one chain, those of
-# chains that were given up included.
+# How often a room is tried, as in MiniGrid, and the most rooms that are laid out for a reset,
+# including those of rejected chains.
 _TRIES, _ROUNDS = 8, 2**14
-# Random numbers of one try.
+# Random numbers per try.
 _DRAWS = 5
-# The wall of the first room that no door is in.
+# Stands for the wall with the entry of the first room, which has none.
 _WEST = 2
 
 
 class Chain(NamedTuple):
-    """Rooms of a chain; R is the most there are.
+    """The rooms of a chain, at most R.
 
     Attributes:
         top: int32[R, 2], (column, row) of each room's upper left corner, walls included.
         size: int32[R, 2], its columns and rows, walls included.
-        entry: int32[R, 2], (column, row) of the door into it; that of the first room is no door.
-        length: int32[], how many there are.
+        entry: int32[R, 2], (column, row) of the door into it; for the first room, not a door.
+        length: int32[], the number of rooms.
     """
 
     top: jax.Array
@@ -48,8 +48,8 @@ class MultiRoom(GridWorld):
     """A chain of rooms joined by closed doors, the start in the first, the goal in the last.
 
     Attributes:
-        rooms: how many, 2 to 6.
-        room_size: the most tiles of a room's side, walls included, 4 to 10.
+        rooms: the number of rooms, 2 to 6.
+        room_size: the largest number of tiles along a room's side, walls included, 4 to 10.
     """
 
     rooms: int = number(6, 2, 6)
@@ -58,8 +58,8 @@ class MultiRoom(GridWorld):
     def lay_out(self, key: jax.Array) -> GridState:
         """Sample chains until one has all its rooms; then doors, start and goal.
 
-        Where none has after 2**14 rooms, which is all but impossible, what there is of the last
-        one is taken: a goal that can be reached by fewer doors.
+        If no chain does after 2**14 rooms, which is extremely unlikely, the last incomplete chain
+        is used: its goal is reached through fewer doors.
         """
         chain_key, key = jax.random.split(key)
         chain = self._chain(chain_key)
@@ -73,7 +73,7 @@ class MultiRoom(GridWorld):
             there = i < chain.length
             column, row = jnp.where(there, chain.entry[i], 0)
             sketch.door(column, row, colour)
-            # Any colour but that of the door before.
+            # Any colour except that of the previous door.
             colour = (colour + sketch.number(1, COLOURS)) % COLOURS
         last = chain.length - 1
         sketch.start_in(sketch.area(*chain.top[0], *chain.size[0]))
@@ -84,8 +84,8 @@ class MultiRoom(GridWorld):
     def _chain(self, key: jax.Array) -> Chain:
         """The first chain that has all its rooms.
 
-        Room after room; where none of a room's tries fits, another chain begins at once. So a
-        batch waits for the one that needs most rooms, not for the longest of all its chains.
+        If no try for a room fits, another chain starts at once. So a batch waits for the member
+        that needs most rooms, not for the longest chain in each round.
         """
 
         def short(carry: tuple[jax.Array, Chain, jax.Array]) -> jax.Array:
@@ -106,11 +106,11 @@ class MultiRoom(GridWorld):
         return jax.lax.while_loop(short, lengthen, start)[1]
 
     def _with_room(self, bits: jax.Array, chain: Chain, wall: jax.Array) -> tuple[Chain, jax.Array]:
-        """The chain with the first of some tries that fits, or none of it; the wall of its entry.
+        """Add the first try that fits, or reset to an empty chain; also returns its entry's wall.
 
         Args:
             bits: uint32[tries, 5].
-            chain: with less than all rooms.
+            chain: an incomplete chain.
             wall: int32[], the wall of the last room that has its entry.
         """
         last = jnp.maximum(chain.length - 1, 0)
@@ -120,7 +120,7 @@ class MultiRoom(GridWorld):
         start = jnp.stack([sample_index(bits[0, 3], SIDE - 2), sample_index(bits[0, 4], SIDE - 2)])
         entries = jnp.where(first, start[None], entries)
         tops = jnp.where(first, start[None], tops)
-        # Of the first room there is one try.
+        # The first room has a single try.
         fits = self._fits(chain, tops, sizes) & (~first | (np.arange(_TRIES) == 0))
         chosen, added = jnp.argmax(fits), jnp.any(fits)
         here = (np.arange(self.rooms, dtype=np.int32) == chain.length)[:, None] & added
@@ -135,33 +135,33 @@ class MultiRoom(GridWorld):
     def _try(
         self, bits: jax.Array, top: jax.Array, size: jax.Array, entered: jax.Array
     ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-        """A next room: its corner, its size, its entry, and which of its walls that is in.
+        """Propose a next room: its corner, its size, its entry, and the wall of its entry.
 
         Args:
             bits: uint32[5].
-            top: int32[2], corner of the room before.
+            top: int32[2], the corner of the previous room.
             size: int32[2], its size.
-            entered: int32[], its wall with its own entry: 0 east, 1 south, 2 west, 3 north.
+            entered: int32[], the wall with its entry: 0 east, 1 south, 2 west, 3 north.
         """
         span = self.room_size - LEAST + 1
         new = LEAST + jnp.stack([sample_index(bits[0], span), sample_index(bits[1] << 8, span)])
-        # One of the three other walls of the room before, in order.
+        # One of the other three walls of the previous room, in order.
         way = sample_index(bits[2], 3)
         way = way + jnp.where(way >= entered, 1, 0)
         along = jnp.where(way % 2 == 0, 1, 0)
-        # Places of the door along the wall, which has two corners.
+        # Positions of the door along the wall, without its two corners.
         place = 1 + sample_index(bits[3], size[along] - 2)
         far = jnp.where(way < 2, size - 1, 0)
         axis = np.arange(2, dtype=np.int32)
         entry = top + jnp.where(axis == along, place, far)
-        # The new room has the door in the opposite wall, anywhere but in its corners.
+        # The new room has the door in the opposite wall, anywhere except in its corners.
         shift = sample_index(bits[4], new[along] - 2) - new[along] + 2
         beyond = jnp.where(way < 2, 0, 1 - new)
         corner = entry + jnp.where(axis == along, shift, beyond)
         return corner, new, entry, (way + 2) % 4
 
     def _fits(self, chain: Chain, tops: jax.Array, sizes: jax.Array) -> jax.Array:
-        """bool[tries]: whether rooms are on the map and off all rooms but the one before."""
+        """bool[tries]: whether rooms are on the map and apart from all but the previous room."""
         ends = tops + sizes
         on_map = jnp.all(tops >= 0, axis=-1) & (ends[:, 0] <= SIDE) & (ends[:, 1] < SIDE)
         before = ends[:, None] < chain.top[None]

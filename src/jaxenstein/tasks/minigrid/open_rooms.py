@@ -1,4 +1,4 @@
-"""Worlds with a goal to walk to: open floor, walls with gaps, lava, balls that wander."""
+"""Worlds with a goal to walk to: open floor, walls with gaps, lava, moving balls."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class Empty(GridWorld):
     """An empty room with the goal in its south-eastern corner.
 
     Attributes:
-        size: tiles of the room's side, walls included.
-        random_start: whether the start is drawn; else it is the north-western corner, facing east.
+        size: tiles along the room's side, walls included.
+        random_start: whether the start is random; else in the north-western corner, facing east.
     """
 
     size: int = number(8, 4, 64)
@@ -62,7 +62,7 @@ class FourRooms(GridWorld):
     """Four rooms, each open to two others by a gap; goal and start are anywhere.
 
     Attributes:
-        size: tiles of the world's side, walls included; odd.
+        size: tiles along the world's side, walls included; odd.
     """
 
     size: int = number(19, 7, 63)
@@ -84,13 +84,13 @@ class FourRooms(GridWorld):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Crossing(GridWorld):
-    """Walls or streams of lava from side to side, each with one gap on a way to the goal.
+    """Walls or streams of lava from side to side, each with one gap on a path to the goal.
 
     The start is in the north-western corner, the goal in the south-eastern one.
 
     Attributes:
-        size: tiles of the world's side, walls included; odd.
-        crossings: how many walls or streams.
+        size: tiles along the world's side, walls included; odd.
+        crossings: the number of walls or streams.
         obstacle: `"wall"` or `"lava"`.
     """
 
@@ -106,13 +106,13 @@ class Crossing(GridWorld):
         check_whole("crossings", self.crossings, 1, self.size - 3)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Sample which lines are crossed, an order in which to cross them, and the gaps."""
+        """Sample the lines of obstacles, an order in which to cross them, and the gaps."""
         size, count = self.size, self.crossings
         sketch = Sketch(key, size, size)
         places = np.arange(2, size - 2, 2, dtype=np.int32)
         chosen = sketch.shuffled(2 * len(places)) < count
         across, down = jnp.split(chosen, 2)
-        # Lines that run from north to south, by their columns, and from west to east, by rows.
+        # First the lines from north to south, by column, then those from west to east, by row.
         lines = [
             jnp.any(np.arange(size)[None] == jnp.where(c, places, 0)[:, None], 0)
             & (np.arange(size) > 0)
@@ -154,7 +154,7 @@ class LavaGap(GridWorld):
     """A stream of lava with one gap between the start and the goal.
 
     Attributes:
-        size: tiles of the world's side, walls included.
+        size: tiles along the world's side, walls included.
     """
 
     size: int = number(7, 5, 64)
@@ -174,7 +174,7 @@ class LavaGap(GridWorld):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DistShift(GridWorld):
-    """Two strips of lava between start and goal; where the second one lies is a setting.
+    """Two strips of lava between start and goal; the position of the second is a setting.
 
     Attributes:
         strip_row: row of the second strip, 2 to 5.
@@ -185,7 +185,7 @@ class DistShift(GridWorld):
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND, LAVA_KIND)
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """The one layout."""
+        """The only layout."""
         sketch = Sketch(key, 9, 7)
         sketch.thing(GOAL_KIND, 0, (7, 1))
         strips = sketch.area(3, 1, 3, 1) | sketch.area(3, self.strip_row, 3, 1)
@@ -194,11 +194,11 @@ class DistShift(GridWorld):
 
 
 class WandererParams(GridParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
         fail_reward: reward of walking into an obstacle.
-        wander_period: steps of the world from one move of the obstacles to the next.
+        wander_period: world steps from one move of the obstacles to the next.
     """
 
     fail_reward: Scalar = -1.0
@@ -210,13 +210,13 @@ WANDERING = WandererParams()
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DynamicObstacles(Empty):
-    """An empty room in which balls wander; walking into one ends the episode.
+    """An empty room with moving balls; walking into a ball ends the episode.
 
-    Every `wander_period` steps each ball, one after another, moves to a random free tile of the
-    eight around it.
+    Every `wander_period` steps the balls move, one after another, each to a random free tile of
+    the eight around it.
 
     Attributes:
-        obstacles: how many balls there are.
+        obstacles: the number of balls.
     """
 
     obstacles: int = 4
@@ -240,7 +240,7 @@ class DynamicObstacles(Empty):
         return sketch.state()
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """The goal, and whether the agent walked into a ball."""
+        """Whether the agent reached the goal, and whether it walked into a ball."""
         solved, _ = super().judge(step)
         pace = jnp.where(step.action == FORWARD, 1.0, jnp.where(step.action == BACKWARD, -1.0, 0.0))
         stride = forward(step.after.heading) * (pace * step.params.move_distance)

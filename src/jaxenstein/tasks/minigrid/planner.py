@@ -1,8 +1,8 @@
-"""A player that solves any world of things and doors, by search over what the state holds.
+"""A player that solves any world of things and doors, by search over the state.
 
-A family says what solves a world (`GridWorld.subgoal`), whatever may be in the way. Where
-something is, the player sees to that first: it fetches the key of a locked door, opens the box
-that a key is in, carries away what blocks the way, and lays down what it has no hand free for.
+A family defines what solves a world (`GridWorld.subgoal`), ignoring obstacles. If something is in
+the way, the player deals with that first: it fetches the key of a locked door, opens the box with
+a key, carries away what blocks the path, and puts down what it holds if it needs the hand.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from .state import (
     solid_level,
 )
 
-# Things in the way of things in the way of things: more than any world has.
+# The longest chain of obstacles that block each other: more than in any world.
 _DEEPEST = 12
-# Rows and columns around a tile, in their order, from the east on.
+# Rows and columns around a tile, in their order, starting in the east.
 _RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 Walk = Callable[[Movement, Any, jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
-"""How to walk down a field, such as `walk_down`."""
+"""A function that walks down a field, such as `walk_down`."""
 
 
 class Walkable(NamedTuple):
-    """Masks bool[rows, columns] of where one can walk in a state.
+    """Masks bool[rows, columns] of walkable tiles in a state.
 
     Attributes:
         open: without any key; doors that are not locked are open.
-        free: with the key that is carried.
-        any: with every key, and with all that can be carried out of the way.
-        reached: where the agent gets to on the free floor.
-        own: the tile that it is on.
+        free: with the key in the hand.
+        any: with every key, and with everything that can be carried out of the way.
+        reached: the free tiles that the agent can reach.
+        own: the agent's tile.
     """
 
     open: jax.Array
@@ -61,7 +61,7 @@ class Walkable(NamedTuple):
 
 
 def planner(env: Any, params: Any, walk: Walk = walk_down) -> Choose:
-    """Do what `env.subgoal` says, and before it what has to be done for that.
+    """Do what `env.subgoal` says, after whatever has to be done first.
 
     Args:
         env: a world of things and doors.
@@ -93,7 +93,7 @@ PLANNER = Player("plans keys, doors and things; sees the whole state", planner)
 def _act(
     env: Any, state: GridState, params: Any, subgoal: Subgoal, target: jax.Array, action: jax.Array
 ) -> jax.Array:
-    """The subgoal's action where it can be done, a door's opening on the way, else `action`."""
+    """The subgoal's action if it is possible, opening a door on the way, else `action`."""
     column, row = env.front(state, params)
     front = jnp.stack([column, row])
     door = jnp.all(jnp.asarray(state.level.doors) == front[None], axis=-1) & ~state.doors.opened
@@ -110,7 +110,7 @@ def _act(
 
 
 def _wanted(env: Any, state: GridState) -> jax.Array:
-    """bool[N], the things that are to be taken up themselves, and what is in no box's place."""
+    """bool[N], the things that are targets themselves, and not just boxes."""
     number = jnp.arange(state.things.box.shape[0], dtype=jnp.int32)
     inside = (state.things.box[None] == number[:, None]) & (state.things.place == BOXED)[None]
     return env.asked_for(state) | ~jnp.any(inside, axis=1)
@@ -122,7 +122,7 @@ def _survey(state: GridState, *, hands: bool) -> Walkable:
     doors = jnp.asarray(state.level.doors)
     key = things.held & things.of(KEY_KIND)
     fits = jnp.any(key[None] & (things.colour[None] == state.doors.colour[:, None]), axis=1)
-    # An absent door stands on the map's corner.
+    # An absent door is on the map's corner.
     real = jnp.any(doors != 0, axis=-1)
     lava = mask_of(things.tile, things.lying & things.of(LAVA_KIND), shape)
     blocked = mask_of(things.tile, things.blocking, shape) | lava
@@ -137,11 +137,11 @@ def _survey(state: GridState, *, hands: bool) -> Walkable:
 
 
 def _reachable(state: GridState, floor: Walkable, subgoal: Subgoal) -> Subgoal:
-    """The subgoal, or what must be done first for it, or for that, until nothing is in the way."""
+    """The subgoal, or what must be done first, repeated until nothing is in the way."""
     doors = jnp.asarray(state.level.doors)
     shape = floor.own.shape
     edge = floor.any & ~floor.free & beside(floor.reached)
-    # A locked door is not reached by being near it, even if it is what the world asks for.
+    # Being near a locked door is not enough, even if the door is the target.
     near = floor.reached | beside(floor.reached)
     near = near & ~(mask_of(doors, state.doors.locked, shape) & ~floor.free)
 
@@ -163,7 +163,7 @@ def _reachable(state: GridState, floor: Walkable, subgoal: Subgoal) -> Subgoal:
 
 
 def _keys(state: GridState, colour: jax.Array) -> jax.Array:
-    """bool[rows, columns], where keys of a colour lie, by themselves or in boxes."""
+    """bool[rows, columns], the tiles of keys of a colour, also in boxes."""
     things, shape = state.things, state.level.walls.shape[-2:]
     wanted = things.of(KEY_KIND) & (things.colour == colour)
     hidden = wanted & (things.place == BOXED)
@@ -173,11 +173,11 @@ def _keys(state: GridState, colour: jax.Array) -> jax.Array:
 
 
 def _lay_down(state: GridState, floor: Walkable, top: Subgoal, subgoal: Subgoal) -> Subgoal:
-    """The subgoal, or laying down what is carried, if it needs the hand and no key any more.
+    """The subgoal, or putting down what the agent holds, if it needs the hand and no key.
 
-    A place for it is one that is not on the shortest ways to what the world asks for, and, if
-    there is one, neither the last that the subgoal is reached from, nor one that the floor hangs
-    together by, nor one beside a door.
+    The place to put it is not on the shortest paths to the target of the world. If possible, it is
+    also not the last tile from which the subgoal can be reached, not a bottleneck of the floor,
+    and not next to a door.
     """
     things, shape = state.things, floor.own.shape
     doors = jnp.asarray(state.level.doors)
@@ -199,23 +199,23 @@ def _lay_down(state: GridState, floor: Walkable, top: Subgoal, subgoal: Subgoal)
 
 
 def _ring(floor: jax.Array) -> list[jax.Array]:
-    """bool[rows, columns] each: whether there is floor on the tiles around, from the east on."""
+    """bool[rows, columns] each: whether the tiles around are floor, starting in the east."""
     rows, columns = floor.shape
     wide = jnp.pad(floor, 1)
     return [wide[1 + y : 1 + y + rows, 1 + x : 1 + x + columns] for y, x in _RING]
 
 
 def _spare(floor: jax.Array) -> jax.Array:
-    """bool[rows, columns], the tiles without which the floor right around them hangs together."""
+    """bool[rows, columns], the tiles whose removal leaves the floor around them connected."""
     ring = _ring(floor)
-    # Pieces of floor that share an edge with the tile; none as well if all eight are floor.
+    # Connected pieces of floor that share an edge with the tile; 0 if all eight are floor.
     ends = [ring[k] & ~(ring[k - 1] & ring[k - 2]) for k in range(0, 8, 2)]
     pieces = jnp.sum(jnp.stack(ends), axis=0, dtype=jnp.int32)
     return (pieces == 1) | ((pieces == 0) & beside(floor))
 
 
 def _burns(body: Movement, scene: Any, state: GridState, *, hands: bool) -> jax.Array:
-    """bool[]: whether walking on would end in lava, or in what moves by itself."""
+    """bool[]: whether walking on would lead into lava or a moving obstacle."""
     arm = forward(state.heading) * jnp.minimum(body.step * body.steps, 0.99)
     touched = touched_door(scene.level, scene.closed, state.position, arm)
     danger = state.things.of(LAVA_KIND) | (not hands)

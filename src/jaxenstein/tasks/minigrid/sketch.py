@@ -1,7 +1,7 @@
-"""Laying out a world inside of a compiled reset: walls, doors, things and the start.
+"""Lay out a world in a compiled reset: walls, doors, things and the start.
 
-Places are sampled among the tiles that are free, so that no sample is ever rejected. Trying until
-a free tile comes up, as MiniGrid does, has the same distribution.
+Positions are sampled from the free tiles, so that no sample is ever rejected. MiniGrid tries until
+it finds a free tile, which has the same distribution.
 """
 
 from __future__ import annotations
@@ -21,18 +21,17 @@ from .state import BOXED, GONE, LYING, Doors, GridState, Things, mask_of, place_
 COLOURS = len(COLOUR_NAMES)
 Number = int | jax.Array
 Tile = tuple[Number, Number] | jax.Array
-# Right, down, left, up: (column, row) of a step in each of the four headings.
+# Right, down, left, up: the (column, row) of a step in each of the four headings.
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 RIGHT, DOWN, LEFT, UP = range(4)
 ROOM_SIZE = 6
-"""Tiles of a room's side, walls included, unless a world says otherwise."""
+"""Tiles along a room's side, walls included, by default."""
 
 
 class Sketch:
-    """A world that is being laid out; at first an empty room with walls around it.
+    """A world under construction; at first an empty room with walls around it.
 
-    Columns and rows may be traced numbers wherever tiles are meant; how many doors and things
-    there are may not.
+    Columns and rows of tiles may be traced numbers; the numbers of doors and things may not.
 
     Attributes:
         walls: bool[rows, columns].
@@ -40,12 +39,12 @@ class Sketch:
     """
 
     def __init__(self, key: jax.Array, columns: int, rows: int, draws: int = 128) -> None:
-        """Put up the outer walls.
+        """Build the outer walls.
 
         Args:
-            key: of all that is sampled.
-            columns: of the world, walls included.
-            rows: likewise.
+            key: the random key of all samples.
+            columns: columns of the world, walls included.
+            rows: rows of the world, walls included.
             draws: the most numbers that are sampled.
         """
         self.columns, self.rows = columns, rows
@@ -62,9 +61,9 @@ class Sketch:
     # Random numbers.
 
     def bits(self, count: int) -> jax.Array:
-        """uint32[count], used by nobody else."""
+        """uint32[count], unused random bits."""
         self._drawn += count
-        assert self._drawn <= self._bits.shape[0], "more draws than were announced"
+        assert self._drawn <= self._bits.shape[0], "more draws than announced"
         return self._bits[self._drawn - count : self._drawn]
 
     def number(self, low: Number, high: Number) -> jax.Array:
@@ -92,7 +91,7 @@ class Sketch:
         return jnp.asarray(across & (self._row >= top) & (self._row < top + rows))
 
     def lattice(self, step: int) -> jax.Array:
-        """bool[rows, columns], every so many columns and rows: the walls of rooms in a grid."""
+        """bool[rows, columns], every `step`-th column and row: the walls of a grid of rooms."""
         return jnp.asarray((self._column % step == 0) | (self._row % step == 0))
 
     def tile(self, column: Number, row: Number) -> jax.Array:
@@ -107,30 +106,30 @@ class Sketch:
     @property
     def start_tile(self) -> jax.Array:
         """bool[rows, columns], the tile where the agent starts."""
-        assert self._start is not None, "nobody said where the agent starts"
+        assert self._start is not None, "the world has no start yet"
         return mask_of(self._start[0][None], jnp.ones(1, bool), self.walls.shape)
 
-    # What is put there.
+    # Placing things.
 
     def wall(self, mask: jax.Array) -> Self:
-        """Put up walls."""
+        """Build walls."""
         self.walls = self.walls | mask
         return self
 
     def clear(self, mask: jax.Array) -> Self:
-        """Take walls away."""
+        """Remove walls."""
         self.walls = self.walls & ~mask
         return self
 
     def door(
         self, column: Number, row: Number, colour: Number, locked: bool | jax.Array = False
     ) -> int:
-        """Put a door into a wall, or at (0, 0) one that is absent; returns its number."""
+        """Put a door into a wall, or an absent door at (0, 0); returns its number."""
         self.doors(_tile((column, row))[None], _stack([colour]), _stack([locked]).astype(bool))
         return self._door_count - 1
 
     def doors(self, tiles: jax.Array, colours: jax.Array, locked: jax.Array) -> Self:
-        """Put doors int32[D, 2] into walls at once, with int32[D] colours and bool[D] locks."""
+        """Put doors int32[D, 2] into walls, with int32[D] colours and bool[D] locks."""
         here = mask_of(tiles, jnp.ones(len(tiles), bool), self.walls.shape)
         self.walls, self.taken = self.walls & ~here, self.taken | here
         self._doors.append((tiles, colours, locked))
@@ -141,13 +140,13 @@ class Sketch:
         return sum(len(tiles) for tiles, _, _ in self._doors)
 
     def thing(self, kind: Number, colour: Number, tile: Tile) -> int:
-        """Lay a thing down; returns its number."""
+        """Put a thing on a tile; returns its number."""
         spot = _tile(tile)
         self.taken = self.taken | mask_of(spot[None], jnp.ones(1, bool), self.walls.shape)
         return self._add(kind, colour, spot[None], LYING)
 
     def spread(self, kind: int, colour: Number, mask: jax.Array, most: int) -> int:
-        """Lay one on each tile of a mask, which has `most` of them or fewer."""
+        """Put a thing on each tile of a mask, which has at most `most` tiles."""
         rows, columns = jnp.nonzero(mask, size=most, fill_value=0)
         tiles = jnp.stack([columns, rows], axis=-1).astype(jnp.int32)
         count = jnp.sum(mask, dtype=jnp.int32)
@@ -156,7 +155,7 @@ class Sketch:
         return self._add(kind, colour, tiles, jnp.where(there, LYING, GONE))
 
     def hide(self, kind: Number, colour: Number, box: int) -> int:
-        """Put a thing into a box, given by its number; returns its own."""
+        """Put a thing into a box, given by its number; returns the thing's number."""
         tiles = jnp.concatenate([things.tile for things in self._things])
         return self._add(kind, colour, tiles[box : box + 1], BOXED, box)
 
@@ -173,16 +172,16 @@ class Sketch:
         return first
 
     def start(self, tile: Tile, heading: Number = 0) -> Self:
-        """Where the agent begins, and in which of the four headings; 0 is east, 1 south."""
+        """Set the agent's start and one of the four headings; 0 is east, 1 south."""
         self._start = _tile(tile), jnp.asarray(heading, jnp.int32)
         return self
 
     def start_in(self, mask: jax.Array, *, facing_free: bool = False) -> Self:
-        """Begin on a random free tile of a mask in a random heading.
+        """Start on a random free tile of a mask with a random heading.
 
         Args:
             mask: bool[rows, columns].
-            facing_free: whether no door and no thing may be right in front.
+            facing_free: whether the tile in front must be without door and thing.
         """
         spots = jnp.stack([mask & self.free] * 4)
         if facing_free:
@@ -199,10 +198,10 @@ class Sketch:
         """The first state of the world.
 
         Args:
-            asked: kind and colour of what the task is about.
-            near: of what that is to be put near.
+            asked: kind and colour of the requested thing.
+            near: kind and colour of the thing to put it near.
         """
-        assert self._start is not None, "nobody said where the agent starts"
+        assert self._start is not None, "the world has no start yet"
         tile, heading = self._start
         no_doors = jnp.zeros((0, 2), jnp.int32), jnp.zeros(0, jnp.int32), jnp.zeros(0, bool)
         spots, colour, locked = map(jnp.concatenate, zip(no_doors, *self._doors, strict=True))
@@ -210,7 +209,7 @@ class Sketch:
         first = jnp.where(locked, door_label(0, locked=True), door_label(0, locked=False))
         if self._doors:
             walls = walls.at[spots[:, 1], spots[:, 0]].set(first + colour)
-            # Where doors stand that the layout does not have.
+            # The tile of doors that the layout does not have.
             walls = walls.at[0, 0].set(DEFAULT_WALL)
         nothing = jnp.zeros(0, jnp.int32)
         none = Things(nothing, nothing, jnp.zeros((0, 2), jnp.int32), nothing, nothing)
@@ -226,19 +225,19 @@ class Sketch:
 
 
 class RoomSketch(Sketch):
-    """A grid of rooms that is being laid out; rooms are named by (column, row) of the grid.
+    """A grid of rooms under construction; rooms are named by (column, row) of the grid.
 
     Each inner wall has one place for a door, drawn uniformly along it.
     """
 
     def __init__(self, key: jax.Array, across: int, down: int, size: int = ROOM_SIZE) -> None:
-        """Put up all walls, and draw the places of doors.
+        """Build all walls, and draw the places for doors.
 
         Args:
-            key: of all that is sampled.
+            key: the random key of all samples.
             across: rooms from west to east.
             down: rooms from north to south.
-            size: tiles of a room's side, walls included.
+            size: tiles along a room's side, walls included.
         """
         step = size - 1
         super().__init__(key, across * step + 1, down * step + 1)
@@ -270,18 +269,18 @@ class RoomSketch(Sketch):
     def door_in(
         self, room: tuple[int, int], side: int, colour: Number, *, locked: bool = False
     ) -> tuple[Number, Number]:
-        """Put a door into a room's wall; returns the tile in front of it, inside of the room."""
+        """Put a door into a room's wall; returns the tile in front of it, inside the room."""
         column, row = self._places[(*room, side)]
         self.door(column, row, colour, locked)
         return column - STEPS[side][0], row - STEPS[side][1]
 
     def put(self, kind: Number, colour: Number, room: tuple[Number, Number]) -> int:
-        """Lay a thing down in a room; returns its number."""
+        """Put a thing into a room; returns its number."""
         spots = self.room(*room) & self.free & ~self._kept_free
         return self.thing(kind, colour, self.tile_in(spots))
 
     def start_room(self, room: tuple[int, int]) -> RoomSketch:
-        """Begin anywhere in a room, not right before a thing or a door."""
+        """Start anywhere in a room, but not facing a thing or a door."""
         self.start_in(self.room(*room), facing_free=True)
         return self
 

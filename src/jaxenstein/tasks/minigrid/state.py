@@ -1,4 +1,4 @@
-"""What a world of things and doors keeps from step to step, and what its actions do to that."""
+"""The state of a world of things and doors, and how actions change it."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from ...pytree import PyTreeNode
 from ..steering import INTERACT
 
 KINDS: tuple[Thing, ...] = (KEY, BALL, BOX, GOAL, LAVA)
-"""The kinds of things; an index into this table is a kind."""
+"""The kinds of things; a kind is an index into this table."""
 KEY_KIND, BALL_KIND, BOX_KIND, GOAL_KIND, LAVA_KIND = range(len(KINDS))
 DOOR_KIND = len(KINDS)
-"""What an instruction calls a door, which is no thing."""
+"""The kind of a door in an instruction; doors are not things."""
 PORTABLE = 3
-"""The first kinds can be carried, and stand in the way where they lie."""
+"""The first kinds can be carried, and block the way."""
 
 LYING, HELD, BOXED, GONE = range(4)
-"""Where a thing is: on its tile, in the hand, in a box, nowhere any more."""
+"""The place of a thing: on its tile, in the hand, in a box, or gone."""
 
 
 PICK_UP, DROP, DONE = INTERACT + 1, INTERACT + 2, INTERACT + 3
@@ -35,14 +35,14 @@ _UNLOCKED = door_label(0, locked=False) - door_label(0, locked=True)
 
 
 class Things(PyTreeNode):
-    """All things of a world, N of them.
+    """The N things of a world.
 
     Attributes:
         kind: int32[N], index into `KINDS`.
         colour: int32[N], colour index.
-        tile: int32[N, 2], (column, row) where it lies.
+        tile: int32[N, 2], (column, row) of its tile.
         place: int32[N], `LYING`, `HELD`, `BOXED` or `GONE`.
-        box: int32[N], which thing is the box that it is in, or -1.
+        box: int32[N], the number of the box that it is in, or -1.
     """
 
     kind: jax.Array
@@ -53,34 +53,34 @@ class Things(PyTreeNode):
 
     @property
     def lying(self) -> jax.Array:
-        """bool[N], which lie on their tiles."""
+        """bool[N], which things are on their tiles."""
         return self.place == LYING
 
     @property
     def held(self) -> jax.Array:
-        """bool[N], which is in the hand: one at most."""
+        """bool[N], which thing is in the hand; at most one."""
         return self.place == HELD
 
     @property
     def blocking(self) -> jax.Array:
-        """bool[N], which stand in the way."""
+        """bool[N], which things block the way."""
         return self.lying & (self.kind < PORTABLE)
 
     def of(self, kind: int | jax.Array) -> jax.Array:
-        """bool[N], which are of a kind."""
+        """bool[N], which things are of a kind."""
         return self.kind == kind
 
     def at(self, tile: jax.Array) -> jax.Array:
-        """bool[N], which lie on a tile."""
+        """bool[N], which things are on a tile."""
         return self.lying & jnp.all(self.tile == tile[None], axis=-1)
 
 
 class Doors(PyTreeNode):
-    """The doors of a world, D of them, in the order of `Level.doors`.
+    """The D doors of a world, in the order of `Level.doors`.
 
     Attributes:
         colour: int32[D], colour index.
-        locked: bool[D], which open with a key of their colour alone.
+        locked: bool[D], which doors need a key of their colour.
         opened: bool[D].
     """
 
@@ -90,14 +90,14 @@ class Doors(PyTreeNode):
 
 
 class GridState(State):
-    """State of a world of things and doors.
+    """The state of a world of things and doors.
 
     Attributes:
         level: the walls and doors of this episode.
-        things: what there is in it.
-        doors: how its doors are.
-        asked: int32[2, 2], (kind, colour) of what the task is about, and of what that is to be
-            put near; -1 where there is none.
+        things: the things.
+        doors: the doors.
+        asked: int32[2, 2], (kind, colour) of the requested thing, and of the thing to put it near;
+            -1 for none.
     """
 
     level: Level
@@ -107,12 +107,12 @@ class GridState(State):
 
     @property
     def cell(self) -> jax.Array:
-        """int32[2], (column, row) of the tile that the agent is on."""
+        """int32[2], (column, row) of the agent's tile."""
         return jnp.floor(self.position).astype(jnp.int32)
 
 
 class Step(NamedTuple):
-    """A step that was taken: the states before and after it, its action int32[], and the params."""
+    """A step: the states before and after it, its action int32[], and the params."""
 
     before: GridState
     after: GridState
@@ -121,12 +121,12 @@ class Step(NamedTuple):
 
 
 class Subgoal(NamedTuple):
-    """What to do next to solve a world, for players that see the state.
+    """The next thing to do to solve a world, for players that see the state.
 
     Attributes:
-        tiles: bool[rows, columns], where.
-        action: int32[], what to do to one of them: an action with it in front, `DONE` beside it,
-            or `NOWHERE` to stand on it.
+        tiles: bool[rows, columns], the possible tiles.
+        action: int32[], the action for one of them: an action facing it, `DONE` beside it, or
+            `NOWHERE` to stand on it.
     """
 
     tiles: jax.Array
@@ -134,14 +134,14 @@ class Subgoal(NamedTuple):
 
 
 def solid_level(state: GridState, *, also: jax.Array | None = None) -> tuple[Level, jax.Array]:
-    """The level with a closed door for each thing that stands in the way, and what is closed.
+    """The level with a closed door for each thing that blocks the way, and which are closed.
 
     Args:
         state: the state.
-        also: bool[N], things that are to be in the way as well.
+        also: bool[N], further things that should block the way.
 
     Returns:
-        The level, whose doors are D doors and then N things; bool[D + N].
+        The level, whose doors are the D doors and then N things; bool[D + N].
     """
     doors = jnp.concatenate([jnp.asarray(state.level.doors), state.things.tile])
     blocking = state.things.blocking if also is None else state.things.blocking | also
@@ -149,7 +149,7 @@ def solid_level(state: GridState, *, also: jax.Array | None = None) -> tuple[Lev
 
 
 def mask_of(tiles: jax.Array, which: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-    """bool[rows, columns] of `shape`, the tiles int32[K, 2] of those that bool[K] names."""
+    """bool[rows, columns] of `shape`, those tiles int32[K, 2] for which bool[K] is true."""
     row, column = np.indices(shape, np.int32)
     here = (column[None] == tiles[:, 0, None, None]) & (row[None] == tiles[:, 1, None, None])
     return jnp.any(here & which[:, None, None], axis=0)
@@ -169,13 +169,13 @@ def things_map(things: Things, shape: tuple[int, ...]) -> jax.Array:
 
 
 def beside(mask: jax.Array) -> jax.Array:
-    """bool[rows, columns], the tiles that share an edge with one of a mask's."""
+    """bool[rows, columns], the tiles that share an edge with a tile of the mask."""
     wide = jnp.pad(mask, 1)
     return wide[2:, 1:-1] | wide[:-2, 1:-1] | wide[1:-1, 2:] | wide[1:-1, :-2]
 
 
 def place_of(mask: jax.Array, number: jax.Array) -> jax.Array:
-    """int32[]: the index into a flattened mask of the one of its true entries with a number."""
+    """int32[]: the flat index of the true entry of a mask with a given number."""
     rank = jnp.cumsum(mask.reshape(-1).astype(jnp.int32))
     return jnp.sum(rank <= number, dtype=jnp.int32)
 
@@ -187,7 +187,7 @@ def around(tile: jax.Array, shape: tuple[int, ...]) -> jax.Array:
 
 
 def tile_in_front(state: GridState, reach: Scalar) -> jax.Array:
-    """int32[2]: the first tile with anything on it that an arm enters, else the one of its end."""
+    """int32[2]: the first tile within an arm's reach that is not empty, else the last one."""
     level, _ = solid_level(state)
     shut = jnp.ones(state.doors.opened.shape, bool)
     end = state.position + forward(state.heading) * reach
@@ -197,7 +197,7 @@ def tile_in_front(state: GridState, reach: Scalar) -> jax.Array:
 
 
 def handle(state: GridState, action: jax.Array, reach: Scalar, *, hands: bool) -> GridState:
-    """What interact, pick up and drop do to the tile in front."""
+    """Apply interact, pick up and drop to the tile in front."""
     tile = tile_in_front(state, reach)
     other = jnp.any(tile != state.cell)
     here = state.things.at(tile) & other
@@ -217,7 +217,7 @@ def handle(state: GridState, action: jax.Array, reach: Scalar, *, hands: bool) -
 
 
 def _use_door(state: GridState, tile: jax.Array, used: jax.Array) -> GridState:
-    """Open or close the one of bool[D] doors at a tile; a key unlocks it for good."""
+    """Open or close the door at a tile among bool[D] doors; a key unlocks it permanently."""
     doors, things = state.doors, state.things
     if not used.shape[0]:
         return state
@@ -225,7 +225,7 @@ def _use_door(state: GridState, tile: jax.Array, used: jax.Array) -> GridState:
     fits = jnp.any(key[None] & (things.colour[None] == doors.colour[:, None]), axis=1)
     turned = used & (~doors.locked | fits)
     unlocked = turned & doors.locked
-    # Not with a scatter over all doors, whose loop is scalar.
+    # Without a scatter over all doors, whose loop is scalar.
     walls = jnp.asarray(state.level.walls)
     row, column = np.indices(walls.shape[1:], np.int32)
     here = ((column == tile[0]) & (row == tile[1]) & jnp.any(unlocked))[None]
@@ -238,7 +238,7 @@ def _use_door(state: GridState, tile: jax.Array, used: jax.Array) -> GridState:
 
 
 def _open_box(things: Things, used: jax.Array) -> Things:
-    """Open the box of bool[N]: it is gone, and what was in it lies there."""
+    """Open the box of bool[N]: it disappears, and its content is on its tile."""
     box = used & things.of(BOX_KIND)
     number = jnp.sum(jnp.where(box, np.arange(box.shape[0], dtype=np.int32), 0), dtype=jnp.int32)
     tile = jnp.sum(jnp.where(box[:, None], things.tile, 0), axis=0, dtype=jnp.int32)

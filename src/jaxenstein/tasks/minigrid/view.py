@@ -1,8 +1,8 @@
-"""What a world of things and doors looks like: what lies there, is carried, and was asked for.
+"""The rendering of a world of things and doors, including the hand and the instruction.
 
-What is carried is drawn small at the lower right, as in a hand, and what an instruction names at
-the lower left: billboards right before the eye, which nothing hides but a wall that the nose is at.
-So an agent that sees the picture alone knows what one with the `dict` observation knows.
+The thing in the hand is drawn small at the lower right, the thing that an instruction names at the
+lower left. Both are billboards just in front of the eye, and only a wall right at the eye can hide
+them. So an image has the same information as the `dict` observation.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from ...maps.things import COLOURS
 from ..appearance import build_theme
 from .state import DOOR_KIND, KINDS, PORTABLE, GridState
 
-# Tiles before the eye of what is in the hand; nearer ones are behind it.
+# Tiles from the eye to the thing in the hand; nearer things would be behind the eye.
 _NEAR = 0.06
-# Sizes and places of the small pictures, as shares of half the image's height and width.
+# Sizes and positions of the small pictures, as shares of half the image's height and width.
 _SIDE, _RIGHT, _LEFT, _NEXT = 0.2, 0.6, -0.75, -0.3
 
 
 def theme_of(kinds: Sequence[int], camera: Camera, *, asks: bool) -> Theme:
-    """The look of a world: each kind in its colours, and the portable ones again, small.
+    """The look of a world: each kind in its colours, and the portable kinds again, small.
 
     Args:
-        kinds: those that the world may hold.
-        camera: of the environment, which says where the small ones are seen.
+        kinds: the kinds that the world may have.
+        camera: the camera of the environment, which determines where small pictures appear.
         asks: whether instructions name things and doors.
     """
     whole = tuple(label for kind in kinds for label in KINDS[kind].labels)
@@ -45,7 +45,7 @@ def theme_of(kinds: Sequence[int], camera: Camera, *, asks: bool) -> Theme:
         sprite_radius=np.where(table, theme.sprite_radius, radius).astype(np.float32),
         sprite_drop=np.where(table, theme.sprite_drop, drop).astype(np.float32),
     )
-    # Instructions name what can be carried, or doors if nothing can.
+    # Instructions name things that can be carried, or doors if nothing can.
     return _with_doors(theme, radius, drop) if asks and not _small(kinds) else theme
 
 
@@ -58,7 +58,7 @@ def scene_of(
     hands: bool,
     asks: bool,
 ) -> Scene:
-    """What there is to see in a state; without hands or instructions nothing is spent on them."""
+    """The scene of a state; without hands or instructions, these cost nothing."""
     things = state.things
     pictures = _first_pictures(kinds, small=False)[things.kind]
     pictures = pictures + jnp.where(things.kind < PORTABLE, things.colour, 0)
@@ -91,7 +91,7 @@ def _small(kinds: Sequence[int]) -> tuple[int, ...]:
 
 
 def _first_pictures(kinds: Sequence[int], *, small: bool) -> jax.Array:
-    """int32[kinds and the door], the look of each kind's first colour; 0 where it has none."""
+    """int32[kinds and the door], the picture of each kind's first colour; 0 if it has none."""
     count = sum(len(KINDS[kind].labels) for kind in kinds) if small else 0
     firsts = np.zeros(DOOR_KIND + 1, np.int32)
     for kind in _small(kinds) if small else kinds:

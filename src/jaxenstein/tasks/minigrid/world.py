@@ -1,8 +1,8 @@
 """Worlds of things and doors: MiniGrid's rules, in first person.
 
-Rules: minigrid/minigrid_env.py and core/world_object.py of Farama-Foundation/Minigrid. What
-differs is the motion, which is that of all tasks here, so that "in front" is the tile that an arm
-of `interact_distance` tiles meets first.
+The rules are those of minigrid/minigrid_env.py and core/world_object.py of
+Farama-Foundation/Minigrid. Only the motion differs, which is that of all tasks here: "in front" is
+the first tile that an arm of `interact_distance` tiles meets.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ _NAMES = (*(thing.name for thing in KINDS), "door")
 
 
 class GridParams(SteeringParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
         interact_distance: reach of the hand in tiles; below 1.
-        goal_reward: reward of the task's aim.
-        fail_reward: reward of an end without it.
-        time_cost: share of `goal_reward` that is lost by the time limit, in proportion to the
-            steps taken; MiniGrid's is 0.9.
+        goal_reward: reward of success.
+        fail_reward: reward of an end without success.
+        time_cost: fraction of `goal_reward` that is lost at the time limit; the loss is
+            proportional to the steps taken. MiniGrid uses 0.9.
         living_reward: reward of every step.
     """
 
@@ -73,18 +73,18 @@ DEFAULTS = GridParams()
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GridWorld(GeneratedTask[GridState, GridParams]):
-    """Base of worlds of things and doors; subclasses lay them out and say what solves them.
+    """Base of worlds of things and doors; subclasses define layouts and success.
 
     Actions: turn left, turn right, move forward, move backward, interact, pick up, drop, done. A
-    move into anything solid is cancelled; keys, balls and boxes are solid where they lie. Interact
-    opens the door in front, or closes it; a locked one needs its key in the hand, which stays
-    there. A box that is interacted with is gone, and what was in it lies there. The hand holds one
-    thing, and drops it on the tile in front if nothing is there. Lava ends the episode.
+    move into anything solid is cancelled; keys, balls and boxes are solid. Interact opens or
+    closes the door in front; a locked door needs its key in the hand, which stays there. Interact
+    also opens a box, which disappears and leaves its content. The hand holds one thing, and drops
+    it on the tile in front if that is empty. Lava ends the episode.
 
-    Reward: `goal_reward` for the aim, less what `time_cost` takes; `fail_reward` for other ends.
+    Reward: `goal_reward` for success, reduced by `time_cost`; `fail_reward` for other ends.
 
     Attributes:
-        defaults: the params that `params=None` stands for.
+        defaults: the default params.
     """
 
     defaults: GridParams = DEFAULTS
@@ -92,9 +92,9 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
     action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES, "pick up", "drop", "done")
     success_event: ClassVar[str] = "solved"
     kinds: ClassVar[tuple[int, ...]] = (GOAL_KIND,)
-    """The kinds of things that the world may hold."""
+    """The kinds of things that the world may have."""
     asks: ClassVar[bool] = False
-    """Whether each episode has an instruction of its own, which has to be seen."""
+    """Whether each episode has its own instruction, which must be visible."""
     hands: ClassVar[bool] = True
     """Whether things can be picked up."""
     starts_on_grid: ClassVar[bool] = True
@@ -104,21 +104,21 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
 
     @property
     def default_params(self) -> GridParams:
-        """The params that `params=None` stands for."""
+        """The default params."""
         return self.defaults
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the world looks."""
+        """The look of the world."""
         return theme_of(self.kinds, self.camera, asks=self.asks)
 
     def init_state(self, key: jax.Array, params: GridParams) -> GridState:
-        """Lay a world out, its start included; with `levels`, one of those."""
+        """Lay out a world with its start; with `levels`, one of those."""
         del params
         return self.lay_out(self.level_key(key))
 
     def level_parts(self, state: GridState) -> tuple[jax.Array, ...]:
-        """The walls with the doors, what lies where, the instruction, and a start on the grid."""
+        """The walls with the doors, the things, the instruction, and a start on the grid."""
         walls = jnp.asarray(state.level.walls)[0]
         parts = walls, things_map(state.things, walls.shape), state.asked
         if not self.starts_on_grid:
@@ -128,24 +128,24 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
 
     @abc.abstractmethod
     def lay_out(self, key: jax.Array) -> GridState:
-        """Sample the walls, doors and things, the start and the instruction, from a key alone."""
+        """Sample walls, doors and things, the start and the instruction, only from the key."""
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """bool[], bool[]: whether a step solved the world, and whether it failed.
 
-        Here the goal is reached by standing on its tile.
+        By default, standing on the goal's tile solves it.
         """
         here = step.after.things.at(step.after.cell)
         return jnp.any(here & step.after.things.of(GOAL_KIND)), jnp.bool_(False)
 
     def subgoal(self, state: GridState) -> Subgoal:
-        """What solves the world from here, whatever may be in the way; here the goal."""
+        """What solves the world from here, ignoring obstacles; by default the goal."""
         return Subgoal(self.tiles_of(state, state.things.of(GOAL_KIND)), jnp.int32(NOWHERE))
 
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
     ) -> tuple[GridState, jax.Array, jax.Array, Info]:
-        """Move, use the hand, let the world move, and judge what came of it."""
+        """Move, use the hand, let the world move, and judge the result."""
         before = state
         pose = state.position, state.heading
         position, heading = steer(*solid_level(state), *pose, action, params)
@@ -163,19 +163,19 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         return state, reward, solved | failed, events
 
     def drift(self, key: jax.Array, state: GridState, params: GridParams) -> GridState:
-        """What moves by itself; here nothing does."""
+        """Move what moves by itself; by default nothing does."""
         del key, params
         return state
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return About(
             aim=self.aim_words,
-            ends="where it is solved or failed",
+            ends="on success or failure",
             rewards={
                 "goal_reward": "{:+g} if solved",
                 "fail_reward": "{:+g} if failed",
-                "living_reward": "{:+g} a step",
+                "living_reward": "{:+g} per step",
             },
             events={
                 "opened_door": Event("opened a door"),
@@ -186,19 +186,19 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
                 "solved": Event(self.aim_words),
                 "failed": Event(self.fail_words),
             },
-            variables={"carried": "label of what is carried, 0 for nothing"},
+            variables={"carried": "label of the thing in the hand, 0 for nothing"},
             players={"planner": PLANNER},
             expert="planner",
             generated=super().about().generated,
             holds={
-                "no more than one thing is carried": lambda state: (
+                "the hand holds at most one thing": lambda state: (
                     jnp.sum(state.things.held, dtype=jnp.int32) <= 1
                 )
             },
         )
 
     def describe(self, state: GridState, params: GridParams) -> Info:
-        """Add what is carried."""
+        """Add the thing in the hand."""
         labels = jnp.asarray([thing.label for thing in KINDS], jnp.int32)
         things = state.things
         label = labels[things.kind] + things.colour
@@ -206,17 +206,17 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         return super().describe(state, params) | {"carried": carried}
 
     def scene(self, state: GridState, params: GridParams) -> Scene:
-        """The world, what is carried, and what was asked for."""
+        """The world, the thing in the hand, and the instruction."""
         del params
         return scene_of(
             state, self.theme, self.kinds, self.camera, hands=self.hands, asks=self.asks
         )
 
     def variables(self, state: GridState) -> dict[str, jax.Array]:
-        """`carried`: float32[9], the colour and the kind of what is carried, one-hot each.
+        """`carried`: float32[9], the colour and the kind of the thing in the hand, one-hot each.
 
-        With an instruction also `asked`: float32[20], likewise of what it names and of what that
-        is to be put near, with doors and a kind for nothing that is zero here.
+        With an instruction also `asked`: float32[20], the same for the requested thing and for the
+        thing to put it near, including doors; all zeros for nothing.
         """
         held = state.things.held
         colour = jnp.any(held[:, None] & _one_hot(state.things.colour, len(COLOUR_NAMES)), axis=0)
@@ -230,13 +230,13 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         return found
 
     def variable_spaces(self) -> dict[str, Box]:
-        """Their spaces."""
+        """The spaces of the variables."""
         sizes = {"carried": 9, "asked": 20} if self.asks else {"carried": 9}
         kind = np.dtype(np.float32)
         return {name: Box(0.0, 1.0, (size,), kind) for name, size in sizes.items()}
 
     def instruction(self, state: GridState) -> str:
-        """What one state asks for, such as "asked for: green key"; "" without an instruction."""
+        """The instruction of a state, such as "asked for: green key"; "" without instructions."""
         if not self.asks:
             return ""
         rows = [(int(kind), int(colour)) for kind, colour in np.asarray(state.asked) if kind >= 0]
@@ -244,18 +244,18 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         return f"asked for: {' near '.join(words)}"
 
     def front(self, state: GridState, params: GridParams) -> jax.Array:
-        """int32[2]: the tile in front of the agent; its own if the arm reaches no other."""
+        """int32[2]: the tile in front of the agent, or its own if the arm reaches no other."""
         return tile_in_front(state, params.interact_distance)
 
     # For families and players.
 
     def asked_for(self, state: GridState, which: int = 0) -> jax.Array:
-        """bool[N], the things that are what is asked for, or what that is to be put near."""
+        """bool[N], the things that match the requested one, or the one to put it near."""
         kind, colour = state.asked[which, 0], state.asked[which, 1]
         return (state.things.kind == kind) & (state.things.colour == colour)
 
     def tiles_of(self, state: GridState, which: jax.Array) -> jax.Array:
-        """bool[rows, columns], the tiles of those of bool[N] things that lie there."""
+        """bool[rows, columns], the tiles of those of bool[N] things that are on tiles."""
         shape = state.level.walls.shape[-2:]
         return mask_of(state.things.tile, which & state.things.lying, shape)
 
@@ -271,9 +271,9 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PickUpWorld(GridWorld):
-    """Base of worlds that are solved by picking up what is asked for."""
+    """Base of worlds that are solved by picking up the requested thing."""
 
-    aim_words: ClassVar[str] = "picked up what was asked for"
+    aim_words: ClassVar[str] = "picked up the requested thing"
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
         """Whether it is in the hand."""
@@ -297,5 +297,5 @@ def _events(before: GridState, after: GridState) -> Info:
 
 
 def _one_hot(index: jax.Array, count: int) -> jax.Array:
-    """bool[n, count]; no entry for indices beyond."""
+    """bool[n, count]; all false for indices out of range."""
     return index[:, None] == np.arange(count, dtype=np.int32)[None]

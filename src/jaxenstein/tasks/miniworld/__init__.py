@@ -1,5 +1,5 @@
-"""MiniWorld's environments, a metre to a tile.
+"""MiniWorld's environments, one metre per tile.
 
 Rules and numbers are those of Farama-Foundation/Miniworld; docs/originals/miniworld.md and
-miniworld-objects.md say where the ports differ.
+miniworld-objects.md list the differences.
 """

@@ -18,15 +18,15 @@ from ..random_maze import carve
 from ..steering import sample_heading
 from .rooms import BRICK, BoxState, ReachBox
 
-# Tiles of a cell's side, and from one cell to the next: walls are a tile thick.
+# Tiles along a cell's side, and from one cell to the next: walls are a tile thick.
 _CELL = 3
 _PITCH = _CELL + 1
-# How much a start and a box keep from the edges of their cell; how many starts are drawn.
+# The distance of a start and a box from the edges of their cell; how many starts are drawn.
 _BODY, _BOX, _TRIES = 0.4, 0.566, 16
 
 
 class BoxMazeState(BoxState):
-    """State of the task.
+    """The state of the task.
 
     Attributes:
         level: the walls of this episode.
@@ -40,13 +40,13 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
     """A red box to reach in a maze of wide cells; actions and reward are those of `ReachBox`.
 
     Attributes:
-        cells: cells in a row and in a column, 1 to 15.
+        cells: cells per row and per column, 1 to 15.
     """
 
     cells: int = number(8, 1, 15)
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> BoxMazeState:
-        """Sample the maze and the place of its box, then a start."""
+        """Sample the maze, the position of its box, and a start."""
         level_key, start_key = jax.random.split(key)
         count = self.cells
         bits = jax.random.bits(self.level_key(level_key), (count**2 + 3,), jnp.uint32)
@@ -62,7 +62,7 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
         )
 
     def level_parts(self, state: BoxMazeState) -> tuple[jax.Array, ...]:
-        """The walls, and the cell of the box; its place within the cell does not count."""
+        """The walls, and the cell of the box, whatever the box's position in it."""
         cell = jnp.floor((state.goal - 1) / _PITCH).astype(jnp.int32)
         return jnp.asarray(state.level.walls), cell
 
@@ -71,14 +71,14 @@ class BoxMaze(GeneratedTask[BoxMazeState, NavigationParams], ReachBox[BoxMazeSta
         return state.level
 
     def _place(self, bits: jax.Array, margin: float) -> jax.Array:
-        """float32[2]: a place in any cell, so far from its edges, from uint32[3]."""
+        """float32[2]: a position in any cell, at a distance from its edges, from uint32[3]."""
         cell = sample_index(bits[0], self.cells**2)
         corner = 1 + _PITCH * jnp.stack([cell % self.cells, cell // self.cells])
         inside = margin + sample_unit(bits[1:]) * jnp.float32(_CELL - 2 * margin)
         return corner.astype(jnp.float32) + inside
 
     def _floor(self, bits: jax.Array) -> jax.Array:
-        """bool[rows, columns], the floor of a maze of cells: recursive backtracking."""
+        """bool[rows, columns], the floor of a maze of cells, by recursive backtracking."""
         _, links = carve(bits, jnp.zeros((self.cells, self.cells), jnp.int32))
         tile = np.arange(_PITCH * self.cells)
         cell, between = tile // _PITCH, tile % _PITCH == _CELL

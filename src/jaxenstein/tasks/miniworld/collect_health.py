@@ -28,23 +28,23 @@ from ..health_gathering import HealthRoom
 from ..steering import ACTION_NAMES, SteeringParams, sample_heading, steer
 from .rooms import CEILING
 
-# Tiles of the room's side, medkits, and how many places are drawn for one that lies apart.
+# Tiles along the room's side, medkits, and how many places are drawn for one that is apart.
 ROOM, MEDKITS, _TRIES = 16, 18, 8
 PICK_UP = 4
-# Radii of the body and of a medkit in tiles; and those of the hand, and how far ahead it is.
+# Radii of the body and of a medkit in tiles; then those of the hand, and its distance ahead.
 _BODY, _MEDKIT = 0.4, 0.25
 _HAND, _AHEAD = 0.48, 0.6
-# Turns by which the player may be off its way.
+# How many turns the player's heading may be off.
 _SLACK = 0.75
 
 
 class CollectHealthParams(SteeringParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
         damage: health lost in each step.
-        living_reward: reward of every step, the last one included.
-        death_penalty: taken off the reward of the step that dies.
+        living_reward: reward of every step, including the last one.
+        death_penalty: subtracted from the reward of the step in which the agent dies.
     """
 
     max_steps_in_episode: Scalar = number(1000, 1)
@@ -54,7 +54,7 @@ class CollectHealthParams(SteeringParams):
 
 
 class CollectHealthState(State):
-    """State of the task.
+    """The state of the task.
 
     Attributes:
         health: int32[], 0 to 100.
@@ -66,10 +66,10 @@ class CollectHealthState(State):
 
 
 def collector(env: CollectHealth, params: CollectHealthParams) -> Choose:
-    """Go to the medkit from which most others are near, of those that can be reached in time.
+    """Go to the reachable medkit that is close to most others.
 
-    It waits there, and picks it up when hardly any health is left. What it leaves lies around it,
-    so that the next one is not too far away.
+    The player waits there, and picks it up when hardly any health is left. Other medkits are
+    around it, so the next one is not too far away.
     """
     body = movement_of(env, params)
     damage = jnp.asarray(params.damage, jnp.float32)
@@ -92,7 +92,7 @@ def collector(env: CollectHealth, params: CollectHealthParams) -> Choose:
 
 
 def _decisions(body: Movement, heading: jax.Array, offset: jax.Array) -> jax.Array:
-    """float32[n]: how many it takes until the hand touches medkits at float32[n, 2] from here."""
+    """float32[n]: decisions until the hand touches medkits at offsets float32[n, 2]."""
     error = jnp.arctan2(offset[:, 1], offset[:, 0]) - heading
     error = jnp.abs(jnp.mod(error + math.pi, 2 * math.pi) - math.pi)
     left = jnp.maximum(jnp.sqrt(jnp.sum(offset**2, axis=-1)) - (_AHEAD + _HAND), 0)
@@ -100,7 +100,7 @@ def _decisions(body: Movement, heading: jax.Array, offset: jax.Array) -> jax.Arr
 
 
 def _behind_others(offset: jax.Array) -> jax.Array:
-    """bool[n]: which of the medkits at float32[n, 2] from here another one is in the way of."""
+    """bool[n]: which medkits at offsets float32[n, 2] have another one in the way."""
     square = jnp.sum(offset**2, axis=-1)
     along = jnp.sum(offset[:, None] * offset[None], axis=-1) / jnp.maximum(square, 1e-6)[:, None]
     past = offset[None] - along[..., None] * offset[:, None]
@@ -110,9 +110,9 @@ def _behind_others(offset: jax.Array) -> jax.Array:
 
 
 def _worth(medkits: jax.Array, body: Movement, often: jax.Array) -> jax.Array:
-    """float32[18]: how many ways there are from each to another one, and on to a third.
+    """float32[18]: from each medkit, the number of paths to a second and on to a third.
 
-    Each within what full health allows after half a turn.
+    Each part must be possible with full health after half a turn.
     """
     strides = FULL_HEALTH / often - 2 - math.pi / body.angle
     reach = strides * body.step * body.steps
@@ -133,9 +133,9 @@ COLLECTOR = Player(
 class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
     """Stay alive on a floor that hurts, by picking up medkits.
 
-    Actions: turn left, turn right, forward, backward, pick up. Every step takes 2 health; picking
-    up what is in front gives all of it back, and the medkit appears elsewhere. Medkits stand in the
-    way. Reward: 2 a step, and -100 for the step that dies, which terminates.
+    Actions: turn left, turn right, forward, backward, pick up. Every step takes 2 health. Picking
+    up a medkit in front restores full health, and the medkit reappears elsewhere. Medkits block
+    the way. Reward: 2 per step, and -100 for the step in which the agent dies, which terminates.
     """
 
     params_class: ClassVar[type[Params]] = CollectHealthParams
@@ -144,13 +144,13 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
 
     @functools.cached_property
     def tilemap(self) -> TileMap:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The room, with its wall one tile thick."""
+        """The room, with a wall one tile thick."""
         walls = np.full((ROOM + 2, ROOM + 2), DEFAULT_WALL, np.uint8)
         walls[1:-1, 1:-1] = 0
         return TileMap(self.name, tuple(bytes(line) for line in walls))
 
     def init_state(self, key: jax.Array, params: CollectHealthParams) -> CollectHealthState:
-        """Lay medkits down apart from each other, and begin apart from them."""
+        """Place medkits apart from each other, and a start apart from them."""
         del params
         bits = jax.random.bits(key, (MEDKITS + 2, _TRIES, 2), jnp.uint32)
 
@@ -158,7 +158,7 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
             index, own = turn
             return medkits.at[index].set(_place(own, medkits, _MEDKIT)), None
 
-        # Those that do not lie there yet are far away.
+        # Medkits that are not placed yet are far away.
         nowhere = jnp.full((MEDKITS, 2), -ROOM, jnp.float32)
         turns = jnp.arange(MEDKITS, dtype=jnp.int32), bits[:MEDKITS]
         medkits, _ = jax.lax.scan(lay, nowhere, turns)
@@ -176,7 +176,7 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
         action: jax.Array,
         params: CollectHealthParams,
     ) -> tuple[CollectHealthState, jax.Array, jax.Array, Info]:
-        """Move, pick up, suffer."""
+        """Move, pick up, take damage."""
         closed = jnp.zeros(0, bool)
         before = state.position
         position, heading = steer(self.level, closed, before, state.heading, action, params)
@@ -185,7 +185,7 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
         position = jnp.where(jnp.any(blocked), before, position)
         state = state.replace(position=position, heading=heading)
         taken = _first(in_hand(state)) & (action == PICK_UP)
-        # Whatever is taken is not in the way of its own new place.
+        # A medkit that is taken does not block its own new place.
         others = jnp.where(taken[:, None], jnp.float32(-ROOM), state.medkits)
         others = jnp.concatenate([others, position[None]])
         place = _place(jax.random.bits(key, (_TRIES, 2), jnp.uint32), others, _MEDKIT)
@@ -200,12 +200,12 @@ class CollectHealth(HealthRoom[CollectHealthState, CollectHealthParams]):
         return state, reward, dead, {"took_medkit": picked, "died": dead}
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         about = about_health({"took_medkit": Event("took a medkit")}, COLLECTOR, "step")
         return dataclasses.replace(about, players={"collector": COLLECTOR}, expert="collector")
 
     def scene(self, state: CollectHealthState, params: CollectHealthParams) -> Scene:
-        """The room and the medkits in it."""
+        """The room and its medkits."""
         del params
         return Scene(
             level=self.level,
@@ -228,7 +228,7 @@ def in_hand(state: CollectHealthState) -> jax.Array:
 
 
 def _first(which: jax.Array) -> jax.Array:
-    """bool[n]: the first one of bool[n] that is true."""
+    """bool[n]: the first true entry of bool[n]."""
     return which & (jnp.cumsum(which, dtype=jnp.int32) == 1)
 
 
@@ -237,7 +237,7 @@ def _distances(place: jax.Array, medkits: jax.Array) -> jax.Array:
 
 
 def _place(bits: jax.Array, others: jax.Array, radius: float) -> jax.Array:
-    """float32[2]: the first of places that is apart from other medkits, from uint32[n, 2]."""
+    """float32[2]: the first candidate that is apart from other medkits, from uint32[n, 2]."""
     side = jnp.float32(ROOM - 2 * radius)
     places = 1 + jnp.float32(radius) + sample_unit(bits) * side
     distances = jax.vmap(_distances, (0, None))(places, others)

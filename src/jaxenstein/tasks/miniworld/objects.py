@@ -1,6 +1,6 @@
-"""MiniWorld's rooms with things to pick up and to carry, by the rules of the worlds of things.
+"""MiniWorld's rooms with things to pick up and carry, with the rules of MiniGrid's worlds.
 
-Things lie in the middle of tiles, and what is in front is the tile that an arm meets first.
+Things are at the centres of tiles, and "in front" is the first tile that an arm meets.
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ from ..steering import ACTION_NAMES, sample_heading
 from .rooms import ASPHALT, CEILING, FLOOR, SKY
 
 RED, YELLOW = (COLOUR_NAMES.index(name) for name in ("red", "yellow"))
-# Tiles from a way to the middles of those that are solid: half a tile's diagonal and a little.
+# Tiles from a path to the centres of solid tiles: half a tile's diagonal and a little.
 _KEPT_OFF = 0.8
-# Turns by which a heading may be off.
+# How many turns a heading may be off.
 _TURNS_OFF = 0.75
 
 
 def walk_straight(
     body: Movement, scene: Scene, field: jax.Array, key: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """As `walk_down`, but straight ahead where the ground is open.
+    """As `walk_down`, but straight ahead over open ground.
 
-    Of the tiles that lie open before the player and are nearer to the target, it goes to the one
-    by which the whole way is shortest; along corners it goes from tile to tile.
+    Of the tiles in open view that are closer to the target, it goes to the one with the shortest
+    path overall; around corners it goes from tile to tile.
     """
     stepwise, target = walk_down(body, scene, field, key)
     row, column = np.indices(field.shape, np.float32)
@@ -67,23 +67,23 @@ def walk_straight(
 
 
 def _lies_open(offsets: jax.Array, solid: jax.Array) -> jax.Array:
-    """bool[n]: whether a straight way to each of n tiles keeps off all that are solid.
+    """bool[n]: whether a straight path to each of n tiles stays away from all solid tiles.
 
     Args:
-        offsets: float32[n, 2], from the player to the middle of each.
+        offsets: float32[n, 2], from the player to the centre of each.
         solid: bool[n].
     """
     length = jnp.maximum(jnp.sum(offsets**2, axis=-1), 1e-6)
-    # How far along each way (rows) the middle of each tile (columns) is passed.
+    # How far along each path (rows) the centre of each tile (columns) is passed.
     along = jnp.sum(offsets[:, None] * offsets[None], axis=-1) / length[:, None]
     past = offsets[None] - jnp.clip(along, 0, 1)[..., None] * offsets[:, None]
-    # What lies behind only gets farther away.
+    # Tiles behind the player only get farther away.
     near = (along > 0) & (jnp.sum(past**2, axis=-1) < _KEPT_OFF**2)
     return ~jnp.any(near & solid[None], axis=1)
 
 
 def plan(env: ThingsRoom, params: GridParams) -> Choose:
-    """What solves worlds of things, by the actions that there are here."""
+    """As `planner`, with the actions of these rooms."""
     choose = planner(env, params, walk_straight)
     deeds = np.array(env.deeds, np.int32)
 
@@ -98,18 +98,18 @@ PLAN = Player("plans what to pick up and where to put it; sees the whole state",
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ThingsRoom(GridWorld):
-    """Base of rooms with things, whose actions are MiniWorld's.
+    """Base of rooms with things and MiniWorld's actions.
 
     Attributes:
-        size: tiles of the room's side, without its walls.
+        size: tiles along the room's side, without its walls.
     """
 
     size: int = number(12, 1, 60)
 
     deeds: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, PICK_UP, DROP)
-    """What each action is in worlds of things."""
+    """The MiniGrid action for each action."""
     event_names: ClassVar[tuple[str, ...]] = ("picked_up", "dropped", "solved")
-    """The events that may happen."""
+    """The possible events."""
     kinds: ClassVar[tuple[int, ...]] = (KEY_KIND, BALL_KIND, BOX_KIND)
     outside: ClassVar[bool] = False
     starts_on_grid: ClassVar[bool] = False
@@ -117,7 +117,7 @@ class ThingsRoom(GridWorld):
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the room looks."""
+        """The look of the room."""
         floor, ceiling = (ASPHALT, SKY) if self.outside else (FLOOR, CEILING)
         return super().theme.replace(
             floor=np.array(floor, np.float32), ceiling=np.array(ceiling, np.float32)
@@ -126,7 +126,7 @@ class ThingsRoom(GridWorld):
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
     ) -> tuple[GridState, jax.Array, jax.Array, Info]:
-        """Do what the action is in worlds of things."""
+        """Take the matching MiniGrid action."""
         known = (action >= 0) & (action < len(self.deeds))
         deed = jnp.asarray(np.array(self.deeds, np.int32))[jnp.clip(action, 0, len(self.deeds) - 1)]
         state, reward, over, events = super().transition(
@@ -135,11 +135,11 @@ class ThingsRoom(GridWorld):
         return state, reward, over, {name: events[name] for name in self.event_names}
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         about = super().about()
         return dataclasses.replace(
             about,
-            ends="where it is solved",
+            ends="on success",
             rewards={name: about.rewards[name] for name in ("goal_reward", "living_reward")},
             events={name: about.events[name] for name in self.event_names},
             players={"planner": PLAN},
@@ -152,10 +152,10 @@ def _any_heading(sketch: Sketch, state: GridState) -> GridState:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PickupObjects(ThingsRoom):
-    """A room with things to pick up: each pays, and is gone; the last one ends the episode.
+    """A room with things to pick up: each gives a reward and disappears; the last ends the episode.
 
     Attributes:
-        objects: how many things.
+        objects: the number of things.
     """
 
     objects: int = 5
@@ -181,17 +181,17 @@ class PickupObjects(ThingsRoom):
         return _any_heading(sketch, sketch.state())
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """Whether nothing lies there any more."""
+        """Whether all things are picked up."""
         return ~jnp.any(step.after.things.lying), jnp.bool_(False)
 
     def subgoal(self, state: GridState) -> Subgoal:
-        """To pick up whatever lies there."""
+        """To pick up any thing."""
         return Subgoal(self.tiles_of(state, state.things.lying), jnp.int32(PICK_UP))
 
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
     ) -> tuple[GridState, jax.Array, jax.Array, Info]:
-        """What is picked up pays, and is gone."""
+        """Reward and remove what is picked up."""
         state, _, over, events = super().transition(key, state, action, params)
         held = state.things.held
         place = jnp.where(held, GONE, state.things.place)
@@ -200,24 +200,25 @@ class PickupObjects(ThingsRoom):
         return state, params.living_reward + paid, over, events
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         about = super().about()
-        rewards = {**about.rewards, "goal_reward": "{:+g} a thing picked up"}
+        rewards = {**about.rewards, "goal_reward": "{:+g} per thing picked up"}
         return dataclasses.replace(about, ends="at the last thing", rewards=rewards)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PutNext(ThingsRoom):
-    """A room with a box in each colour: put the red one down beside the yellow one.
+    """A room with a box in each colour: put the red one beside the yellow one.
 
-    Or the yellow one beside the red one; beside is on one of the four tiles around.
+    Putting the yellow one beside the red one counts too; beside means on one of the four
+    neighbouring tiles.
     """
 
     kinds: ClassVar[tuple[int, ...]] = (BOX_KIND,)
     aim_words: ClassVar[str] = "put the red box beside the yellow one"
 
     def lay_out(self, key: jax.Array) -> GridState:
-        """Sample where the boxes are, the red one not beside the yellow one, and the start."""
+        """Sample the boxes, the red one not beside the yellow one, and the start."""
         sketch = Sketch(key, self.size + 2, self.size + 2)
         yellow = sketch.tile_in(sketch.free)
         sketch.thing(BOX_KIND, YELLOW, yellow)
@@ -228,7 +229,7 @@ class PutNext(ThingsRoom):
         return _any_heading(sketch, sketch.state())
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """Whether the two lie beside each other."""
+        """Whether the two boxes are beside each other."""
         red, yellow = (self._box(step.after, colour) for colour in (RED, YELLOW))
         return jnp.any(red & beside(yellow)), jnp.bool_(False)
 

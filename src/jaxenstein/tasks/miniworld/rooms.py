@@ -1,6 +1,6 @@
-"""MiniWorld's rooms with a red box to reach: their rules, where their floor is, where things are.
+"""MiniWorld's rooms with a red box to reach: the rules, and the layouts.
 
-Bodies keep 0.4 m from walls there, boxes half their diagonal, 0.57 m.
+In MiniWorld, bodies keep 0.4 m from walls, and boxes half their diagonal, 0.57 m.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ..navigation import FixedMap
 from ..steering import ACTION_NAMES, centres, heading_range, sample_heading
 
 Area = tuple[float, float, float, float]
-"""Where something may be: least x, least y, most x, most y in tiles."""
+"""An area: least x, least y, most x, most y in tiles."""
 FLOOR: tuple[RGB, RGB] = ((150, 150, 154), (134, 134, 140))
 CEILING: RGB = (196, 198, 204)
 ASPHALT: tuple[RGB, RGB] = ((92, 92, 96), (86, 86, 90))
@@ -41,11 +41,11 @@ _BODY, _BOX = 0.4, 0.8 * math.sqrt(0.5)
 
 
 class BoxParams(NavigationParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
-        time_cost: share of `goal_reward` that is lost by the time limit, in proportion to the
-            steps taken.
+        time_cost: fraction of `goal_reward` that is lost at the time limit; the loss is
+            proportional to the steps taken.
     """
 
     max_steps_in_episode: Scalar = number(250, 1)
@@ -57,7 +57,7 @@ DEFAULTS = BoxParams()
 
 
 class BoxState(State):
-    """State of the task.
+    """The state of the task.
 
     Attributes:
         goal: float32[2], (x, y) of the box in tiles.
@@ -71,10 +71,10 @@ S = TypeVar("S", bound=Any)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ReachBox(GoalTask[S]):
-    """Base of tasks that are to reach a red box; the sooner, the more it pays.
+    """Base of tasks to reach a red box; the earlier, the higher the reward.
 
-    Actions: turn left, turn right, forward. Reward: 1 - 0.2 t / T at the box, which terminates,
-    where t counts the steps and T is their limit.
+    Actions: turn left, turn right, forward. Reward: 1 - 0.2 t / T at the box, which terminates the
+    episode, where t is the number of steps and T their limit.
     """
 
     defaults: NavigationParams = DEFAULTS
@@ -83,11 +83,11 @@ class ReachBox(GoalTask[S]):
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the rooms look."""
+        """The look of the rooms."""
         return self._theme(FLOOR, CEILING)
 
     def _theme(self, floor: tuple[RGB, RGB], ceiling: RGB, *more: int) -> Theme:
-        """That of the box, and of things that stand on the floor besides, by their labels."""
+        """A theme with the box and with other things on the floor, by their labels."""
         theme = build_theme((BOX.label, *more), doors=False, floor=floor, ceiling=ceiling)
         radius = np.array([_HALF, *np.asarray(theme.sprite_radius)[1:]], np.float32)
         return theme.replace(sprite_radius=radius, sprite_drop=np.float32(0.5) - radius)
@@ -103,25 +103,25 @@ class ReachBox(GoalTask[S]):
         return state, reward - jnp.where(reached, lost, 0), reached, events
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         return dataclasses.replace(
             super().about(),
             aim="reached the box",
             ends="at the box",
             rewards={
-                "goal_reward": "{:+g} at the box, less what the time takes",
-                "living_reward": "{:+g} a step",
+                "goal_reward": "{:+g} at the box, less the time cost",
+                "living_reward": "{:+g} per step",
             },
             events={"reached_goal": Event("reached the box")},
             variables={"distance_to_goal": "tiles to the box, in a straight line"},
         )
 
     def goal_of(self, state: S) -> jax.Array:
-        """float32[2]: the place of the box in tiles."""
+        """float32[2]: the position of the box in tiles."""
         return state.goal
 
     def distance_field(self, state: S) -> jax.Array:
-        """int32[rows, columns]: tiles on foot to the box."""
+        """int32[rows, columns]: walking distance in tiles to the box."""
         level = self.level_of(state)
         walls = jnp.asarray(level.walls)[0] != 0
         row, column = np.indices(walls.shape, np.int32)
@@ -129,20 +129,20 @@ class ReachBox(GoalTask[S]):
         return flood(~walls & self._allowed(walls.shape), (column == cell[0]) & (row == cell[1]))
 
     def _allowed(self, shape: tuple[int, ...]) -> np.ndarray:
-        """bool[rows, columns], where a player may walk."""
+        """bool[rows, columns], the tiles on which a player may walk."""
         return np.ones(shape, bool)
 
 
 def sample_away(
     bits: jax.Array, areas: tuple[Area, ...], goal: jax.Array, radius: Scalar
 ) -> jax.Array:
-    """float32[2]: a place in one of the areas that is not within a radius of the goal.
+    """float32[2]: a position in one of the areas, outside a radius around the goal.
 
     Args:
-        bits: uint32[n, 3]; only if all of n places are too near, the first one is taken.
-        areas: where.
+        bits: uint32[n, 3]; if all n positions are too close, the first one is used.
+        areas: the areas.
         goal: float32[2].
-        radius: tiles.
+        radius: in tiles.
     """
     places = jax.vmap(functools.partial(sample_place, areas=areas))(bits)
     near = jnp.sum((places - goal[None]) ** 2, axis=-1) <= jnp.square(radius)
@@ -150,9 +150,9 @@ def sample_away(
 
 
 def sample_place(bits: jax.Array, areas: tuple[Area, ...]) -> jax.Array:
-    """float32[2]: a place in one of the areas, uniform over all, from uint32[3]."""
+    """float32[2]: a position drawn uniformly from the union of the areas, from uint32[3]."""
     table = np.array(areas, np.float32).reshape(-1, 2, 2)
-    # An area may be a single place.
+    # An area may be a single point.
     sizes = np.maximum(np.prod(table[:, 1] - table[:, 0], axis=1), 1e-6)
     upto = (np.cumsum(sizes) / np.sum(sizes)).astype(np.float32)[:-1]
     chosen = jnp.sum(sample_unit(bits[0]) >= upto, dtype=jnp.int32)
@@ -162,15 +162,15 @@ def sample_place(bits: jax.Array, areas: tuple[Area, ...]) -> jax.Array:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BoxRooms(FixedMap[BoxState, NavigationParams], ReachBox[BoxState]):
-    """A red box to reach in rooms that stay as they are.
+    """A red box to reach in fixed rooms.
 
     Attributes:
         tilemap: the rooms.
-        starts: areas to start from, any place of which is equally likely.
+        starts: areas of starts, which are uniform over all of them.
         boxes: areas for the box.
         heading: degrees of the first heading: None for any, a number, or (lowest, highest).
-        street: an area that ends the episode, without a reward.
-        cones: places of cones, which warn of it.
+        street: an area that ends the episode without a reward.
+        cones: positions of cones, which warn of the street.
         outside: whether there is a sky above.
     """
 
@@ -189,12 +189,12 @@ class BoxRooms(FixedMap[BoxState, NavigationParams], ReachBox[BoxState]):
 
     @functools.cached_property
     def theme(self) -> Theme:
-        """How the rooms look."""
+        """The look of the rooms."""
         look = (ASPHALT, SKY) if self.outside else (FLOOR, CEILING)
         return self._theme(*look, *([CONE.label] if self.cones else []))
 
     def init_state(self, key: jax.Array, params: NavigationParams) -> BoxState:
-        """Sample the box, and a start from which it is not reached yet."""
+        """Sample the box, and a start that does not reach it."""
         bits = jax.random.bits(key, (_TRIES + 2, 3), jnp.uint32)
         goal = sample_place(bits[0], self.boxes)
         return BoxState(
@@ -206,7 +206,7 @@ class BoxRooms(FixedMap[BoxState, NavigationParams], ReachBox[BoxState]):
     def transition(
         self, key: jax.Array, state: BoxState, action: jax.Array, params: NavigationParams
     ) -> tuple[BoxState, jax.Array, jax.Array, Info]:
-        """Move, and check whether the box is reached, or the street."""
+        """Move, and check whether the agent reached the box or the street."""
         state, reward, over, events = super().transition(key, state, action, params)
         if self.street is not None:
             low, high = np.array(self.street, np.float32).reshape(2, 2)
@@ -216,7 +216,7 @@ class BoxRooms(FixedMap[BoxState, NavigationParams], ReachBox[BoxState]):
         return state, reward, over, events
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         about = super().about()
         if self.street is None:
             return about
@@ -231,7 +231,7 @@ class BoxRooms(FixedMap[BoxState, NavigationParams], ReachBox[BoxState]):
         return add_sprites(scene, places, jnp.ones(count, jnp.int32), jnp.ones(count, bool))
 
     def _allowed(self, shape: tuple[int, ...]) -> np.ndarray:
-        """All but the street."""
+        """Everything except the street."""
         if self.street is None:
             return super()._allowed(shape)
         row, column = np.indices(shape)
@@ -240,13 +240,13 @@ class BoxRooms(FixedMap[BoxState, NavigationParams], ReachBox[BoxState]):
 
 
 class Rooms(NamedTuple):
-    """One of the layouts.
+    """A layout.
 
     Attributes:
         floors: rectangles of floor: column, row, columns, rows.
-        starts: where episodes start.
-        boxes: where the box may be.
-        settings: of `BoxRooms`.
+        starts: areas of starts.
+        boxes: areas for the box.
+        settings: settings of `BoxRooms`.
         wall: label of the walls.
     """
 
@@ -265,7 +265,7 @@ def _square(side: int) -> Rooms:
 
 
 def _hallway() -> Rooms:
-    # What MiniWorld says of the box' and the start's places is meant of their edges.
+    # MiniWorld's bounds for box and start refer to their edges.
     starts = (1 + _BODY, 1 + _BODY, 11 + _BODY, 5 - _BODY)
     boxes = (11 - _BOX, 1 + _BOX, 13 - _BOX, 5 - _BOX)
     return Rooms(((1, 1, 12, 4),), (starts,), (boxes,), {"heading": (-45.0, 45.0)})
@@ -273,7 +273,7 @@ def _hallway() -> Rooms:
 
 def _four_rooms() -> Rooms:
     corners = (1, 1), (9, 1), (1, 9), (9, 9)
-    # Two metres wide and long: between the upper and the lower rooms, the left and the right ones.
+    # Corridors of two by two metres between the upper and lower rooms, and the left and right ones.
     doors = (7, 3), (7, 11), (3, 7), (11, 7)
 
     def within(margin: float) -> tuple[Area, ...]:

@@ -1,6 +1,6 @@
-"""MiniWorld's Sign: which of six things is asked for is told by a sign behind a wall.
+"""MiniWorld's Sign: a sign behind a wall tells which of six things to touch.
 
-The task of Liu and others, "Decoupling exploration and exploitation for meta-reinforcement
+This is the task of Liu et al., "Decoupling exploration and exploitation for meta-reinforcement
 learning without sacrifices", 2020.
 """
 
@@ -39,31 +39,31 @@ from ..minigrid.world import GridParams
 from ..steering import ACTION_NAMES, sample_heading
 from .objects import ThingsRoom
 
-# (column, row) of the things: of each kind one in red, green and blue.
+# (column, row) of the things: red, green and blue of each kind.
 _COLOURS = ("red", "green", "blue")
 _TILES = {
     BOX_KIND: ((10, 1), (10, 5), (1, 1)),
     KEY_KIND: ((1, 5), (1, 10), (5, 1)),
 }
 _GREY = COLOUR_NAMES.index("grey")
-# The sign on the eastern wall, and the labels of what it says.
+# The sign on the eastern wall, and the labels of its colours.
 _COLUMN, _ROWS = 11, slice(10, 13)
 _SIGNS = np.array([LABEL_NAMES.index(f"{name} wall") for name in _COLOURS], np.int32)
-# Where episodes start: least (x, y), and most.
+# The area of starts: least (x, y), and most.
 _START = np.array(((4.6, 4.6), (6.4, 7.4)), np.float32)
-# Turns before either leg, either way, and the most strides of one.
+# The most turns before either leg, either way, and the most strides of a leg.
 _FIRST, _SECOND, _STRIDES = 4, 2, 14
 _NEVER = 2**14
-# Tiles around the wrong things that the player keeps away from.
+# How many tiles the player stays away from wrong things.
 _AWAY = 2.2
 
 
 class SignParams(GridParams):
-    """The numbers of the task.
+    """The params of the task.
 
     Attributes:
         fail_reward: reward of touching a wrong thing.
-        touch_radius: tiles from the middle of a thing at which it is touched.
+        touch_radius: tiles from the centre of a thing at which it is touched.
     """
 
     max_steps_in_episode: Scalar = number(20, 1)
@@ -77,14 +77,14 @@ DEFAULTS = SignParams()
 
 
 class Surroundings(NamedTuple):
-    """What a leg is walked on, and what there is to touch.
+    """The room in which a leg is walked, and the things to touch.
 
     Attributes:
         level: walls and things.
-        closed: bool[D], which of them are there.
+        closed: bool[D], which of them are present.
         things: float32[N, 2], (x, y) in tiles.
-        right: bool[N], which of them is to be touched; the others end the episode.
-        radius: float32[], tiles at which one is touched.
+        right: bool[N], which of them is the target; the others end the episode.
+        radius: float32[], distance in tiles at which one is touched.
     """
 
     level: Level
@@ -95,12 +95,12 @@ class Surroundings(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """Positions after 0, 1, 2, ... strides; S is the most strides and one.
+    """Positions after 0, 1, 2, ... strides; S is the largest number of strides, plus 1.
 
     Attributes:
         position: float32[S, 2].
-        open: bool[S], whether all strides so far went ahead, and touched nothing wrong.
-        there: bool[S], whether the right thing is touched.
+        open: bool[S], whether no stride so far was blocked or touched a wrong thing.
+        there: bool[S], whether the target is touched.
     """
 
     position: jax.Array
@@ -109,10 +109,10 @@ class Leg(NamedTuple):
 
 
 def two_legs(env: Any, params: Any) -> Choose:
-    """A player for steps so long, and limits so short, that going from tile to tile takes too many.
+    """A player for steps so long and limits so short that walking from tile to tile is too slow.
 
-    It looks at all ways of two straight legs: some turns, some strides, some turns, some strides.
-    It takes the first action of the one with the fewest. Without any it walks on tiles.
+    It searches all paths of two straight legs: turns, strides, turns, strides. It takes the first
+    action of the shortest one. If there is none, it walks from tile to tile.
     """
     body, otherwise = movement_of(env, params), shortest_path(env, params)
     numbers = [np.arange(-most, most + 1, dtype=np.float32) for most in (_FIRST, _SECOND)]
@@ -143,14 +143,14 @@ def two_legs(env: Any, params: Any) -> Choose:
 def _first_action(
     body: Movement, leg: Leg, then: Leg, first: np.ndarray, second: np.ndarray
 ) -> tuple[jax.Array, jax.Array]:
-    """int32[], what to do first on the shortest way that ends at the right thing; bool[], if any.
+    """int32[], the first action of the shortest path to the target; bool[], whether one exists.
 
     Args:
-        body: how it moves.
-        leg: the first ones, [F, S].
-        then: the second ones from each of their places, [F, S, T, S].
-        first: float32[F], turns to the right before the first ones.
-        second: float32[T], before the second ones.
+        body: the movement of the agent.
+        leg: the first legs, [F, S].
+        then: the second legs from each of their positions, [F, S, T, S].
+        first: float32[F], turns to the right before the first legs.
+        second: float32[T], turns to the right before the second legs.
     """
     strides = np.arange(_STRIDES + 1, dtype=np.int32)
     turns = np.abs(first).astype(np.int32)[:, None, None, None]
@@ -159,7 +159,7 @@ def _first_action(
     actions = jnp.where(ends, turns + strides[:, None, None] + more, np.int32(_NEVER))
     chosen = jnp.argmin(actions)
     spin, stride, again, _ = jnp.unravel_index(chosen, actions.shape)
-    # Without a first leg the turns of both are one.
+    # Without a first leg, the turns of both legs can be combined.
     turn = jnp.asarray(first)[spin]
     turn = jnp.where((turn == 0) & (stride == 0), jnp.asarray(second)[again], turn)
     turned = jnp.where(turn > 0, jnp.int32(body.right), jnp.int32(body.left))
@@ -168,7 +168,7 @@ def _first_action(
 
 
 def _leg(body: Movement, room: Surroundings, position: jax.Array, heading: jax.Array) -> Leg:
-    """Walk straight ahead from a place."""
+    """Walk straight ahead from a position."""
     step = forward(heading) * body.step
 
     def stride(carry: tuple[jax.Array, jax.Array], _: None) -> tuple[Any, Any]:
@@ -186,22 +186,22 @@ def _leg(body: Movement, room: Surroundings, position: jax.Array, heading: jax.A
 
 
 def _touched(room: Surroundings, position: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """bool[]: whether the right thing is touched; bool[]: whether another is, and not that."""
+    """bool[]: whether the target is touched; bool[]: whether only another thing is."""
     distance = jnp.sqrt(jnp.sum((room.things - position[None]) ** 2, axis=-1))
     touched = distance < room.radius
     right = jnp.any(touched & room.right)
     return right, jnp.any(touched & ~room.right) & ~right
 
 
-TWO_LEGS = Player("takes the shortest way of two straight legs; sees the whole state", two_legs)
+TWO_LEGS = Player("takes the shortest path of two straight legs; sees the whole state", two_legs)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Sign(ThingsRoom):
-    """Go to the box or the key, as asked, in the colour of a sign that is out of sight at first.
+    """Go to the requested box or key, in the colour of a sign that is out of sight at first.
 
     Actions: turn left, turn right, forward, done. Touching another thing ends the episode with
-    `fail_reward`, done ends it with nothing.
+    `fail_reward`; done ends it without a reward.
     """
 
     defaults: GridParams = DEFAULTS
@@ -213,7 +213,7 @@ class Sign(ThingsRoom):
     asks: ClassVar[bool] = True
     hands: ClassVar[bool] = False
     action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:3], "done")
-    aim_words: ClassVar[str] = "touched what was asked for"
+    aim_words: ClassVar[str] = "touched the requested thing"
     fail_words: ClassVar[str] = "touched something else, or gave up"
 
     def lay_out(self, key: jax.Array) -> GridState:
@@ -225,7 +225,7 @@ class Sign(ThingsRoom):
                 sketch.thing(kind, COLOUR_NAMES.index(name), tile)
         kind = jnp.where(sketch.number(0, 2) == 0, BOX_KIND, KEY_KIND)
         sign = jnp.asarray(_SIGNS)[sketch.number(0, len(_SIGNS))].astype(jnp.uint8)
-        # The colour is not told: what is asked for is shown in grey.
+        # The instruction does not tell the colour: it shows the requested kind in grey.
         state = sketch.start((5, 5)).state(asked=(kind, _GREY))
         walls = jnp.asarray(state.level.walls).at[:, _ROWS, _COLUMN].set(sign)
         bits = sketch.bits(3)
@@ -236,13 +236,13 @@ class Sign(ThingsRoom):
         )
 
     def target(self, state: GridState) -> jax.Array:
-        """bool[6]: the thing that is asked for, in the colour of the sign."""
+        """bool[6]: the requested thing, in the colour of the sign."""
         sign = jnp.asarray(state.level.walls)[0, _ROWS.start, _COLUMN].astype(jnp.int32)
         said = jnp.asarray(_SIGNS)[state.things.colour] == sign
         return state.things.of(state.asked[0, 0]) & said
 
     def judge(self, step: Step) -> tuple[jax.Array, jax.Array]:
-        """Whether it is touched; or something else is, or the agent gives up."""
+        """Whether the target is touched; whether another thing is, or the agent gives up."""
         middle = step.after.things.tile.astype(jnp.float32) + 0.5
         distance = jnp.sqrt(jnp.sum((middle - step.after.position[None]) ** 2, axis=-1))
         touched = distance < cast(SignParams, step.params).touch_radius
@@ -251,35 +251,35 @@ class Sign(ThingsRoom):
         return solved, (jnp.any(touched & ~right) | (step.action == DONE)) & ~solved
 
     def subgoal(self, state: GridState) -> Subgoal:
-        """The tile of what is asked for."""
+        """The tile of the target."""
         return Subgoal(self.tiles_of(state, self.target(state)), jnp.int32(NOWHERE))
 
     def transition(
         self, key: jax.Array, state: GridState, action: jax.Array, params: GridParams
     ) -> tuple[GridState, jax.Array, jax.Array, Info]:
-        """As in all of these rooms, but that giving up costs nothing."""
+        """As in all of these rooms, except that giving up costs nothing."""
         state, reward, over, events = super().transition(key, state, action, params)
         gave_up = events["failed"] & (action == self.deeds.index(DONE))
         return state, reward - jnp.where(gave_up, params.fail_reward, 0), over, events
 
     def about(self) -> About:
-        """What the task says of itself."""
+        """A description of the task."""
         about = super().about()
         return dataclasses.replace(
             about,
-            ends="at the first thing that is touched, and by done",
+            ends="when the agent touches a thing or says done",
             rewards={**about.rewards, "fail_reward": "{:+g} for touching another thing"},
             players={"two_legs": TWO_LEGS, "shortest_path": SHORTEST_PATH},
             expert="two_legs",
         )
 
     def instruction(self, state: GridState) -> str:
-        """What one state asks for, as far as it is told."""
+        """The instruction of a state, without the colour."""
         kind = "box" if int(state.asked[0, 0]) == BOX_KIND else "key"
         return f"asked for: the {kind} in the colour of the sign"
 
     def distance_field(self, state: GridState) -> jax.Array:
-        """int32[rows, columns]: tiles on foot to what is asked for, around all else."""
+        """int32[rows, columns]: walking distance in tiles to the target, around other things."""
         walls = jnp.asarray(state.level.walls)[0] != 0
         row, column = np.indices(walls.shape, np.float32)
         place = state.things.tile.astype(jnp.float32)

@@ -1,0 +1,67 @@
+"""The program of the page "Many devices" in two processes, as on two machines."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.docs.samples import ROOT, samples
+
+# One line for each environment of this process, in the order of all environments.
+DIGESTS = """
+import hashlib
+import numpy as np
+for shard in sorted(carry[0].addressable_shards, key=lambda shard: shard.index[0].start or 0):
+    for frame in np.asarray(shard.data):
+        print("frame", hashlib.sha256(frame.tobytes()).hexdigest())
+"""
+
+
+def started(code: str, devices: int) -> subprocess.Popen[str]:
+    """A process with so many simulated devices that runs this code."""
+    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
+    environment = {
+        **os.environ,
+        "XLA_FLAGS": flags,
+        "JAX_PLATFORMS": "cpu",
+        "PYTHONPATH": str(ROOT / "src"),
+    }
+    return subprocess.Popen(
+        [sys.executable, "-c", code],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def frames(process: subprocess.Popen[str]) -> list[str]:
+    """The digests that a process printed."""
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, err
+    return [line for line in out.splitlines() if line.startswith("frame")]
+
+
+def free_port() -> int:
+    """A port that nobody listens on."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+# Starts three processes: only this shows that no step of the program needs other devices.
+@pytest.mark.slow
+def test_two_processes_play_what_one_plays() -> None:
+    code = samples(Path(ROOT / "docs" / "devices.md"))[0].code + DIGESTS
+    alone = frames(started(code, 2))
+    port = free_port()
+    join = "import jax\njax.distributed.initialize('127.0.0.1:{}', 2, {})\n"
+    both = [started(join.format(port, i) + code, 1) for i in range(2)]
+    first, second = map(frames, both)
+    assert first + second == alone
+    assert len(set(alone)) > len(alone) // 2

@@ -1,0 +1,157 @@
+"""Maps of the game with their nodes, which sort pieces of walls by their distance.
+
+For maps with one floor and one ceiling, whose walls are seen from one side. Numbers are 16.16 map
+units.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from fidelity.doom_map import parse_udmf
+from jaxenstein.tasks.doom.wad import Wad
+
+from .doom import ONE, Point
+
+
+@dataclass(frozen=True)
+class Line:
+    """A wall: its ends in 16.16, its front on the right, and how it is papered."""
+
+    start: Point
+    end: Point
+    texture: str
+    offset: Point
+    from_below: bool
+
+    @property
+    def length(self) -> int:
+        """Whole map units."""
+        return math.floor(math.dist(self.start, self.end) / ONE + 0.5)
+
+    @property
+    def contrast(self) -> int:
+        """What the direction adds to the light."""
+        if self.start[0] == self.end[0]:
+            return 16
+        return -16 if self.start[1] == self.end[1] else 0
+
+
+@dataclass(frozen=True)
+class Seg:
+    """A piece of a wall, of those that the nodes sort."""
+
+    start: Point
+    end: Point
+    line: Line
+
+
+@dataclass(frozen=True)
+class Node:
+    """A line that parts the map, and what lies right and left of it: a node or pieces."""
+
+    place: Point
+    way: Point
+    sides: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class GameMap:
+    """A map with one floor and one ceiling; heights in 16.16."""
+
+    nodes: tuple[Node, ...]
+    pieces: tuple[tuple[Seg, ...], ...]
+    floor: int
+    ceiling: int
+    floor_flat: str
+    ceiling_flat: str
+    light: int
+
+    def near_first(self, x: int, y: int) -> Iterator[Seg]:
+        """All pieces of walls, the nearest first."""
+        left = [len(self.nodes) - 1 if self.nodes else 1 << 31]
+        while left:
+            number = left.pop()
+            if number >> 31:
+                yield from self.pieces[number & (1 << 31) - 1]
+                continue
+            node = self.nodes[number]
+            (px, py), (dx, dy) = node.place, node.way
+            behind = ((y - py) * dx + (px - x) * dy) >> 32 > 0
+            left += [node.sides[not behind], node.sides[behind]]
+
+
+def read_game_map(wad: Wad) -> GameMap:
+    """The map of one of ViZDoom's scenarios, out of the lumps TEXTMAP and ZNODES."""
+    blocks = parse_udmf(wad.lump("TEXTMAP").decode("ascii"), wad.path.name)
+    looks = "heightfloor", "heightceiling", "texturefloor", "textureceiling", "lightlevel"
+    kinds = {tuple(sector.get(look) for look in looks) for sector in blocks["sector"]}
+    if len(kinds) != 1:
+        raise ValueError(f"{wad.path.name} has sectors of {len(kinds)} kinds")
+    sector = blocks["sector"][0]
+    points = [(fixed(v["x"]), fixed(v["y"])) for v in blocks["vertex"]]
+    lines = []
+    for block in blocks["linedef"]:
+        side = blocks["sidedef"][int(block["sidefront"])]
+        one_sided = int(block.get("sideback", -1)) < 0
+        offset = fixed(side.get("offsetx", "0")), fixed(side.get("offsety", "0"))
+        from_below = block.get("dontpegbottom") == "true"
+        ends = points[int(block["v1"])], points[int(block["v2"])]
+        line = Line(*ends, side.get("texturemiddle", "-"), offset, from_below)
+        lines.append(line if one_sided else None)
+    nodes, pieces = read_nodes(wad.lump("ZNODES"), points, lines)
+    return GameMap(
+        nodes,
+        pieces,
+        floor=fixed(sector.get("heightfloor", "0")),
+        ceiling=fixed(sector.get("heightceiling", "0")),
+        floor_flat=sector["texturefloor"],
+        ceiling_flat=sector["textureceiling"],
+        light=int(sector.get("lightlevel", 160)),
+    )
+
+
+def fixed(number: str) -> int:
+    """A number of a text as 16.16."""
+    return round(float(number) * ONE)
+
+
+def read_nodes(
+    data: bytes, points: list[Point], lines: Sequence[Line | None]
+) -> tuple[tuple[Node, ...], tuple[tuple[Seg, ...], ...]]:
+    """Nodes and pieces of walls of a lump ZNODES of the kind XGLN; lines of two sides are None."""
+    place = 0
+
+    def take(form: str) -> tuple[int, ...]:
+        nonlocal place
+        found = struct.unpack_from("<" + form, data, place)
+        place += struct.calcsize("<" + form)
+        return found
+
+    (kind,) = take("4s")
+    if kind != b"XGLN":
+        raise ValueError(f"nodes of the kind {kind!r}, not XGLN")
+    old, new = take("II")
+    points = points[:old] + [(x, y) for x, y in (take("ii") for _ in range(new))]
+    counts = [take("I")[0] for _ in range(take("I")[0])]
+    segs = [take("IIHB") for _ in range(take("I")[0])]
+    pieces, first = [], 0
+    for count in counts:
+        own = segs[first : first + count]
+        first += count
+        ring = zip(own, own[1:] + own[:1], strict=True)
+        pieces.append(
+            tuple(
+                Seg(points[here[0]], points[after[0]], line)
+                for here, after in ring
+                if here[2] != 0xFFFF and (line := lines[here[2]]) is not None
+            )
+        )
+    nodes = []
+    for _ in range(take("I")[0]):
+        x, y, dx, dy, *_box, right, left = take("12hII")
+        nodes.append(Node((x * ONE, y * ONE), (dx * ONE, dy * ONE), (right, left)))
+    return tuple(nodes), tuple(pieces)

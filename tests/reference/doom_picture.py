@@ -1,0 +1,418 @@
+"""The game's picture in Python's own integers, slow and plain: walls, floors, light, things.
+
+Written after the rules of ZDoom's software renderer for maps with one floor and one ceiling, from
+the nodes that are stored beside a scenario's map. Numbers are 16.16 map units where nothing else
+is said; depths and sides of the view have 12 bits of fraction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jaxenstein.tasks.doom.wad import Picture, Wad
+
+from .doom import ONE, Point, cosine, sine, times
+from .doom_nodes import GameMap, Line, Seg
+
+# The nearest depth of walls and of things; the brightest that nearness makes.
+NEAR_WALL, NEAR_THING, MOST_LIGHT = 32, 2 << 12, 24 * ONE
+SHADES = 32
+# What shines over the screen when something is picked up.
+GOLD = 215, 186, 69
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The eye: 16.16, and an angle of 2**32 a circle."""
+
+    x: int
+    y: int
+    z: int
+    angle: int
+
+
+@dataclass(frozen=True)
+class Thing:
+    """Something that faces the eye: its feet in 16.16."""
+
+    picture: Picture
+    x: int
+    y: int
+    z: int
+    bright: bool = False
+
+
+def cut(numerator: int, denominator: int) -> int:
+    """The quotient without its fraction, as processors divide."""
+    quotient = abs(numerator) // abs(denominator)
+    return quotient if (numerator < 0) == (denominator < 0) else -quotient
+
+
+def signed(value: int) -> int:
+    """The low 32 bits of a number as an int32."""
+    return (value + 2**31) % 2**32 - 2**31
+
+
+def shade_of(darkness: int, nearness: int) -> int:
+    """A row of COLORMAP; both 16.16."""
+    return min(max((darkness - min(MOST_LIGHT, nearness)) >> 16, 0), SHADES - 1)
+
+
+def darkness_of(light: int) -> int:
+    """The shade of a light level far away, in 16.16."""
+    return 64 * ONE - (light + 12) * (ONE // 4)
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Where a piece of a wall is seen: columns from x1 to x2 (exclusive) and depths there."""
+
+    x1: int
+    x2: int
+    depth1: int
+    depth2: int
+
+
+@dataclass(frozen=True)
+class Fragment:
+    """Columns of a piece of a wall that were drawn."""
+
+    start: int
+    stop: int
+    extent: Extent
+    seg: Seg
+
+
+class Renderer:
+    """Draws a map with the pictures of a WAD, at one size of the screen of the shape 4 to 3."""
+
+    def __init__(self, game_map: GameMap, pictures: Wad, height: int, width: int) -> None:
+        if 4 * height != 3 * width:
+            raise ValueError(f"screens are of the shape 4 to 3, not {width} by {height}")
+        self.map, self.height, self.width = game_map, height, width
+        self.palette, self.colormap = pictures.palette(), pictures.colormap()
+        names = {seg.line.texture for piece in game_map.pieces for seg in piece}
+        self.textures = {name: pictures.texture(name) for name in names}
+        for name, texture in self.textures.items():
+            if texture.shape[0] & texture.shape[0] - 1:
+                raise ValueError(f"texture {name} is {texture.shape[0]} rows high")
+        self.floor = pictures.flat(game_map.floor_flat)
+        self.ceiling = pictures.flat(game_map.ceiling_flat)
+        # Half the screen; pixels that a map unit is high at the depth 1; what light loses.
+        self.cx, self.cy = width // 2, height // 2
+        stretch = (320 * ONE) * height // (200 * width)
+        self.focal = stretch * self.cx
+        # Light is 8 at the depth of half a screen of 320 columns, 1280 by depth.
+        visible = self.focal * (width * 600) // (width * height * 3)
+        self.wall_light = times(visible, 8 * ONE)
+        self.floor_light = 160 * ONE * (8 * ONE) // self.focal
+        self.slope = [
+            cut(self.focal * ONE, abs(2 * (self.cy - y) - 1) * (ONE // 2)) for y in range(height)
+        ]
+
+    def draw(self, pose: Pose, things: Sequence[Thing] = (), gold: int = 0) -> np.ndarray:
+        """uint8[height, width, 3]: the picture, with so many 256ths of gold over it."""
+        palette = (self.palette.astype(int) * (256 - gold) + np.array(GOLD) * gold) >> 8
+        return palette.astype(np.uint8)[self.indices(pose, things)]
+
+    def indices(self, pose: Pose, things: Sequence[Thing] = ()) -> np.ndarray:
+        """uint8[height, width]: the picture as indices of the palette."""
+        self.pose = pose
+        self.sin, self.cos = sine(pose.angle >> 19), cosine(pose.angle >> 19)
+        self.frame = np.zeros((self.height, self.width), np.uint8)
+        self.top = np.zeros(self.width, np.int64)
+        self.bottom = np.full(self.width, self.height)
+        free = np.ones(self.width, bool)
+        fragments: list[Fragment] = []
+        for seg in self.map.near_first(pose.x, pose.y):
+            extent = self.extent(seg)
+            if extent is not None:
+                fragments += self.wall(seg, extent, free)
+        self.plane(self.ceiling, self.map.ceiling, np.zeros(self.width, np.int64), self.top)
+        self.plane(self.floor, self.map.floor, self.bottom, np.full(self.width, self.height))
+        for sprite in self.far_first(things):
+            self.sprite(sprite, fragments)
+        return self.frame
+
+    def turned(self, point: Point, bits: int = 20) -> Point:
+        """Side (to the right) and depth of a point as the eye sees it."""
+        dx, dy = point[0] - self.pose.x, point[1] - self.pose.y
+        return (dx * self.sin - dy * self.cos) >> bits, (dx * self.cos + dy * self.sin) >> 20
+
+    def extent(self, seg: Seg) -> Extent | None:
+        """Where a piece of a wall is seen; None if it is not."""
+        (ax, ay), (bx, by) = (
+            (end[0] - self.pose.x, end[1] - self.pose.y) for end in (seg.start, seg.end)
+        )
+        if (ay * (ax - bx) + ax * (by - ay)) >> 32 >= 0:
+            return None
+        (t1, d1), (t2, d2) = self.turned(seg.start), self.turned(seg.end)
+        inside1, inside2 = t1 >= -d1, t2 <= d2
+        if (t1 > d1 and (inside1 or not inside2)) or (t2 < -d2 and (inside2 or not inside1)):
+            return None
+        # Of an end outside of the view, what counts is where the wall crosses the view's border.
+        way1 = d1 if inside1 else t1 - t2 - d2 + d1
+        way2 = d2 if inside2 else t1 - t2 + d2 - d1
+        if way1 == 0 or way2 == 0:
+            return None
+        x1, depth1 = 0, d1 + cut((d2 - d1) * (t1 + d1), way1)
+        x2, depth2 = self.width, d1 + cut((d2 - d1) * (t1 - d1), way2)
+        if inside1:
+            x1, depth1 = self.column(t1, d1), d1
+        if inside2:
+            x2, depth2 = self.column(t2, d2), d2
+        if min(depth1, depth2) < NEAR_WALL or x2 <= x1:
+            return None
+        return Extent(x1, x2, depth1, depth2)
+
+    def column(self, side: int, depth: int) -> int:
+        """The first column whose left edge is not left of a place."""
+        half = self.cx * ONE
+        found = (half + cut(side * half, depth)) >> 16
+        return min(self.width, found + 1) if side >= 0 else found
+
+    def edge(self, z: int, extent: Extent) -> np.ndarray:
+        """int64[x2 - x1]: the rows of a wall's edge at a height above the eye, on the screen."""
+        x1, x2, depth1, depth2 = extent.x1, extent.x2, extent.depth1, extent.depth2
+        rows = np.zeros(x2 - x1, np.int64)
+        z = -(z >> 4)
+        ends = -self.cy, self.height - self.cy
+        limits = [cut(end * ONE * ONE, self.focal) for end in ends]
+        at1, at2 = (([times(limit, depth) for limit in limits]) for depth in (depth1, depth2))
+        above, below = (z < at1[0], z < at2[0]), (z > at1[1], z > at2[1])
+        if all(above):
+            return rows
+        if all(below):
+            return rows + self.height
+        left, right, near, far = x1, x2, depth1, depth2
+        for outside, value, number in ((above, 0, 0), (below, self.height, 1)):
+            if not any(outside):
+                continue
+            # Where the edge crosses the border of the screen.
+            share = cut((z - at1[number]) << 30, at2[number] - at1[number])
+            depth = depth1 + (((depth2 - depth1) * share) >> 30)
+            cross = x1 + cut(((depth2 * share) >> 30) * (x2 - x1), depth)
+            if outside[1]:
+                if x1 <= cross:
+                    right, far = cross, depth
+                rows[max(cross - x1, 0) :] = value
+            else:
+                if cross <= x2:
+                    left, near = cross, depth
+                rows[: max(cross - x1, 0)] = value
+        first = cut(z * self.focal, near)
+        middle = self.cy * ONE
+        step = cut(cut(z * self.focal, far) - first, right - left) if right > left else 0
+        columns = np.arange(x1, x2)
+        part = (columns >= left) & (columns < max(right, left + 1))
+        rows[part] = (first + middle + step * (columns[part] - left)) >> 16
+        return np.clip(rows, 0, self.height)
+
+    def wall(self, seg: Seg, extent: Extent, free: np.ndarray) -> list[Fragment]:
+        """Draw what is free of a piece of a wall."""
+        x1, x2 = extent.x1, extent.x2
+        columns = np.flatnonzero(free[x1:x2]) + x1
+        if not columns.size:
+            return []
+        top = self.edge(self.map.ceiling - self.pose.z, extent)
+        bottom = self.edge(self.map.floor - self.pose.z, extent)
+        self.top[columns], self.bottom[columns] = top[columns - x1], bottom[columns - x1]
+        free[x1:x2] = False
+        texels, steps = self.paper(seg.line, extent)
+        shades = self.shades(seg.line, extent)
+        runs = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
+        for run in runs:
+            below = self.same_shade_below(run, top, bottom, x1)
+            for x in run.tolist():
+                i, rows = x - x1, np.arange(int(top[x - x1]), int(bottom[x - x1]))
+                border, first = below.get(x, (self.height, x))
+                shade = np.where(rows < border, shades[i], shades[first - x1])
+                column = self.textured(seg.line, texels[i], steps[i], rows)
+                self.frame[rows, x] = self.colormap[shade, column]
+        return [Fragment(int(run[0]), int(run[-1]) + 1, extent, seg) for run in runs]
+
+    def shades(self, line: Line, extent: Extent) -> list[int]:
+        """The shade of each column of a wall."""
+        darkness, width = darkness_of(self.map.light + line.contrast), extent.x2 - extent.x1
+        near1, near2 = (cut(self.wall_light << 12, d) for d in (extent.depth1, extent.depth2))
+        step = cut(near2 - near1, width)
+        return [shade_of(darkness, near1 + step * i) for i in range(width)]
+
+    def textured(self, line: Line, along: int, step: int, rows: np.ndarray) -> np.ndarray:
+        """int16[rows]: texels of a column `along` a line, in 16.16."""
+        texture = self.textures[line.texture]
+        height, width = texture.shape
+        bits = height.bit_length() - 1
+        if line.from_below:
+            middle = self.map.floor - self.pose.z + height * ONE + line.offset[1]
+        else:
+            offset = line.offset[1]
+            middle = self.map.ceiling - self.pose.z + offset + (height * ONE if offset < 0 else 0)
+        down = signed(step * (ONE >> (2 + bits)))
+        places = ((middle << (16 - bits)) + down * (rows - self.cy + 1)) % 2**32 >> (32 - bits)
+        return np.maximum(texture[places, ((along + line.offset[0]) >> 16) % width], 0)
+
+    @staticmethod
+    def same_shade_below(
+        run: np.ndarray, top: np.ndarray, bottom: np.ndarray, x1: int
+    ) -> dict[int, tuple[int, int]]:
+        """From which row on a column has the shade of another one, a slip of the game's.
+
+        Columns are drawn four at a time; what is below the shortest has the first one's shade.
+        """
+        found = {}
+        start, stop = int(run[0]), int(run[-1]) + 1
+        for x in range(-(-start // 4) * 4, stop - 3, 4):
+            four = slice(x - x1, x - x1 + 4)
+            upper, lower = top[four].max(), bottom[four].min()
+            if (top[four] < bottom[four]).all() and upper < lower:
+                found |= {x + i: (int(lower), x) for i in range(4)}
+        return found
+
+    def paper(self, line: Line, extent: Extent) -> tuple[list[int], list[int]]:
+        """Of each column: the place along the line in 16.16, and the step down the texture."""
+        (t1, d1), (t2, d2) = self.turned(line.start), self.turned(line.end)
+        single = np.float32
+        u0, u1 = single(t1) * single(self.cx), single(-d1)
+        v0, v1 = single(t1 - t2) * single(self.cx), single(d2 - d1)
+        scale = single(self.width) * single(200) / single(320) / single(self.height)
+        scale = scale * single(64) / single(self.cx)
+        x = np.arange(extent.x1, extent.x2) - self.cx
+        part = (float(u0) + float(u1) * x) / (float(v0) + float(v1) * x)
+        whole = line.length * ONE
+        along = np.rint(part * whole).astype(np.int64)
+        steps = np.rint(part * float(v1 * scale) + float(-u1 * scale)).astype(np.int64)
+        # At both ends, but not at the screen's left border, places outside are moved to the end.
+        inside = np.flatnonzero((along >= 0) & (along < whole))
+        first, last = (inside[0], inside[-1]) if inside.size else (len(along), -1)
+        if extent.x1 > 0:
+            along[:first] = 0
+        if not inside.size and extent.x1 > 0:
+            last = len(along) - 1
+        along[last + 1 :] = whole - 1
+        return along.tolist(), steps.tolist()
+
+    def plane(self, flat: np.ndarray, height: int, tops: np.ndarray, bottoms: np.ndarray) -> None:
+        """Fill rows from `tops` to `bottoms` of each column with a flat."""
+        pose = self.pose
+        away = abs(height - pose.z)
+        near = cut(self.floor_light << 16, away)
+        # The flat has 64 texels, which the six highest of 32 bits count.
+        unit, focal = 1 << 26, self.cx * ONE
+        right = (pose.angle - (1 << 30)) % 2**32 >> 19
+        step_x, step_y = cut(unit * cosine(right), focal), cut(unit * -sine(right), focal)
+        ahead = right + 2048
+        ahead_x, ahead_y = times(unit, cosine(ahead)), times(unit, -sine(ahead))
+        eye_x, eye_y = times(unit, pose.x), times(unit, -pose.y)
+        darkness = darkness_of(self.map.light)
+        for y in range(self.height):
+            covered = np.flatnonzero((tops <= y) & (y < bottoms))
+            if not covered.size:
+                continue
+            distance = times(away, self.slope[y])
+            shade = shade_of(darkness, times(near, abs(self.cy - y) * ONE))
+            dx, dy = times(distance, signed(step_x)), times(distance, signed(step_y))
+            for span in np.split(covered, np.flatnonzero(np.diff(covered) > 1) + 1):
+                first = int(span[0]) + 1 - self.cx
+                x = times(distance, signed(ahead_x + first * step_x)) + eye_x
+                y_ = times(distance, signed(ahead_y + first * step_y)) + eye_y
+                count = np.arange(len(span))
+                u = (x % 2**32 + dx * count) % 2**32 >> 26
+                v = (y_ % 2**32 + dy * count) % 2**32 >> 26
+                self.frame[y, span] = self.colormap[shade, flat[v, u]]
+
+    def far_first(self, things: Sequence[Thing]) -> list[Sprite]:
+        """What is seen of things, the farthest first."""
+        seen = [sprite for thing in things if (sprite := self.project(thing)) is not None]
+        seen.sort(key=lambda sprite: -(2**31 // sprite.depth))
+        # Of equally near ones, the last is drawn first.
+        return seen[::-1]
+
+    def project(self, thing: Thing) -> Sprite | None:
+        side, depth = self.turned((thing.x, thing.y), 16)
+        if depth < NEAR_THING or abs(side) >> 6 > depth:
+            return None
+        width = thing.picture.pixels.shape[1]
+        across = cut(self.cx * ONE << 12, depth)
+        left = side - thing.picture.left * ONE
+        x1 = self.cx + (left * across >> 32)
+        x2 = self.cx + ((left + width * ONE) * across >> 32)
+        if x1 >= self.width or x2 < 0 or x2 <= x1:
+            return None
+        down = cut(self.focal * ONE, depth << 4)
+        shade = shade_of(darkness_of(self.map.light), cut(self.wall_light << 12, depth))
+        return Sprite(thing, depth, x1, x2, down, 0 if thing.bright else shade)
+
+    def sprite(self, sprite: Sprite, fragments: Sequence[Fragment]) -> None:
+        """Draw a thing, column by column where no wall hides it."""
+        hidden = np.zeros(self.width, bool)
+        for wall in fragments:
+            if self.in_front(wall, sprite):
+                hidden[wall.start : wall.stop] = True
+        picture, scale = sprite.thing.picture, sprite.down
+        pixels = picture.pixels
+        middle = (picture.top * ONE) - (self.pose.z - sprite.thing.z)
+        top = self.cy * ONE - times(middle, scale)
+        step = cut(2**32 - 1, scale)
+        along = cut(pixels.shape[1] * ONE, sprite.x2 - sprite.x1)
+        light = self.colormap[sprite.shade]
+        start, stop = max(sprite.x1, 0), min(sprite.x2, self.width)
+        for x in range(start, stop):
+            column = pixels[:, (x - sprite.x1) * along >> 16]
+            for y1, y2, texels in self.runs(column, top, middle, scale, step):
+                if not hidden[x]:
+                    self.frame[y1 : y2 + 1, x] = light[texels]
+
+    def runs(
+        self, column: np.ndarray, top: int, middle: int, scale: int, step: int
+    ) -> list[tuple[int, int, np.ndarray]]:
+        """First row, last row and texels of each opaque run of a column."""
+        found = []
+        solid = np.flatnonzero(column >= 0)
+        for run in np.split(solid, np.flatnonzero(np.diff(solid) > 1) + 1) if solid.size else ():
+            first, length = int(run[0]), len(run)
+            y1 = max((top + scale * first) >> 16, 0)
+            y2 = min((top + scale * (first + length) - ONE) >> 16, self.height - 1)
+            if y1 > y2:
+                continue
+            place = middle - first * ONE + y1 * step - times((self.cy - 1) * ONE, step)
+            while place < 0 and y1 <= y2:
+                y1, place = y1 + 1, place + step
+            if y1 > y2:
+                continue
+            end, limit = place + (y2 - y1) * step, length * ONE
+            if y2 < self.height - 1 and end < limit - step:
+                y2 += 1
+            else:
+                while end >= limit and y1 <= y2:
+                    y2, end = y2 - 1, end - step
+            if y1 <= y2:
+                texels = column[first + ((place + step * np.arange(y2 - y1 + 1)) >> 16)]
+                found.append((y1, y2, texels))
+        return found
+
+    @staticmethod
+    def in_front(wall: Fragment, sprite: Sprite) -> bool:
+        """Whether a wall hides a thing."""
+        near, far = sorted((wall.extent.depth1, wall.extent.depth2))
+        if near > sprite.depth:
+            return False
+        (ax, ay), (bx, by) = wall.seg.start, wall.seg.end
+        thing = sprite.thing
+        before = ((thing.y - ay) * (bx - ax) + (ax - thing.x) * (by - ay)) >> 32 <= 0
+        return not (far > sprite.depth and before)
+
+
+@dataclass(frozen=True)
+class Sprite:
+    """A thing on the screen: depth, columns, how high a unit is (16.16), and its light."""
+
+    thing: Thing
+    depth: int
+    x1: int
+    x2: int
+    down: int
+    shade: int
