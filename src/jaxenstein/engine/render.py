@@ -6,6 +6,8 @@ Each stage is finished before the next one starts (see `_jax.staging`):
 2. `image_columns.prepare`: everything that the pixels of a column share, billboards included.
 3. `pixels.paint`: a comparison separates wall from floor and ceiling; a shifted word separates a
    panel from its wall and a billboard from what is behind it.
+
+With textures, `textured` has the last two stages, and one more that fetches each pixel's colour.
 """
 
 from __future__ import annotations
