@@ -146,6 +146,7 @@ def test_all_settings_are_taken():
         "look": "random",
         "look_range": 0.5,
         "look_seeds": (0, 9),
+        "textures": None,
     }
     assert set(given) == set(SETTINGS)
     env, _ = make("key-door", **given)

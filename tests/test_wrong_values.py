@@ -53,6 +53,7 @@ def wrong_values(domain: Domain, *, array: bool) -> list[Any]:
         "choice": ["smell", "", True, 3, ["plain"]],
         "seeds": [3, (3, 3), (5, 2), (-1, 3), (0.0, 2), (False, True), "ab", range(0, 9, 2),
                   (0, 2**24 + 1)],
+        "images": [3, True, ["wall.png"], "no/such/folder", {}],
         "layers": [3, "8x4x32", ((8, 4),), ((8, 4, 0),), ((8, 4, 1.5),)],
     }  # fmt: skip
     found = values[domain.form]

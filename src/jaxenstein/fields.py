@@ -23,9 +23,20 @@ import numpy as np
 from jax.core import Tracer
 
 from .errors import SettingError, nearest, quoted
+from .images import Images
 
 Form = Literal[
-    "whole", "number", "switch", "choice", "text", "table", "layers", "angle", "seeds", "any"
+    "whole",
+    "number",
+    "switch",
+    "choice",
+    "text",
+    "table",
+    "layers",
+    "angle",
+    "seeds",
+    "images",
+    "any",
 ]
 _WORDS: dict[Form, str] = {
     "whole": "a whole number",
@@ -37,6 +48,7 @@ _WORDS: dict[Form, str] = {
     "angle": "degrees, or the lowest and highest degrees (as a flag: -45,45)",
     "seeds": "two whole numbers from 0 to 2**32, at most 2**24 apart: the first seed and the one "
     "after the last (as a flag: 0,200)",
+    "images": "a folder of images, or in Python a table of names and arrays",
     "any": "",
 }
 _DOMAIN = "domain"
@@ -147,7 +159,7 @@ class Domain:
             return isinstance(value, tuple) and all(map(_is_layer, value))
         if self.form == "table":
             return isinstance(value, dict) and all(isinstance(name, str) for name in value)
-        forms = {"switch": bool | np.bool_, "text": str}
+        forms = {"switch": bool | np.bool_, "text": str, "images": str | Images}
         return isinstance(value, forms.get(self.form, object))
 
     def _within(self, numbers: Any) -> bool:
@@ -371,11 +383,16 @@ def attributes(cls: type) -> dict[str, str]:
 
 
 def as_tuples(value: Any) -> Any:
-    """Convert lists and ranges of seeds to tuples, at every depth, and numpy values to Python's."""
+    """Convert lists and ranges of seeds to tuples, at every depth, and numpy values to Python's.
+
+    Images become the path of their folder, if they have one.
+    """
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, range) and value.step == 1:
         return value.start, value.stop
+    if isinstance(value, Images) and value.folder is not None:
+        return value.folder
     return tuple(map(as_tuples, value)) if isinstance(value, list | tuple) else value
 
 

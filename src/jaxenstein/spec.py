@@ -24,6 +24,7 @@ from .errors import (
     quoted,
 )
 from .fields import Domain, as_tuples, check_value, names_of
+from .images import Images
 from .params import Range, split_ranges
 from .tasks.first_person import RESETTING, SEEN
 from .tasks.navigation import Navigation
@@ -67,7 +68,7 @@ class Spec:
             "params": dict(self.params),
         }
         try:
-            return json.loads(json.dumps(plain, allow_nan=False))
+            return json.loads(json.dumps(plain, allow_nan=False, default=_refuse))
         except (TypeError, ValueError) as error:
             raise SettingError(
                 f"a setting of {self.id or 'the map'} cannot be written as JSON: {error}"
@@ -133,6 +134,13 @@ class Spec:
         except (TypeError, ValueError, IndexError, OverflowError, AttributeError) as error:
             raise SettingError(f"a setting is unusable: {one_line(str(error))}") from error
         return env, params
+
+
+def _refuse(value: Any) -> Any:
+    """Raise for a value that JSON does not have."""
+    if isinstance(value, Images):
+        raise TypeError("textures are arrays; save them as images in a folder, and give its path")
+    raise TypeError(f"{quoted(value)} is a {type(value).__name__}")
 
 
 def spec_of(env: AnyEnvironment, params: Any) -> Spec:

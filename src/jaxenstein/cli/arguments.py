@@ -77,7 +77,7 @@ def reader(domain: Domain) -> Callable[[str], Any]:
     """An argument type for the values of a field, checked like those in a file."""
 
     def read(text: str) -> Any:
-        value: Any = text if domain.form in ("text", "choice") else plain_value(text)
+        value: Any = text if domain.form in ("text", "choice", "images") else plain_value(text)
         if domain.form == "layers" and re.fullmatch(r"\d+x\d+x\d+(,\d+x\d+x\d+)*", text.lower()):
             value = [[int(n) for n in part.split("x")] for part in text.lower().split(",")]
         value = domain.converted(value)
@@ -111,7 +111,7 @@ def size(text: str) -> tuple[int, int]:
 # The placeholder in the help for a value of each form.
 METAVARS = {
     "whole": "N", "number": "X", "choice": "NAME", "text": "TEXT", "layers": "KxSxF,...",
-    "angle": "DEGREES", "seeds": "FIRST,STOP",
+    "angle": "DEGREES", "seeds": "FIRST,STOP", "images": "FOLDER",
 }  # fmt: skip
 # Options that are tables: their flag and the form of one entry. Then aliases of other flags.
 TABLES = {

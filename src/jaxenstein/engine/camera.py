@@ -27,6 +27,8 @@ class Camera:
         row_focal_share: None for square pixels. Otherwise, the vertical focal length at a field
             of view of 90 degrees, as a share of the image height: the image is that of a screen
             of fixed shape, resized to height x width.
+        column: where rays pass a pixel, from 0 at its left edge to 1 at its right edge.
+        row: the same from its upper edge to its lower edge.
     """
 
     height: int = 64
@@ -36,6 +38,8 @@ class Camera:
     eye: float = 0.5
     wall: float = 1.0
     row_focal_share: float | None = None
+    column: float = 0.5
+    row: float = 0.5
 
     @property
     def half_plane(self) -> float:
@@ -59,20 +63,29 @@ class Camera:
         """How far the middle of a wall is below the eye, in half wall heights."""
         return 2 * self.eye / self.wall - 1
 
+    def at(self, place: tuple[float, float]) -> Camera:
+        """The camera with rays through another place of its pixels, (column, row)."""
+        return dataclasses.replace(self, column=place[0], row=place[1])
+
+    def halved(self) -> Camera:
+        """The camera with two columns for each."""
+        share = self.row_focal * self.half_plane / self.height
+        return dataclasses.replace(self, width=2 * self.width, row_focal_share=share)
+
     def widened(self) -> Camera:
         """The camera with enough extra columns to fill the last vector of a row."""
         return dataclasses.replace(self, extra=-self.width % LANES)
 
     def column_slopes(self) -> np.ndarray:
-        """float32[width + extra]: the sideways offset of each column's centre at distance 1."""
+        """float32[width + extra]: the sideways offset of each column at distance 1."""
         centres = (
-            2 * (np.arange(self.width + self.extra) + 0.5) / self.width - 1
+            2 * (np.arange(self.width + self.extra) + self.column) / self.width - 1
         ) * self.half_plane
         return centres.astype(np.float32)
 
     def row_offsets(self) -> np.ndarray:
-        """float32[height]: how far each row's centre is below the horizon, in pixels."""
-        return (np.arange(self.height) + 0.5 - self.height / 2).astype(np.float32)
+        """float32[height]: how far each row is below the horizon, in pixels."""
+        return (np.arange(self.height) + self.row - self.height / 2).astype(np.float32)
 
     def row_distances(self, lift: Any = None) -> Any:
         """float32[height]: the depth in tiles at which each row shows floor or ceiling.

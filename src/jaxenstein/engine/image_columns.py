@@ -84,10 +84,10 @@ def prepare(
     index = hits.wall.astype(jnp.int32)
     table = jnp.asarray(theme.wall_colours)
     colour = [table[:, i].at[index].get(mode="promise_in_bounds") for i in range(3)]
-    half = jnp.float32(0.5 * camera.wall * camera.row_focal) / jnp.maximum(hits.depth, 1e-6)
+    half = half_height(hits.depth, camera)
     return ImageColumns(
         half=half,
-        drop=_drop(half, lift, camera),
+        drop=drop_of(half, lift, camera),
         wall=tone(kind, pack_rgb(colour, light), hits.wall, hits.depth),
         ray=jnp.stack(rays(heading, camera)),
         panels=_panels(index, hits, half, colour, light, theme, kind),
@@ -95,7 +95,12 @@ def prepare(
     )
 
 
-def _drop(half: jax.Array, lift: jax.Array | None, camera: Camera) -> jax.Array | None:
+def half_height(depth: jax.Array, camera: Camera) -> jax.Array:
+    """float32[W]: half the height in pixels of walls at a depth."""
+    return jnp.float32(0.5 * camera.wall * camera.row_focal) / jnp.maximum(depth, 1e-6)
+
+
+def drop_of(half: jax.Array, lift: jax.Array | None, camera: Camera) -> jax.Array | None:
     """float32[W]: how far the middle of the wall is below the horizon; None if it is not."""
     if lift is None:
         return half * jnp.float32(camera.wall_drop) if camera.wall_drop else None

@@ -81,23 +81,23 @@ def paint_words(
     return image if columns.layers is None else _billboards(columns.layers, below, image)
 
 
-def _whole(value_less_half: jax.Array) -> jax.Array:
+def whole(value_less_half: jax.Array) -> jax.Array:
     """uint32: the integer part of a value, modulo 2**32, from the value minus one half.
 
     For magnitudes below 2**22. XLA clamps ordinary conversions, which costs more than the rest of
     a pixel. The bound keeps compilers from merging the rounding constant with constants in the
     value, whose fractions it could not hold.
     """
-    return _rounded(jnp.maximum(value_less_half, jnp.float32(-(2.0**22))))
+    return rounded(jnp.maximum(value_less_half, jnp.float32(-(2.0**22))))
 
 
-def _rounded(value: jax.Array) -> jax.Array:
+def rounded(value: jax.Array) -> jax.Array:
     """uint32: the nearest integer of a value of magnitude below 2**22, modulo 2**32."""
     bits = lax.bitcast_convert_type(value + jnp.float32(_ROUNDER), jnp.uint32)
     return bits - jnp.uint32(_ROUNDER_BITS)
 
 
-def _test(word: jax.Array, bit: jax.Array) -> jax.Array:
+def test_bit(word: jax.Array, bit: jax.Array) -> jax.Array:
     """bool: whether a bit of a word is set, counted from the highest; False for bits past it.
 
     Tests the sign, which takes one shift and no mask.
@@ -129,11 +129,11 @@ def _second_colour(
     """bool[height, width]: where the floor has its second colour; see `Theme.floor_words`."""
     if words is None:
         eye = position - jnp.float32(0.5)
-        x, y = (_whole(eye[i] + distance * columns.ray[i]) for i in (0, 1))
+        x, y = (whole(eye[i] + distance * columns.ray[i]) for i in (0, 1))
         return (x ^ y) & jnp.uint32(1) != 0
     eye = position * jnp.float32(STRIPES) - jnp.float32(0.5)
     ahead = distance * np.float32(STRIPES)
-    stripes = (_whole(eye[i] + ahead * columns.ray[i]) & jnp.uint32(WORD - 1) for i in (0, 1))
+    stripes = (whole(eye[i] + ahead * columns.ray[i]) & jnp.uint32(WORD - 1) for i in (0, 1))
     # One of the signs, but not both.
     across = [jnp.left_shift(jnp.asarray(words)[i], stripe) for i, stripe in enumerate(stripes)]
     return lax.bitcast_convert_type(across[0] ^ across[1], jnp.int32) < 0
@@ -188,17 +188,19 @@ def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:
     if panels is None:
         return columns.wall
     # Bounded on the wall; other pixels are hidden. The offset is not a constant here.
-    bit = _rounded(across * panels.scale + panels.offset)
+    bit = rounded(across * panels.scale + panels.offset)
     image = columns.wall
     for plane in range(panels.planes.shape[0]):
-        image = jnp.where(_test(panels.planes[plane], bit), panels.paint[plane], image)
+        image = jnp.where(test_bit(panels.planes[plane], bit), panels.paint[plane], image)
     return image
 
 
 def _billboards(layers: Layers, below: jax.Array, image: jax.Array) -> jax.Array:
     """The image with the billboards painted over it, farthest first."""
     for k in reversed(range(layers.scale.shape[0])):
-        bit = _whole(layers.scale[k] * below + layers.offset[k])
-        own = jnp.where(_test(layers.detail[k], bit), layers.detail_paint[k], layers.shape_paint[k])
-        image = jnp.where(_test(layers.shape[k], bit), own, image)
+        bit = whole(layers.scale[k] * below + layers.offset[k])
+        own = jnp.where(
+            test_bit(layers.detail[k], bit), layers.detail_paint[k], layers.shape_paint[k]
+        )
+        image = jnp.where(test_bit(layers.shape[k], bit), own, image)
     return image

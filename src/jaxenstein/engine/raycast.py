@@ -58,6 +58,8 @@ class Hits(PyTreeNode):
         along: float32[W] in [0, 1], the place on the face from its left to its right edge as seen.
         horizontal: bool[W], whether the face looks north or south.
         tile: int32[W, 2], (column, row) of the tile that was hit, without the margin.
+        side: int32[W], where the face looks: west, east, north, south; None if nobody asked.
+        face: int32[W], its place in an array [4, R, C] of the faces of a level; likewise.
     """
 
     depth: jax.Array
@@ -65,6 +67,8 @@ class Hits(PyTreeNode):
     along: jax.Array
     horizontal: jax.Array
     tile: jax.Array
+    side: jax.Array | None = None
+    face: jax.Array | None = None
 
 
 class Aim(PyTreeNode):
@@ -93,15 +97,27 @@ class Aim(PyTreeNode):
     fraction_bits: int = static()
 
 
+def direction(heading: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """float32[] twice: cosine and sine of a heading (see `scene.Scene`)."""
+    if heading.ndim:
+        return heading[0], heading[1]
+    return jnp.cos(heading), jnp.sin(heading)
+
+
 def rays(heading: jax.Array, camera: Camera) -> tuple[jax.Array, jax.Array]:
-    """float32[W] x and y of the ray through each column's centre, scaled to depth 1."""
+    """float32[W] x and y of the ray through each column, scaled to depth 1."""
     slopes = jnp.asarray(camera.column_slopes())
-    cos, sin = jnp.cos(heading), jnp.sin(heading)
+    cos, sin = direction(heading)
     return cos - sin * slopes, sin + cos * slopes
 
 
 def cast(
-    position: jax.Array, heading: jax.Array, closed: jax.Array, level: Level, camera: Camera
+    position: jax.Array,
+    heading: jax.Array,
+    closed: jax.Array,
+    level: Level,
+    camera: Camera,
+    sides: bool = False,
 ) -> Hits:
     """Cast the rays of one image.
 
@@ -111,10 +127,11 @@ def cast(
         closed: bool[D], which doors are closed.
         level: the level.
         camera: width and field of view of the image.
+        sides: whether to tell `Hits.side` and `Hits.face`.
     """
     pose = position, heading, closed, level
     aims = staged(partial(aim, camera=camera, fixed=fixed_lines(level)))(*pose)
-    return look_up(aims, staged(march)(aims), level)
+    return look_up(aims, staged(march)(aims), level, sides)
 
 
 def aim(
@@ -288,7 +305,9 @@ def _word(aim: Aim, ahead: jax.Array, behind: jax.Array, tile: jax.Array) -> jax
     return word
 
 
-def look_up(aims: tuple[Aim, Aim], hits: tuple[jax.Array, jax.Array], level: Level) -> Hits:
+def look_up(
+    aims: tuple[Aim, Aim], hits: tuple[jax.Array, jax.Array], level: Level, sides: bool = False
+) -> Hits:
     """Look up the nearer of the two hits that the marches found."""
     vertical, crosswise = aims
     depths = [
@@ -314,28 +333,24 @@ def look_up(aims: tuple[Aim, Aim], hits: tuple[jax.Array, jax.Array], level: Lev
     along = within.astype(jnp.float32) / one.astype(jnp.float32)
     # Seen from outside, left to right on north and east faces runs against the axis.
     mirrored = jnp.where(horizontal, crosswise.forwards, ~vertical.forwards)
+    side = _side(aims, horizontal)
+    index = row * level.size[0] + column
+    face = side * (level.size[0] * level.size[1]) + index
+    every = jnp.asarray(level.walls).reshape(-1)
+    wall = every.at[face if len(level.walls) == 4 else index].get(mode="promise_in_bounds")
     return Hits(
         depth=jnp.where(horizontal, depths[1], depths[0]),
-        wall=_face(aims, level, column, row, horizontal),
+        wall=wall,
         along=jnp.where(mirrored, 1 - along, along),
         horizontal=horizontal,
         tile=jnp.stack([column, row], axis=-1) - level.margin,
+        side=side if sides else None,
+        face=face if sides else None,
     )
 
 
-def _face(
-    aims: tuple[Aim, Aim],
-    level: Level,
-    column: jax.Array,
-    row: jax.Array,
-    horizontal: jax.Array,
-) -> jax.Array:
-    """uint8[W]: the entry of `level.walls` for the faces hit; one gather per column."""
-    faces, rows, columns = level.walls.shape
-    flat = jnp.asarray(level.walls).reshape(-1)
-    index = row * columns + column
-    if faces == 4:
-        west_or_east = jnp.where(aims[0].forwards, jnp.int32(0), jnp.int32(1))
-        north_or_south = jnp.where(aims[1].forwards, jnp.int32(2), jnp.int32(3))
-        index = index + jnp.where(horizontal, north_or_south, west_or_east) * (rows * columns)
-    return flat.at[index].get(mode="promise_in_bounds")
+def _side(aims: tuple[Aim, Aim], horizontal: jax.Array) -> jax.Array:
+    """int32[W]: where the faces that were hit look (see `Hits.side`)."""
+    west_or_east = jnp.where(aims[0].forwards, jnp.int32(0), jnp.int32(1))
+    north_or_south = jnp.where(aims[1].forwards, jnp.int32(2), jnp.int32(3))
+    return jnp.where(horizontal, north_or_south, west_or_east)

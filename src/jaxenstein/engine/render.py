@@ -6,13 +6,15 @@ Each stage is finished before the next one starts (see `_jax.staging`):
 2. `image_columns.prepare`: everything that the pixels of a column share, billboards included.
 3. `pixels.paint`: a comparison separates wall from floor and ceiling; a shifted word separates a
    panel from its wall and a billboard from what is behind it.
+
+With textures, `textured` has the last two stages, and one more that fetches each pixel's colour.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,13 +22,15 @@ from jax import lax
 
 from .._jax.batching import by_most, by_own
 from .._jax.staging import staged
+from . import textured
 from .camera import Camera
-from .image_columns import ImageColumns, prepare
-from .pixels import Rows, paint, paint_rows
+from .image_columns import prepare
+from .pixels import paint, paint_rows
 from .raycast import cast
 from .scene import Scene
 from .shade import ImageKind
-from .sprites import Layers, Spots, choose, layers_seen, nearest, pick, project, see
+from .sprites import Spots, choose, layers_seen, nearest, pick, project, see
+from .textures import Sampling
 
 # This many layers of billboards are always painted.
 FEW = 2
@@ -46,7 +50,6 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
             `"labels"` uint8[height, width], the label id of each pixel (see `scene.Theme`).
         layers: how many billboards a column can show, one behind another.
     """
-    camera = camera.widened()
     # Rays use loops and conditionals that cannot be differentiated.
     scene = scene.replace(
         position=lax.stop_gradient(scene.position),
@@ -54,24 +57,54 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
         sprites=lax.stop_gradient(scene.sprites),
         lift=lax.stop_gradient(scene.lift),
     )
+    textures = scene.theme.textures if kind in ("rgb", "gray") else None
+    if textures is None:
+        return _draw(scene, camera.widened(), kind, layers, Sampling(), _COLOURED)
+    sized = scene.replace(theme=textured.sized(scene.theme))
+    view = camera.halved() if textures.sampling.samples == 2 else camera
+    index = _draw(sized, view.widened(), kind, layers, textures.sampling, _TEXTURED)
+    return textured.colours(index, scene.theme, camera, kind)
+
+
+class _Way(NamedTuple):
+    """How columns, billboards, rows and pixels are computed."""
+
+    prepare: Callable[..., Any]
+    project: Callable[..., Any]
+    rows: Callable[..., Any]
+    paint: Callable[..., Any]
+    sides: bool
+
+
+_COLOURED = _Way(prepare, project, paint_rows, paint, sides=False)
+_TEXTURED = _Way(
+    textured.prepare, textured.project, textured.paint_rows, textured.paint, sides=True
+)
+
+
+def _draw(
+    scene: Scene, camera: Camera, kind: ImageKind, layers: int, places: Sampling, way: _Way
+) -> jax.Array:
+    """The image, or what stands for each of its pixels."""
     pose = scene.position, scene.heading
-    hits = cast(*pose, scene.closed, scene.level, camera)
-    stage = partial(prepare, theme=scene.theme, camera=camera, kind=kind)
-    rows = paint_rows(scene.theme, camera, kind, scene.lift)
+    walls, things = camera.at(places.wall), camera.at(places.thing)
+    hits = cast(*pose, scene.closed, scene.level, walls, way.sides)
+    stage = partial(way.prepare, theme=scene.theme, camera=camera, kind=kind)
+    rows = way.rows(scene.theme, camera, kind, scene.lift)
     count = scene.sprites.picture.shape[0]
     if count <= layers or layers <= FEW:
-        spots = choose(*pose, scene.sprites, scene.theme, camera, layers) if count else None
+        spots = choose(*pose, scene.sprites, scene.theme, things, layers) if count else None
         columns = staged(stage)(scene.heading, hits, spots, scene.lift)
-        return paint(columns, rows, scene, camera, kind)
+        return way.paint(columns, rows, scene, camera, kind)
     spots = see(*pose, scene.sprites, scene.theme)
-    keys = nearest(spots, scene.theme, camera, layers)
+    keys = nearest(spots, scene.theme, things, layers)
     columns = staged(stage)(scene.heading, hits, None, scene.lift)
-    over = staged(partial(project, theme=scene.theme, camera=camera, kind=kind))
+    over = staged(partial(way.project, theme=scene.theme, camera=camera, kind=kind))
     seen = layers_seen(keys, hits.depth, count)
 
     def with_layers(most: int) -> Callable[..., jax.Array]:
         def draw(
-            columns: ImageColumns,
+            columns: Any,
             depth: jax.Array,
             lift: jax.Array | None,
             spots: Spots,
@@ -79,7 +112,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
         ) -> Any:
             shown = over(pick(spots, keys[:most]), depth, lift)
             steps = [
-                partial(_paint_layers, k, rows=rows, scene=scene, camera=camera, kind=kind)
+                partial(_paint_layers, k, rows=rows, scene=scene, camera=camera, kind=kind, way=way)
                 for k in range(most + 1)
             ]
             if _COPIES_IMAGES:
@@ -96,14 +129,15 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
 
 def _paint_layers(
     count: int,
-    columns: ImageColumns,
-    layers: Layers,
+    columns: Any,
+    layers: Any,
     *,
-    rows: Rows,
+    rows: Any,
     scene: Scene,
     camera: Camera,
     kind: ImageKind,
+    way: _Way,
 ) -> jax.Array:
     """The image with `count` layers of billboards."""
     nearest = jax.tree.map(lambda leaf: leaf[..., :count, :], layers)
-    return paint(columns.replace(layers=nearest), rows, scene, camera, kind)
+    return way.paint(columns.replace(layers=nearest), rows, scene, camera, kind)

@@ -7,6 +7,7 @@ import jax
 from ..pytree import PyTreeNode, static
 from .level import Array, Level
 from .shade import Light
+from .textures import Textures
 
 # Labels of floor and ceiling.
 CEILING = 0
@@ -39,6 +40,8 @@ class Theme(PyTreeNode):
             the highest, is the i-th of 32 stripes across two tiles. The floor has its second
             colour where exactly one of the two bits is set. None for a checker of tiles.
         light: the brightness of surfaces.
+        textures: pictures that replace these tables in colours and greys, or None. Labels and
+            depth do not depend on them.
     """
 
     wall_colours: Array
@@ -55,6 +58,7 @@ class Theme(PyTreeNode):
     panel_reach: Array | None = None
     floor_words: Array | None = None
     light: Light = static(default=Light())
+    textures: Textures | None = None
 
     def __repr__(self) -> str:
         """Short, because JAX asks for the name of every function that it traces, and its tables."""
@@ -82,7 +86,8 @@ class Scene(PyTreeNode):
         level: the geometry.
         closed: bool[D], which doors of the level are closed.
         position: float32[2], (x, y) of the eye in tiles.
-        heading: float32[], radians, 0 along +x, growing clockwise on the map.
+        heading: float32[], radians, 0 along +x, growing clockwise on the map; or float32[2], the
+            cosine and the sine of it.
         sprites: the billboards.
         theme: the colours and pictures.
         lift: float32[], how many tiles the eye is above the camera's eye height, within the room;

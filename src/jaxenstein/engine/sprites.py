@@ -19,6 +19,7 @@ from .._jax.staging import repeat, staged
 from ..pytree import PyTreeNode
 from .camera import Camera
 from .level import WORD, Array
+from .raycast import direction
 from .scene import Sprites, Theme
 from .shade import ImageKind, pack_rgb, tone
 
@@ -26,6 +27,8 @@ from .shade import ImageKind, pack_rgb, tone
 NEAREST = 0.05
 # Billboards are searched in a loop over blocks of this size, to bound the program.
 BLOCK = 8
+# Of more pictures than this, what differs between them is fetched.
+MOST_SELECTS = 64
 _NONE = 0xFFFFFFFF
 
 
@@ -185,7 +188,7 @@ def _words(spots: Spots, wall_depth: jax.Array, *, theme: Theme, camera: Camera)
 
 def _spot(position: jax.Array, heading: jax.Array, sprites: Sprites, *, theme: Theme) -> Spots:
     """Project N billboards, [N]."""
-    cos, sin = jnp.cos(heading), jnp.sin(heading)
+    cos, sin = direction(heading)
     offset = sprites.position - position[None]
     depth = offset[:, 0] * cos + offset[:, 1] * sin
     side = offset[:, 1] * cos - offset[:, 0] * sin
@@ -199,8 +202,10 @@ def _spot(position: jax.Array, heading: jax.Array, sprites: Sprites, *, theme: T
 
 
 def _of_picture(table: Array, picture: jax.Array) -> jax.Array:
-    """table[picture] for a table [s], without a gather, because there are few pictures."""
+    """table[picture] for a table [s], without a gather where there are few pictures."""
     values = np.asarray(table)
+    if len(values) > MOST_SELECTS:
+        return jnp.asarray(values).at[picture].get(mode="promise_in_bounds")
     chosen = jnp.full(picture.shape, values[0])
     for i in range(1, len(values)):
         chosen = jnp.where(picture == i, values[i], chosen)

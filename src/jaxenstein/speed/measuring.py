@@ -110,7 +110,7 @@ def measure(settings: Settings) -> dict[str, Any]:
     device = jax.devices()[0]
     return {
         "id": settings.name,
-        **{name: getattr(env, name) for name in SETTINGS},
+        **{name: as_tuples(getattr(env, name)) for name in SETTINGS},
         **dataclasses.asdict(settings),
         "steps_per_second": summarise(settings.batch * settings.steps / np.array(seconds)),
         "world_steps_per_second": summarise(np.diff(counts) / np.array(seconds)),

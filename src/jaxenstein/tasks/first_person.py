@@ -6,6 +6,8 @@ import abc
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal, TypeVar, cast, get_args
 
 import jax
@@ -22,9 +24,11 @@ from ..engine.shade import ImageKind
 from ..environment import Environment, Params, State
 from ..errors import SettingError, quoted
 from ..fields import choice, number, of_form
+from ..images import Images, read_images
 from ..maps.tilemap import TileMap
 from ..spaces import Box, Dict, Space
 from .draws import sample_seed
+from .dressing import dressed
 from .levels import read_level
 from .looks import Look, patterned, randomised
 from .splits import Split, fingerprint, first_right, is_of
@@ -56,6 +60,10 @@ class FirstPerson(Environment[S, P]):
             each reset. Doors, things, depth and labels do not depend on it.
         look_range: strength of random looks: from 0, as patterned, to 1, any colours.
         look_seeds: seeds of random looks: None for all seeds, or (first, stop).
+        textures: None, or images of walls, floor, ceiling and things: a folder with files such as
+            `wall.png`, `floor.png`, `red-wall.png`, `goal.png`; in Python also a table of such
+            names with arrays uint8[height, width, 3 or 4]. The names are `wall`, `door`, and those
+            of labels. Sides are resized to the next power of two, to 128 at most.
     """
 
     height: int = number(64, 1, 4096)
@@ -66,10 +74,15 @@ class FirstPerson(Environment[S, P]):
     look: Look = choice("plain", Look)
     look_range: float = number(1.0, 0, 1)
     look_seeds: tuple[int, int] | range | None = of_form(None, "seeds")
+    textures: Images | Mapping[str, np.ndarray] | str | Path | None = of_form(None, "images")
 
     def __post_init__(self) -> None:
         """Check the settings."""
+        if self.textures is not None:
+            object.__setattr__(self, "textures", read_images(self.textures))
         super().__post_init__()
+        if self.textures is not None and self.look != "plain":
+            raise SettingError(f"textures need look='plain', not look={quoted(self.look)}")
         for name in ("look_seeds", "look_range"):
             given = getattr(self, name)
             if self.look != "random" and given != getattr(FirstPerson, name):
@@ -93,6 +106,9 @@ class FirstPerson(Environment[S, P]):
 
     def dressed(self, scene: Scene, state: S) -> Scene:
         """The scene of a state with its look."""
+        if self.textures is not None:
+            images = cast(Images, self.textures)
+            return scene.replace(theme=dressed(scene.theme, images, self.camera))
         if self.look == "plain":
             return scene
         if self.look == "patterned":

@@ -1,0 +1,298 @@
+"""Drawing with textures: an index into the atlas for each pixel, then one fetch for each.
+
+The fetch is a stage of its own: fused with the arithmetic of the index, it would make all of that
+scalar, which takes three times as long.
+"""
+
+from __future__ import annotations
+
+import functools
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from .._jax.staging import staged
+from ..pytree import PyTreeNode
+from .camera import Camera
+from .image_columns import drop_of, half_height
+from .level import WORD, Array
+from .pixels import rounded, test_bit, whole
+from .raycast import Hits, rays
+from .scene import Scene, Theme
+from .shade import ImageKind, luma
+from .sprites import Spots
+from .textures import Textures, entry, shade_of
+
+
+class TexturedColumns(PyTreeNode):
+    """The columns of one image, ready to paint; W of them.
+
+    A pixel of a wall `y` rows below the horizon shows texel `round(scale * y + offset)` of its
+    column, modulo the picture's height.
+
+    Attributes:
+        half: float32[W], half the height of the wall in pixels.
+        drop: float32[W], how far its middle is below the horizon, or None if it is not.
+        base: int32[W], index of the topmost texel of the column of the wall's picture.
+        last: int32[W], height of that picture less one.
+        scale: float32[W], texels a pixel.
+        offset: float32[W], the texel at the horizon, less one half.
+        ray: float32[2, W], the ray's direction (x, y) on floor and ceiling, scaled to depth one.
+        layers: the billboards, or None if the scene has none.
+    """
+
+    half: jax.Array
+    drop: jax.Array | None
+    base: jax.Array
+    last: jax.Array
+    scale: jax.Array
+    offset: jax.Array
+    ray: jax.Array
+    layers: TexturedLayers | None
+
+
+class TexturedLayers(PyTreeNode):
+    """The nearest billboards over each column, near to far: K layers, W columns.
+
+    A pixel `y` rows below the horizon shows texel `round(scale * y + offset)`.
+
+    Attributes:
+        opaque: uint32[words, K, W], bits of the opaque texels; 0 where there is no billboard.
+        base: int32[K, W], index of the topmost texel.
+        scale: float32[K, W or 1], texels a pixel.
+        offset: float32[K, W or 1], less one half.
+    """
+
+    opaque: jax.Array
+    base: jax.Array
+    scale: jax.Array
+    offset: jax.Array
+
+
+class TexturedRows(PyTreeNode):
+    """What the pixels of floor and ceiling in a row have in common.
+
+    Attributes:
+        ahead: [2] of float32[height, 1], texels along x and y that a ray of depth one passes.
+        base: int32[height, 1], index of the picture's first texel.
+    """
+
+    ahead: tuple[Array, Array]
+    base: Array
+
+
+def textures_of(theme: Theme) -> Textures:
+    """The textures of a theme that has some."""
+    assert theme.textures is not None
+    return theme.textures
+
+
+def sized(theme: Theme) -> Theme:
+    """A theme whose billboards are as wide as their textures."""
+    return theme.replace(sprite_radius=textures_of(theme).cutouts.half_width)
+
+
+def prepare(
+    heading: jax.Array,
+    hits: Hits,
+    spots: Spots | None,
+    lift: jax.Array | None = None,
+    *,
+    theme: Theme,
+    camera: Camera,
+    kind: ImageKind,
+) -> TexturedColumns:
+    """Look up what each column shows; the arguments are those of `image_columns.prepare`."""
+    textures = textures_of(theme)
+    walls, places = textures.walls, textures.sampling
+    camera = camera.at(places.wall)
+    assert hits.side is not None
+    material = _material(hits, textures)
+    across = entry(walls.across, material)
+    # Texel columns run from left to right as seen, over all tiles of a wall.
+    column, row = hits.tile[:, 0], hits.tile[:, 1]
+    tile = jnp.where(hits.side < 2, row, column)
+    tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
+    texel = tile * across + (hits.along * across.astype(jnp.float32)).astype(jnp.int32)
+    texel = (texel + entry(walls.offset, material)) & (entry(walls.width, material) - 1)
+    # No seams, for pictures have some of their own: light as in the middle of a tile.
+    light = theme.light.wall(hits.depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
+    height = entry(walls.height, material)
+    down = entry(walls.down, material)
+    above = jnp.float32(camera.wall - camera.eye) - (0 if lift is None else lift)
+    half = half_height(hits.depth, camera)
+    return TexturedColumns(
+        half=half,
+        drop=drop_of(half, lift, camera),
+        base=shade_of(light) * textures.size + entry(walls.first, material) + texel * height,
+        last=height - 1,
+        scale=hits.depth * down / jnp.float32(camera.row_focal),
+        offset=above * down - 0.5,
+        ray=jnp.stack(rays(heading, camera.at(places.plane))),
+        layers=None if spots is None else project(spots, hits.depth, lift, theme, camera, kind),
+    )
+
+
+def _material(hits: Hits, textures: Textures) -> jax.Array:
+    """int32[W]: the row of `Textures.walls` that each ray hit."""
+    if textures.of_face is None:
+        return entry(textures.of_wall, hits.wall.astype(jnp.int32))
+    assert hits.face is not None
+    return entry(textures.of_face.reshape(-1), hits.face)
+
+
+def project(
+    spots: Spots,
+    wall_depth: jax.Array,
+    lift: jax.Array | None,
+    theme: Theme,
+    camera: Camera,
+    kind: ImageKind,
+) -> TexturedLayers:
+    """What the chosen billboards show in each column; as `sprites.project`."""
+    del kind
+    textures = textures_of(theme)
+    cutouts = textures.cutouts
+    camera = camera.at(textures.sampling.thing)
+    # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
+    texels = staged(partial(_texels, theme=theme, camera=camera))
+    column, base = texels(spots, wall_depth)
+    opaque = [jnp.asarray(w).at[column].get(mode="promise_in_bounds") for w in cutouts.opaque]
+    rate = cutouts.height / (cutouts.bottom - cutouts.top)
+    rate = entry(rate.astype(np.float32), spots.picture)
+    top = entry(cutouts.top, spots.picture)
+    top = top if lift is None else top + lift
+    return TexturedLayers(
+        opaque=jnp.stack(opaque),
+        base=base,
+        scale=spots.depth(theme) * rate / jnp.float32(camera.row_focal),
+        offset=-top * rate - 0.5,
+    )
+
+
+def _texels(
+    spots: Spots, wall_depth: jax.Array, *, theme: Theme, camera: Camera
+) -> tuple[jax.Array, jax.Array]:
+    """int32[K, W] twice: the column of `Cutouts.opaque` and its topmost texel in the atlas."""
+    textures = textures_of(theme)
+    cutouts, depth = textures.cutouts, spots.depth(theme)
+    across = spots.stretch * jnp.asarray(camera.column_slopes())[None] + spots.start
+    seen = (across >= 0) & (across < WORD) & (depth < wall_depth[None])
+    width = entry(cutouts.width, spots.picture)
+    texel = (across * (width.astype(jnp.float32) * (1 / WORD))).astype(jnp.int32)
+    texel = jnp.clip(texel, 0, width - 1)
+    none = cutouts.opaque.shape[1] - 1
+    column = jnp.where(seen, entry(cutouts.column, spots.picture) + texel, none)
+    shade = shade_of(theme.light.plain(depth))
+    shade = jnp.where(entry(cutouts.bright, spots.picture), 0, shade)
+    first = shade * textures.size + entry(cutouts.first, spots.picture)
+    return column, first + texel * entry(cutouts.height, spots.picture)
+
+
+def paint_rows(
+    theme: Theme, camera: Camera, kind: ImageKind, lift: jax.Array | None = None
+) -> TexturedRows:
+    """What the rows of floor and ceiling have in common; on the host, but for a lifted eye."""
+    del kind
+    textures = textures_of(theme)
+    flats, places = textures.flats, textures.sampling
+    camera = camera.at(places.plane)
+    distance = camera.row_distances(lift)[:, None]
+    lit = camera.at((0.5, places.light_row)).row_distances(lift)[:, None]
+    plane = _plane(camera)
+    scale = np.asarray(flats.scale, np.float32)[plane]
+    base = shade_of(theme.light.plain(lit)) * np.int32(textures.size) + flats.first[plane]
+    return TexturedRows((distance * scale[..., 0], distance * scale[..., 1]), base)
+
+
+def _plane(camera: Camera) -> np.ndarray:
+    """int[height, 1]: 0 where a row shows the ceiling and 1 where it shows the floor."""
+    return (camera.row_offsets() > 0).astype(int)[:, None]
+
+
+def paint(
+    columns: TexturedColumns, rows: TexturedRows, scene: Scene, camera: Camera, kind: ImageKind
+) -> jax.Array:
+    """int32[height, width + extra]: the index in the atlas of each pixel."""
+    del kind
+    stage = partial(_indices, rows=rows, theme=scene.theme, camera=camera)
+    return staged(stage)(scene.position, columns)
+
+
+def _indices(
+    position: jax.Array,
+    columns: TexturedColumns,
+    *,
+    rows: TexturedRows,
+    theme: Theme,
+    camera: Camera,
+) -> jax.Array:
+    textures = textures_of(theme)
+    columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
+    image = _floor_and_ceiling(position, columns, rows, textures, camera)
+    below = _below(camera.at(textures.sampling.wall))
+    across = below if columns.drop is None else below - columns.drop
+    texel = rounded(below * columns.scale + columns.offset).astype(jnp.int32) & columns.last
+    image = jnp.where(jnp.abs(across) < columns.half, columns.base + texel, image)
+    if columns.layers is None:
+        return image
+    return _billboards(columns.layers, _below(camera.at(textures.sampling.thing)), image)
+
+
+def _below(camera: Camera) -> jax.Array:
+    return jnp.asarray(camera.row_offsets())[:, None]
+
+
+def _floor_and_ceiling(
+    position: jax.Array,
+    columns: TexturedColumns,
+    rows: TexturedRows,
+    textures: Textures,
+    camera: Camera,
+) -> jax.Array:
+    """int32[height, width] of floor and ceiling, as if they filled the image."""
+    flats = textures.flats
+    plane = _plane(camera.at(textures.sampling.plane))
+    width, height = (np.asarray(side)[plane] for side in (flats.width, flats.height))
+    texels = []
+    for i, side in enumerate((width, height)):
+        scale, origin = (np.asarray(t, np.float32)[plane, i] for t in (flats.scale, flats.origin))
+        eye = position[i] * scale + (origin - np.float32(0.5))
+        place = whole(eye + rows.ahead[i] * columns.ray[i])
+        texels.append(place.astype(jnp.int32) & (side - 1))
+    return rows.base + texels[0] * height + texels[1]
+
+
+def _billboards(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> jax.Array:
+    """The image with the billboards over it, the farthest first."""
+    for k in reversed(range(layers.scale.shape[0])):
+        texel = whole(layers.scale[k] * below + layers.offset[k])
+        # Bits of another word are past the end of this one, and then not set.
+        words = enumerate(layers.opaque)
+        there = [test_bit(word[k], texel - np.uint32(i * WORD)) for i, word in words]
+        covers = functools.reduce(jnp.logical_or, there)
+        image = jnp.where(covers, layers.base[k] + texel.astype(jnp.int32), image)
+    return image
+
+
+def colours(index: jax.Array, theme: Theme, camera: Camera, kind: ImageKind) -> jax.Array:
+    """The image of the indices: uint8[height, width, 3], or uint8[height, width] of greys."""
+    textures = textures_of(theme)
+    samples = textures.sampling.samples
+    words = staged(partial(_fetched, atlas=textures.atlas))(index)[:, : samples * camera.width]
+    if samples == 2:
+        left, right = words[:, 0::2], words[:, 1::2]
+        # Half of what differs, without its lowest bits, which would fall into another channel.
+        words = (left & right) + ((left ^ right) >> 1 & jnp.uint32(0x7F7F7F))
+    if kind == "gray":
+        return luma(words).astype(jnp.uint8)
+    return lax.bitcast_convert_type(words, jnp.uint8)[..., :3]
+
+
+def _fetched(index: jax.Array, *, atlas: np.ndarray) -> Any:
+    # As numbers without a sign, which need no look whether they count from the end.
+    return jnp.asarray(atlas).at[index.astype(jnp.uint32)].get(mode="promise_in_bounds")

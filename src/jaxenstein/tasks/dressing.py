@@ -1,0 +1,232 @@
+"""A theme in images of the user's own: what has none is drawn as the theme has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..engine.art import SIZE
+from ..engine.art.patterns import FLOOR_PATTERNS
+from ..engine.camera import Camera
+from ..engine.image_columns import PANEL_SHADOW
+from ..engine.scene import CEILING, FLOOR, Theme
+from ..engine.shade import SEAM_SHADE, Light
+from ..engine.textures import (
+    SHADES,
+    Cutouts,
+    Flats,
+    Materials,
+    Textures,
+    build_atlas,
+    darkened,
+    pack_opaque,
+    shade_of,
+)
+from ..errors import SettingError
+from ..images import Images, Picture, power_of_two
+
+MOST_TEXELS = 1 << 20
+"""Texels of all images together: 128 MiB in all shades."""
+# Of the depth at which floor and ceiling have a shade, what a wall in it is at least: its direction
+# may have made it darker.
+WALL_SHARE = 0.5
+
+
+def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
+    """A theme of constant colours with textures.
+
+    An image on a wall is as high as the wall and repeats across, every so many tiles as keep its
+    shape, to the next power of two. A square one is as wide as the wall is high: one tile. On
+    floor and ceiling an image covers a square as wide. On a thing it is as high as the thing's own
+    picture; alpha below 128 is transparent.
+
+    Images are smoothed for what is far: a shade has the texels of a pixel at the depth that it
+    stands for.
+
+    Raises:
+        SettingError: the images have more than `MOST_TEXELS` together.
+    """
+    own = images.of_labels()
+    span = power_of_two(camera.wall)
+    count = len(theme.wall_colours)
+    walls = [_wall(theme, label, own.get(label)) for label in range(count)]
+    flats = [_ceiling(theme, own.get(CEILING)), _floor(theme, own.get(FLOOR))]
+    things = [_thing(theme, i, own.get(int(label))) for i, label in enumerate(theme.sprite_labels)]
+    pictures = _shared([*walls, *flats, *(rgba[..., :3] for rgba in things)])
+    texels = sum({id(p): p.shape[0] * p.shape[1] for p in pictures}.values())
+    if texels > MOST_TEXELS:
+        raise SettingError(
+            f"textures have {texels:,} texels together, more than {MOST_TEXELS:,}: give fewer or "
+            "smaller images"
+        )
+    across = [_across(own.get(label), camera.wall, wall) for label, wall in enumerate(walls)]
+    down = [len(wall) / camera.wall for wall in walls]
+    scales = np.stack(
+        [
+            _scale(label, flat, own, span)
+            for label, flat in zip((CEILING, FLOOR), flats, strict=True)
+        ]
+    )
+    depths = depth_of_shades(theme.light)
+    near = WALL_SHARE * depths / camera.row_focal
+    # Floor and ceiling are seen at a slant, which makes a pixel on them the longer.
+    far = depths / camera.row_focal * np.sqrt(np.maximum(depths / camera.eye, 1))
+    sizes = [*(np.outer(near, rates) for rates in zip(across, down, strict=True))]
+    sizes += [np.outer(far, scale) for scale in scales]
+    covered = {id(p): size for p, size in zip(pictures[: count + 2], sizes, strict=True)}
+
+    def paint(picture: np.ndarray, shade: int) -> np.ndarray:
+        size = covered.get(id(picture))
+        return darkened(picture if size is None else smoothed(picture, *size[shade]), shade)
+
+    atlas, first = build_atlas(pictures, paint)
+    textures = Textures(
+        atlas=atlas,
+        walls=Materials(
+            first[:count],
+            *_sides(walls),
+            np.array(across, np.int32),
+            np.array(down, np.float32),
+            np.zeros(count, np.int32),
+        ),
+        of_wall=np.arange(count, dtype=np.int32),
+        flats=Flats(first[count : count + 2], *_sides(flats), scales, np.zeros((2, 2), np.float32)),
+        cutouts=_cutouts(theme, things, first[count + 2 :], own),
+    )
+    return theme.replace(textures=textures)
+
+
+def depth_of_shades(light: Light) -> np.ndarray:
+    """float[32]: the depth in tiles at which floor and ceiling have each shade; inf if none."""
+    depth = np.geomspace(0.01, 256, 4096, dtype=np.float32)
+    shades = shade_of(light.plain(depth))
+    first = np.searchsorted(np.maximum.accumulate(shades), np.arange(SHADES))
+    return np.append(depth, np.float32(np.inf))[first]
+
+
+def smoothed(picture: np.ndarray, across: float, down: float) -> np.ndarray:
+    """float[height, width, 3]: the mean of so many texels around each; the picture repeats."""
+    image = picture.astype(np.float64)
+    for axis, wanted in ((0, down), (1, across)):
+        length = picture.shape[axis]
+        # An odd number of them, or all.
+        count = length if wanted >= length else 2 * round((max(wanted, 1) - 1) / 2) + 1
+        if count >= length:
+            image = np.broadcast_to(image.mean(axis=axis, keepdims=True), picture.shape)
+        elif count > 1:
+            reach = count // 2
+            rows = np.arange(-reach - 1, length + reach) % length
+            sums = np.take(image, rows, axis=axis).cumsum(axis=axis)
+            ends = (np.arange(length) + start for start in (count, 0))
+            last, before = (np.take(sums, end, axis=axis) for end in ends)
+            image = (last - before) / count
+    return image
+
+
+def _sides(pictures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """int32[n] twice: widths and heights."""
+    heights, widths = zip(*(picture.shape[:2] for picture in pictures), strict=True)
+    return np.array(widths, np.int32), np.array(heights, np.int32)
+
+
+def _shared(pictures: list[np.ndarray]) -> list[np.ndarray]:
+    """The same pictures, those that are equal as one object, which the atlas keeps once."""
+    known: dict[tuple[tuple[int, ...], bytes], np.ndarray] = {}
+    return [known.setdefault((one.shape, one.tobytes()), one) for one in pictures]
+
+
+def _across(own: Picture | None, wall: float, picture: np.ndarray) -> int:
+    """Texels a tile, of an image on a wall of a height in tiles."""
+    width = picture.shape[1]
+    if own is None:
+        return width
+    return max(1, int(width / power_of_two(own.shape * wall)))
+
+
+def _scale(label: int, flat: np.ndarray, own: Mapping[int, Picture], span: float) -> np.ndarray:
+    """float32[2]: texels a tile along x and y."""
+    tiles = span if label in own else 2
+    return np.array([flat.shape[1] / tiles, flat.shape[0] / tiles], np.float32)
+
+
+def _over(own: Picture, colour: np.ndarray) -> np.ndarray:
+    """uint8[height, width, 3]: an image over a colour, which shows where it is transparent."""
+    alpha = own.pixels[..., 3:] / np.float32(255)
+    return _rounded(own.pixels[..., :3] * alpha + colour * (1 - alpha))
+
+
+def _rounded(colours: np.ndarray) -> np.ndarray:
+    return (colours + np.float32(0.5)).astype(np.uint8)
+
+
+def _wall(theme: Theme, label: int, own: Picture | None) -> np.ndarray:
+    colour = np.asarray(theme.wall_colours[label], np.float32)
+    if own is not None:
+        return _over(own, colour)
+    panel = int(theme.wall_panels[label])
+    seams = theme.light == Light()
+    shadow, accent = _bits(np.asarray(theme.panels[panel]))
+    flat = not (shadow.any() or accent.any())
+    rows, columns = (1 if flat else SIZE), (SIZE if seams or not flat else 1)
+    image = np.broadcast_to(colour, (rows, columns, 3)).copy()
+    if not flat:
+        image[shadow] *= np.float32(PANEL_SHADOW)
+        image[accent] = theme.panel_accent
+    if seams:
+        image[:, [0, -1]] *= np.float32(1 - SEAM_SHADE / 2)
+    return _rounded(image)
+
+
+def _bits(planes: np.ndarray) -> np.ndarray:
+    """bool[2, 32, 32] of uint32[2, 32], planes by column with the greatest bit on top."""
+    bits = planes[:, None, :] >> np.arange(SIZE, dtype=np.uint32)[::-1][None, :, None]
+    return (bits & np.uint32(1)).astype(bool)
+
+
+def _floor(theme: Theme, own: Picture | None) -> np.ndarray:
+    colours = np.asarray(theme.floor, np.float32)
+    if own is not None:
+        return _over(own, colours.mean(axis=0))
+    words = theme.floor_words
+    words = FLOOR_PATTERNS["checker"] if words is None else np.asarray(words).tolist()
+    along, down = (np.array([word >> (31 - i) & 1 for i in range(SIZE)]) for word in words)
+    return _rounded(colours[along[None] ^ down[:, None]])
+
+
+def _ceiling(theme: Theme, own: Picture | None) -> np.ndarray:
+    colour = np.asarray(theme.ceiling, np.float32)
+    return _rounded(colour[None, None]) if own is None else _over(own, colour)
+
+
+def _thing(theme: Theme, picture: int, own: Picture | None) -> np.ndarray:
+    """uint8[height, width, 4] of a picture of the theme's billboards."""
+    if own is not None:
+        return own.pixels
+    shape, detail = _bits(np.asarray(theme.sprite_art[picture]))
+    colours = np.asarray(theme.sprite_colours[picture], np.float32)
+    colour = np.where(detail[..., None], colours[1], colours[0])
+    alpha = np.where(shape, np.uint8(255), np.uint8(0))
+    return np.concatenate([_rounded(colour), alpha[..., None]], axis=-1)
+
+
+def _cutouts(
+    theme: Theme, things: list[np.ndarray], first: np.ndarray, own: Mapping[int, Picture]
+) -> Cutouts:
+    labels = np.asarray(theme.sprite_labels).tolist()
+    shapes = [own[label].shape if label in own else 1.0 for label in labels]
+    if not things:
+        # The engine's tables cannot be empty.
+        things, first = [np.zeros((1, 1, 4), np.uint8)], np.zeros(1, np.int32)
+    column, opaque = pack_opaque([rgba[..., 3] >= 128 for rgba in things])
+    radius, drop = (np.asarray(t, np.float32) for t in (theme.sprite_radius, theme.sprite_drop))
+    return Cutouts(
+        first,
+        *_sides(things),
+        half_width=(radius * np.array(shapes)).astype(np.float32),
+        top=drop - radius,
+        bottom=drop + radius,
+        bright=np.zeros(len(things), bool),
+        column=column,
+        opaque=opaque,
+    )
