@@ -33,7 +33,8 @@ from jaxenstein.tasks.doom.fixed import ONE, to_fixed
 from jaxenstein.tasks.doom.maps import load_map, rasterise
 from jaxenstein.tasks.doom.wad import Picture, Wad, find_iwad
 from tests.reference.doom_nodes import read_game_map
-from tests.reference.doom_picture import Pose, Renderer, Thing
+from tests.reference.doom_picture import Pose, Renderer
+from tests.reference.doom_things import Thing
 
 SCENARIOS = "my_way_home", "health_gathering", "health_gathering_supreme"
 SIZES = SCREENS[:2]
@@ -167,7 +168,7 @@ def drawn(
     for seen in things:
         sprite, frame, bright = seen.looks[0]
         shown.append(Thing(front(pictures, sprite, frame), seen.x, seen.y, seen.z, bright))
-    return renderer.draw(pose, shown, gold)
+    return renderer.draw(pose, shown, gold=gold)
 
 
 @functools.cache
@@ -234,7 +235,7 @@ def compare(scenario: str, frames: int, seed: int) -> list[tuple[View, ...]]:
                 ("one unit aside", draw(x=ONE)),
                 ("half a unit higher", draw(z=ONE // 2)),
                 ("an entry of the sines off", draw(angle=1 << 19)),
-                ("without things", [renderer.draw(v.pose, (), v.gold) for v in seen]),
+                ("without things", [renderer.draw(v.pose, gold=v.gold) for v in seen]),
             ):
                 print(f"    {what}: {shares(other, theirs)}", flush=True)
         found.append(seen)
