@@ -89,6 +89,8 @@ class Renderer:
         for name, texture in self.textures.items():
             if texture.shape[0] & texture.shape[0] - 1:
                 raise ValueError(f"texture {name} is {texture.shape[0]} rows high")
+        # The pose and the light of what was drawn last.
+        self.drawn: tuple[Pose, int] | None = None
         self.floor = pictures.flat(game_map.floor_flat)
         self.ceiling = pictures.flat(game_map.ceiling_flat)
         # Half the screen; pixels that a map unit is high at the depth 1; what light loses.
@@ -127,24 +129,31 @@ class Renderer:
 
     def indices(self, pose: Pose, things: Sequence[Thing], weapons: Sequence[Weapon]) -> np.ndarray:
         """uint8[height, width]: the picture as indices of the palette."""
+        if (pose, self.light) != self.drawn:
+            self.empty(pose)
+            self.drawn = pose, self.light
+        frame = self.frame.copy()
+        stamps = [(s.stamp, self.hidden(s)) for s in self.far_first(things)]
+        stamps += [(self.held(weapon), np.zeros(self.width, bool)) for weapon in weapons]
+        for stamp, hidden in stamps:
+            paint(frame, stamp, hidden, self.colormap, self.palette)
+        return frame
+
+    def empty(self, pose: Pose) -> None:
+        """Draw walls, floor and ceiling."""
         self.pose = pose
         self.sin, self.cos = sine(pose.angle >> 19), cosine(pose.angle >> 19)
         self.frame = np.zeros((self.height, self.width), np.uint8)
         self.top = np.zeros(self.width, np.int64)
         self.bottom = np.full(self.width, self.height)
+        self.fragments: list[Fragment] = []
         free = np.ones(self.width, bool)
-        fragments: list[Fragment] = []
         for seg in self.map.near_first(pose.x, pose.y):
             extent = self.extent(seg)
             if extent is not None:
-                fragments += self.wall(seg, extent, free)
+                self.fragments += self.wall(seg, extent, free)
         self.plane(self.ceiling, self.map.ceiling, np.zeros(self.width, np.int64), self.top)
         self.plane(self.floor, self.map.floor, self.bottom, np.full(self.width, self.height))
-        stamps = [(s.stamp, self.hidden(s, fragments)) for s in self.far_first(things)]
-        stamps += [(self.held(weapon), np.zeros(self.width, bool)) for weapon in weapons]
-        for stamp, hidden in stamps:
-            paint(self.frame, stamp, hidden, self.colormap, self.palette)
-        return self.frame
 
     def turned(self, point: Point, bits: int = 20) -> Point:
         """Side (to the right) and depth of a point as the eye sees it."""
@@ -380,10 +389,10 @@ class Renderer:
             shade=0 if weapon.bright else shade_of(darkness_of(self.light) - MOST_LIGHT, 0),
         )
 
-    def hidden(self, sprite: Sprite, fragments: Sequence[Fragment]) -> np.ndarray:
+    def hidden(self, sprite: Sprite) -> np.ndarray:
         """bool[width]: where walls hide a thing."""
         columns = np.zeros(self.width, bool)
-        for wall in fragments:
+        for wall in self.fragments:
             near, far = sorted((wall.extent.depth1, wall.extent.depth2))
             (ax, ay), (bx, by) = wall.seg.start, wall.seg.end
             x, y = sprite.thing.x, sprite.thing.y
