@@ -35,7 +35,8 @@ SCENARIOS = (
     *("basic", "defend_the_center", "defend_the_line", "deadly_corridor"),
 )
 SIZES = SCREENS[:2]
-# So many views are recorded of scenarios other than the first one.
+# So many views are recorded of scenarios other than the first one, and none of the last one: it
+# does not tell how the weapon bobs once the player is hit.
 FEW = 12
 
 
@@ -69,25 +70,21 @@ def shares(ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> str:
 
 
 def compare(scenario: str, frames: int, seed: int) -> list[tuple[View, ...]]:
-    """Play a scenario at all sizes, print the figures; returns the views of each size."""
+    """Play a scenario at all sizes, print the figures; returns each view at all sizes."""
     pictures = Wad(find_iwad())
     drawers = renderers(scenario, pictures)
-    found = [tuple(views(scenario, size, frames, seed)) for size in SIZES]
-    # What things look like is seen best on the largest screen.
-    best = [fitted(drawers[SIZES[-1]], pictures, view) for view in found[-1]]
-    for number, size in enumerate(SIZES):
-        assert [view.pose for view in found[number]] == [view.pose for view in best]
-        seen = found[number] = tuple(
-            dataclasses.replace(view, frame=other.frame)
-            for view, other in zip(best, found[number], strict=True)
-        )
+    played = [list(views(scenario, size, frames, seed)) for size in SIZES]
+    assert all([v.pose for v in views] == [v.pose for v in played[0]] for views in played)
+    order = [drawers[size] for size in SIZES]
+    same = [fitted(order, pictures, views) for views in zip(*played, strict=True)]
+    for size, seen in zip(SIZES, zip(*same, strict=True), strict=True):
 
         def draw(changed: Sequence[View], renderer: Renderer = drawers[size]) -> list[np.ndarray]:
             return [drawn(renderer, pictures, view) for view in changed]
 
         theirs, ours = [view.frame for view in seen], draw(seen)
         print("{} {}x{}: {}".format(scenario, *size, shares(ours, theirs)), flush=True)
-        if number == 0:
+        if size == SIZES[0]:
             for what, other in (
                 ("another frame", [*ours[1:], ours[0]]),
                 ("one unit aside", draw([moved(view, x=ONE) for view in seen])),
@@ -96,15 +93,14 @@ def compare(scenario: str, frames: int, seed: int) -> list[tuple[View, ...]]:
                 ("bare", draw([dataclasses.replace(v, things=(), held=()) for v in seen])),
             ):
                 print(f"    {what}: {shares(other, theirs)}", flush=True)
-    return found
+    return same
 
 
 def record(path: Path, seen: dict[str, list[tuple[View, ...]]]) -> None:
     """Write views of all sizes with digests of the game's frames, but no pictures."""
     lines = []
-    for scenario, at_sizes in seen.items():
-        count = len(at_sizes[0]) if scenario == SCENARIOS[0] else FEW
-        for same in list(zip(*at_sizes, strict=True))[:count]:
+    for scenario, played in seen.items():
+        for same in played:
             view = same[0]
             row = {
                 "scenario": scenario,
@@ -127,14 +123,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--frames", type=int, default=200, help="of each (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
     parser.add_argument("--only", choices=SCENARIOS, help="one scenario")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="views, for a test")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="record views for a test")
     options = parser.parse_args(argv)
     if options.record:
         check_writable(options.record)
     names = [options.only] if options.only else SCENARIOS
-    seen = {name: compare(name, options.frames, options.seed) for name in names}
     if options.record:
+        seen = {}
+        for name in SCENARIOS[:-1]:
+            frames = options.frames if name == SCENARIOS[0] else FEW
+            seen[name] = compare(name, frames, options.seed)
         record(options.record, seen)
+    else:
+        for name in names:
+            compare(name, options.frames, options.seed)
     return 0
 
 

@@ -56,10 +56,13 @@ SPRITES = {
     "ChaingunGuy": "CPOS",
     "BulletPuff": "PUFF",
     "Blood": "BLUD",
+    "Clip": "CLIP",
+    "Shotgun": "SHOT",
+    "Chaingun": "MGUN",
 }
-"""The sprites of things, by the game's names."""
+"""The sprites of things, by the game's names without the `Dead` of corpses."""
 BLENDS: dict[str, Blend] = {"BAL1": "add", "PUFF": "mean"}
-LIFELESS = "MEDI", "BON1"
+LIFELESS = "MEDI", "BON1", "CLIP", "SHOT", "MGUN"
 
 
 class Look(NamedTuple):
@@ -179,10 +182,10 @@ def look(scenario: str, state: Any) -> View:
     pose = Pose(to_fixed(x), to_fixed(y), to_fixed(z), round(angle / 360 * (2**32 - 1)) % 2**32)
     things = []
     for o in state.objects:
-        if o.name in SPRITES:
+        sprite = SPRITES.get(o.name.removeprefix("Dead"))
+        if sprite:
             towards = math.degrees(math.atan2(o.position_y - y, o.position_x - x))
             side = int((towards - o.angle + 202.5) % 360 // 45)
-            sprite = SPRITES[o.name]
             feet = map(to_fixed, (o.position_x, o.position_y, o.position_z))
             things.append(Seen(Look(sprite, "A", side, sprite == "BAL1"), *feet))
     armed = scenario in ("basic", "defend_the_center", "defend_the_line", "deadly_corridor")
@@ -239,25 +242,29 @@ def looks(pictures: Wad, sprite: str, side: int) -> tuple[Look, ...]:
     return tuple(Look(sprite, frame, side, b) for b in bright for frame in frames)
 
 
-def fitted(renderer: Renderer, pictures: Wad, view: View) -> View:
-    """A view with the looks of things and weapon that give the most equal pixels."""
+def fitted(renderers: Sequence[Renderer], pictures: Wad, views: Sequence[View]) -> tuple[View, ...]:
+    """One view at several sizes, with the looks that give the most equal pixels in all."""
 
-    def best(tries: Sequence[View]) -> View:
-        wrong = [int((drawn(renderer, pictures, t) != t.frame).any(axis=-1).sum()) for t in tries]
-        return tries[int(np.argmin(wrong))]
+    def changed(**change: Any) -> list[View]:
+        return [dataclasses.replace(view, **change) for view in current]
 
+    def wrong(tried: Sequence[View]) -> int:
+        pairs = zip(renderers, tried, strict=True)
+        return sum(int((drawn(r, pictures, v) != v.frame).any(axis=-1).sum()) for r, v in pairs)
+
+    current = list(views)
     for _ in range(2):
-        if view.weapons:
-            flashes = [dataclasses.replace(view, flash=flash) for flash in FLASHES]
-            view = best([view, *flashes])
-            view = best([view, *(dataclasses.replace(view, held=h) for h in view.weapons)])
-        for number, seen in enumerate(view.things):
-            tries = [view]
+        if views[0].weapons:
+            current = min([current, *(changed(flash=flash) for flash in FLASHES)], key=wrong)
+            held = [changed(held=held) for held in views[0].weapons]
+            current = min([current, *held], key=wrong)
+        for number, seen in enumerate(views[0].things):
+            tries = [current]
             for one in looks(pictures, seen.look.sprite, seen.look.side):
-                things = list(view.things)
+                things = list(current[0].things)
                 things[number] = seen._replace(look=one)
-                tries.append(dataclasses.replace(view, things=tuple(things)))
-            view = best(tries)
-        if (drawn(renderer, pictures, view) == view.frame).all():
+                tries.append(changed(things=tuple(things)))
+            current = min(tries, key=wrong)
+        if wrong(current) == 0:
             break
-    return view
+    return tuple(current)
