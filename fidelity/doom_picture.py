@@ -1,13 +1,14 @@
 """The game's frames beside those of the integer rules of its renderer, pixel by pixel.
 
-    python -m fidelity.doom_picture [--frames N] [--seed N] [--record FILE]
+    python -m fidelity.doom_picture [--frames N] [--seed N] [--only NAME] [--particles]
+    python -m fidelity.doom_picture --record FILE
 
-Needs the extra `vizdoom`. The game plays random buttons, without particles and decals; poses and
-things of its states are given to the renderer of `tests/reference/doom_picture.py`. What is printed
-are the shares of pixels with three equal bytes and of frames that are wholly equal, and the mean
-absolute error of a byte. The indented lines are what wrong rules would give: another frame, the eye
-one map unit aside or half a unit higher, an angle one entry of the table of sines off, and neither
-things nor weapon.
+Needs the extra `vizdoom`. The game plays random buttons. Poses and things of its states are given to
+the renderer of `tests/reference/doom_picture.py`. Particles and decals are off unless asked for: the
+state does not tell them. What is printed are the shares of pixels with three equal bytes and of
+frames that are wholly equal, and the mean absolute error of a byte. The indented lines are what
+wrong rules would give: another frame, the eye one map unit aside or half a unit higher, an angle one
+entry of the table of sines off, and neither things nor weapon.
 """
 
 from __future__ import annotations
@@ -69,11 +70,13 @@ def shares(ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> str:
     )
 
 
-def compare(scenario: str, frames: int, seed: int) -> list[tuple[View, ...]]:
+def compare(
+    scenario: str, frames: int, seed: int, particles: bool = False
+) -> list[tuple[View, ...]]:
     """Play a scenario at all sizes, print the figures; returns each view at all sizes."""
     pictures = Wad(find_iwad())
     drawers = renderers(scenario, pictures)
-    played = [list(views(scenario, size, frames, seed)) for size in SIZES]
+    played = [list(views(scenario, size, frames, seed, particles)) for size in SIZES]
     assert all([v.pose for v in views] == [v.pose for v in played[0]] for views in played)
     order = [drawers[size] for size in SIZES]
     same = [fitted(order, pictures, views) for views in zip(*played, strict=True)]
@@ -123,6 +126,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--frames", type=int, default=200, help="of each (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
     parser.add_argument("--only", choices=SCENARIOS, help="one scenario")
+    parser.add_argument("--particles", action="store_true", help="leave particles and decals on")
     parser.add_argument("--record", type=Path, metavar="FILE", help="record views for a test")
     options = parser.parse_args(argv)
     if options.record:
@@ -136,7 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         record(options.record, seen)
     else:
         for name in names:
-            compare(name, options.frames, options.seed)
+            compare(name, options.frames, options.seed, options.particles)
     return 0
 
 

@@ -116,8 +116,10 @@ class View:
     weapons: tuple[tuple[Held, ...], ...] = ()
 
 
-def views(scenario: str, size: tuple[int, int], frames: int, seed: int) -> Iterator[View]:
-    """Views of episodes; equal seeds give equal poses at all sizes.
+def views(
+    scenario: str, size: tuple[int, int], frames: int, seed: int, particles: bool = False
+) -> Iterator[View]:
+    """Views of episodes, with particles and decals or without; equal seeds give equal poses.
 
     In mazes and rooms without monsters every second one is at a random place.
     """
@@ -126,8 +128,8 @@ def views(scenario: str, size: tuple[int, int], frames: int, seed: int) -> Itera
     def prepare(game: Any) -> None:
         game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
         game.set_objects_info_enabled(True)
-        game.set_render_particles(False)
-        game.set_render_decals(False)
+        game.set_render_particles(particles)
+        game.set_render_decals(particles)
         if places:
             # The hardest level allows no jumps to another place.
             game.set_doom_skill(3)
