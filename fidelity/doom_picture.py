@@ -3,12 +3,12 @@
     python -m fidelity.doom_picture [--frames N] [--seed N] [--only NAME] [--particles]
     python -m fidelity.doom_picture --record FILE
 
-Needs the extra `vizdoom`. The game plays random buttons. Poses and things of its states are given to
-the renderer of `tests/reference/doom_picture.py`. Particles and decals are off unless asked for: the
-state does not tell them. What is printed are the shares of pixels with three equal bytes and of
-frames that are wholly equal, and the mean absolute error of a byte. The indented lines are what
-wrong rules would give: another frame, the eye one map unit aside or half a unit higher, an angle one
-entry of the table of sines off, and neither things nor weapon.
+Needs the extra `vizdoom`. The game plays random buttons. The poses and things of its states are
+given to the renderer of `tests/reference/doom_picture.py`. Particles and decals are off unless
+asked for, because the state does not tell them. What is printed are the shares of pixels with three
+equal bytes and of frames that are wholly equal, and the mean absolute error of a byte. The indented
+lines are what wrong rules would give: another frame, the eye one map unit aside or half a unit
+higher, an angle one entry of the table of sines off, and neither things nor weapon.
 """
 
 from __future__ import annotations
