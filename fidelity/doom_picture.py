@@ -1,155 +1,44 @@
 """The game's frames beside those of the integer rules of its renderer, pixel by pixel.
 
-    python -m fidelity.doom_picture [--frames N] [--seed N] [--record FILE]
+    python -m fidelity.doom_picture [--frames N] [--seed N] [--only NAME] [--particles]
+    python -m fidelity.doom_picture --record FILE
 
-Needs the extra `vizdoom`. The game plays random buttons; poses and things of its states are given
-to the renderer of `tests/reference/doom_picture.py`. What is printed are the shares of pixels with
-three equal bytes and of frames that are wholly equal, and the mean absolute error of a byte. The
-indented lines are what wrong rules would give: another frame, the eye one map unit aside or half a
-unit higher, an angle one entry of the table of sines off, and no things.
+Needs the extra `vizdoom`. The game plays random buttons. The poses and things of its states are
+given to the renderer of `tests/reference/doom_picture.py`. Particles and decals are off unless
+asked for, because the state does not tell them. What is printed are the shares of pixels with three
+equal bytes and of frames that are wholly equal, and the mean absolute error of a byte. The indented
+lines are what wrong rules would give: another frame, the eye one map unit aside or half a unit
+higher, an angle one entry of the table of sines off, and neither things nor weapon.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import functools
 import hashlib
 import json
-import math
-import random
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from fidelity.doom_recording import LONGEST_HOLD, pick
-from jaxenstein.adapters.vizdoom_buffers import SCREENS, load_vizdoom, running
+from fidelity.doom_views import View, drawn, fitted, views
+from jaxenstein.adapters.vizdoom_buffers import SCREENS, load_vizdoom
 from jaxenstein.files import atomic, check_writable
-from jaxenstein.tasks.doom.fixed import ONE, to_fixed
-from jaxenstein.tasks.doom.maps import load_map, rasterise
-from jaxenstein.tasks.doom.wad import Picture, Wad, find_iwad
+from jaxenstein.tasks.doom.fixed import ONE
+from jaxenstein.tasks.doom.wad import Wad, find_iwad
 from tests.reference.doom_nodes import read_game_map
-from tests.reference.doom_picture import Pose, Renderer, Thing
+from tests.reference.doom_picture import Renderer
 
-SCENARIOS = "my_way_home", "health_gathering", "health_gathering_supreme"
+SCENARIOS = (
+    *("my_way_home", "health_gathering", "health_gathering_supreme", "take_cover"),
+    *("basic", "defend_the_center", "defend_the_line", "deadly_corridor"),
+)
 SIZES = SCREENS[:2]
-CAMERA = ("CAMERA_POSITION_X", "CAMERA_POSITION_Y", "CAMERA_POSITION_Z", "CAMERA_ANGLE")
-EPISODES = 10
-# Tics between two frames: at least and at most.
-APART = 3, 40
-
-# Every fourth frame is shot from beside a thing: at most so many map units away from it.
-BESIDE = 256
-# So many views are recorded of scenarios other than the first one.
+# So many views are recorded of scenarios other than the first one, and none of the last one: it
+# does not tell how the weapon bobs once the player is hit.
 FEW = 12
-# How many 256ths of gold lie over the frame in which the vest is taken.
-FLASH = 48
-
-Look = tuple[str, str, bool]
-"""Sprite, frame, and whether it is bright."""
-LOOKS: dict[str, tuple[Look, ...]] = {
-    "GreenArmor": (("ARM1", "A", False), ("ARM1", "B", True)),
-    "Medikit": (("MEDI", "A", False),),
-    "CustomMedikit": (("MEDI", "A", False),),
-    "Poison": tuple(("BON1", frame, False) for frame in "ABCD"),
-}
-"""What a thing may look like, by the game's names. The game does not tell which it is, for the
-first frame of each thing lasts for a random time: it is found by its pixels."""
-
-
-class Seen(NamedTuple):
-    """A thing: what it may look like, and its feet in 16.16."""
-
-    looks: tuple[Look, ...]
-    x: int
-    y: int
-    z: int
-
-
-@dataclass(frozen=True)
-class View:
-    """What the eye sees, and its picture.
-
-    Attributes:
-        pose: of the camera.
-        things: what is there besides walls.
-        gold: 256ths of gold over the frame.
-        frame: uint8[height, width, 3], the game's picture.
-    """
-
-    pose: Pose
-    things: tuple[Seen, ...]
-    gold: int
-    frame: np.ndarray
-
-
-def views(scenario: str, size: tuple[int, int], frames: int, seed: int) -> Iterator[View]:
-    """Views of episodes, every second one at a random place; equal seeds give equal poses."""
-    draw, places = random.Random(seed), open_places(scenario)
-
-    def prepare(game: Any) -> None:
-        game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
-        game.set_objects_info_enabled(True)
-        # The hardest level allows no jumps to another place.
-        game.set_doom_skill(3)
-
-    with running(scenario, seed=seed, variables=CAMERA, size=size, prepare=prepare) as game:
-        buttons = [1 << i for i in range(game.get_available_buttons_size())]
-        for number in range(frames):
-            if number % max(2, frames // EPISODES) == 0:
-                game.new_episode()
-            if number % 2:
-                near = places
-                if number % 4 == 3 and (things := look(scenario, game.get_state()).things):
-                    thing = draw.choice(things)
-                    place = thing.x / ONE, thing.y / ONE
-                    near = [other for other in places if math.dist(other, place) < BESIDE] or places
-                game.send_game_command("warp {} {}".format(*draw.choice(near)))
-            for held in buttons_held(draw, len(buttons)):
-                game.make_action([int(held & bit > 0) for bit in buttons])
-                if game.is_episode_finished():
-                    game.new_episode()
-                elif look(scenario, game.get_state()).gold:
-                    break
-            yield look(scenario, game.get_state())
-
-
-def buttons_held(draw: random.Random, count: int) -> Iterator[int]:
-    """The buttons of some tics, as bits."""
-    tics = draw.randint(*APART)
-    while tics > 0:
-        hold, held = draw.randint(1, LONGEST_HOLD), pick(draw, count)
-        yield from [held] * min(hold, tics)
-        tics -= hold
-
-
-def open_places(scenario: str) -> list[tuple[float, float]]:
-    """Where a player has room, in map units: the middles of tiles with open ones around them."""
-    tiles = rasterise(load_map(scenario.replace("_", "-")))
-    free = np.lib.stride_tricks.sliding_window_view(~tiles.solid, (3, 3)).all(axis=(2, 3))
-    rows, columns = np.nonzero(free)
-    x = tiles.west + (columns + 1.5) * tiles.unit
-    y = tiles.north - (rows + 1.5) * tiles.unit
-    return list(zip(x.tolist(), y.tolist(), strict=True))
-
-
-def look(scenario: str, state: Any) -> View:
-    """The view that a state of the game shows."""
-    x, y, z, angle = (float(value) for value in state.game_variables)
-    # The game divides by the greatest angle there is, not by the circle.
-    turns = round(angle / 360 * (2**32 - 1)) % 2**32
-    things = tuple(
-        Seen(LOOKS[o.name], *map(to_fixed, (o.position_x, o.position_y, o.position_z)))
-        for o in state.objects
-        if o.name in LOOKS
-    )
-    pose = Pose(to_fixed(x), to_fixed(y), to_fixed(z), turns)
-    taken = scenario == "my_way_home" and not things
-    return View(pose, things, FLASH if taken else 0, np.array(state.screen_buffer))
 
 
 def renderers(scenario: str, pictures: Wad) -> dict[tuple[int, int], Renderer]:
@@ -159,41 +48,10 @@ def renderers(scenario: str, pictures: Wad) -> dict[tuple[int, int], Renderer]:
     return {size: Renderer(game_map, pictures, size[1], size[0]) for size in SIZES}
 
 
-def drawn(
-    renderer: Renderer, pictures: Wad, pose: Pose, things: Sequence[Seen], gold: int = 0
-) -> np.ndarray:
-    """uint8[height, width, 3]: the renderer's picture of a view, each thing in its first look."""
-    shown = []
-    for seen in things:
-        sprite, frame, bright = seen.looks[0]
-        shown.append(Thing(front(pictures, sprite, frame), seen.x, seen.y, seen.z, bright))
-    return renderer.draw(pose, shown, gold)
-
-
-@functools.cache
-def front(pictures: Wad, sprite: str, frame: str) -> Picture:
-    """A sprite's first view."""
-    return pictures.sprite(sprite, frame)[0]
-
-
-def fitted(renderer: Renderer, pictures: Wad, view: View) -> View:
-    """A view with the one look of each thing that gives the most equal pixels."""
-    for number, seen in enumerate(view.things):
-        tries = []
-        for look in seen.looks if len(seen.looks) > 1 else ():
-            things = list(view.things)
-            things[number] = seen._replace(looks=(look,))
-            frame = drawn(renderer, pictures, view.pose, things, view.gold)
-            tries.append(((frame != view.frame).sum(), len(tries), things))
-        if tries:
-            view = dataclasses.replace(view, things=tuple(min(tries)[2]))
-    return view
-
-
-def moved(pose: Pose, **change: int) -> Pose:
-    """A pose with something added to its numbers."""
-    added = {name: getattr(pose, name) + value for name, value in change.items()}
-    return dataclasses.replace(pose, **added)
+def moved(view: View, **change: int) -> View:
+    """A view with something added to the numbers of its pose."""
+    added = {name: getattr(view.pose, name) + value for name, value in change.items()}
+    return dataclasses.replace(view, pose=dataclasses.replace(view.pose, **added))
 
 
 def digest(frame: np.ndarray) -> str:
@@ -203,58 +61,57 @@ def digest(frame: np.ndarray) -> str:
 
 def shares(ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> str:
     """What is equal, in words."""
-    equal = np.array([(a == b).all(axis=-1).mean() for a, b in zip(ours, theirs, strict=True)])
-    errors = [np.abs(a.astype(int) - b).mean() for a, b in zip(ours, theirs, strict=True)]
+    pairs = list(zip(ours, theirs, strict=True))
+    equal = np.array([(a == b).all(axis=-1).mean() for a, b in pairs])
+    error = np.mean([np.abs(a.astype(int) - b).mean() for a, b in pairs])
     return (
         f"{equal.mean():.5%} of pixels equal, {(equal == 1).sum()} of {len(equal)} frames wholly, "
-        f"mean absolute error {np.mean(errors):.4f}"
+        f"mean absolute error {error:.4f}"
     )
 
 
-def compare(scenario: str, frames: int, seed: int) -> list[tuple[View, ...]]:
-    """Play a scenario at all sizes, print the figures; returns what was seen at each size."""
-    pictures, found = Wad(find_iwad()), []
-    for size, renderer in renderers(scenario, pictures).items():
-        played = views(scenario, size, frames, seed)
-        seen = tuple(fitted(renderer, pictures, view) for view in played)
-        theirs = [view.frame for view in seen]
+def compare(
+    scenario: str, frames: int, seed: int, particles: bool = False
+) -> list[tuple[View, ...]]:
+    """Play a scenario at all sizes, print the figures; returns each view at all sizes."""
+    pictures = Wad(find_iwad())
+    drawers = renderers(scenario, pictures)
+    played = [list(views(scenario, size, frames, seed, particles)) for size in SIZES]
+    assert all([v.pose for v in views] == [v.pose for v in played[0]] for views in played)
+    order = [drawers[size] for size in SIZES]
+    same = [fitted(order, pictures, views) for views in zip(*played, strict=True)]
+    for size, seen in zip(SIZES, zip(*same, strict=True), strict=True):
 
-        def draw(renderer: Renderer = renderer, seen: Any = seen, **change: int) -> Any:
-            return [
-                drawn(renderer, pictures, moved(view.pose, **change), view.things, view.gold)
-                for view in seen
-            ]
+        def draw(changed: Sequence[View], renderer: Renderer = drawers[size]) -> list[np.ndarray]:
+            return [drawn(renderer, pictures, view) for view in changed]
 
-        ours = draw()
-        title = "{} {}x{}".format(scenario, *size)
-        print(f"{title}: {shares(ours, theirs)}", flush=True)
+        theirs, ours = [view.frame for view in seen], draw(seen)
+        print("{} {}x{}: {}".format(scenario, *size, shares(ours, theirs)), flush=True)
         if size == SIZES[0]:
             for what, other in (
                 ("another frame", [*ours[1:], ours[0]]),
-                ("one unit aside", draw(x=ONE)),
-                ("half a unit higher", draw(z=ONE // 2)),
-                ("an entry of the sines off", draw(angle=1 << 19)),
-                ("without things", [renderer.draw(v.pose, (), v.gold) for v in seen]),
+                ("one unit aside", draw([moved(view, x=ONE) for view in seen])),
+                ("half a unit higher", draw([moved(view, z=ONE // 2) for view in seen])),
+                ("an entry of the sines off", draw([moved(view, angle=1 << 19) for view in seen])),
+                ("bare", draw([dataclasses.replace(v, things=(), held=()) for v in seen])),
             ):
                 print(f"    {what}: {shares(other, theirs)}", flush=True)
-        found.append(seen)
-    return found
+    return same
 
 
 def record(path: Path, seen: dict[str, list[tuple[View, ...]]]) -> None:
-    """Write poses, things and digests of the game's frames at all sizes, but no pictures."""
+    """Write views of all sizes with digests of the game's frames, but no pictures."""
     lines = []
-    for scenario, at_sizes in seen.items():
-        views_of = list(zip(*at_sizes, strict=True))
-        for same in views_of if scenario == SCENARIOS[0] else views_of[:FEW]:
-            # What a thing looks like is seen best on the largest screen.
-            view = same[-1]
-            assert all(other.pose == view.pose for other in same)
+    for scenario, played in seen.items():
+        for same in played:
+            view = same[0]
             row = {
                 "scenario": scenario,
                 "pose": dataclasses.astuple(view.pose),
-                "things": [[*thing.looks[0], *thing[1:]] for thing in view.things],
+                "things": view.things,
+                "held": view.held,
                 "gold": view.gold,
+                "flash": view.flash,
                 "digests": [digest(other.frame) for other in same],
             }
             lines.append(json.dumps(row, separators=(",", ":")))
@@ -268,13 +125,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Compare the game's frames with its rules.")
     parser.add_argument("--frames", type=int, default=200, help="of each (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="views, for a test")
+    parser.add_argument("--only", choices=SCENARIOS, help="one scenario")
+    parser.add_argument("--particles", action="store_true", help="leave particles and decals on")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="record views for a test")
     options = parser.parse_args(argv)
     if options.record:
         check_writable(options.record)
-    seen = {name: compare(name, options.frames, options.seed) for name in SCENARIOS}
+    names = [options.only] if options.only else SCENARIOS
     if options.record:
+        seen = {}
+        for name in SCENARIOS[:-1]:
+            frames = options.frames if name == SCENARIOS[0] else FEW
+            seen[name] = compare(name, frames, options.seed)
         record(options.record, seen)
+    else:
+        for name in names:
+            compare(name, options.frames, options.seed, options.particles)
     return 0
 
 

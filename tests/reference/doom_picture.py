@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jaxenstein.tasks.doom.wad import Picture, Wad
+from jaxenstein.tasks.doom.wad import Wad
 
 from .doom import ONE, Point, cosine, sine, times
 from .doom_nodes import GameMap, Line, Seg
+from .doom_things import Stamp, Thing, Weapon, paint
 
 # The nearest depth of walls and of things; the brightest that nearness makes.
 NEAR_WALL, NEAR_THING, MOST_LIGHT = 32, 2 << 12, 24 * ONE
@@ -32,17 +33,6 @@ class Pose:
     y: int
     z: int
     angle: int
-
-
-@dataclass(frozen=True)
-class Thing:
-    """Something that faces the eye: its feet in 16.16."""
-
-    picture: Picture
-    x: int
-    y: int
-    z: int
-    bright: bool = False
 
 
 def cut(numerator: int, denominator: int) -> int:
@@ -99,13 +89,15 @@ class Renderer:
         for name, texture in self.textures.items():
             if texture.shape[0] & texture.shape[0] - 1:
                 raise ValueError(f"texture {name} is {texture.shape[0]} rows high")
+        # The pose and the light of what was drawn last.
+        self.drawn: tuple[Pose, int] | None = None
         self.floor = pictures.flat(game_map.floor_flat)
         self.ceiling = pictures.flat(game_map.ceiling_flat)
         # Half the screen; pixels that a map unit is high at the depth 1; what light loses.
         self.cx, self.cy = width // 2, height // 2
-        stretch = (320 * ONE) * height // (200 * width)
-        self.focal = stretch * self.cx
-        # Light is 8 at the depth of half a screen of 320 columns, 1280 by depth.
+        self.stretch = (320 * ONE) * height // (200 * width)
+        self.focal = self.stretch * self.cx
+        # Nearness lights walls by 1280 / depth, and floors alike by the distance of their rows.
         visible = self.focal * (width * 600) // (width * height * 3)
         self.wall_light = times(visible, 8 * ONE)
         self.floor_light = 160 * ONE * (8 * ONE) // self.focal
@@ -113,29 +105,55 @@ class Renderer:
             cut(self.focal * ONE, abs(2 * (self.cy - y) - 1) * (ONE // 2)) for y in range(height)
         ]
 
-    def draw(self, pose: Pose, things: Sequence[Thing] = (), gold: int = 0) -> np.ndarray:
-        """uint8[height, width, 3]: the picture, with so many 256ths of gold over it."""
-        palette = (self.palette.astype(int) * (256 - gold) + np.array(GOLD) * gold) >> 8
-        return palette.astype(np.uint8)[self.indices(pose, things)]
+    def draw(
+        self,
+        pose: Pose,
+        things: Sequence[Thing] = (),
+        weapons: Sequence[Weapon] = (),
+        *,
+        gold: int = 0,
+        flash: int = 0,
+    ) -> np.ndarray:
+        """uint8[height, width, 3]: the picture.
 
-    def indices(self, pose: Pose, things: Sequence[Thing] = ()) -> np.ndarray:
+        Args:
+            pose: of the eye.
+            things: what stands in the map.
+            weapons: what the player holds, the farthest first.
+            gold: 256ths of gold over the picture.
+            flash: light that a shot adds to the map's.
+        """
+        self.light = self.map.light + flash
+        palette = (self.palette.astype(int) * (256 - gold) + np.array(GOLD) * gold) >> 8
+        return palette.astype(np.uint8)[self.indices(pose, things, weapons)]
+
+    def indices(self, pose: Pose, things: Sequence[Thing], weapons: Sequence[Weapon]) -> np.ndarray:
         """uint8[height, width]: the picture as indices of the palette."""
+        if (pose, self.light) != self.drawn:
+            self.empty(pose)
+            self.drawn = pose, self.light
+        frame = self.frame.copy()
+        stamps = [(s.stamp, self.hidden(s)) for s in self.far_first(things)]
+        stamps += [(self.held(weapon), np.zeros(self.width, bool)) for weapon in weapons]
+        for stamp, hidden in stamps:
+            paint(frame, stamp, hidden, self.colormap, self.palette)
+        return frame
+
+    def empty(self, pose: Pose) -> None:
+        """Draw walls, floor and ceiling."""
         self.pose = pose
         self.sin, self.cos = sine(pose.angle >> 19), cosine(pose.angle >> 19)
         self.frame = np.zeros((self.height, self.width), np.uint8)
         self.top = np.zeros(self.width, np.int64)
         self.bottom = np.full(self.width, self.height)
+        self.fragments: list[Fragment] = []
         free = np.ones(self.width, bool)
-        fragments: list[Fragment] = []
         for seg in self.map.near_first(pose.x, pose.y):
             extent = self.extent(seg)
             if extent is not None:
-                fragments += self.wall(seg, extent, free)
+                self.fragments += self.wall(seg, extent, free)
         self.plane(self.ceiling, self.map.ceiling, np.zeros(self.width, np.int64), self.top)
         self.plane(self.floor, self.map.floor, self.bottom, np.full(self.width, self.height))
-        for sprite in self.far_first(things):
-            self.sprite(sprite, fragments)
-        return self.frame
 
     def turned(self, point: Point, bits: int = 20) -> Point:
         """Side (to the right) and depth of a point as the eye sees it."""
@@ -236,7 +254,7 @@ class Renderer:
 
     def shades(self, line: Line, extent: Extent) -> list[int]:
         """The shade of each column of a wall."""
-        darkness, width = darkness_of(self.map.light + line.contrast), extent.x2 - extent.x1
+        darkness, width = darkness_of(self.light + line.contrast), extent.x2 - extent.x1
         near1, near2 = (cut(self.wall_light << 12, d) for d in (extent.depth1, extent.depth2))
         step = cut(near2 - near1, width)
         return [shade_of(darkness, near1 + step * i) for i in range(width)]
@@ -307,7 +325,7 @@ class Renderer:
         ahead = right + 2048
         ahead_x, ahead_y = times(unit, cosine(ahead)), times(unit, -sine(ahead))
         eye_x, eye_y = times(unit, pose.x), times(unit, -pose.y)
-        darkness = darkness_of(self.map.light)
+        darkness = darkness_of(self.light)
         for y in range(self.height):
             covered = np.flatnonzero((tops <= y) & (y < bottoms))
             if not covered.size:
@@ -332,87 +350,62 @@ class Renderer:
         return seen[::-1]
 
     def project(self, thing: Thing) -> Sprite | None:
+        """A thing on the screen; None if it is not there."""
         side, depth = self.turned((thing.x, thing.y), 16)
         if depth < NEAR_THING or abs(side) >> 6 > depth:
             return None
-        width = thing.picture.pixels.shape[1]
+        picture, width = thing.picture, thing.picture.pixels.shape[1]
         across = cut(self.cx * ONE << 12, depth)
-        left = side - thing.picture.left * ONE
+        left = side - picture.left * ONE
         x1 = self.cx + (left * across >> 32)
         x2 = self.cx + ((left + width * ONE) * across >> 32)
         if x1 >= self.width or x2 < 0 or x2 <= x1:
             return None
-        down = cut(self.focal * ONE, depth << 4)
-        shade = shade_of(darkness_of(self.map.light), cut(self.wall_light << 12, depth))
-        return Sprite(thing, depth, x1, x2, down, 0 if thing.bright else shade)
+        shade = shade_of(darkness_of(self.light), cut(self.wall_light << 12, depth))
+        stamp = Stamp(
+            picture,
+            x1,
+            x2,
+            along=cut(width * ONE, x2 - x1),
+            middle=picture.top * ONE - (self.pose.z - thing.z),
+            scale=cut(self.focal * ONE, depth << 4),
+            shade=0 if thing.bright else shade,
+            blend=thing.blend,
+        )
+        return Sprite(thing, depth, stamp)
 
-    def sprite(self, sprite: Sprite, fragments: Sequence[Fragment]) -> None:
-        """Draw a thing, column by column where no wall hides it."""
-        hidden = np.zeros(self.width, bool)
-        for wall in fragments:
-            if self.in_front(wall, sprite):
-                hidden[wall.start : wall.stop] = True
-        picture, scale = sprite.thing.picture, sprite.down
-        pixels = picture.pixels
-        middle = (picture.top * ONE) - (self.pose.z - sprite.thing.z)
-        top = self.cy * ONE - times(middle, scale)
-        step = cut(2**32 - 1, scale)
-        along = cut(pixels.shape[1] * ONE, sprite.x2 - sprite.x1)
-        light = self.colormap[sprite.shade]
-        start, stop = max(sprite.x1, 0), min(sprite.x2, self.width)
-        for x in range(start, stop):
-            column = pixels[:, (x - sprite.x1) * along >> 16]
-            for y1, y2, texels in self.runs(column, top, middle, scale, step):
-                if not hidden[x]:
-                    self.frame[y1 : y2 + 1, x] = light[texels]
+    def held(self, weapon: Weapon) -> Stamp:
+        """A weapon on the screen."""
+        picture, across = weapon.picture, self.cx * ONE // 160
+        left = weapon.x - (160 + picture.left) * ONE
+        middle = self.cx * ONE
+        return Stamp(
+            picture,
+            x1=(middle + times(left, across)) >> 16,
+            x2=(middle + times(left + picture.pixels.shape[1] * ONE, across)) >> 16,
+            along=cut(ONE * ONE, across),
+            middle=(100 + picture.top) * ONE - weapon.y,
+            scale=times(across, self.stretch),
+            shade=0 if weapon.bright else shade_of(darkness_of(self.light) - MOST_LIGHT, 0),
+        )
 
-    def runs(
-        self, column: np.ndarray, top: int, middle: int, scale: int, step: int
-    ) -> list[tuple[int, int, np.ndarray]]:
-        """First row, last row and texels of each opaque run of a column."""
-        found = []
-        solid = np.flatnonzero(column >= 0)
-        for run in np.split(solid, np.flatnonzero(np.diff(solid) > 1) + 1) if solid.size else ():
-            first, length = int(run[0]), len(run)
-            y1 = max((top + scale * first) >> 16, 0)
-            y2 = min((top + scale * (first + length) - ONE) >> 16, self.height - 1)
-            if y1 > y2:
-                continue
-            place = middle - first * ONE + y1 * step - times((self.cy - 1) * ONE, step)
-            while place < 0 and y1 <= y2:
-                y1, place = y1 + 1, place + step
-            if y1 > y2:
-                continue
-            end, limit = place + (y2 - y1) * step, length * ONE
-            if y2 < self.height - 1 and end < limit - step:
-                y2 += 1
-            else:
-                while end >= limit and y1 <= y2:
-                    y2, end = y2 - 1, end - step
-            if y1 <= y2:
-                texels = column[first + ((place + step * np.arange(y2 - y1 + 1)) >> 16)]
-                found.append((y1, y2, texels))
-        return found
-
-    @staticmethod
-    def in_front(wall: Fragment, sprite: Sprite) -> bool:
-        """Whether a wall hides a thing."""
-        near, far = sorted((wall.extent.depth1, wall.extent.depth2))
-        if near > sprite.depth:
-            return False
-        (ax, ay), (bx, by) = wall.seg.start, wall.seg.end
-        thing = sprite.thing
-        before = ((thing.y - ay) * (bx - ax) + (ax - thing.x) * (by - ay)) >> 32 <= 0
-        return not (far > sprite.depth and before)
+    def hidden(self, sprite: Sprite) -> np.ndarray:
+        """bool[width]: where walls hide a thing."""
+        columns = np.zeros(self.width, bool)
+        for wall in self.fragments:
+            near, far = sorted((wall.extent.depth1, wall.extent.depth2))
+            (ax, ay), (bx, by) = wall.seg.start, wall.seg.end
+            x, y = sprite.thing.x, sprite.thing.y
+            before = ((y - ay) * (bx - ax) + (ax - x) * (by - ay)) >> 32 <= 0
+            if near <= sprite.depth and (far <= sprite.depth or not before):
+                columns[wall.start : wall.stop] = True
+        return columns
 
 
 @dataclass(frozen=True)
 class Sprite:
-    """A thing on the screen: depth, columns, how high a unit is (16.16), and its light."""
+    """A thing on the screen."""
 
     thing: Thing
     depth: int
-    x1: int
-    x2: int
-    down: int
-    shade: int
+    stamp: Stamp

@@ -1,0 +1,272 @@
+"""Frames of the running game with what its state tells of them, for `fidelity.doom_picture`.
+
+The state tells the camera's pose and the places of things. It does not tell which picture a thing
+or the weapon shows, nor whether a shot flashes: of the few that are possible, the ones that give
+the most equal pixels are taken.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import random
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fidelity.doom_recording import LONGEST_HOLD, pick
+from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
+from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.maps import load_map, rasterise
+from jaxenstein.tasks.doom.wad import Picture, Wad
+from tests.reference.doom import cosine, sine, times
+from tests.reference.doom_picture import Pose, Renderer
+from tests.reference.doom_things import Blend, Thing, Weapon
+
+VARIABLES = (
+    *("CAMERA_POSITION_X", "CAMERA_POSITION_Y", "CAMERA_POSITION_Z", "CAMERA_ANGLE"),
+    *("VELOCITY_X", "VELOCITY_Y"),
+)
+EPISODES = 10
+# Tics between two frames: at least and at most.
+APART = 3, 40
+# Every fourth frame is shot from beside a thing: at most so many map units away from it.
+BESIDE = 256
+# How many 256ths of gold lie over the frame in which the vest is taken.
+GOLD = 48
+# What a shot adds to the light, and the tics in which a weapon is raised.
+FLASHES, RAISING = (0, 16), 20
+REST = 32 * ONE + ONE * 3 // 8
+
+SPRITES = {
+    "GreenArmor": "ARM1",
+    "Medikit": "MEDI",
+    "CustomMedikit": "MEDI",
+    "Poison": "BON1",
+    "DoomImp": "TROO",
+    "DoomImpBall": "BAL1",
+    "Demon": "SARG",
+    "Cacodemon": "HEAD",
+    "MarineChainsawVzd": "PLAY",
+    "Zombieman": "POSS",
+    "ShotgunGuy": "SPOS",
+    "ChaingunGuy": "CPOS",
+    "BulletPuff": "PUFF",
+    "Blood": "BLUD",
+    "Clip": "CLIP",
+    "Shotgun": "SHOT",
+    "Chaingun": "MGUN",
+}
+"""The sprites of things, by the game's names without the `Dead` of corpses."""
+BLENDS: dict[str, Blend] = {"BAL1": "add", "PUFF": "mean"}
+LIFELESS = "MEDI", "BON1", "CLIP", "SHOT", "MGUN"
+
+
+class Look(NamedTuple):
+    """A picture of a thing: sprite, frame, side, and whether the picture is bright."""
+
+    sprite: str
+    frame: str
+    side: int
+    bright: bool
+
+
+class Seen(NamedTuple):
+    """A thing and its feet in 16.16."""
+
+    look: Look
+    x: int
+    y: int
+    z: int
+
+
+class Held(NamedTuple):
+    """A picture of a weapon, and its place."""
+
+    sprite: str
+    frame: str
+    x: int
+    y: int
+    bright: bool
+
+
+@dataclass(frozen=True)
+class View:
+    """What the eye sees, and its picture.
+
+    Attributes:
+        pose: of the camera.
+        things: what is there besides walls.
+        held: what the player holds.
+        gold: 256ths of gold over the frame.
+        flash: light that a shot adds.
+        frame: uint8[height, width, 3], the game's picture.
+        weapons: what the player may hold.
+    """
+
+    pose: Pose
+    things: tuple[Seen, ...]
+    held: tuple[Held, ...]
+    gold: int
+    flash: int
+    frame: np.ndarray
+    weapons: tuple[tuple[Held, ...], ...] = ()
+
+
+def views(
+    scenario: str, size: tuple[int, int], frames: int, seed: int, particles: bool = False
+) -> Iterator[View]:
+    """Views of episodes, with particles and decals or without; equal seeds give equal poses.
+
+    In mazes and rooms without monsters every second one is at a random place.
+    """
+    draw, places = random.Random(seed), open_places(scenario)
+
+    def prepare(game: Any) -> None:
+        game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
+        game.set_objects_info_enabled(True)
+        game.set_render_particles(particles)
+        game.set_render_decals(particles)
+        if places:
+            # The hardest level allows no jumps to another place.
+            game.set_doom_skill(3)
+
+    with running(scenario, seed=seed, variables=VARIABLES, size=size, prepare=prepare) as game:
+        buttons = [1 << i for i in range(game.get_available_buttons_size())]
+        for number in range(frames):
+            if number % max(2, frames // EPISODES) == 0:
+                game.new_episode()
+            if places and number % 2:
+                near = places
+                if number % 4 == 3 and (things := look(scenario, game.get_state()).things):
+                    thing = draw.choice(things)
+                    place = thing.x / ONE, thing.y / ONE
+                    near = [other for other in places if math.dist(other, place) < BESIDE] or places
+                game.send_game_command("warp {} {}".format(*draw.choice(near)))
+            for held in buttons_held(draw, len(buttons)):
+                game.make_action([int(held & bit > 0) for bit in buttons])
+                if game.is_episode_finished():
+                    game.new_episode()
+                elif look(scenario, game.get_state()).gold:
+                    break
+            yield look(scenario, game.get_state())
+
+
+def buttons_held(draw: random.Random, count: int) -> Iterator[int]:
+    """The buttons of some tics, as bits."""
+    tics = draw.randint(*APART)
+    while tics > 0:
+        hold, held = draw.randint(1, LONGEST_HOLD), pick(draw, count)
+        yield from [held] * min(hold, tics)
+        tics -= hold
+
+
+@functools.cache
+def open_places(scenario: str) -> list[tuple[float, float]]:
+    """Where a player has room, in map units: the middles of tiles with open ones around them."""
+    if scenario not in ("my_way_home", "health_gathering", "health_gathering_supreme"):
+        return []
+    tiles = rasterise(load_map(scenario.replace("_", "-")))
+    free = np.lib.stride_tricks.sliding_window_view(~tiles.solid, (3, 3)).all(axis=(2, 3))
+    rows, columns = np.nonzero(free)
+    x = tiles.west + (columns + 1.5) * tiles.unit
+    y = tiles.north - (rows + 1.5) * tiles.unit
+    return list(zip(x.tolist(), y.tolist(), strict=True))
+
+
+def look(scenario: str, state: Any) -> View:
+    """The view that a state of the game shows, with things in their first look."""
+    x, y, z, angle, *speed = (float(value) for value in state.game_variables)
+    # The game divides by the greatest angle there is, not by the circle.
+    pose = Pose(to_fixed(x), to_fixed(y), to_fixed(z), round(angle / 360 * (2**32 - 1)) % 2**32)
+    things = []
+    for o in state.objects:
+        sprite = SPRITES.get(o.name.removeprefix("Dead"))
+        if sprite:
+            towards = math.degrees(math.atan2(o.position_y - y, o.position_x - x))
+            side = int((towards - o.angle + 202.5) % 360 // 45)
+            feet = map(to_fixed, (o.position_x, o.position_y, o.position_z))
+            things.append(Seen(Look(sprite, "A", side, sprite == "BAL1"), *feet))
+    armed = scenario in ("basic", "defend_the_center", "defend_the_line", "deadly_corridor")
+    weapons = pistols(state.tic, *speed) if armed else ()
+    taken = scenario == "my_way_home" and not things
+    frame = np.array(state.screen_buffer)
+    return View(pose, tuple(things), (), GOLD if taken else 0, 0, frame, weapons)
+
+
+def pistols(tic: int, dx: float, dy: float) -> tuple[tuple[Held, ...], ...]:
+    """The pistol as it may be: at rest or bobbing, with the flash of a shot, being raised."""
+    # It bobs by the square of the speed before friction, and is at rest while it fires.
+    fast = [round(to_fixed(speed) * ONE / 59392) for speed in (dx, dy)]
+    bob = min(sum(speed * speed for speed in fast) >> 18, 16 * ONE)
+    phase = 128 * tic % 8192
+    swing = times(bob, cosine(phase)), REST + times(bob, sine(phase % 4096))
+    heights = [(0, y * ONE) for y in range(122, 32, -6)] if tic < RAISING else []
+    found = []
+    for x, y in ((0, REST), swing, *heights):
+        for frame in "ABCDE":
+            gun = Held("PISG", frame, x, y, False)
+            found += [(gun,), (gun, Held("PISF", "A", x, y, True))]
+    return tuple(dict.fromkeys(found))
+
+
+def drawn(renderer: Renderer, pictures: Wad, view: View) -> np.ndarray:
+    """uint8[height, width, 3]: the renderer's picture of a view."""
+    things = []
+    for (sprite, frame, side, bright), x, y, z in view.things:
+        blend = BLENDS.get(sprite, "cover")
+        things.append(Thing(picture(pictures, sprite, frame, side), x, y, z, bright, blend))
+    weapons = [Weapon(picture(pictures, h.sprite, h.frame, 0), *h[2:]) for h in view.held]
+    return renderer.draw(view.pose, things, weapons, gold=view.gold, flash=view.flash)
+
+
+@functools.cache
+def picture(pictures: Wad, sprite: str, frame: str, side: int) -> Picture:
+    """A sprite's picture; marines wear another green."""
+    found = pictures.sprite(sprite, frame)[side]
+    if sprite != "PLAY":
+        return found
+    green = (found.pixels >= 112) & (found.pixels < 128)
+    return dataclasses.replace(found, pixels=found.pixels - 16 * green.astype(np.int16))
+
+
+@functools.cache
+def looks(pictures: Wad, sprite: str, side: int) -> tuple[Look, ...]:
+    """All pictures of a thing from one side."""
+    names = [name for name in pictures.names("S") if name[:4] == sprite]
+    frames = sorted({name[i] for name in names for i in (4, 6) if name[i:]})
+    if sprite in LIFELESS:
+        return tuple(Look(sprite, frame, side, False) for frame in frames)
+    bright = (True,) if sprite == "BAL1" else (False, True)
+    return tuple(Look(sprite, frame, side, b) for b in bright for frame in frames)
+
+
+def fitted(renderers: Sequence[Renderer], pictures: Wad, views: Sequence[View]) -> tuple[View, ...]:
+    """One view at several sizes, with the looks that give the most equal pixels in all."""
+
+    def changed(**change: Any) -> list[View]:
+        return [dataclasses.replace(view, **change) for view in current]
+
+    def wrong(tried: Sequence[View]) -> int:
+        pairs = zip(renderers, tried, strict=True)
+        return sum(int((drawn(r, pictures, v) != v.frame).any(axis=-1).sum()) for r, v in pairs)
+
+    current = list(views)
+    for _ in range(2):
+        if views[0].weapons:
+            current = min([current, *(changed(flash=flash) for flash in FLASHES)], key=wrong)
+            held = [changed(held=held) for held in views[0].weapons]
+            current = min([current, *held], key=wrong)
+        for number, seen in enumerate(views[0].things):
+            tries = [current]
+            for one in looks(pictures, seen.look.sprite, seen.look.side):
+                things = list(current[0].things)
+                things[number] = seen._replace(look=one)
+                tries.append(changed(things=tuple(things)))
+            current = min(tries, key=wrong)
+        if wrong(current) == 0:
+            break
+    return tuple(current)
