@@ -108,7 +108,9 @@ def test_its_agent_has_the_last_finite_parameters_and_that_is_told(
         jax.tree.leaves(trained.params), jax.tree.leaves(start.params), strict=True
     ):
         np.testing.assert_array_equal(one[0], other[0])
-    facts = r"run: .*seed-0 diverged at update 1: its .* not finite. It keeps .* of update 0, the last"
+    facts = (
+        r"run: .*seed-0 diverged at update 1: its .* not finite. It keeps .* of update 0, the last"
+    )
     with pytest.warns(DivergenceWarning, match=facts):
         load_policy(mixed.path, run=0)
     with pytest.warns(DivergenceWarning, match=facts):
