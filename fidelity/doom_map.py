@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from typing import TypeVar
 
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import MapError
@@ -33,6 +34,7 @@ _BLOCK = re.compile(r"(\w+)\s*\{([^{}]*)\}")
 _FIELD = re.compile(r'(\w+)\s*=\s*("[^"]*"|[^;"\s]+)\s*;')
 
 Block = dict[str, str]
+T = TypeVar("T", float, str)
 
 
 def parse_udmf(text: str, source: str = "TEXTMAP") -> dict[str, list[Block]]:
@@ -70,25 +72,37 @@ def read_map(text: str, source: str = "TEXTMAP") -> DoomMap:
                 raise MapError(f"linedef {number} {told} runs along neither axis", source=source)
             side = blocks["sidedef"][int(line["sidefront"])]
             texture = side.get("texturemiddle", "-")
-            walls.append(Line(int(x0), int(y0), int(x1), int(y1), texture))
+            offset = float(side.get("offsetx", 0))
+            if not offset.is_integer():
+                raise MapError(f"linedef {number} has an offset of {offset:g}", source=source)
+            ends = int(x0), int(y0), int(x1), int(y1)
+            walls.append(Line(*ends, texture, int(offset)))
         elif line.get("blocking") == "true":
             raise MapError(f"linedef {number} blocks, but both its sides are open", source=source)
     things = sorted(
         (int(t["type"]), int(t.get("id", 0)), float(t["x"]), float(t["y"]))
         for t in blocks.get("thing", [])
     )
+    sectors = blocks.get("sector", [])
     floor, ceiling, light = (
-        _common(blocks.get("sector", []), key, default, source)
+        _common(sectors, key, default, source)
         for key, default in (("heightfloor", 0.0), ("heightceiling", 0.0), ("lightlevel", 160.0))
     )
-    return DoomMap(tuple(walls), tuple(MapThing(*thing) for thing in things), floor, ceiling, light)
+    flats = (_common(sectors, key, "-", source) for key in ("texturefloor", "textureceiling"))
+    placed = tuple(MapThing(*thing) for thing in things)
+    return DoomMap(tuple(walls), placed, floor, ceiling, light, flats=tuple(flats))
 
 
-def _common(sectors: list[Block], key: str, default: float, source: str) -> float:
-    """The height or the light that all sectors share."""
-    found = {float(sector.get(key, default)) for sector in sectors}
+def _common(sectors: list[Block], key: str, default: T, source: str) -> T:
+    """The height, light or texture that all sectors share."""
+    found = {type(default)(sector.get(key, default)) for sector in sectors}
     if len(found) != 1:
-        shown = ", ".join(f"{value:g}" for value in sorted(found)) or "none"
+        shown = (
+            ", ".join(
+                f"{value:g}" if isinstance(value, float) else value for value in sorted(found)
+            )
+            or "none"
+        )
         raise MapError(f"the sectors need one {key} in common, not {shown}", source=source)
     return found.pop()
 

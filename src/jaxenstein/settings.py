@@ -122,9 +122,10 @@ def spec_from(given: Mapping[str, Any]) -> Spec:
     spec = Spec(given.get("env"), 0, settings, {})
     env, defaults = spec.build(warn=True)
     check_levels(env)
-    if "textures" in settings:
-        # The whole path, so that the spec can be used in another folder.
-        settings["textures"] = as_tuples(getattr(env, "textures", None))
+    for name in ("textures", "wad"):
+        if name in settings:
+            # The whole path, so that the spec can be used in another folder.
+            settings[name] = as_tuples(getattr(env, name, None))
     _check_params(params, env, defaults)
     spec = dataclasses.replace(spec, params=params, version=env.version)
     spec.build()

@@ -8,7 +8,7 @@ import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar, cast, get_args
+from typing import Any, ClassVar, Literal, TypeVar, cast, get_args
 
 import jax
 import jax.numpy as jnp
@@ -57,7 +57,8 @@ class FirstPerson(Environment[S, P]):
         sprite_layers: how many sprites an image column can show, one behind another.
         look: the look of walls, floor and ceiling: `"plain"`, in one colour each; `"patterned"`,
             with patterns such as bricks and boards; `"random"`, with colours and patterns drawn at
-            each reset. Doors, things, depth and labels do not depend on it.
+            each reset; `"game"`, with the game's own pictures, for scenarios of Doom. Depth and
+            labels do not depend on it, nor do doors and things, except in the last.
         look_range: strength of random looks: from 0, as patterned, to 1, any colours.
         look_seeds: seeds of random looks: None for all seeds, or (first, stop).
         textures: None, or images of walls, floor, ceiling and things: a folder with files such as
@@ -76,6 +77,9 @@ class FirstPerson(Environment[S, P]):
     look_seeds: tuple[int, int] | range | None = of_form(None, "seeds")
     textures: Images | Mapping[str, np.ndarray] | str | Path | None = of_form(None, "images")
 
+    # Whether it can show a game's own pictures.
+    takes_game_look: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         """Check the settings."""
         if self.textures is not None:
@@ -83,6 +87,11 @@ class FirstPerson(Environment[S, P]):
         super().__post_init__()
         if self.textures is not None and self.look != "plain":
             raise SettingError(f"textures need look='plain', not look={quoted(self.look)}")
+        if self.look == "game" and not self.takes_game_look:
+            raise SettingError(
+                "look='game' is for doom-my-way-home and doom-health-gathering with their "
+                f"variants, not for {self.name!r}"
+            )
         for name in ("look_seeds", "look_range"):
             given = getattr(self, name)
             if self.look != "random" and given != getattr(FirstPerson, name):

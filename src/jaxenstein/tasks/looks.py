@@ -17,7 +17,7 @@ from ..engine.scene import Theme
 from ..maps.symbols import DEFAULT_WALL, DOOR_LABELS
 from .draws import mixed, sample_unit
 
-Look = Literal["plain", "patterned", "random"]
+Look = Literal["plain", "patterned", "random", "game"]
 # Tiles from the eye at which a wall's pattern has faded: farther away it is finer than a pixel.
 REACH = 9.0
 # The range of random colours, for each of red, green and blue; the ceiling's are scaled down.

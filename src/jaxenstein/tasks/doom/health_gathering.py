@@ -114,6 +114,7 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
     supreme: bool = False
 
     params_class: ClassVar[type[Params]] = DoomHealthParams
+    takes_game_look: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, FORWARD)
 
     @property

@@ -34,13 +34,17 @@ _WEST, _EAST, _NORTH, _SOUTH = range(4)
 
 @dataclass(frozen=True)
 class Line:
-    """A wall from (x0, y0) to (x1, y1) in map units; the open side is on the right."""
+    """A wall from (x0, y0) to (x1, y1) in map units; the open side is on the right.
+
+    `offset` is the column of the texture at the first end.
+    """
 
     x0: int
     y0: int
     x1: int
     y1: int
     texture: str
+    offset: int = 0
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,7 @@ class DoomMap:
         ceiling: height of the ceiling.
         light: light level, 0 to 255.
         rails: lines that stop bodies, but neither bullets nor sight.
+        flats: the names of the textures of floor and ceiling; empty if the map does not tell.
     """
 
     walls: tuple[Line, ...]
@@ -72,6 +77,7 @@ class DoomMap:
     ceiling: float
     light: float
     rails: tuple[Line, ...] = ()
+    flats: tuple[str, ...] = ()
 
     def of_kind(self, kind: int) -> tuple[MapThing, ...]:
         """The things of a kind, by id."""
@@ -85,10 +91,15 @@ class DoomMap:
     def text(self) -> str:
         """The map as text, as in the files of `maps/` without the first comment."""
         lines = [f"height {self.floor:g} {self.ceiling:g}", f"light {self.light:g}"]
+        lines += [f"flats {' '.join(self.flats)}"] if self.flats else []
         lines += [f"thing {t.kind} {t.id} {t.x:.9g} {t.y:.9g}" for t in self.things]
-        lines += [f"wall {w.x0} {w.y0} {w.x1} {w.y1} {w.texture}" for w in self.walls]
+        lines += [f"wall {w.x0} {w.y0} {w.x1} {w.y1} {w.texture}{_told(w)}" for w in self.walls]
         lines += [f"rail {w.x0} {w.y0} {w.x1} {w.y1} {w.texture}" for w in self.rails]
         return "".join(line + "\n" for line in lines)
+
+
+def _told(wall: Line) -> str:
+    return f" {wall.offset}" if wall.offset else ""
 
 
 @functools.cache
@@ -100,19 +111,23 @@ def load_map(name: str) -> DoomMap:
 
 def parse_map(text: str) -> DoomMap:
     """Parse a map; see `DoomMap.text`. Lines that start with `#` are comments."""
-    walls, rails, things, heights, light = [], [], [], (0.0, 0.0), 0.0
+    walls, rails, things, heights, light, flats = [], [], [], (0.0, 0.0), 0.0, ()
     for line in text.splitlines():
         word, *rest = line.split()
         if word in ("wall", "rail"):
             x0, y0, x1, y1 = map(int, rest[:4])
-            (walls if word == "wall" else rails).append(Line(x0, y0, x1, y1, rest[4]))
+            (walls if word == "wall" else rails).append(
+                Line(x0, y0, x1, y1, rest[4], *map(int, rest[5:]))
+            )
         elif word == "thing":
             things.append(MapThing(int(rest[0]), int(rest[1]), float(rest[2]), float(rest[3])))
         elif word == "height":
             heights = float(rest[0]), float(rest[1])
         elif word == "light":
             light = float(rest[0])
-    return DoomMap(tuple(walls), tuple(things), *heights, light, tuple(rails))
+        elif word == "flats":
+            flats = tuple(rest)
+    return DoomMap(tuple(walls), tuple(things), *heights, light, tuple(rails), flats)
 
 
 def ends_of(walls: Sequence[Line]) -> np.ndarray:
@@ -213,18 +228,24 @@ def fill(doom_map: DoomMap, unit: int) -> TileGrid:
     return TileGrid(~inside, faces, (doom_map.walls[0].texture,), west, north, unit)
 
 
-def _show(wall: Line, faces: np.ndarray, label: int, west: int, north: int, unit: int) -> None:
-    """Write a wall's label onto the faces of the solid tiles behind it."""
+def wall_faces(
+    wall: Line, west: int, north: int, unit: int
+) -> tuple[int, slice | int, slice | int]:
+    """The faces of the solid tiles behind a wall: side, rows and columns (see `TileGrid`)."""
     left, right = sorted((x - west) // unit for x in (wall.x0, wall.x1))
     top, bottom = sorted((north - y) // unit for y in (wall.y0, wall.y1))
     if left == right:
         # Going north, the open side on the right is the east side.
         face, column = (_EAST, left - 1) if wall.y1 > wall.y0 else (_WEST, left)
-        target = faces[face, top:bottom, column]
-    else:
-        # Going east, the open side on the right is the south side.
-        face, row = (_SOUTH, top - 1) if wall.x1 > wall.x0 else (_NORTH, top)
-        target = faces[face, row, left:right]
+        return face, slice(top, bottom), column
+    # Going east, the open side on the right is the south side.
+    face, row = (_SOUTH, top - 1) if wall.x1 > wall.x0 else (_NORTH, top)
+    return face, row, slice(left, right)
+
+
+def _show(wall: Line, faces: np.ndarray, label: int, west: int, north: int, unit: int) -> None:
+    """Write a wall's label onto the faces of the solid tiles behind it."""
+    target = faces[wall_faces(wall, west, north, unit)]
     if (target == 0).any():
         raise MapError(f"the wall {wall} has its open side on the left")
     target[:] = label

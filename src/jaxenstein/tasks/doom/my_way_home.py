@@ -76,6 +76,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     params_class: ClassVar[type[Params]] = DoomHomeParams
     success_event: ClassVar[str] = "reached_goal"
     unit: ClassVar[int] = 16
+    takes_game_look: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = (
         TURN_LEFT,
         TURN_RIGHT,

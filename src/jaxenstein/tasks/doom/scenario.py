@@ -6,6 +6,8 @@ import abc
 import dataclasses
 import functools
 import math
+import os
+from pathlib import Path
 from typing import ClassVar, Literal, NamedTuple, TypeVar
 
 import jax
@@ -18,8 +20,8 @@ from ...engine.scene import Scene, Theme
 from ...engine.scene import Sprites as SceneSprites
 from ...engine.shade import ImageKind
 from ...environment import Info, Params, State
-from ...errors import SettingError
-from ...fields import choice
+from ...errors import SettingError, quoted
+from ...fields import choice, of_form
 from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...spaces import Box
@@ -29,12 +31,32 @@ from ..health import FULL_HEALTH
 from ..hud import AMMUNITION, bar, check_overlay, check_strip, strip_rows
 from .arsenal import Arsenal
 from .collision import Geometry, load_geometry
-from .fixed import FRACTION_BITS, ONE, to_fixed
+from .fixed import FRACTION_BITS, ONE, direction, to_fixed
+from .game_look import (
+    ANIMATIONS,
+    Animation,
+    frames_at,
+    game_textures,
+    sampling,
+    with_frames,
+)
 from .maps import START, DoomMap, TileGrid, load_map, rasterise
 from .monsters import Horde
 from .parts import Game, Part
-from .physics import Blocked, Body, Buttons, Reached, action_name, hold, numbered, tic
+from .physics import (
+    Blocked,
+    Body,
+    Buttons,
+    Reached,
+    action_name,
+    bob_height,
+    bobbed,
+    hold,
+    numbered,
+    tic,
+)
 from .view import EYE, ROW_FOCAL_SHARE, doom_theme, face_labels
+from .wad import find_iwad
 
 ButtonsAtOnce = Literal["single", "all"]
 # The highest speed of a player in map units per tic: 8.33 ahead, 8 sideways.
@@ -60,21 +82,24 @@ class Room(NamedTuple):
 class DoomState(State):
     """The state of a body in Doom.
 
-    The last four fields are the game's own. `position` and `heading` are computed from them in
-    each step, and observations are rendered from those two. If you change the last four, the state
-    continues as the game would.
+    The four fields after `heading` are the game's own. `position` and `heading` are computed from
+    them in each step, and observations are rendered from those two. If you change the four, the
+    state continues as the game would.
 
     Attributes:
         fixed_position: int32[2], map units in 16.16, x eastwards and y northwards.
         fixed_velocity: int32[2], units per tic.
         angle: uint32[], 2**32 per turn, 0 east, growing counter-clockwise.
         turn_tics: int32[], for how many tics a turn button has been held.
+        gait: int32[2, 2], with `look="game"` the velocity from the player's own steps, after
+            friction and before it, which makes the eye bob; else None.
     """
 
     fixed_position: jax.Array
     fixed_velocity: jax.Array
     angle: jax.Array
     turn_tics: jax.Array
+    gait: jax.Array | None = dataclasses.field(default=None, kw_only=True)
 
 
 S = TypeVar("S", bound=DoomState)
@@ -99,8 +124,16 @@ class DoomScenario(FirstPerson[S, P]):
             as much; only for images of colours or greys.
         show_weapon: show the weapon in the player's hands, and the flash of its shots, as the game
             does by default; only for images of colours or greys.
+        look: `"plain"`, in one colour for each texture; `"game"`, with the pictures of a WAD file
+            of the game, placed and lit as the game does it. The eye then bobs while the player
+            walks, as in the game. Frames of the shape 4 to 3 and at least 160 columns are what the
+            game shows on a screen of that size. Smaller ones are pixels of its screen of 320 by
+            240: 64x48 has the middle one of every 5x5.
+        wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for that of Freedoom, which
+            comes with the extra `vizdoom`.
     """
 
+    wad: str | None = of_form(None, "text")
     buttons: ButtonsAtOnce = choice("single", ButtonsAtOnce)
     field_of_view: float = 90.0
     hud: bool = False
@@ -116,12 +149,23 @@ class DoomScenario(FirstPerson[S, P]):
 
     def __post_init__(self) -> None:
         """Check the settings."""
+        if isinstance(self.wad, str | os.PathLike):
+            # The whole path, so that the environment is the same in another folder.
+            object.__setattr__(self, "wad", str(Path(self.wad).expanduser().resolve()))
         super().__post_init__()
-        if self.look != "plain" and not self.takes_patterns:
+        if self.look not in ("plain", "game") and not self.takes_patterns:
             raise SettingError(
-                "look must be 'plain' in Doom's scenarios, whose tiles are too small for "
+                "look must be 'plain' or 'game' in Doom's scenarios, whose tiles are too small for "
                 f"patterns, not {self.look!r}"
             )
+        if self.wad is not None and self.look != "game":
+            raise SettingError(
+                f"wad needs look='game': set that too, not wad={quoted(self.wad)} with "
+                f"look={quoted(self.look)}"
+            )
+        if self.look == "game":
+            # Read the pictures now: a damaged file is an error here, not in the first step.
+            assert self.game_theme.textures is not None
         check_strip(self.hud, self.observation, self.height)
         check_overlay("show_weapon", self.show_weapon, self.observation)
         if self.hud and not self.limits:
@@ -257,6 +301,30 @@ class DoomScenario(FirstPerson[S, P]):
             unit=self.unit,
         )
 
+    @functools.cached_property
+    def animations(self) -> tuple[Animation, ...]:
+        """The game's pictures of the things, in the order of `Sprites.picture`."""
+        return tuple(ANIMATIONS[thing.name] for part in self.parts for thing in part.objects)
+
+    @functools.cached_property
+    def game_theme(self) -> Theme:
+        """The look of the map in the game, with a row for each frame of each thing."""
+        textures = game_textures(
+            str(find_iwad(self.wad)), self.room.map_name, self.animations, self.unit
+        )
+        textures = textures.replace(sampling=sampling(self.view_height, int(self.width)))
+        return with_frames(self.theme, self.animations).replace(textures=textures)
+
+    def dressed(self, scene: Scene, state: S) -> Scene:
+        """The scene of a state with its look."""
+        if self.look != "game":
+            return super().dressed(scene, state)
+        cosine, sine = direction(state.angle)
+        heading = jnp.stack([cosine, -sine]).astype(jnp.float32) * np.float32(1 / ONE)
+        picture = frames_at(self.animations, state.time, scene.sprites.picture)
+        sprites = scene.sprites.replace(picture=picture)
+        return scene.replace(heading=heading, sprites=sprites, theme=self.game_theme)
+
     def sprites(self, state: S) -> SceneSprites:
         """The billboards of all parts."""
         places, pictures, visible, first = [], [], [], 0
@@ -339,8 +407,9 @@ class DoomScenario(FirstPerson[S, P]):
 
     def lift(self, state: S) -> jax.Array | None:
         """float32[]: how many tiles the eye is above its usual height; None if that is fixed."""
-        del state
-        return None
+        if state.gait is None:
+            return None
+        return bob_height(state.gait[1], state.time) * np.float32(1 / self.unit)
 
     def stride(self, params: P) -> float:
         """The most tiles that the player moves in a tic."""
@@ -417,11 +486,17 @@ class DoomScenario(FirstPerson[S, P]):
             bodies: a function that tells where other bodies are in its way, if there are any.
         """
         body = Body(state.fixed_position, state.fixed_velocity, state.angle, state.turn_tics)
-        after, reached = tic(self.geometry, body, self.pressed(action), bodies)
-        return state.replace(**self._pose(after)), reached
+        buttons = self.pressed(action)
+        after, reached = tic(self.geometry, body, buttons, bodies)
+        fields = self._pose(after)
+        if state.gait is not None:
+            velocity = after.velocity
+            steps, pace = bobbed(state.gait[0], after.angle, buttons, velocity, reached.slid)
+            fields["gait"] = jnp.stack([pace, steps])
+        return state.replace(**fields), reached
 
     def _pose(self, body: Body) -> dict[str, jax.Array]:
-        return {
+        fields = {
             "position": self.to_tiles(body.position),
             "heading": to_heading(body.angle),
             "fixed_position": body.position,
@@ -429,6 +504,10 @@ class DoomScenario(FirstPerson[S, P]):
             "angle": body.angle,
             "turn_tics": body.turn_tics,
         }
+        if self.look == "game":
+            # The velocity before the friction of the last tic.
+            fields["gait"] = jnp.stack([body.velocity, body.velocity * 32 // 29])
+        return fields
 
 
 def to_heading(angle: jax.Array) -> jax.Array:

@@ -1,0 +1,241 @@
+"""The game's own pictures on walls, floor, ceiling and things: `look="game"`.
+
+Where in a pixel the game looks, and its light, are those of ZDoom's software renderer (r_segs.cpp,
+r_plane.cpp, r_things.cpp): a wall is sampled at the left and lower edge of a pixel, floor and
+ceiling at the right edge and the middle row, with the light of the upper edge.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...engine.scene import Theme
+from ...engine.shade import pack_rgb
+from ...engine.textures import (
+    Cutouts,
+    Flats,
+    Materials,
+    Sampling,
+    Textures,
+    build_atlas,
+    pack_opaque,
+)
+from ...errors import WadError, quoted
+from .maps import DoomMap, Line, TileGrid, load_map, rasterise, wall_faces
+from .view import EYE
+from .wad import Picture, Wad
+
+# The narrowest screen of the game, and the one that smaller frames are taken out of.
+LEAST_WIDTH, SCREEN = 160, (240, 320)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A picture of a thing: its letter, how many tics it is shown, and if in full light."""
+
+    letter: str = "A"
+    tics: int = 1
+    bright: bool = False
+
+
+@dataclass(frozen=True)
+class Animation:
+    """The pictures that a thing shows in turn.
+
+    Attributes:
+        sprite: the four letters of its pictures' names.
+        frames: its frames.
+        start: a tic of the game in which the first frame begins.
+    """
+
+    sprite: str
+    frames: tuple[Frame, ...] = (Frame(),)
+    start: int = 0
+
+    def frame_at(self, time: jax.Array) -> jax.Array:
+        """int32[]: the number of the frame at a time int32[]."""
+        ends = np.cumsum([frame.tics for frame in self.frames])
+        tic = (time - self.start) % int(ends[-1])
+        return jnp.sum(tic >= jnp.asarray(ends[:-1].astype(np.int32)), dtype=jnp.int32)
+
+
+ANIMATIONS = {
+    "GreenArmor": Animation("ARM1", (Frame("A", 6), Frame("B", 7, bright=True)), start=11),
+    "Medikit": Animation("MEDI"),
+    "CustomMedikit": Animation("MEDI"),
+    # The game shows other frames of a bottle later.
+    "Poison": Animation("BON1"),
+}
+"""The pictures of things, by the game's names."""
+
+
+def frames_at(animations: Sequence[Animation], time: jax.Array, picture: jax.Array) -> jax.Array:
+    """int32[N]: rows of the tables of `with_frames`.
+
+    Args:
+        animations: of the things.
+        time: int32[], tics since the game began.
+        picture: int32[N], numbers of animations.
+    """
+    if all(len(one.frames) == 1 for one in animations):
+        return picture
+    firsts = np.cumsum([0, *(len(one.frames) for one in animations)])[:-1].astype(np.int32)
+    rows = [first + one.frame_at(time) for first, one in zip(firsts, animations, strict=True)]
+    return jnp.stack(rows).at[picture].get(mode="promise_in_bounds")
+
+
+def with_frames(theme: Theme, animations: Sequence[Animation]) -> Theme:
+    """A theme with a row of the tables of billboards for each frame."""
+    rows = np.repeat(np.arange(len(animations)), [len(one.frames) for one in animations])
+    names = "sprite_art", "sprite_colours", "sprite_radius", "sprite_drop", "sprite_labels"
+    return theme.replace(**{name: getattr(theme, name)[rows] for name in names})
+
+
+def sampling(height: int, width: int) -> Sampling:
+    """Where the game looks in the pixels of a frame.
+
+    Frames that are no screen of the game have pixels of the screen of 320 by 240, from which their
+    rays are half of such a pixel away, as on that screen.
+    """
+    if 4 * height == 3 * width and width >= LEAST_WIDTH:
+        across, down = 0.5, 0.5
+    else:
+        down, across = (min(0.5, 0.5 * n / m) for n, m in zip((height, width), SCREEN, strict=True))
+    low = 0.5 + down
+    return Sampling((0.5 - across, low), (0.5 + across, 0.5), (0.5, low), light_row=0.5 - down)
+
+
+@functools.cache
+def game_textures(
+    path: str, map_name: str, animations: tuple[Animation, ...], unit: int
+) -> Textures:
+    """The pictures of a scenario, from a WAD file.
+
+    Args:
+        path: the file.
+        map_name: the name of the map.
+        animations: of the things.
+        unit: map units a tile.
+
+    Raises:
+        WadError: the file is no WAD file, is damaged, or lacks a picture.
+    """
+    wad, doom_map = Wad(path), load_map(map_name)
+    tiles = rasterise(doom_map, unit)
+    papers = {name: _paper(wad, name) for name in tiles.textures}
+    flats = {name: wad.flat(name) for name in doom_map.flats}
+    things = [
+        (_centred(wad.sprite(one.sprite, frame.letter)[0]), frame.bright)
+        for one in animations
+        for frame in one.frames
+    ]
+    kinds, of_face = _materials(doom_map, tiles, papers)
+    floor, ceiling = doom_map.flats
+    planes = [flats[ceiling], flats[floor]]
+    pixels = [np.maximum(picture.pixels, 0) for picture, _ in things]
+    colours = _colours(wad)
+    atlas, first = build_atlas(
+        [*(papers[name] for name, _ in kinds), *planes, *pixels],
+        lambda picture, shade: colours[shade][picture],
+    )
+    count = len(kinds)
+    return Textures(
+        atlas=atlas,
+        walls=Materials(
+            first[:count],
+            *_sides([papers[name] for name, _ in kinds]),
+            across=np.full(count, unit, np.int32),
+            down=np.full(count, unit, np.float32),
+            offset=np.array([offset for _, offset in kinds], np.int32),
+        ),
+        of_wall=np.zeros(256, np.int32),
+        of_face=of_face,
+        flats=Flats(
+            first[count : count + 2],
+            *_sides(planes),
+            scale=np.full((2, 2), unit, np.float32),
+            # The world's grid, in which x grows eastwards from 0, and rows southwards.
+            origin=np.array([(tiles.west % 64, -tiles.north % 64)] * 2, np.float32),
+        ),
+        cutouts=_cutouts(things, first[count + 2 :], unit),
+    )
+
+
+def _colours(wad: Wad) -> np.ndarray:
+    """uint32[shades, 256]: the packed colour of each index of the palette under each light."""
+    palette = np.moveaxis(wad.palette(), -1, 0).astype(np.float32)
+    return pack_rgb(list(palette), np.float32(1))[wad.colormap()]
+
+
+def _paper(wad: Wad, name: str) -> np.ndarray:
+    """int16[height, width]: a wall's texture, with sides that are powers of two."""
+    texture = np.maximum(wad.texture(name), 0)
+    height, width = texture.shape
+    if height & (height - 1) or width & (width - 1):
+        raise WadError(
+            f"{wad.path}: texture {quoted(name)} is {width} by {height} pixels; sides must be "
+            "powers of two"
+        )
+    return texture
+
+
+def _materials(
+    doom_map: DoomMap, tiles: TileGrid, papers: dict[str, np.ndarray]
+) -> tuple[list[tuple[str, int]], np.ndarray]:
+    """Textures with offsets, and int32[4, rows, columns], which of them is on each face."""
+    kinds: dict[tuple[str, int], int] = {}
+    of_face = np.zeros(tiles.faces.shape, np.int32)
+    for wall in doom_map.walls:
+        offset = wall.offset - _along(wall, tiles)
+        kind = wall.texture, offset % papers[wall.texture].shape[1]
+        of_face[wall_faces(wall, tiles.west, tiles.north, tiles.unit)] = kinds.setdefault(
+            kind, len(kinds)
+        )
+    return list(kinds), of_face
+
+
+def _along(wall: Line, tiles: TileGrid) -> int:
+    """Where a wall begins, in map units rightwards as seen, from the edge of the map's tiles."""
+    x, y = wall.x0 - tiles.west, tiles.north - wall.y0
+    if wall.x0 == wall.x1:
+        return -y if wall.y1 > wall.y0 else y
+    return x if wall.x1 > wall.x0 else -x
+
+
+def _centred(picture: Picture) -> Picture:
+    """A picture with the thing's position in its middle."""
+    width = picture.pixels.shape[1]
+    half = max(picture.left, width - picture.left)
+    pad = half - picture.left, half - (width - picture.left)
+    pixels = np.pad(picture.pixels, ((0, 0), pad), constant_values=-1)
+    return Picture(pixels, half, picture.top, picture.mirrored)
+
+
+def _cutouts(things: list[tuple[Picture, bool]], first: np.ndarray, unit: int) -> Cutouts:
+    pictures = [picture for picture, _ in things]
+    column, opaque = pack_opaque([picture.pixels >= 0 for picture in pictures])
+    widths, heights = _sides([picture.pixels for picture in pictures])
+    top = np.array([EYE - picture.top for picture in pictures])
+    return Cutouts(
+        first,
+        widths,
+        heights,
+        half_width=(widths / (2 * unit)).astype(np.float32),
+        top=(top / unit).astype(np.float32),
+        bottom=((top + heights) / unit).astype(np.float32),
+        bright=np.array([bright for _, bright in things]),
+        column=column,
+        opaque=opaque,
+    )
+
+
+def _sides(pictures: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """int32[n] twice: widths and heights."""
+    heights, widths = zip(*(picture.shape for picture in pictures), strict=True)
+    return np.array(widths, np.int32), np.array(heights, np.int32)
