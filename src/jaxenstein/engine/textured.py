@@ -25,7 +25,7 @@ from .raycast import Hits, rays
 from .scene import Scene, Theme
 from .shade import ImageKind, luma
 from .sprites import Spots
-from .textures import Textures, entry, shade_of
+from .textures import Sampling, Textures, entry, shade_of
 
 
 class TexturedColumns(PyTreeNode):
@@ -180,7 +180,7 @@ def _texels(
     """int32[K, W] twice: the column of `Cutouts.opaque` and its topmost texel in the atlas."""
     textures = textures_of(theme)
     cutouts, depth = textures.cutouts, spots.depth(theme)
-    across = spots.stretch * jnp.asarray(camera.column_slopes())[None] + spots.start
+    across = _across(spots, textures.sampling, camera)
     seen = (across >= 0) & (across < WORD) & (depth < wall_depth[None])
     width = entry(cutouts.width, spots.picture)
     texel = (across * (width.astype(jnp.float32) * (1 / WORD))).astype(jnp.int32)
@@ -191,6 +191,22 @@ def _texels(
     shade = jnp.where(entry(cutouts.bright, spots.picture), 0, shade)
     first = shade * textures.size + entry(cutouts.first, spots.picture)
     return column, first + texel * entry(cutouts.height, spots.picture)
+
+
+def _across(spots: Spots, sampling: Sampling, camera: Camera) -> jax.Array:
+    """float32[K, W]: the place on each billboard that a column sees, from 0 to `WORD`."""
+    slopes = camera.column_slopes()[None]
+    if not sampling.whole_things:
+        return spots.stretch * jnp.asarray(slopes) + spots.start
+    column = np.arange(slopes.size, dtype=np.float32)[None]
+    # Columns at which a billboard begins and ends; one that is not drawn begins nowhere.
+    unit = jnp.float32(camera.focal) / jnp.maximum(spots.stretch, jnp.float32(1e-6))
+    ends = [
+        jnp.floor(jnp.float32(camera.width / 2) + (side - spots.start) * unit) for side in (0, WORD)
+    ]
+    wide = jnp.maximum(ends[1] - ends[0], 1)
+    across = (column - ends[0]) * (WORD / wide)
+    return jnp.where((spots.stretch > 0) & (ends[1] > ends[0]), across, -1)
 
 
 def paint_rows(

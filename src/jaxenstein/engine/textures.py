@@ -35,6 +35,7 @@ class Sampling:
         light_row: row at which the light of floor and ceiling is taken.
         samples: 1, or 2 for the mean of two halves of each pixel, left and right, of which the
             columns above are places.
+        whole_things: whether billboards begin and end at whole columns, as those of old games.
     """
 
     wall: Place = CENTRE
@@ -42,6 +43,7 @@ class Sampling:
     thing: Place = CENTRE
     light_row: float = 0.5
     samples: int = 1
+    whole_things: bool = False
 
 
 class Materials(PyTreeNode):

@@ -33,6 +33,9 @@ from .wad import Picture, Wad
 
 # The narrowest screen of the game, and the one that smaller frames are taken out of.
 LEAST_WIDTH, SCREEN = 160, (240, 320)
+# Rows below the edge of a pixel, so that a place between two texels is in the lower one: the eye of
+# a player who stands is on such a place.
+NUDGE = 2.0**-13
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,13 @@ def sampling(height: int, width: int) -> Sampling:
     else:
         down, across = (min(0.5, 0.5 * n / m) for n, m in zip((height, width), SCREEN, strict=True))
     low = 0.5 + down
-    return Sampling((0.5 - across, low), (0.5 + across, 0.5), (0.5, low), light_row=0.5 - down)
+    return Sampling(
+        wall=(0.5 - across, low + NUDGE),
+        plane=(0.5 + across, 0.5),
+        thing=(0.5, low),
+        light_row=0.5 - down,
+        whole_things=True,
+    )
 
 
 @functools.cache
