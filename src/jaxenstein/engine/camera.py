@@ -29,6 +29,7 @@ class Camera:
             of fixed shape, resized to height x width.
         column: where rays pass a pixel, from 0 at its left edge to 1 at its right edge.
         row: the same from its upper edge to its lower edge.
+        shift: how many columns farther to the right rays in the left half of the image pass.
     """
 
     height: int = 64
@@ -40,6 +41,7 @@ class Camera:
     row_focal_share: float | None = None
     column: float = 0.5
     row: float = 0.5
+    shift: float = 0
 
     @property
     def half_plane(self) -> float:
@@ -78,9 +80,9 @@ class Camera:
 
     def column_slopes(self) -> np.ndarray:
         """float32[width + extra]: the sideways offset of each column at distance 1."""
-        centres = (
-            2 * (np.arange(self.width + self.extra) + self.column) / self.width - 1
-        ) * self.half_plane
+        column = np.arange(self.width + self.extra)
+        places = column + self.column + self.shift * (2 * column + 1 < self.width)
+        centres = (2 * places / self.width - 1) * self.half_plane
         return centres.astype(np.float32)
 
     def row_offsets(self) -> np.ndarray:

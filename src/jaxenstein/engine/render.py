@@ -87,7 +87,7 @@ def _draw(
 ) -> jax.Array:
     """The image, or what stands for each of its pixels."""
     pose = scene.position, scene.heading
-    walls, things = camera.at(places.wall), camera.at(places.thing)
+    walls, things = textured.of_walls(camera, places), camera.at(places.thing)
     hits = cast(*pose, scene.closed, scene.level, walls, way.sides)
     stage = partial(way.prepare, theme=scene.theme, camera=camera, kind=kind)
     rows = way.rows(scene.theme, camera, kind, scene.lift)

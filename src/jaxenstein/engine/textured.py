@@ -6,6 +6,7 @@ scalar, which takes three times as long.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from functools import partial
 from typing import Any
@@ -109,32 +110,79 @@ def prepare(
     """Look up what each column shows; the arguments are those of `image_columns.prepare`."""
     textures = textures_of(theme)
     walls, places = textures.walls, textures.sampling
-    camera = camera.at(places.wall)
     assert hits.side is not None
     material = _material(hits, textures)
+    depth, edge_depth, aside = hits.depth, hits.depth, 0
+    if places.screen:
+        depth, edge_depth, aside = _whole_columns(heading, hits, camera, places)
+    camera = camera.at(places.wall)
     across = entry(walls.across, material)
     # Texel columns run from left to right as seen, over all tiles of a wall.
     column, row = hits.tile[:, 0], hits.tile[:, 1]
     tile = jnp.where(hits.side < 2, row, column)
     tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
-    texel = tile * across + (hits.along * across.astype(jnp.float32)).astype(jnp.int32)
+    within = (hits.along + aside) * across.astype(jnp.float32)
+    within = jnp.floor(within) if places.screen else within
+    texel = tile * across + within.astype(jnp.int32)
+    if walls.begin is not None and walls.length is not None:
+        begin = entry(walls.begin, material)
+        texel = jnp.clip(texel, begin, begin + entry(walls.length, material) - 1)
     texel = (texel + entry(walls.offset, material)) & (entry(walls.width, material) - 1)
     # No seams, for pictures have some of their own: light as in the middle of a tile.
-    light = theme.light.wall(hits.depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
+    light = theme.light.wall(depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
     height = entry(walls.height, material)
     down = entry(walls.down, material)
     above = jnp.float32(camera.wall - camera.eye) - (0 if lift is None else lift)
-    half = half_height(hits.depth, camera)
+    half = half_height(edge_depth, camera)
     return TexturedColumns(
         half=half,
         drop=drop_of(half, lift, camera),
         base=shade_of(light) * textures.size + entry(walls.first, material) + texel * height,
         last=height - 1,
-        scale=hits.depth * down / jnp.float32(camera.row_focal),
+        scale=depth * down / jnp.float32(camera.row_focal),
         offset=above * down - 0.5,
         ray=jnp.stack(rays(heading, camera.at(places.plane))),
         layers=None if spots is None else project(spots, hits.depth, lift, theme, camera, kind),
     )
+
+
+def of_walls(camera: Camera, places: Sampling) -> Camera:
+    """The camera whose rays find the wall of each column.
+
+    On a screen of whole columns, a wall that begins within a column covers it in the left half of
+    the image, and not in the right half.
+    """
+    camera = camera.at(places.wall)
+    if not places.screen:
+        return camera
+    return dataclasses.replace(camera, shift=camera.width / places.screen)
+
+
+def _whole_columns(
+    heading: jax.Array, hits: Hits, camera: Camera, places: Sampling
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """float32[W] three times: where other rays of a column meet the plane of its wall.
+
+    Returns:
+        The depth at the place of `Sampling.wall`; the depth that tells upper and lower edge, which
+        go from end to end of a wall; and how far right of the hit the first of them is, in tiles.
+    """
+    assert hits.side is not None
+    finder, half = of_walls(camera, places), camera.width / places.screen / 2
+    edges = dataclasses.replace(finder, column=finder.column - half)
+    found = _towards(hits, rays(heading, finder))
+    own = _towards(hits, rays(heading, camera.at(places.wall)))
+    edge = _towards(hits, rays(heading, edges))
+    depths = [hits.depth / jnp.clip(ray[0] / found[0], 0.5, 2) for ray in (own, edge)]
+    aside = depths[0] * own[1] - hits.depth * found[1]
+    mirrored = (hits.side == 1) | (hits.side == 2)
+    return depths[0], depths[1], jnp.where(mirrored, -aside, aside)
+
+
+def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    """The component of each ray through its wall, and the one along it."""
+    x, y = ray
+    return jnp.where(hits.horizontal, y, x), jnp.where(hits.horizontal, x, y)
 
 
 def _material(hits: Hits, textures: Textures) -> jax.Array:
@@ -196,13 +244,15 @@ def _texels(
 def _across(spots: Spots, sampling: Sampling, camera: Camera) -> jax.Array:
     """float32[K, W]: the place on each billboard that a column sees, from 0 to `WORD`."""
     slopes = camera.column_slopes()[None]
-    if not sampling.whole_things:
+    if not sampling.screen:
         return spots.stretch * jnp.asarray(slopes) + spots.start
-    column = np.arange(slopes.size, dtype=np.float32)[None]
+    share = sampling.screen / camera.width
+    column = np.floor((np.arange(slopes.size) + 0.5) * share).astype(np.float32)[None]
     # Columns at which a billboard begins and ends; one that is not drawn begins nowhere.
-    unit = jnp.float32(camera.focal) / jnp.maximum(spots.stretch, jnp.float32(1e-6))
+    unit = jnp.float32(camera.focal * share) / jnp.maximum(spots.stretch, jnp.float32(1e-6))
     ends = [
-        jnp.floor(jnp.float32(camera.width / 2) + (side - spots.start) * unit) for side in (0, WORD)
+        jnp.floor(jnp.float32(sampling.screen / 2) + (side - spots.start) * unit)
+        for side in (0, WORD)
     ]
     wide = jnp.maximum(ends[1] - ends[0], 1)
     across = (column - ends[0]) * (WORD / wide)

@@ -35,7 +35,8 @@ class Sampling:
         light_row: row at which the light of floor and ceiling is taken.
         samples: 1, or 2 for the mean of two halves of each pixel, left and right, of which the
             columns above are places.
-        whole_things: whether billboards begin and end at whole columns, as those of old games.
+        screen: columns of a screen on which walls and billboards begin and end at whole columns,
+            as in old games; the image's are taken out of them. 0 for exact places.
     """
 
     wall: Place = CENTRE
@@ -43,7 +44,7 @@ class Sampling:
     thing: Place = CENTRE
     light_row: float = 0.5
     samples: int = 1
-    whole_things: bool = False
+    screen: int = 0
 
 
 class Materials(PyTreeNode):
@@ -56,6 +57,8 @@ class Materials(PyTreeNode):
         across: int32[M], texels a tile from left to right.
         down: float32[M], texels a tile from top to bottom.
         offset: int32[M], added to the texel column, which is 0 where x or y is 0 on the map.
+        begin: int32[M], the texel column before that at which a wall begins; None if it has no end.
+        length: int32[M], texel columns of it; likewise.
     """
 
     first: np.ndarray
@@ -64,6 +67,8 @@ class Materials(PyTreeNode):
     across: np.ndarray
     down: np.ndarray
     offset: np.ndarray
+    begin: np.ndarray | None = None
+    length: np.ndarray | None = None
 
 
 class Flats(PyTreeNode):

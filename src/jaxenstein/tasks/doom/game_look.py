@@ -106,8 +106,9 @@ def sampling(height: int, width: int) -> Sampling:
     Frames that are no screen of the game have pixels of the screen of 320 by 240, from which their
     rays are half of such a pixel away, as on that screen.
     """
+    screen = SCREEN[1]
     if 4 * height == 3 * width and width >= LEAST_WIDTH:
-        across, down = 0.5, 0.5
+        across, down, screen = 0.5, 0.5, width
     else:
         down, across = (min(0.5, 0.5 * n / m) for n, m in zip((height, width), SCREEN, strict=True))
     low = 0.5 + down
@@ -116,7 +117,7 @@ def sampling(height: int, width: int) -> Sampling:
         plane=(0.5 + across, 0.5),
         thing=(0.5, low),
         light_row=0.5 - down,
-        whole_things=True,
+        screen=screen,
     )
 
 
