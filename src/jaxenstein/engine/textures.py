@@ -57,7 +57,8 @@ class Materials(PyTreeNode):
         across: int32[M], texels a tile from left to right.
         down: float32[M], texels a tile from top to bottom.
         offset: int32[M], added to the texel column, which is 0 where x or y is 0 on the map.
-        begin: int32[M], the texel column before that at which a wall begins; None if it has no end.
+        begin: int32[M], the texel column at which a wall begins, before the offset is added; None
+            if walls have no ends.
         length: int32[M], texel columns of it; likewise.
     """
 

@@ -27,7 +27,7 @@ from ...engine.textures import (
     pack_opaque,
 )
 from ...errors import WadError, quoted
-from .maps import DoomMap, Line, TileGrid, load_map, rasterise, wall_faces
+from .maps import DoomMap, Line, TileGrid, ends_of, load_map, rasterise, wall_faces
 from .view import EYE
 from .wad import Picture, Wad
 
@@ -145,27 +145,32 @@ def game_textures(
         for one in animations
         for frame in one.frames
     ]
-    kinds, of_face = _materials(doom_map, tiles, papers)
     floor, ceiling = doom_map.flats
     planes = [flats[ceiling], flats[floor]]
     pixels = [np.maximum(picture.pixels, 0) for picture, _ in things]
     colours = _colours(wad)
     atlas, first = build_atlas(
-        [*(papers[name] for name, _ in kinds), *planes, *pixels],
+        [*(papers[wall.texture] for wall in doom_map.walls), *planes, *pixels],
         lambda picture, shade: colours[shade][picture],
     )
-    count = len(kinds)
+    count = len(doom_map.walls)
+    begin = np.array([_begin(wall, tiles) for wall in doom_map.walls], np.int32)
+    offset = np.array([wall.offset for wall in doom_map.walls], np.int32)
     return Textures(
         atlas=atlas,
         walls=Materials(
             first[:count],
-            *_sides([papers[name] for name, _ in kinds]),
+            *_sides([papers[wall.texture] for wall in doom_map.walls]),
             across=np.full(count, unit, np.int32),
             down=np.full(count, unit, np.float32),
-            offset=np.array([offset for _, offset in kinds], np.int32),
+            offset=offset - begin,
+            begin=begin,
+            length=np.abs(np.diff(ends_of(doom_map.walls), axis=1)).sum(
+                axis=(1, 2), dtype=np.int32
+            ),
         ),
         of_wall=np.zeros(256, np.int32),
-        of_face=of_face,
+        of_face=_of_face(doom_map, tiles),
         flats=Flats(
             first[count : count + 2],
             *_sides(planes),
@@ -195,22 +200,15 @@ def _paper(wad: Wad, name: str) -> np.ndarray:
     return texture
 
 
-def _materials(
-    doom_map: DoomMap, tiles: TileGrid, papers: dict[str, np.ndarray]
-) -> tuple[list[tuple[str, int]], np.ndarray]:
-    """Textures with offsets, and int32[4, rows, columns], which of them is on each face."""
-    kinds: dict[tuple[str, int], int] = {}
+def _of_face(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
+    """int32[4, rows, columns]: the number of the wall on each face."""
     of_face = np.zeros(tiles.faces.shape, np.int32)
-    for wall in doom_map.walls:
-        offset = wall.offset - _along(wall, tiles)
-        kind = wall.texture, offset % papers[wall.texture].shape[1]
-        of_face[wall_faces(wall, tiles.west, tiles.north, tiles.unit)] = kinds.setdefault(
-            kind, len(kinds)
-        )
-    return list(kinds), of_face
+    for number, wall in enumerate(doom_map.walls):
+        of_face[wall_faces(wall, tiles.west, tiles.north, tiles.unit)] = number
+    return of_face
 
 
-def _along(wall: Line, tiles: TileGrid) -> int:
+def _begin(wall: Line, tiles: TileGrid) -> int:
     """Where a wall begins, in map units rightwards as seen, from the edge of the map's tiles."""
     x, y = wall.x0 - tiles.west, tiles.north - wall.y0
     if wall.x0 == wall.x1:
