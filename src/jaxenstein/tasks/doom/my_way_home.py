@@ -77,6 +77,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     success_event: ClassVar[str] = "reached_goal"
     unit: ClassVar[int] = 16
     takes_game_look: ClassVar[bool] = True
+    first_tic: ClassVar[int] = 10
     button_names: ClassVar[tuple[str, ...]] = (
         TURN_LEFT,
         TURN_RIGHT,

@@ -144,6 +144,8 @@ class DoomScenario(FirstPerson[S, P]):
     unit: ClassVar[int] = 32
     # Whether the tiles are large enough for patterns on walls and floor.
     takes_patterns: ClassVar[bool] = False
+    # The game's count of tics at the first observation.
+    first_tic: ClassVar[int] = 1
     # The game variable that tells whether the aim was reached, if the end does not.
     success_count: ClassVar[str] = ""
 
@@ -321,7 +323,7 @@ class DoomScenario(FirstPerson[S, P]):
             return super().dressed(scene, state)
         cosine, sine = direction(state.angle)
         heading = jnp.stack([cosine, -sine]).astype(jnp.float32) * np.float32(1 / ONE)
-        picture = frames_at(self.animations, state.time, scene.sprites.picture)
+        picture = frames_at(self.animations, self.game_tic(state), scene.sprites.picture)
         sprites = scene.sprites.replace(picture=picture)
         return scene.replace(heading=heading, sprites=sprites, theme=self.game_theme)
 
@@ -405,11 +407,15 @@ class DoomScenario(FirstPerson[S, P]):
             return super().succeeded(state, reward, terminated, events, params)
         return state.done & ~terminated
 
+    def game_tic(self, state: S) -> jax.Array:
+        """int32[]: the game's count of tics, some of which pass before an episode starts."""
+        return state.time + np.int32(self.first_tic)
+
     def lift(self, state: S) -> jax.Array | None:
         """float32[]: how many tiles the eye is above its usual height; None if that is fixed."""
         if state.gait is None:
             return None
-        return bob_height(state.gait[1], state.time) * np.float32(1 / self.unit)
+        return bob_height(state.gait[1], self.game_tic(state) - 1) * np.float32(1 / self.unit)
 
     def stride(self, params: P) -> float:
         """The most tiles that the player moves in a tic."""
