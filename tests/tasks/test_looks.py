@@ -143,7 +143,7 @@ def test_an_episode_keeps_its_look_and_the_next_has_another(id: str) -> None:
 
 
 def test_doom_has_one_look() -> None:
-    with pytest.raises(SettingError, match="look must be 'plain' in Doom's scenarios"):
+    with pytest.raises(SettingError, match="look must be 'plain' or 'game' in Doom's scenarios"):
         made("doom-basic", look="random")
 
 

@@ -89,8 +89,7 @@ class FirstPerson(Environment[S, P]):
             raise SettingError(f"textures need look='plain', not look={quoted(self.look)}")
         if self.look == "game" and not self.takes_game_look:
             raise SettingError(
-                "look='game' is for doom-my-way-home and doom-health-gathering with their "
-                f"variants, not for {self.name!r}"
+                "look='game' is only for doom-my-way-home, doom-health-gathering and their variants"
             )
         for name in ("look_seeds", "look_range"):
             given = getattr(self, name)
