@@ -97,14 +97,13 @@ def _common(sectors: list[Block], key: str, default: T, source: str) -> T:
     """The height, light or texture that all sectors share."""
     found = {type(default)(sector.get(key, default)) for sector in sectors}
     if len(found) != 1:
-        shown = (
-            ", ".join(
-                f"{value:g}" if isinstance(value, float) else value for value in sorted(found)
-            )
-            or "none"
-        )
+        shown = ", ".join(map(_word, sorted(found))) or "none"
         raise MapError(f"the sectors need one {key} in common, not {shown}", source=source)
     return found.pop()
+
+
+def _word(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def main() -> int:

@@ -112,16 +112,16 @@ def prepare(
     walls, places = textures.walls, textures.sampling
     assert hits.side is not None
     material = _material(hits, textures)
-    depth, edge_depth, aside = hits.depth, hits.depth, 0
+    depth, edge_depth, along = hits.depth, hits.depth, hits.along
     if places.screen:
-        depth, edge_depth, aside = _whole_columns(heading, hits, camera, places)
+        depth, edge_depth, along = _whole_columns(heading, hits, camera, places)
     camera = camera.at(places.wall)
     across = entry(walls.across, material)
     # Texel columns run from left to right as seen, over all tiles of a wall.
     column, row = hits.tile[:, 0], hits.tile[:, 1]
     tile = jnp.where(hits.side < 2, row, column)
     tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
-    within = (hits.along + aside) * across.astype(jnp.float32)
+    within = along * across.astype(jnp.float32)
     within = jnp.floor(within) if places.screen else within
     texel = tile * across + within.astype(jnp.int32)
     if walls.begin is not None and walls.length is not None:
@@ -165,7 +165,8 @@ def _whole_columns(
 
     Returns:
         The depth at the place of `Sampling.wall`; the depth that tells upper and lower edge, which
-        go from end to end of a wall; and how far right of the hit the first of them is, in tiles.
+        go from end to end of a wall; and, for the first of them, what `Hits.along` is for the hit:
+        it may lie beyond the tile.
     """
     assert hits.side is not None
     finder, half = of_walls(camera, places), camera.width / places.screen / 2
@@ -176,7 +177,7 @@ def _whole_columns(
     depths = [hits.depth / jnp.clip(ray[0] / found[0], 0.5, 2) for ray in (own, edge)]
     aside = depths[0] * own[1] - hits.depth * found[1]
     mirrored = (hits.side == 1) | (hits.side == 2)
-    return depths[0], depths[1], jnp.where(mirrored, -aside, aside)
+    return depths[0], depths[1], hits.along + jnp.where(mirrored, -aside, aside)
 
 
 def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
@@ -243,9 +244,9 @@ def _texels(
 
 def _across(spots: Spots, sampling: Sampling, camera: Camera) -> jax.Array:
     """float32[K, W]: the place on each billboard that a column sees, from 0 to `WORD`."""
-    slopes = camera.column_slopes()[None]
+    slopes = camera.column_slopes()
     if not sampling.screen:
-        return spots.stretch * jnp.asarray(slopes) + spots.start
+        return spots.stretch * jnp.asarray(slopes)[None] + spots.start
     share = sampling.screen / camera.width
     column = np.floor((np.arange(slopes.size) + 0.5) * share).astype(np.float32)[None]
     # Columns at which a billboard begins and ends; one that is not drawn begins nowhere.

@@ -90,6 +90,9 @@ def test_the_vest_blinks_as_in_the_game() -> None:
 
 
 def test_equal_environments_share_one_atlas(pictures: Wad) -> None:
+    one: Any
+    own: Any
+    built: Any
     one, params = made("my_way_home", 64, 64)
     other, _ = made("my_way_home", 84, 84)
     assert one.game_theme.textures.atlas is other.game_theme.textures.atlas
