@@ -26,7 +26,7 @@ from .raycast import Hits, rays
 from .scene import Scene, Theme
 from .shade import ImageKind, luma
 from .sprites import Spots
-from .textures import Sampling, Textures, entry, shade_of
+from .textures import Cutouts, Sampling, Textures, entry, shade_of
 
 
 class TexturedColumns(PyTreeNode):
@@ -229,11 +229,9 @@ def _texels(
     """int32[K, W] twice: the column of `Cutouts.opaque` and its topmost texel in the atlas."""
     textures = textures_of(theme)
     cutouts, depth = textures.cutouts, spots.depth(theme)
-    across = _across(spots, textures.sampling, camera)
-    seen = (across >= 0) & (across < WORD) & (depth < wall_depth[None])
     width = entry(cutouts.width, spots.picture)
-    texel = (across * (width.astype(jnp.float32) * (1 / WORD))).astype(jnp.int32)
-    texel = jnp.clip(texel, 0, width - 1)
+    texel, seen = _columns_seen(spots, width, cutouts, textures.sampling, camera)
+    seen = seen & (depth < wall_depth[None])
     none = cutouts.opaque.shape[1] - 1
     column = jnp.where(seen, entry(cutouts.column, spots.picture) + texel, none)
     shade = shade_of(theme.light.plain(depth))
@@ -242,22 +240,33 @@ def _texels(
     return column, first + texel * entry(cutouts.height, spots.picture)
 
 
-def _across(spots: Spots, sampling: Sampling, camera: Camera) -> jax.Array:
-    """float32[K, W]: the place on each billboard that a column sees, from 0 to `WORD`."""
+def _columns_seen(
+    spots: Spots, width: jax.Array, cutouts: Cutouts, sampling: Sampling, camera: Camera
+) -> tuple[jax.Array, jax.Array]:
+    """int32[K, W], the column of each picture that an image column sees; bool[K, W], if it does."""
     slopes = camera.column_slopes()
     if not sampling.screen:
-        return spots.stretch * jnp.asarray(slopes)[None] + spots.start
+        across = spots.stretch * jnp.asarray(slopes)[None] + spots.start
+        texel = (across * (width.astype(jnp.float32) * (1 / WORD))).astype(jnp.int32)
+        return jnp.clip(texel, 0, width - 1), (across >= 0) & (across < WORD)
     share = sampling.screen / camera.width
-    column = np.floor((np.arange(slopes.size) + 0.5) * share).astype(np.float32)[None]
-    # Columns at which a billboard begins and ends; one that is not drawn begins nowhere.
+    column = np.floor((np.arange(slopes.size) + 0.5) * share).astype(np.int32)[None]
+    left, right = jnp.zeros_like(width), width
+    if cutouts.left is not None and cutouts.right is not None:
+        left, right = (entry(side, spots.picture) for side in (cutouts.left, cutouts.right))
     unit = jnp.float32(camera.focal * share) / jnp.maximum(spots.stretch, jnp.float32(1e-6))
-    ends = [
-        jnp.floor(jnp.float32(sampling.screen / 2) + (side - spots.start) * unit)
-        for side in (0, WORD)
-    ]
-    wide = jnp.maximum(ends[1] - ends[0], 1)
-    across = (column - ends[0]) * (WORD / wide)
-    return jnp.where((spots.stretch > 0) & (ends[1] > ends[0]), across, -1)
+    first, after = (
+        jnp.floor(
+            np.float32(sampling.screen / 2)
+            + (side.astype(jnp.float32) * WORD / width.astype(jnp.float32) - spots.start) * unit
+        ).astype(jnp.int32)
+        for side in (left, right)
+    )
+    # Such screens step through a picture by 65536ths of a column, rounded down.
+    step = ((right - left) << 16) // jnp.maximum(after - first, 1)
+    texel = left + ((column - first) * step >> 16)
+    seen = (column >= first) & (column < after) & (spots.stretch > 0)
+    return jnp.clip(texel, left, right - 1), seen
 
 
 def paint_rows(

@@ -104,6 +104,9 @@ class Cutouts(PyTreeNode):
         column: int32[S], its first column in `opaque`.
         opaque: uint32[words, C + 1], the opaque texels of each column as bits of one word or more,
             the greatest bit of the first word on top; the last column is empty.
+        left: int32[S], the first column of the picture without the empty ones that centre it, for
+            `Sampling.screen`; None for 0.
+        right: int32[S], the column after its last one; None for the width.
     """
 
     first: np.ndarray
@@ -115,6 +118,8 @@ class Cutouts(PyTreeNode):
     bright: np.ndarray
     column: np.ndarray
     opaque: np.ndarray
+    left: np.ndarray | None = None
+    right: np.ndarray | None = None
 
 
 class Textures(PyTreeNode):

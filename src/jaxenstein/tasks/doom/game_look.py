@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...engine.scene import Theme
-from ...engine.shade import pack_rgb
+from ...engine.shade import luma, pack_rgb
 from ...engine.textures import (
     Cutouts,
     Flats,
@@ -36,6 +36,8 @@ LEAST_WIDTH, SCREEN = 160, (240, 320)
 # Rows below the edge of a pixel, so that a place between two texels is in the lower one: the eye of
 # a player who stands is on such a place.
 NUDGE = 2.0**-13
+# What shines over the frame in the tic in which something is picked up, and 256ths of it.
+GOLD, GOLD_SHARE = (215, 186, 69), 48
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,14 @@ def sampling(height: int, width: int) -> Sampling:
     )
 
 
+def gilded(image: jax.Array, shines: jax.Array) -> jax.Array:
+    """An image of colours or greys with gold over it if bool[] `shines`, as after picking up."""
+    gold = np.array(GOLD, np.float32)
+    tone = gold if image.ndim == 3 else luma(pack_rgb(list(gold), np.float32(1)))
+    mixed = (image.astype(jnp.int32) * (256 - GOLD_SHARE) + tone.astype(np.int32) * GOLD_SHARE) >> 8
+    return jnp.where(shines, mixed.astype(jnp.uint8), image)
+
+
 @functools.cache
 def game_textures(
     path: str, map_name: str, animations: tuple[Animation, ...], unit: int
@@ -140,14 +150,12 @@ def game_textures(
     tiles = rasterise(doom_map, unit)
     papers = {name: _paper(wad, name) for name in tiles.textures}
     flats = {name: wad.flat(name) for name in doom_map.flats}
-    things = [
-        (_centred(wad.sprite(one.sprite, frame.letter)[0]), frame.bright)
-        for one in animations
-        for frame in one.frames
-    ]
+    frames = [(one.sprite, frame) for one in animations for frame in one.frames]
+    things = [wad.sprite(sprite, frame.letter)[0] for sprite, frame in frames]
+    centred = [_centred(picture) for picture in things]
     floor, ceiling = doom_map.flats
     planes = [flats[ceiling], flats[floor]]
-    pixels = [np.maximum(picture.pixels, 0) for picture, _ in things]
+    pixels = [np.maximum(picture, 0) for picture in centred]
     colours = _colours(wad)
     atlas, first = build_atlas(
         [*(papers[wall.texture] for wall in doom_map.walls), *planes, *pixels],
@@ -178,7 +186,9 @@ def game_textures(
             # The world's grid, in which x grows eastwards from 0, and rows southwards.
             origin=np.array([(tiles.west % 64, -tiles.north % 64)] * 2, np.float32),
         ),
-        cutouts=_cutouts(things, first[count + 2 :], unit),
+        cutouts=_cutouts(
+            things, centred, [frame.bright for _, frame in frames], first[count + 2 :], unit
+        ),
     )
 
 
@@ -216,20 +226,25 @@ def _begin(wall: Line, tiles: TileGrid) -> int:
     return x if wall.x1 > wall.x0 else -x
 
 
-def _centred(picture: Picture) -> Picture:
-    """A picture with the thing's position in its middle."""
-    width = picture.pixels.shape[1]
-    half = max(picture.left, width - picture.left)
-    pad = half - picture.left, half - (width - picture.left)
-    pixels = np.pad(picture.pixels, ((0, 0), pad), constant_values=-1)
-    return Picture(pixels, half, picture.top, picture.mirrored)
+def _centred(picture: Picture) -> np.ndarray:
+    """int16[height, width]: a picture with the thing's position in its middle."""
+    left, right = _margins(picture)
+    return np.pad(picture.pixels, ((0, 0), (left, right)), constant_values=-1)
 
 
-def _cutouts(things: list[tuple[Picture, bool]], first: np.ndarray, unit: int) -> Cutouts:
-    pictures = [picture for picture, _ in things]
-    column, opaque = pack_opaque([picture.pixels >= 0 for picture in pictures])
-    widths, heights = _sides([picture.pixels for picture in pictures])
-    top = np.array([EYE - picture.top for picture in pictures])
+def _margins(picture: Picture) -> tuple[int, int]:
+    """How many empty columns at its left and right side centre a picture."""
+    beyond = 2 * picture.left - picture.pixels.shape[1]
+    return max(0, -beyond), max(0, beyond)
+
+
+def _cutouts(
+    things: list[Picture], centred: list[np.ndarray], bright: list[bool], first: np.ndarray, unit: int
+) -> Cutouts:
+    column, opaque = pack_opaque([pixels >= 0 for pixels in centred])
+    widths, heights = _sides(centred)
+    top = np.array([EYE - picture.top for picture in things])
+    margins = np.array([_margins(picture) for picture in things], np.int32)
     return Cutouts(
         first,
         widths,
@@ -237,9 +252,11 @@ def _cutouts(things: list[tuple[Picture, bool]], first: np.ndarray, unit: int) -
         half_width=(widths / (2 * unit)).astype(np.float32),
         top=(top / unit).astype(np.float32),
         bottom=((top + heights) / unit).astype(np.float32),
-        bright=np.array([bright for _, bright in things]),
+        bright=np.array(bright),
         column=column,
         opaque=opaque,
+        left=margins[:, 0],
+        right=widths - margins[:, 1],
     )
 
 

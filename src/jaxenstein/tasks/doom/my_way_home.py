@@ -14,10 +14,12 @@ import numpy as np
 
 from ...about import About, Choose, Event, Player
 from ...engine.motion import length
+from ...engine.shade import ImageKind
 from ...environment import Info
 from ...params import Params, Scalar
 from .collision import LATTICE, Geometry, load_geometry
 from .fixed import ONE
+from .game_look import gilded
 from .items import Goal
 from .maps import ARMOUR, MAP_SPOT
 from .parts import Part
@@ -135,6 +137,12 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
         reward = params.living_reward + jnp.where(reached, params.goal_reward, 0)
         state = state.replace(taken=leaves | reached)
         return state, reward, leaves, {"reached_goal": reached}
+
+    def draw(self, state: DoomHomeState, params: DoomHomeParams, kind: ImageKind) -> jax.Array:
+        """Add the game's gold when the armour is taken."""
+        image = super().draw(state, params, kind)
+        shows = self.look == "game" and kind in ("rgb", "gray")
+        return gilded(image, state.taken) if shows else image
 
     def describe(self, state: DoomHomeState, params: DoomHomeParams) -> Info:
         """Add the straight-line distance to the armour, in tiles."""
