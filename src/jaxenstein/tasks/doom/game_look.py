@@ -239,7 +239,11 @@ def _margins(picture: Picture) -> tuple[int, int]:
 
 
 def _cutouts(
-    things: list[Picture], centred: list[np.ndarray], bright: list[bool], first: np.ndarray, unit: int
+    things: list[Picture],
+    centred: list[np.ndarray],
+    bright: list[bool],
+    first: np.ndarray,
+    unit: int,
 ) -> Cutouts:
     column, opaque = pack_opaque([pixels >= 0 for pixels in centred])
     widths, heights = _sides(centred)
