@@ -265,7 +265,7 @@ def _columns_seen(
     # Such screens step through a picture by 65536ths of a column, rounded down.
     step = ((right - left) << 16) // jnp.maximum(after - first, 1)
     texel = left + ((column - first) * step >> 16)
-    seen = (column >= first) & (column < after) & (spots.stretch > 0)
+    seen = (first <= column) & (after > column) & (spots.stretch > 0)
     return jnp.clip(texel, left, right - 1), seen
 
 

@@ -125,9 +125,10 @@ def sampling(height: int, width: int) -> Sampling:
 
 def gilded(image: jax.Array, shines: jax.Array) -> jax.Array:
     """An image of colours or greys with gold over it if bool[] `shines`, as after picking up."""
-    gold = np.array(GOLD, np.float32)
-    tone = gold if image.ndim == 3 else luma(pack_rgb(list(gold), np.float32(1)))
-    mixed = (image.astype(jnp.int32) * (256 - GOLD_SHARE) + tone.astype(np.int32) * GOLD_SHARE) >> 8
+    tone = np.array(GOLD, np.int32)[None, None]
+    if image.ndim == 2:
+        tone = luma(pack_rgb([np.float32(part) for part in GOLD], np.float32(1))).astype(np.int32)
+    mixed = (image.astype(jnp.int32) * (256 - GOLD_SHARE) + tone * GOLD_SHARE) >> 8
     return jnp.where(shines, mixed.astype(jnp.uint8), image)
 
 
