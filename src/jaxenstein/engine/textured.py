@@ -259,12 +259,14 @@ def _columns_seen(
         jnp.floor(
             np.float32(sampling.screen / 2)
             + (side.astype(jnp.float32) * WORD / width.astype(jnp.float32) - spots.start) * unit
-        ).astype(jnp.int32)
+        )
         for side in (left, right)
     )
-    # Such screens step through a picture by 65536ths of a column, rounded down.
-    step = ((right - left) << 16) // jnp.maximum(after - first, 1)
-    texel = left + ((column - first) * step >> 16)
+    # Such screens step through a picture by 65536ths of a column, rounded down. Floats give the
+    # same whole number as long as a picture has fewer than 512 columns.
+    step = (right - left).astype(jnp.float32) * 65536 / jnp.maximum(after - first, 1)
+    first, after = first.astype(jnp.int32), after.astype(jnp.int32)
+    texel = left + ((column - first) * step.astype(jnp.int32) >> 16)
     seen = (first <= column) & (after > column) & (spots.stretch > 0)
     return jnp.clip(texel, left, right - 1), seen
 
