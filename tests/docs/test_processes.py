@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import socket
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.devices import free_port, started
 from tests.docs.samples import ROOT, samples
 
 # One line for each environment of this process, in the order of all environments.
@@ -22,36 +20,11 @@ for shard in sorted(carry[0].addressable_shards, key=lambda shard: shard.index[0
 """
 
 
-def started(code: str, devices: int) -> subprocess.Popen[str]:
-    """A process with so many simulated devices that runs this code."""
-    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
-    environment = {
-        **os.environ,
-        "XLA_FLAGS": flags,
-        "JAX_PLATFORMS": "cpu",
-        "PYTHONPATH": str(ROOT / "src"),
-    }
-    return subprocess.Popen(
-        [sys.executable, "-c", code],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
 def frames(process: subprocess.Popen[str]) -> list[str]:
     """The digests that a process printed."""
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     return [line for line in out.splitlines() if line.startswith("frame")]
-
-
-def free_port() -> int:
-    """A port that nobody listens on."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
 
 
 # Starts three processes: only this shows that no step of the program needs other devices.

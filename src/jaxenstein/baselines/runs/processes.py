@@ -133,6 +133,4 @@ def gathered(tree: Any) -> Any:
     """
     if jax.process_count() == 1:
         return tree
-    return jax.tree.map(
-        lambda leaf: multihost_utils.process_allgather(raw(leaf), tiled=True), tree
-    )
+    return jax.tree.map(lambda leaf: multihost_utils.process_allgather(raw(leaf), tiled=True), tree)

@@ -93,9 +93,7 @@ def train(
     return update
 
 
-def _recorder(
-    folder: RunFolder, update: int, sinks: Sequence[Sink], notify: Notify
-) -> Notify:
+def _recorder(folder: RunFolder, update: int, sinks: Sequence[Sink], notify: Notify) -> Notify:
     """Open the files of metrics after so many updates; the result takes the rows of each chunk."""
     experiment, runs = folder.experiment, len(folder.experiment.runs)
     writers = [MetricsFile(folder.path, rows=update * runs), *sinks]

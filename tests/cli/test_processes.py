@@ -1,0 +1,129 @@
+"""`jaxenstein train` in several processes, as on several machines."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("flax")
+
+from jaxenstein.baselines.runs import processes
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.cli import main
+from tests.baselines.tiny import OPTIONS, UPDATES, same_checkpoints
+from tests.cli.test_train import FLAGS
+from tests.devices import free_port, started
+
+RUN = "import sys; from jaxenstein.cli import main; sys.exit(main({}))"
+# Process 1 dies without a word after its third update.
+DIE = """
+import os, signal
+from jaxenstein.baselines.runs import training
+agree, calls = training.anywhere, iter(range(9))
+training.anywhere = lambda *flags: (
+    os.kill(os.getpid(), signal.SIGKILL) if next(calls) == 3 else agree(*flags)
+)
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--coordinator 127.0.0.1:1 --processes 2", "together"),
+        ("--processes 2 --process 0", "together"),
+        ("--coordinator auto --processes 2 --process 0", "or --coordinator auto alone"),
+        ("--coordinator 127.0.0.1:1 --processes 2 --process 2", "counts from 0 to 1"),
+        ("--coordinator 127.0.0.1 --processes 2 --process 1", "must be HOST:PORT"),
+        ("--coordinator auto --suite", "--suite trains in one process"),
+        (
+            "--coordinator 127.0.0.1:1 --processes 2 --process 1",
+            "no process listens at 127.0.0.1:1",
+        ),
+    ],
+)
+def test_refusals(
+    words: str,
+    message: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(processes, "WAIT", 0)
+    assert main(["train", "--out", str(tmp_path / "run"), *words.split()]) == 2
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def train(
+    out: Path, flags: list[str], number: int, devices: int, before: str = ""
+) -> list[subprocess.CompletedProcess[str]]:
+    """Train in so many processes with so many devices each; process 1 runs `before` first."""
+    port, begun = free_port(), []
+    for process in range(number):
+        words = ["train", "--out", str(out), "--no-tensorboard", *flags]
+        if number > 1:
+            words += [f"--coordinator=127.0.0.1:{port}", f"--processes={number}"]
+            words += [f"--process={process}"]
+        code = (before if process == 1 else "") + RUN.format(words)
+        begun.append(started(code, devices))
+    ended = []
+    for one in begun:
+        out_text, err = one.communicate(timeout=400)
+        ended.append(subprocess.CompletedProcess(one.args, one.returncode, out_text, err))
+    return ended
+
+
+def rows(folder: Path) -> list[dict[str, float]]:
+    return [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
+
+
+@pytest.fixture
+def flags(tmp_path: Path) -> list[str]:
+    """The flags of `tiny()` without seeds."""
+    (tmp_path / "map.txt").write_text(OPTIONS["map"])
+    return [f"--map-file={tmp_path / 'map.txt'}", *FLAGS[:-1], "--seeds=1"]
+
+
+# Starts up to five processes: only processes with their own devices show what works across them.
+@pytest.mark.slow
+@pytest.mark.parametrize("share", ["--seeds=2", "--shards=2"])
+def test_two_processes_train_what_one_trains(share: str, tmp_path: Path, flags: list[str]) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    (alone,) = train(one, [*flags, share], 1, 2)
+    both = train(two, [*flags, share], 2, 1)
+    assert [done.returncode for done in (alone, *both)] == [0, 0, 0], both
+    assert f"two: {UPDATES} of {UPDATES} updates" in both[0].stdout
+    assert "updates" not in both[1].stdout
+    # Bit for bit.
+    assert rows(one) == rows(two)
+    assert same_checkpoints(RunFolder.open(one), RunFolder.open(two), UPDATES)
+    if share == "--shards=2":
+        return
+    # The error of process 0 ends the other process.
+    first, second = train(two, [*flags, share], 2, 1)
+    assert "already has a run" in first.stderr
+    assert first.returncode and second.returncode
+    assert "another" in second.stderr
+
+
+# Starts eight processes: only a process that dies shows what becomes of the others.
+@pytest.mark.slow
+def test_a_killed_training_goes_on_in_other_numbers(tmp_path: Path, flags: list[str]) -> None:
+    flags = [*flags, "--num-envs=8", f"--total-steps={UPDATES * 8 * 8}", "--shards=4"]
+    (alone,) = train(tmp_path / "alone", flags, 1, 4)
+    assert alone.returncode == 0, alone.stderr
+    first, second = train(tmp_path / "four", [*flags, "--save-every=0"], 2, 2, DIE)
+    assert second.returncode == -9
+    assert first.returncode != 0
+    assert "another" in first.stderr
+    shutil.copytree(tmp_path / "four", tmp_path / "one")
+    assert RunFolder.open(tmp_path / "one").checkpoints.updates() == [1, 2]
+    for name, number, devices in (("four", 4, 1), ("one", 1, 2)):
+        ended = train(tmp_path / name, ["--resume"], number, devices)
+        assert not any(done.returncode for done in ended), ended
+        for expected, row in zip(rows(tmp_path / "alone"), rows(tmp_path / name), strict=True):
+            assert row == pytest.approx(expected, rel=2e-4, abs=2e-5)
