@@ -14,10 +14,14 @@ pytest.importorskip("flax")
 from jaxenstein.baselines.runs import processes
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.cli import main
-from tests.baselines.tiny import OPTIONS, UPDATES, same_checkpoints
+from tests.baselines.tiny import UPDATES, same_checkpoints
 from tests.cli.test_train import FLAGS
 from tests.devices import free_port, started
+from tests.docs.samples import ROOT, commands
 
+# The command of the page, whose flags the tests then repeat with other values.
+PAGE = commands(ROOT / "docs" / "devices.md")
+(COMMAND,) = [words[1:] for words in PAGE if "--coordinator" in words]
 RUN = "import sys; from jaxenstein.cli import main; sys.exit(main({}))"
 # Process 1 dies without a word after its third update.
 DIE = """
@@ -64,10 +68,11 @@ def train(
     """Train in so many processes with so many devices each; process 1 runs `before` first."""
     port, begun = free_port(), []
     for process in range(number):
-        words = ["train", "--out", str(out), "--no-tensorboard", *flags]
+        page = COMMAND[: None if number > 1 else COMMAND.index("--coordinator")]
+        words = [*page, f"--out={out}", "--no-tensorboard", *flags]
         if number > 1:
-            words += [f"--coordinator=127.0.0.1:{port}", f"--processes={number}"]
-            words += [f"--process={process}"]
+            words += ["--coordinator", f"127.0.0.1:{port}"]
+            words += [f"--processes={number}", f"--process={process}"]
         code = (before if process == 1 else "") + RUN.format(words)
         begun.append(started(code, devices))
     ended = []
@@ -81,20 +86,17 @@ def rows(folder: Path) -> list[dict[str, float]]:
     return [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
 
 
-@pytest.fixture
-def flags(tmp_path: Path) -> list[str]:
-    """The flags of `tiny()` without seeds."""
-    (tmp_path / "map.txt").write_text(OPTIONS["map"])
-    return [f"--map-file={tmp_path / 'map.txt'}", *FLAGS[:-1], "--seeds=1"]
+# The experiment `tiny()` in another world, with one seed.
+ONE = [*FLAGS[:-1], "--seeds=1"]
 
 
 # Starts up to five processes: only processes with their own devices show what works across them.
 @pytest.mark.slow
 @pytest.mark.parametrize("share", ["--seeds=2", "--shards=2"])
-def test_two_processes_train_what_one_trains(share: str, tmp_path: Path, flags: list[str]) -> None:
+def test_two_processes_train_what_one_trains(share: str, tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
-    (alone,) = train(one, [*flags, share], 1, 2)
-    both = train(two, [*flags, share], 2, 1)
+    (alone,) = train(one, [*ONE, share], 1, 2)
+    both = train(two, [*ONE, share], 2, 1)
     assert [done.returncode for done in (alone, *both)] == [0, 0, 0], both
     assert f"two: {UPDATES} of {UPDATES} updates" in both[0].stdout
     assert "updates" not in both[1].stdout
@@ -104,16 +106,16 @@ def test_two_processes_train_what_one_trains(share: str, tmp_path: Path, flags: 
     if share == "--shards=2":
         return
     # The error of process 0 ends the other process.
-    first, second = train(two, [*flags, share], 2, 1)
+    first, second = train(two, [*ONE, share], 2, 1)
     assert "already has a run" in first.stderr
-    assert first.returncode and second.returncode
+    assert 0 not in (first.returncode, second.returncode)
     assert "another" in second.stderr
 
 
 # Starts eight processes: only a process that dies shows what becomes of the others.
 @pytest.mark.slow
-def test_a_killed_training_goes_on_in_other_numbers(tmp_path: Path, flags: list[str]) -> None:
-    flags = [*flags, "--num-envs=8", f"--total-steps={UPDATES * 8 * 8}", "--shards=4"]
+def test_a_killed_training_goes_on_in_other_numbers(tmp_path: Path) -> None:
+    flags = [*ONE, "--num-envs=8", f"--total-steps={UPDATES * 8 * 8}", "--shards=4"]
     (alone,) = train(tmp_path / "alone", flags, 1, 4)
     assert alone.returncode == 0, alone.stderr
     first, second = train(tmp_path / "four", [*flags, "--save-every=0"], 2, 2, DIE)
@@ -123,7 +125,7 @@ def test_a_killed_training_goes_on_in_other_numbers(tmp_path: Path, flags: list[
     shutil.copytree(tmp_path / "four", tmp_path / "one")
     assert RunFolder.open(tmp_path / "one").checkpoints.updates() == [1, 2]
     for name, number, devices in (("four", 4, 1), ("one", 1, 2)):
-        ended = train(tmp_path / name, ["--resume"], number, devices)
+        ended = train(tmp_path / name, [*flags, "--resume"], number, devices)
         assert not any(done.returncode for done in ended), ended
         for expected, row in zip(rows(tmp_path / "alone"), rows(tmp_path / name), strict=True):
             assert row == pytest.approx(expected, rel=2e-4, abs=2e-5)

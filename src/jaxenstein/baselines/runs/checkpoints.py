@@ -156,7 +156,7 @@ def raw(leaf: Any) -> Any:
     if not _is_key(leaf):
         return leaf
     shapes = isinstance(leaf, jax.ShapeDtypeStruct)
-    return jax.eval_shape(jax.random.key_data, leaf) if shapes else jax.random.keyraw(leaf)
+    return jax.eval_shape(jax.random.key_data, leaf) if shapes else jax.random.key_data(leaf)
 
 
 def typed(data: jax.Array, like: Any) -> jax.Array:
@@ -165,7 +165,7 @@ def typed(data: jax.Array, like: Any) -> jax.Array:
         return data
     names: list[str] = []
     jax.eval_shape(lambda key: names.append(str(jax.random.key_impl(key))), like)
-    return jax.random.wrap_keyraw(data, impl=names[0])
+    return jax.random.wrap_key_data(data, impl=names[0])
 
 
 def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()) -> Any:

@@ -49,7 +49,8 @@ def train(
     which, and when.
 
     In several processes (`processes.joined`), each process calls this with the same experiment and
-    `chunk`. Only process 0 uses the folder, the sinks and `notify`. A stop in any process stops all.
+    `chunk`. Only process 0 uses the folder, the sinks and `notify`. A stop in one process stops
+    all.
 
     Args:
         folder: the run directory.
