@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import subprocess
 from pathlib import Path
@@ -86,6 +87,11 @@ def rows(folder: Path) -> list[dict[str, float]]:
     return [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
 
 
+def known(row: dict[str, float]) -> dict[str, float]:
+    """A row with NaN in place of null, as `pytest.approx` needs it."""
+    return {name: math.nan if value is None else value for name, value in row.items()}
+
+
 # The experiment `tiny()` in another world, with one seed.
 ONE = [*FLAGS[:-1], "--seeds=1"]
 
@@ -127,5 +133,7 @@ def test_a_killed_training_goes_on_in_other_numbers(tmp_path: Path) -> None:
     for name, number, devices in (("four", 4, 1), ("one", 1, 2)):
         ended = train(tmp_path / name, [*flags, "--resume"], number, devices)
         assert not any(done.returncode for done in ended), ended
-        for expected, row in zip(rows(tmp_path / "alone"), rows(tmp_path / name), strict=True):
-            assert row == pytest.approx(expected, rel=2e-4, abs=2e-5)
+        # Rounding only: four devices add their sums in another order.
+        both = zip(rows(tmp_path / "alone"), rows(tmp_path / name), strict=True)
+        for expected, row in ([known(each) for each in pair] for pair in both):
+            assert row == pytest.approx(expected, rel=2e-4, abs=2e-5, nan_ok=True)
