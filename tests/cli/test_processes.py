@@ -24,14 +24,14 @@ from tests.docs.samples import ROOT, commands
 PAGE = commands(ROOT / "docs" / "devices.md")
 (COMMAND,) = [words[1:] for words in PAGE if "--coordinator" in words]
 RUN = "import sys; from jaxenstein.cli import main; sys.exit(main({}))"
-# Process 1 dies without a word after its third update.
-DIE = """
+# Process 1 gets a signal after some updates.
+SIGNAL = """
 import os, signal
 from jaxenstein.baselines.runs import training
 agree, calls = training.anywhere, iter(range(9))
 training.anywhere = lambda *flags: (
-    os.kill(os.getpid(), signal.SIGKILL) if next(calls) == 3 else agree(*flags)
-)
+    next(calls) == {} and os.kill(os.getpid(), signal.{}), agree(*flags)
+)[1]
 """
 
 
@@ -118,18 +118,22 @@ def test_two_processes_train_what_one_trains(share: str, tmp_path: Path) -> None
     assert "another" in second.stderr
 
 
-# Starts eight processes: only a process that dies shows what becomes of the others.
+# Starts ten processes: only a process that dies shows what becomes of the others.
 @pytest.mark.slow
 def test_a_killed_training_goes_on_in_other_numbers(tmp_path: Path) -> None:
     flags = [*ONE, "--num-envs=8", f"--total-steps={UPDATES * 8 * 8}", "--shards=4"]
     (alone,) = train(tmp_path / "alone", flags, 1, 4)
     assert alone.returncode == 0, alone.stderr
-    first, second = train(tmp_path / "four", [*flags, "--save-every=0"], 2, 2, DIE)
+    # A signal to any process stops all, with a checkpoint.
+    ended = train(tmp_path / "four", flags, 2, 2, SIGNAL.format(1, "SIGTERM"))
+    assert [done.returncode for done in ended] == [130, 130], ended
+    again = [*flags, "--resume", "--save-every=0"]
+    first, second = train(tmp_path / "four", again, 2, 2, SIGNAL.format(3, "SIGKILL"))
     assert second.returncode == -9
     assert first.returncode != 0
     assert "another" in first.stderr
     shutil.copytree(tmp_path / "four", tmp_path / "one")
-    assert RunFolder.open(tmp_path / "one").checkpoints.updates() == [1, 2]
+    assert RunFolder.open(tmp_path / "one").checkpoints.updates() == [3, 4]
     for name, number, devices in (("four", 4, 1), ("one", 1, 2)):
         ended = train(tmp_path / name, [*flags, "--resume"], number, devices)
         assert not any(done.returncode for done in ended), ended

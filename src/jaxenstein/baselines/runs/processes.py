@@ -58,7 +58,9 @@ def joined(coordinator: str, processes: int | None, process: int | None) -> Iter
     except BaseException as error:
         # Runs before JAX's own function, which would wait for the other processes.
         atexit.register(_leave)
-        if isinstance(error, jax.errors.JaxRuntimeError):
+        # JAX also raises a ValueError if a connection breaks.
+        lost = type(error) is ValueError and "Gloo" in str(error)
+        if lost or isinstance(error, jax.errors.JaxRuntimeError):
             me = f"process {jax.process_index()} of {jax.process_count()}"
             raise RuntimeError(
                 f"{me} stopped because another process ended or a computation failed; if another "

@@ -74,7 +74,8 @@ def train(
         state = place(state, experiment.config)
         record = _recorder(folder, update, sinks, notify) if leads() else lambda update, rows: None
         saved = time.monotonic()
-        (stopped,) = anywhere(stop() or _all_diverged(state))
+        # All processes must gather `diverged`, so a stop in one of them comes second.
+        (stopped,) = anywhere(_all_diverged(state) or stop())
         while update < total and not stopped:
             state, metrics = many.train_chunk(state, numbers, min(chunk, total - update))
             metrics = jax.device_get(gathered(metrics))
@@ -84,7 +85,7 @@ def train(
             update += count
             record(update, rows)
             stopped, due = anywhere(
-                stop() or _all_diverged(state), time.monotonic() - saved >= save_every
+                _all_diverged(state) or stop(), time.monotonic() - saved >= save_every
             )
             if update == total or stopped or due:
                 whole = gathered(state)
