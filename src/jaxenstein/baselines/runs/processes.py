@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import json
 import os
-import pickle
 import socket
 import sys
 import time
@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from typing import Any, NoReturn
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.experimental import multihost_utils
 
@@ -100,13 +101,18 @@ def leads() -> bool:
 
 
 def shared(value: Any) -> Any:
-    """The value of process 0; the other processes may pass anything."""
+    """The value of process 0, plain JSON; the other processes may pass anything."""
     if jax.process_count() == 1:
         return value
-    data = np.frombuffer(pickle.dumps(value), np.uint8) if leads() else np.zeros(0, np.uint8)
-    size = int(multihost_utils.broadcast_one_to_all(np.uint32(data.size)))
-    data = multihost_utils.broadcast_one_to_all(data if leads() else np.zeros(size, np.uint8))
-    return pickle.loads(np.asarray(data).tobytes())
+    return json.loads(_sent(json.dumps(value).encode() if leads() else b""))
+
+
+def _sent(data: bytes) -> bytes:
+    """The bytes of process 0. JAX sends arrays as sums, which turn -0.0 into 0.0."""
+    mine = np.frombuffer(data, np.uint8)
+    size = int(multihost_utils.broadcast_one_to_all(np.uint32(mine.size)))
+    whole = multihost_utils.broadcast_one_to_all(mine if leads() else np.zeros(size, np.uint8))
+    return np.asarray(whole).tobytes()
 
 
 def shared_state(state: Any, like: Any) -> Any:
@@ -114,10 +120,15 @@ def shared_state(state: Any, like: Any) -> Any:
     if jax.process_count() == 1:
         return state
     leaves, structure = jax.tree.flatten(like)
-    mine = [np.asarray(raw(leaf)) for leaf in jax.tree.leaves(state)] if leads() else leaves
+    mine = jax.tree.leaves(state) if leads() else [None] * len(leaves)
+
     # One array after another, since a copy of each is on a device for a moment.
-    whole = [typed(shared(leaf), one) for leaf, one in zip(mine, leaves, strict=True)]
-    return jax.tree.unflatten(structure, whole)
+    def sent(leaf: Any, one: Any) -> Any:
+        like = raw(one)
+        data = _sent(np.asarray(raw(leaf)).tobytes() if leads() else b"")
+        return typed(jnp.asarray(np.frombuffer(data, like.dtype).reshape(like.shape)), one)
+
+    return jax.tree.unflatten(structure, list(map(sent, mine, leaves)))
 
 
 def anywhere(*flags: bool) -> tuple[bool, ...]:
