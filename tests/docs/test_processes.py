@@ -11,6 +11,7 @@ from tests.devices import free_port, started
 from tests.docs.samples import ROOT, samples
 
 PAGE = ROOT / "docs" / "devices.md"
+METHOD = ROOT / "docs" / "benchmarks" / "method.md"
 
 # One line for each environment of this process, in the order of all environments.
 DIGESTS = """
@@ -59,4 +60,4 @@ def test_the_exchange_is_computed_from_the_networks() -> None:
         ring = [2 * (devices - 1) / devices * sent for devices in (8, 64)]
         row = [f"{total:,}", f"{recurrent:,}", str(minibatches)]
         row += [f"{size:,.0f} MB" for size in (sent, *ring)]
-        assert f"| {' | '.join([name, *row])} |" in PAGE.read_text("utf-8").splitlines()
+        assert f"| {' | '.join([name, *row])} |" in METHOD.read_text("utf-8").splitlines()
