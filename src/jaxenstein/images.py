@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+import os
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .errors import SettingError, nearest, quoted
+from .files import reason_of
 
 SUFFIXES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".webp")
 """Of files that are images; a folder may hold others."""
@@ -89,7 +91,7 @@ def read_images(given: Any) -> Images:
     if isinstance(given, Images):
         return given
     if isinstance(given, str | Path):
-        folder = Path(given).expanduser()
+        folder = Path(os.path.expanduser(given))
         pictures = {
             _known(file.stem, str(file)): _picture(_read(file), quoted(str(file)))
             for file in _files(folder)
@@ -117,15 +119,17 @@ def read_images(given: Any) -> Images:
 def _files(folder: Path) -> list[Path]:
     try:
         files = sorted(folder.iterdir())
-    except OSError as error:
-        reason = "does not exist" if not folder.exists() else f"cannot be read ({error.strerror})"
-        if folder.is_file():
-            reason = "is a file"
+    except (OSError, ValueError) as error:  # A null character is a ValueError.
+        reason = f"cannot be read ({reason_of(error)})"
+        if isinstance(error, FileNotFoundError):
+            reason = "does not exist"
+        elif isinstance(error, NotADirectoryError):
+            reason = "is a file or is below one"
         raise SettingError(
             f"textures must be a folder of images, not {quoted(str(folder))}, which {reason}"
         ) from None
     images = [f for f in files if f.suffix.lower() in SUFFIXES and not f.name.startswith(".")]
-    return [file for file in images if file.is_file()]
+    return [file for file in images if os.path.isfile(file)]
 
 
 def _known(name: Any, where: str) -> str:

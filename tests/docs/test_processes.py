@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import socket
 import subprocess
-import sys
-from pathlib import Path
 
+import jax
 import pytest
 
+from tests.devices import free_port, started
 from tests.docs.samples import ROOT, samples
+
+PAGE = ROOT / "docs" / "devices.md"
+METHOD = ROOT / "docs" / "benchmarks" / "method.md"
 
 # One line for each environment of this process, in the order of all environments.
 DIGESTS = """
@@ -22,24 +23,6 @@ for shard in sorted(carry[0].addressable_shards, key=lambda shard: shard.index[0
 """
 
 
-def started(code: str, devices: int) -> subprocess.Popen[str]:
-    """A process with so many simulated devices that runs this code."""
-    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
-    environment = {
-        **os.environ,
-        "XLA_FLAGS": flags,
-        "JAX_PLATFORMS": "cpu",
-        "PYTHONPATH": str(ROOT / "src"),
-    }
-    return subprocess.Popen(
-        [sys.executable, "-c", code],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
 def frames(process: subprocess.Popen[str]) -> list[str]:
     """The digests that a process printed."""
     out, err = process.communicate(timeout=300)
@@ -47,17 +30,10 @@ def frames(process: subprocess.Popen[str]) -> list[str]:
     return [line for line in out.splitlines() if line.startswith("frame")]
 
 
-def free_port() -> int:
-    """A port that nobody listens on."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
-
-
 # Starts three processes: only this shows that no step of the program needs other devices.
 @pytest.mark.slow
 def test_two_processes_play_what_one_plays() -> None:
-    code = samples(Path(ROOT / "docs" / "devices.md"))[0].code + DIGESTS
+    code = samples(PAGE)[0].code + DIGESTS
     alone = frames(started(code, 2))
     port = free_port()
     join = "import jax\njax.distributed.initialize('127.0.0.1:{}', 2, {})\n"
@@ -65,3 +41,23 @@ def test_two_processes_play_what_one_plays() -> None:
     first, second = map(frames, both)
     assert first + second == alone
     assert len(set(alone)) > len(alone) // 2
+
+
+def test_the_exchange_is_computed_from_the_networks() -> None:
+    pytest.importorskip("flax")
+    from jaxenstein.baselines.runs.options import resolve
+
+    for name in ("paper", "small", "tiny"):
+        experiment = resolve({"env": "my-way-home", "network": name})
+        config = experiment.config
+        shapes = jax.eval_shape(experiment.learner.network.init, jax.random.key(0))
+        sizes = jax.tree.map(lambda leaf: leaf.size, shapes)
+        total = sum(jax.tree.leaves(sizes))
+        core = sizes["core"]["params"]
+        recurrent = core["recurrent"] + core["candidate_bias"]
+        minibatches = config.epochs * config.minibatches
+        sent = 4e-6 * minibatches * (total - recurrent + config.rollout * recurrent)
+        ring = [2 * (devices - 1) / devices * sent for devices in (8, 64)]
+        row = [f"{total:,}", f"{recurrent:,}", str(minibatches)]
+        row += [f"{size:,.0f} MB" for size in (sent, *ring)]
+        assert f"| {' | '.join([name, *row])} |" in METHOD.read_text("utf-8").splitlines()

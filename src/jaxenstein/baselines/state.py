@@ -9,6 +9,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
 from ..errors import SettingError
@@ -93,7 +94,7 @@ def per_environment(tree: Any) -> Any:
 
 
 def place(state: TrainState, config: Config, devices: Sequence[Any] | None = None) -> TrainState:
-    """Spread the state of one or more runs over the devices of this process.
+    """Spread the state of one or more runs over devices.
 
     All functions of a learner accept the result: JAX derives from the placement where each
     computation runs. If `Config.shards` is the number of devices, the devices exchange only sums
@@ -103,18 +104,24 @@ def place(state: TrainState, config: Config, devices: Sequence[Any] | None = Non
     Otherwise, if `shards` is such a multiple, each device gets some environments of every run. If
     neither is, the first device does all the work, and a warning says so.
 
+    If the devices belong to several processes, each process passes the same state.
+
     Args:
         state: the state of one run, or of several runs along a leading axis.
         config: the config of the learner.
-        devices: all devices by default.
+        devices: all devices of all processes by default.
+
+    Raises:
+        SettingError: the devices belong to several processes, and neither number is a multiple.
     """
     devices = list(devices or jax.devices())
     size, runs = len(devices), state.update.shape
+    check_spread(runs[0] if runs else 1, config)
     if size == 1:
         return state
     mesh = jax.make_mesh((size,), ("device",), axis_types=(AxisType.Auto,), devices=devices)
     if runs and runs[0] % size == 0:
-        return jax.device_put(state, NamedSharding(mesh, PartitionSpec("device")))
+        return _put(state, NamedSharding(mesh, PartitionSpec("device")))
     if config.shards % size:
         several = f"the number of runs, {runs[0]}, or " if runs else ""
         warnings.warn(
@@ -126,4 +133,35 @@ def place(state: TrainState, config: Config, devices: Sequence[Any] | None = Non
     everywhere = NamedSharding(mesh, PartitionSpec())
     apart = NamedSharding(mesh, PartitionSpec(*(None for _ in runs), "device"))
     where = jax.tree.map(lambda inside: apart if inside else everywhere, per_environment(state))
-    return jax.device_put(state, where)
+    return _put(state, where)
+
+
+def check_spread(runs: int, config: Config) -> None:
+    """Check that several processes can share the work.
+
+    Raises:
+        SettingError: the number of their devices divides neither the number of runs nor `shards`.
+    """
+    size, processes = jax.device_count(), jax.process_count()
+    if processes > 1 and runs % size and config.shards % size:
+        raise SettingError(
+            f"{processes} processes have {size} devices: the number of runs, {runs}, or shards, "
+            f"{config.shards}, must be a multiple of {size}"
+        )
+
+
+def _put(state: Any, where: Any) -> Any:
+    """`jax.device_put`, also if the devices belong to several processes."""
+    if jax.process_count() == 1:
+        return jax.device_put(state, where)
+
+    def put(leaf: Any, where: NamedSharding) -> jax.Array:
+        if jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key):
+            data = put(jax.random.key_data(leaf), where)
+            return jax.random.wrap_key_data(data, impl=str(jax.random.key_impl(leaf)))
+        whole = np.asarray(leaf)
+        return jax.make_array_from_callback(whole.shape, where, lambda index: whole[index])
+
+    if isinstance(where, NamedSharding):
+        return jax.tree.map(lambda leaf: put(leaf, where), state)
+    return jax.tree.map(put, state, where)

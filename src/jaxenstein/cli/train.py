@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import SettingError
+from ..errors import SettingError, quoted
 from ..files import check_links
 from ..machine import use_cores
 from ..progress import Progress
@@ -26,6 +26,7 @@ from .opening import (
     baselines,
     given_training,
     handling,
+    import_module_of,
     named,
     telling_warnings,
 )
@@ -95,6 +96,11 @@ def fill(parser: Parser) -> None:
     add_suite(out, "train on every task of the benchmark, in DIR/TASK")
     flag(out, "--budget X", "with --suite: factor on the number of decisions", real(0, 1000), 1.0)
     add_training(parser)
+    together = parser.add_argument_group("several processes (the same command in each)")
+    flag(together, "--coordinator HOST:PORT", "the address of process 0, with a free port; 'auto' "
+         "if Slurm, Open MPI or a TPU pod starts the processes", _address)  # fmt: skip
+    flag(together, "--processes N", "the number of processes", whole())
+    flag(together, "--process I", "the number of this process, from 0", whole(0))
     add_training_options(parser)
 
 
@@ -126,15 +132,71 @@ def _end_after(minutes: str) -> float:
     return time.monotonic() + 60 * real(0, 1e9)(minutes)
 
 
+def _address(text: str) -> str:
+    """The address of process 0."""
+    host, _, port = text.rpartition(":")
+    if text != "auto" and not (host and port.isdecimal() and 0 < int(port) < 2**16):
+        raise argparse.ArgumentTypeError(
+            f"must be HOST:PORT, such as 10.0.0.1:1234, or auto, not {quoted(text)}"
+        )
+    return text
+
+
 def run(options: argparse.Namespace) -> int:
     """Train, and return the exit code."""
     spread(options)
+    if options.budget != 1 and options.suite is None:
+        raise UsageError("jaxenstein train: --budget needs --suite; use --total-steps instead")
+    together = _together(options)
     if options.suite is not None:
         return train_suite(options)
-    if options.budget != 1:
-        raise UsageError("jaxenstein train: --budget needs --suite; use --total-steps instead")
+    if not together:
+        return train_one(options)
+    processes = baselines("processes")
+    with processes.joined(*together):
+        code = train_one(options) if processes.leads() else _help(options)
+        return processes.shared(code)
+
+
+def _together(options: argparse.Namespace) -> tuple[Any, ...]:
+    """The coordinator, the number of processes, and the number of this one; () for one process."""
+    given = (options.coordinator, options.processes, options.process)
+    if given == (None, None, None):
+        return ()
+    if options.suite is not None:
+        raise UsageError("jaxenstein train: --suite trains in one process, without --coordinator")
+    if given == ("auto", None, None):
+        return given
+    if None in given or options.coordinator == "auto":
+        raise UsageError(
+            "jaxenstein train: give --coordinator HOST:PORT, --processes and --process together, "
+            "or --coordinator auto alone"
+        )
+    if options.process >= options.processes:
+        raise UsageError(
+            f"jaxenstein train: --process counts from 0 to {options.processes - 1} with "
+            f"--processes {options.processes}, so it cannot be {options.process}"
+        )
+    return given
+
+
+def _help(options: argparse.Namespace) -> int:
+    """Train with process 0, which has the run directory."""
+    processes = baselines("processes")
+    plain, chunk = processes.shared(None)
+    import_module_of(plain["environment"]["id"])
+    experiment = baselines("experiment").Experiment.from_json(plain)
+    folder = baselines("folder").RunFolder(options.out, experiment)
+    with stopping() as stop:
+        baselines("training").train(folder, chunk=chunk, save_every=math.inf, stop=stop)
+    return 0
+
+
+def train_one(options: argparse.Namespace) -> int:
+    """Train in one run directory; returns the exit code."""
     with telling_warnings():
         folder = open_folder(options)
+    baselines("processes").shared((folder.experiment.to_json(), options.chunk))
     module, colon, _ = (folder.experiment.environment.id or "").rpartition(":")
     modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])
     again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]

@@ -71,7 +71,7 @@ class Checkpoints:
             left.unlink(missing_ok=True)
         leaves = jax.tree_util.tree_flatten_with_path(state)[0]
         arrays: dict[str, Any] = {
-            jax.tree_util.keystr(path): np.asarray(_data(leaf), order="C") for path, leaf in leaves
+            jax.tree_util.keystr(path): np.asarray(raw(leaf), order="C") for path, leaf in leaves
         }
         with atomic(self._path(update)) as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)
@@ -126,7 +126,7 @@ def reason_of_any(error: Exception) -> str:
 
 def size_of(state: Any) -> int:
     """The size in bytes of the arrays of a state, or of their `jax.ShapeDtypeStruct`."""
-    return sum(leaf.size * leaf.dtype.itemsize for leaf in map(_data, jax.tree.leaves(state)))
+    return sum(leaf.size * leaf.dtype.itemsize for leaf in map(raw, jax.tree.leaves(state)))
 
 
 def check_space(folder: Path, state: Any, there: int = 0, keep: int = KEEP) -> None:
@@ -151,7 +151,7 @@ def _is_key(leaf: Any) -> bool:
     return hasattr(leaf, "dtype") and jax.numpy.issubdtype(leaf.dtype, jax.dtypes.prng_key)
 
 
-def _data(leaf: Any) -> Any:
+def raw(leaf: Any) -> Any:
     """The raw data of a typed key; other leaves are returned unchanged."""
     if not _is_key(leaf):
         return leaf
@@ -159,7 +159,7 @@ def _data(leaf: Any) -> Any:
     return jax.eval_shape(jax.random.key_data, leaf) if shapes else jax.random.key_data(leaf)
 
 
-def _typed(data: jax.Array, like: Any) -> jax.Array:
+def typed(data: jax.Array, like: Any) -> jax.Array:
     """Turn data back into a typed key if `like` is a typed key."""
     if not _is_key(like):
         return data
@@ -187,7 +187,7 @@ def read_tree(archive: zipfile.ZipFile, like: Any, besides: Collection[str] = ()
         _read_through(archive)
         what = "is missing" if name in wanted else "is unexpected"
         raise CheckpointError(f"{archive.filename} belongs to another state: {name} {what}")
-    filled = [_typed(_array(archive, name, leaf), leaf) for name, leaf in wanted.items()]
+    filled = [typed(_array(archive, name, leaf), leaf) for name, leaf in wanted.items()]
     return jax.tree.unflatten(structure, filled)
 
 
@@ -213,7 +213,7 @@ def _read_through(archive: zipfile.ZipFile) -> None:
 
 def _array(archive: zipfile.ZipFile, name: str, like: Any) -> jax.Array:
     """Read one array with no more memory than `like` needs, whatever the file says."""
-    like = _data(like)
+    like = raw(like)
     with open_entry(archive, f"{name}.npy") as file:
         version = np.lib.format.read_magic(file)
         if version != (1, 0):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import time
@@ -13,10 +14,11 @@ import numpy as np
 
 from ...errors import SettingError
 from ..divergence import METRIC, updates_that_count
-from ..state import TrainState, place
+from ..state import TrainState, check_spread, place
 from .checkpoints import check_space
 from .folder import RunFolder, of_another_version, versions
 from .metrics import METRICS, MetricsFile, Row, Sink, Timing, read_metrics, rows_of
+from .processes import anywhere, gathered, leads, shared, shared_state
 
 # Default number of seconds between checkpoints.
 SAVE_EVERY = 60.0
@@ -26,6 +28,8 @@ EPISODES = 1000
 LOST = 0.5
 # Returns have risen if the latest are this many standard errors above the first.
 RISEN = 4.0
+# Called with the updates so far and their last rows.
+Notify = Callable[[int, Sequence[Row]], object]
 ADVICE = "see 'Where it does not learn' in docs/training.md for what to try"
 
 
@@ -35,7 +39,7 @@ def train(
     chunk: int = 1,
     save_every: float = SAVE_EVERY,
     sinks: Sequence[Sink] = (),
-    notify: Callable[[int, Sequence[Row]], object] = lambda update, rows: None,
+    notify: Notify = lambda update, rows: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> int:
     """Train from the newest checkpoint to the end; return the number of updates so far.
@@ -43,6 +47,10 @@ def train(
     Interruptions, `chunk` and `save_every` do not change the metrics and the final state, bit for
     bit on a CPU. Training also ends once all runs have diverged; `metrics.diverged_runs` returns
     which, and when.
+
+    In several processes (`processes.joined`), each process calls this with the same experiment and
+    `chunk`. Only process 0 uses the folder, the sinks and `notify`. A stop in one process stops
+    all.
 
     Args:
         folder: the run directory.
@@ -56,35 +64,55 @@ def train(
         SettingError: another process trains in the folder, or its files do not belong together.
         OutputError: a file cannot be written.
     """
-    with folder.locked():
-        experiment, runs = folder.experiment, folder.experiment.runs
+    experiment, runs = folder.experiment, folder.experiment.runs
+    steps, total = experiment.config.steps_per_update, experiment.config.updates
+    with folder.locked() if leads() else contextlib.nullcontext():
+        check_spread(len(runs), experiment.config)
         many, numbers = experiment.learner.many, experiment.numbers()
-        update, state = _begin(folder)
-        writers = [MetricsFile(folder.path, rows=update * len(runs)), *sinks]
-        steps, total = experiment.config.steps_per_update, experiment.config.updates
-        timing, saved = Timing(folder.path, steps * len(runs), update), time.monotonic()
-        notify(update, [])
-        stopped = stop() or _all_diverged(state)
+        update, state = _begin(folder) if leads() else (0, None)
+        update, state = shared(update), shared_state(state, folder.template)
+        state = place(state, experiment.config)
+        record = _recorder(folder, update, sinks, notify) if leads() else lambda update, rows: None
+        saved = time.monotonic()
+        # All processes must gather `diverged`, so a stop in one of them comes second.
+        (stopped,) = anywhere(_all_diverged(state) or stop())
         while update < total and not stopped:
             state, metrics = many.train_chunk(state, numbers, min(chunk, total - update))
-            metrics = jax.device_get(metrics)
+            metrics = jax.device_get(gathered(metrics))
             count = updates_that_count(metrics)
             metrics = {name: values[:, :count] for name, values in metrics.items()}
             rows = rows_of(metrics, runs, update, steps)
             update += count
-            for writer in writers:
-                writer.write(rows)
-            timing.write(update)
-            notify(update, rows)
-            stopped = stop() or _all_diverged(state)
-            if update == total or stopped or time.monotonic() - saved >= save_every:
-                folder.checkpoints.save(update, state)
+            record(update, rows)
+            stopped, due = anywhere(
+                _all_diverged(state) or stop(), time.monotonic() - saved >= save_every
+            )
+            if update == total or stopped or due:
+                whole = gathered(state)
+                if leads():
+                    folder.checkpoints.save(update, whole)
                 saved = time.monotonic()
     return update
 
 
+def _recorder(folder: RunFolder, update: int, sinks: Sequence[Sink], notify: Notify) -> Notify:
+    """Open the files of metrics after so many updates; the result takes the rows of each chunk."""
+    experiment, runs = folder.experiment, len(folder.experiment.runs)
+    writers = [MetricsFile(folder.path, rows=update * runs), *sinks]
+    timing = Timing(folder.path, experiment.config.steps_per_update * runs, update)
+    notify(update, [])
+
+    def record(update: int, rows: Sequence[Row]) -> None:
+        for writer in writers:
+            writer.write(rows)
+        timing.write(update)
+        notify(update, rows)
+
+    return record
+
+
 def _all_diverged(state: TrainState) -> bool:
-    return state.diverged is not None and bool(np.all(np.asarray(state.diverged) > 0))
+    return state.diverged is not None and bool(np.all(np.asarray(gathered(state.diverged)) > 0))
 
 
 def _check_versions(folder: RunFolder) -> None:
@@ -118,12 +146,12 @@ def _begin(folder: RunFolder) -> tuple[int, TrainState]:
         _check_versions(folder)
         for reason in restored.damaged:
             warnings.warn(f"skipped a damaged checkpoint: {reason}", stacklevel=3)
-        return restored.update, place(restored.state, folder.experiment.config)
+        return restored.update, restored.state
     if os.path.exists(folder.path / METRICS) and read_metrics(folder.path):
         raise SettingError(f"the run in {folder.path} has metrics but no checkpoint to resume")
     state = folder.experiment.learner.many.init(folder.experiment.keys())
     folder.checkpoints.save(0, state)
-    return 0, place(state, folder.experiment.config)
+    return 0, state
 
 
 class StallWatch:
