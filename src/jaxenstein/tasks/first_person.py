@@ -57,8 +57,8 @@ class FirstPerson(Environment[S, P]):
         sprite_layers: how many sprites an image column can show, one behind another.
         look: the look of walls, floor and ceiling: `"plain"`, in one colour each; `"patterned"`,
             with patterns such as bricks and boards; `"random"`, with colours and patterns drawn at
-            each reset; `"game"`, with the game's own pictures, for scenarios of Doom. Depth and
-            labels do not depend on it, nor do doors and things, except in the last.
+            each reset. Doors, things, depth and labels do not depend on these. `"game"`, in some
+            scenarios of Doom, shows the game's own pictures, and the eye bobs.
         look_range: strength of random looks: from 0, as patterned, to 1, any colours.
         look_seeds: seeds of random looks: None for all seeds, or (first, stop).
         textures: None, or images of walls, floor, ceiling and things: a folder with files such as
