@@ -195,6 +195,12 @@ def pack_opaque(masks: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([[0], ends[:-1]]).astype(np.int32), opaque
 
 
+def sides_of(pictures: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """int32[n] twice: the widths and the heights of pictures."""
+    heights, widths = zip(*(picture.shape[:2] for picture in pictures), strict=True)
+    return np.array(widths, np.int32), np.array(heights, np.int32)
+
+
 def shade_of(light: Any) -> Any:
     """int32: the shade that is nearest to a light from 0 to 1; numpy in, numpy out."""
     xp = np if isinstance(light, np.ndarray) else jnp

@@ -22,6 +22,7 @@ from ..engine.textures import (
     darkened,
     pack_opaque,
     shade_of,
+    sides_of,
 )
 from ..errors import SettingError
 from ..images import Images, Picture, power_of_two
@@ -85,13 +86,15 @@ def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
         atlas=atlas,
         walls=Materials(
             first[:count],
-            *_sides(walls),
+            *sides_of(walls),
             np.array(across, np.int32),
             np.array(down, np.float32),
             np.zeros(count, np.int32),
         ),
         of_wall=np.arange(count, dtype=np.int32),
-        flats=Flats(first[count : count + 2], *_sides(flats), scales, np.zeros((2, 2), np.float32)),
+        flats=Flats(
+            first[count : count + 2], *sides_of(flats), scales, np.zeros((2, 2), np.float32)
+        ),
         cutouts=_cutouts(theme, things, first[count + 2 :], own),
     )
     return theme.replace(textures=textures)
@@ -122,12 +125,6 @@ def smoothed(picture: np.ndarray, across: float, down: float) -> np.ndarray:
             last, before = (np.take(sums, end, axis=axis) for end in ends)
             image = (last - before) / count
     return image
-
-
-def _sides(pictures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """int32[n] twice: widths and heights."""
-    heights, widths = zip(*(picture.shape[:2] for picture in pictures), strict=True)
-    return np.array(widths, np.int32), np.array(heights, np.int32)
 
 
 def _shared(pictures: list[np.ndarray]) -> list[np.ndarray]:
@@ -222,7 +219,7 @@ def _cutouts(
     radius, drop = (np.asarray(t, np.float32) for t in (theme.sprite_radius, theme.sprite_drop))
     return Cutouts(
         first,
-        *_sides(things),
+        *sides_of(things),
         half_width=(radius * np.array(shapes)).astype(np.float32),
         top=drop - radius,
         bottom=drop + radius,

@@ -25,6 +25,7 @@ from ...engine.textures import (
     Textures,
     build_atlas,
     pack_opaque,
+    sides_of,
 )
 from ...errors import WadError, quoted
 from .maps import DoomMap, Line, TileGrid, ends_of, load_map, rasterise, wall_faces
@@ -169,7 +170,7 @@ def game_textures(
         atlas=atlas,
         walls=Materials(
             first[:count],
-            *_sides([papers[wall.texture] for wall in doom_map.walls]),
+            *sides_of([papers[wall.texture] for wall in doom_map.walls]),
             across=np.full(count, unit, np.int32),
             down=np.full(count, unit, np.float32),
             offset=offset - begin,
@@ -182,7 +183,7 @@ def game_textures(
         of_face=_of_face(doom_map, tiles),
         flats=Flats(
             first[count : count + 2],
-            *_sides(planes),
+            *sides_of(planes),
             scale=np.full((2, 2), unit, np.float32),
             # The world's grid, in which x grows eastwards from 0, and rows southwards.
             origin=np.array([(tiles.west % 64, -tiles.north % 64)] * 2, np.float32),
@@ -247,7 +248,7 @@ def _cutouts(
     unit: int,
 ) -> Cutouts:
     column, opaque = pack_opaque([pixels >= 0 for pixels in centred])
-    widths, heights = _sides(centred)
+    widths, heights = sides_of(centred)
     top = np.array([EYE - picture.top for picture in things])
     margins = np.array([_margins(picture) for picture in things], np.int32)
     return Cutouts(
@@ -263,9 +264,3 @@ def _cutouts(
         left=margins[:, 0],
         right=widths - margins[:, 1],
     )
-
-
-def _sides(pictures: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """int32[n] twice: widths and heights."""
-    heights, widths = zip(*(picture.shape for picture in pictures), strict=True)
-    return np.array(widths, np.int32), np.array(heights, np.int32)
