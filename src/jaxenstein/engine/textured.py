@@ -7,7 +7,6 @@ scalar, which takes three times as long.
 from __future__ import annotations
 
 import dataclasses
-import functools
 from functools import partial
 from typing import Any
 
@@ -16,17 +15,27 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from .._jax.batching import where_few
 from .._jax.staging import staged
 from ..pytree import PyTreeNode
 from .camera import Camera
 from .image_columns import drop_of, half_height
-from .level import WORD, Array
-from .pixels import rounded, test_bit, whole
+from .level import Array
+from .pixels import rounded, whole
 from .raycast import Hits, rays
 from .scene import Scene, Theme
 from .shade import ImageKind, luma
 from .sprites import Spots
-from .textures import Cutouts, Sampling, Textures, entry, shade_of
+from .textured_sprites import (
+    Image,
+    TexturedLayers,
+    blended,
+    brightened,
+    paint_over,
+    project,
+    stamped,
+)
+from .textures import Sampling, Textures, entry, shade_of
 
 
 class TexturedColumns(PyTreeNode):
@@ -54,24 +63,6 @@ class TexturedColumns(PyTreeNode):
     offset: jax.Array
     ray: jax.Array
     layers: TexturedLayers | None
-
-
-class TexturedLayers(PyTreeNode):
-    """The nearest billboards over each column, near to far: K layers, W columns.
-
-    A pixel `y` rows below the horizon shows texel `round(scale * y + offset)`.
-
-    Attributes:
-        opaque: uint32[words, K, W], bits of the opaque texels; 0 where there is no billboard.
-        base: int32[K, W], index of the topmost texel.
-        scale: float32[K, W or 1], texels a pixel.
-        offset: float32[K, W or 1], less one half.
-    """
-
-    opaque: jax.Array
-    base: jax.Array
-    scale: jax.Array
-    offset: jax.Array
 
 
 class TexturedRows(PyTreeNode):
@@ -102,12 +93,16 @@ def prepare(
     hits: Hits,
     spots: Spots | None,
     lift: jax.Array | None = None,
+    glare: jax.Array | None = None,
     *,
     theme: Theme,
     camera: Camera,
     kind: ImageKind,
 ) -> TexturedColumns:
-    """Look up what each column shows; the arguments are those of `image_columns.prepare`."""
+    """Look up what each column shows; the arguments are those of `image_columns.prepare`.
+
+    With `Scene.glare`.
+    """
     textures = textures_of(theme)
     walls, places = textures.walls, textures.sampling
     assert hits.side is not None
@@ -137,12 +132,16 @@ def prepare(
     return TexturedColumns(
         half=half,
         drop=drop_of(half, lift, camera),
-        base=shade_of(light) * textures.size + entry(walls.first, material) + texel * height,
+        base=brightened(shade_of(light), glare) * textures.size
+        + entry(walls.first, material)
+        + texel * height,
         last=height - 1,
         scale=depth * down / jnp.float32(camera.row_focal),
         offset=above * down - 0.5,
         ray=jnp.stack(rays(heading, camera.at(places.plane))),
-        layers=None if spots is None else project(spots, hits.depth, lift, theme, camera, kind),
+        layers=None
+        if spots is None
+        else project(spots, hits.depth, lift, glare, theme, camera, kind),
     )
 
 
@@ -194,87 +193,14 @@ def _material(hits: Hits, textures: Textures) -> jax.Array:
     return entry(textures.of_face.reshape(-1), hits.face)
 
 
-def project(
-    spots: Spots,
-    wall_depth: jax.Array,
-    lift: jax.Array | None,
+def paint_rows(
     theme: Theme,
     camera: Camera,
     kind: ImageKind,
-) -> TexturedLayers:
-    """What the chosen billboards show in each column; as `sprites.project`."""
-    del kind
-    textures = textures_of(theme)
-    cutouts = textures.cutouts
-    camera = camera.at(textures.sampling.thing)
-    # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
-    texels = staged(partial(_texels, theme=theme, camera=camera))
-    column, base = texels(spots, wall_depth)
-    opaque = [jnp.asarray(w).at[column].get(mode="promise_in_bounds") for w in cutouts.opaque]
-    rate = cutouts.height / (cutouts.bottom - cutouts.top)
-    rate = entry(rate.astype(np.float32), spots.picture)
-    top = entry(cutouts.top, spots.picture)
-    top = top if lift is None else top + lift
-    return TexturedLayers(
-        opaque=jnp.stack(opaque),
-        base=base,
-        scale=spots.depth(theme) * rate / jnp.float32(camera.row_focal),
-        offset=-top * rate - 0.5,
-    )
-
-
-def _texels(
-    spots: Spots, wall_depth: jax.Array, *, theme: Theme, camera: Camera
-) -> tuple[jax.Array, jax.Array]:
-    """int32[K, W] twice: the column of `Cutouts.opaque` and its topmost texel in the atlas."""
-    textures = textures_of(theme)
-    cutouts, depth = textures.cutouts, spots.depth(theme)
-    width = entry(cutouts.width, spots.picture)
-    texel, seen = _columns_seen(spots, width, cutouts, textures.sampling, camera)
-    seen = seen & (depth < wall_depth[None])
-    none = cutouts.opaque.shape[1] - 1
-    column = jnp.where(seen, entry(cutouts.column, spots.picture) + texel, none)
-    shade = shade_of(theme.light.plain(depth))
-    shade = jnp.where(entry(cutouts.bright, spots.picture), 0, shade)
-    first = shade * textures.size + entry(cutouts.first, spots.picture)
-    return column, first + texel * entry(cutouts.height, spots.picture)
-
-
-def _columns_seen(
-    spots: Spots, width: jax.Array, cutouts: Cutouts, sampling: Sampling, camera: Camera
-) -> tuple[jax.Array, jax.Array]:
-    """int32[K, W], the column of each picture that an image column sees; bool[K, W], if it does."""
-    slopes = camera.column_slopes()
-    if not sampling.screen:
-        across = spots.stretch * jnp.asarray(slopes)[None] + spots.start
-        texel = (across * (width.astype(jnp.float32) * (1 / WORD))).astype(jnp.int32)
-        return jnp.clip(texel, 0, width - 1), (across >= 0) & (across < WORD)
-    share = sampling.screen / camera.width
-    column = np.floor((np.arange(slopes.size) + 0.5) * share).astype(np.int32)[None]
-    left, right = jnp.zeros_like(width), width
-    if cutouts.left is not None and cutouts.right is not None:
-        left, right = (entry(side, spots.picture) for side in (cutouts.left, cutouts.right))
-    unit = jnp.float32(camera.focal * share) / jnp.maximum(spots.stretch, jnp.float32(1e-6))
-    first, after = (
-        jnp.floor(
-            np.float32(sampling.screen / 2)
-            + (side.astype(jnp.float32) * WORD / width.astype(jnp.float32) - spots.start) * unit
-        )
-        for side in (left, right)
-    )
-    # Such screens step through a picture by 65536ths of a column, rounded down. Floats give the
-    # same whole number as long as a picture has fewer than 512 columns.
-    step = (right - left).astype(jnp.float32) * 65536 / jnp.maximum(after - first, 1)
-    first, after = first.astype(jnp.int32), after.astype(jnp.int32)
-    texel = left + ((column - first) * step.astype(jnp.int32) >> 16)
-    seen = (first <= column) & (after > column) & (spots.stretch > 0)
-    return jnp.clip(texel, left, right - 1), seen
-
-
-def paint_rows(
-    theme: Theme, camera: Camera, kind: ImageKind, lift: jax.Array | None = None
+    lift: jax.Array | None = None,
+    glare: jax.Array | None = None,
 ) -> TexturedRows:
-    """What the rows of floor and ceiling have in common; on the host, but for a lifted eye."""
+    """What the rows of floor and ceiling share; on the host, but for a lifted eye or glare."""
     del kind
     textures = textures_of(theme)
     flats, places = textures.flats, textures.sampling
@@ -283,7 +209,8 @@ def paint_rows(
     lit = camera.at((0.5, places.light_row)).row_distances(lift)[:, None]
     plane = _plane(camera)
     scale = np.asarray(flats.scale, np.float32)[plane]
-    base = shade_of(theme.light.plain(lit)) * np.int32(textures.size) + flats.first[plane]
+    shade = brightened(shade_of(theme.light.plain(lit)), glare)
+    base = shade * np.int32(textures.size) + flats.first[plane]
     return TexturedRows((distance * scale[..., 0], distance * scale[..., 1]), base)
 
 
@@ -294,8 +221,8 @@ def _plane(camera: Camera) -> np.ndarray:
 
 def paint(
     columns: TexturedColumns, rows: TexturedRows, scene: Scene, camera: Camera, kind: ImageKind
-) -> jax.Array:
-    """int32[height, width + extra]: the index in the atlas of each pixel."""
+) -> Image:
+    """int32[height, width + extra]: the index in the atlas of each pixel, or two of them."""
     del kind
     stage = partial(_indices, rows=rows, theme=scene.theme, camera=camera)
     return staged(stage)(scene.position, columns)
@@ -308,7 +235,7 @@ def _indices(
     rows: TexturedRows,
     theme: Theme,
     camera: Camera,
-) -> jax.Array:
+) -> Image:
     textures = textures_of(theme)
     columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
     image = _floor_and_ceiling(position, columns, rows, textures, camera)
@@ -316,9 +243,11 @@ def _indices(
     across = below if columns.drop is None else below - columns.drop
     texel = rounded(below * columns.scale + columns.offset).astype(jnp.int32) & columns.last
     image = jnp.where(jnp.abs(across) < columns.half, columns.base + texel, image)
+    if textures.blends is not None:
+        image = image, jnp.zeros_like(image)
     if columns.layers is None:
         return image
-    return _billboards(columns.layers, _below(camera.at(textures.sampling.thing)), image)
+    return paint_over(columns.layers, _below(camera.at(textures.sampling.thing)), image)
 
 
 def _below(camera: Camera) -> jax.Array:
@@ -345,23 +274,19 @@ def _floor_and_ceiling(
     return rows.base + texels[0] * height + texels[1]
 
 
-def _billboards(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> jax.Array:
-    """The image with the billboards over it, the farthest first."""
-    for k in reversed(range(layers.scale.shape[0])):
-        texel = whole(layers.scale[k] * below + layers.offset[k])
-        # Bits of another word are past the end of this one, and then not set.
-        words = enumerate(layers.opaque)
-        there = [test_bit(word[k], texel - np.uint32(i * WORD)) for i, word in words]
-        covers = functools.reduce(jnp.logical_or, there)
-        image = jnp.where(covers, layers.base[k] + texel.astype(jnp.int32), image)
-    return image
-
-
-def colours(index: jax.Array, theme: Theme, camera: Camera, kind: ImageKind) -> jax.Array:
+def colours(image: Image, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
     """The image of the indices: uint8[height, width, 3], or uint8[height, width] of greys."""
-    textures = textures_of(theme)
+    textures = textures_of(scene.theme)
     samples = textures.sampling.samples
-    words = staged(partial(_fetched, atlas=textures.atlas))(index)[:, : samples * camera.width]
+    if scene.held is not None and textures.stamps is not None:
+        image = stamped(image, scene.held, textures, camera)
+    index, over = image if textures.blends is not None else (image, None)
+    words = staged(partial(_fetched, atlas=textures.atlas))(index)
+    if over is not None:
+        blend = where_few(partial(blended, textures=textures))
+        some = jnp.any(over > 0)
+        words = jnp.where(some, blend(some, words, over), words)
+    words = words[:, : samples * camera.width]
     if samples == 2:
         left, right = words[:, 0::2], words[:, 1::2]
         # Half of what differs, without its lowest bits, which would fall into another channel.

@@ -19,6 +19,8 @@ from .shade import pack_rgb
 
 SHADES = 32
 """Steps of brightness; 0 is full light."""
+COVER, ADD, MEAN = range(3)
+"""How a picture meets what is behind it."""
 Place = tuple[float, float]
 """(column, row) within a pixel, from 0 at its left and upper edge to 1."""
 CENTRE: Place = (0.5, 0.5)
@@ -95,8 +97,8 @@ class Cutouts(PyTreeNode):
 
     Attributes:
         first: int32[S], the picture's first texel in the atlas.
-        width: int32[S], in texels.
-        height: int32[S].
+        width: int32[S], texels from one side of the billboard to the other.
+        height: int32[S], in texels.
         half_width: float32[S], tiles from the middle to either side.
         top: float32[S], tiles from the eye's height down to the upper edge.
         bottom: float32[S], and to the lower one.
@@ -104,9 +106,12 @@ class Cutouts(PyTreeNode):
         column: int32[S], its first column in `opaque`.
         opaque: uint32[words, C + 1], the opaque texels of each column as bits of one word or more,
             the greatest bit of the first word on top; the last column is empty.
-        left: int32[S], the first column of the picture without the empty ones that centre it, for
-            `Sampling.screen`; None for 0.
+        left: int32[S], the column of the billboard at which the picture begins, which is none of
+            `opaque` and of the atlas before it; for `Sampling.screen`; None for 0.
         right: int32[S], the column after its last one; None for the width.
+        mirrored: bool[S], whether the picture's columns run from right to left; likewise; None if
+            none do.
+        blend: int32[S], `COVER`, `ADD` or `MEAN`; None if all pictures cover what is behind them.
     """
 
     first: np.ndarray
@@ -120,13 +125,37 @@ class Cutouts(PyTreeNode):
     opaque: np.ndarray
     left: np.ndarray | None = None
     right: np.ndarray | None = None
+    mirrored: np.ndarray | None = None
+    blend: np.ndarray | None = None
+
+
+class Stamps(PyTreeNode):
+    """Pictures that lie over the image, such as a weapon in the player's hands; S of them.
+
+    They are in full light. Places are on a screen of 320 by 200, which fills the image.
+
+    Attributes:
+        first, width, height, column, opaque: as those of `Cutouts`.
+        left: int32[S], columns from the left edge of a picture at the place (0, 0) to the screen's.
+        top: int32[S], rows from its upper edge to the screen's.
+        sway: by how much pictures are moved: to either side at most, and down at least and at most.
+    """
+
+    first: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    column: np.ndarray
+    opaque: np.ndarray
+    left: np.ndarray
+    top: np.ndarray
+    sway: tuple[int, int, int] = static(default=(0, 0, 0))
 
 
 class Textures(PyTreeNode):
     """The pictures of a `scene.Theme`, in numpy: constants of the program.
 
     Attributes:
-        atlas: uint32[SHADES * T], packed colours; texel t in shade s is at s * T + t.
+        atlas: uint32[SHADES * T + E], packed colours; texel t in shade s is at s * T + t.
         walls: pictures on walls.
         of_wall: int32[n], row of `walls` for each entry of `Level.walls`.
         of_face: int32[4, R, C], row of `walls` for each face of a level of that size, margin
@@ -134,6 +163,11 @@ class Textures(PyTreeNode):
         flats: pictures of ceiling and floor.
         cutouts: pictures of billboards, in the order of `Sprites.picture`.
         sampling: where in a pixel rays look.
+        extra: E, texels after those in all shades: they are in full light only.
+        stamps: pictures that lie over the image, in the order of `Held.picture`, or None.
+        blends: uint32[2**15], the packed colour for each colour of five bits a channel, red
+            highest, to which sums and means of colours are rounded; None if all pictures cover
+            what is behind them.
     """
 
     atlas: np.ndarray
@@ -143,11 +177,14 @@ class Textures(PyTreeNode):
     cutouts: Cutouts
     of_face: np.ndarray | None = None
     sampling: Sampling = static(default=Sampling())
+    extra: int = static(default=0)
+    stamps: Stamps | None = None
+    blends: np.ndarray | None = None
 
     @property
     def size(self) -> int:
         """Texels of one shade."""
-        return len(self.atlas) // SHADES
+        return (len(self.atlas) - self.extra) // SHADES
 
     def __repr__(self) -> str:
         """Short, as that of `scene.Theme`."""
@@ -169,16 +206,37 @@ def build_atlas(
         pictures: [height, width, ...] each, of what `paint` takes; the atlas keeps one object once.
         paint: a function of (picture, shade) that gives uint32[height, width] of words 0x00BBGGRR.
     """
+    parts, first = _laid_out(
+        pictures, lambda picture: np.stack([paint(picture, shade).T for shade in range(SHADES)])
+    )
+    return np.concatenate(parts, axis=1).reshape(-1), first
+
+
+def append_bright(
+    atlas: np.ndarray,
+    pictures: Sequence[np.ndarray],
+    paint: Callable[[np.ndarray, int], np.ndarray] = darkened,
+) -> tuple[np.ndarray, np.ndarray]:
+    """An atlas with more pictures, in full light only; the result is that of `build_atlas`."""
+    if not pictures:
+        return atlas, np.zeros(0, np.int32)
+    parts, first = _laid_out(pictures, lambda picture: paint(picture, 0).T[None])
+    return np.concatenate([atlas, *(part[0] for part in parts)]), first + np.int32(len(atlas))
+
+
+def _laid_out(
+    pictures: Sequence[np.ndarray], paint: Callable[[np.ndarray], np.ndarray]
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """uint32[shades, texels] of each object; int32[pictures], the place of its first texel."""
     places: dict[int, int] = {}
     parts, size = [], 0
     for picture in pictures:
         if id(picture) not in places:
             places[id(picture)] = size
-            shades = np.stack([paint(picture, shade).T for shade in range(SHADES)])
-            parts.append(shades.reshape(SHADES, -1))
+            painted = paint(picture)
+            parts.append(painted.reshape(len(painted), -1))
             size += parts[-1].shape[1]
-    atlas = np.concatenate(parts, axis=1).reshape(-1)
-    return atlas, np.array([places[id(picture)] for picture in pictures], np.int32)
+    return parts, np.array([places[id(picture)] for picture in pictures], np.int32)
 
 
 def pack_opaque(masks: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

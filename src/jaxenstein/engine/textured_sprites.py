@@ -1,0 +1,243 @@
+"""Billboards with textures, and pictures that lie over the image.
+
+Both are layers of columns. Pictures that are added to what is behind them, or averaged with it, are
+collected apart: `paint_over` gives a second index of the atlas for each pixel.
+"""
+
+from __future__ import annotations
+
+import functools
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._jax.staging import staged
+from ..pytree import PyTreeNode
+from .camera import Camera
+from .level import WORD
+from .pixels import test_bit, whole
+from .scene import Held, Theme
+from .shade import ImageKind
+from .sprites import Spots
+from .textures import COVER, MEAN, Cutouts, Sampling, Stamps, Textures, entry, shade_of
+
+# A second index with this bit is of a picture that is averaged, not added.
+AVERAGED = 1 << 30
+# The screen on which places of `Stamps` are.
+STAMP_WIDTH, STAMP_HEIGHT = 320, 200
+
+Image = Any
+"""int32[height, width], an index for each pixel; or that and the second index, 0 for none."""
+
+
+class TexturedLayers(PyTreeNode):
+    """The nearest billboards over each column, near to far: K layers, W columns.
+
+    A pixel `y` rows below the horizon shows texel `round(scale * y + offset)`.
+
+    Attributes:
+        opaque: uint32[words, K, W], bits of the opaque texels; 0 where there is no billboard.
+        base: int32[K, W], index of the topmost texel.
+        scale: float32[K, W or 1], texels a pixel.
+        offset: float32[K, W or 1], less one half.
+        blend: int32[K, W or 1], as in `Cutouts`; None if all pictures cover what is behind them.
+    """
+
+    opaque: jax.Array
+    base: jax.Array
+    scale: jax.Array
+    offset: jax.Array
+    blend: jax.Array | None = None
+
+
+def project(
+    spots: Spots,
+    wall_depth: jax.Array,
+    lift: jax.Array | None,
+    glare: jax.Array | None,
+    theme: Theme,
+    camera: Camera,
+    kind: ImageKind,
+) -> TexturedLayers:
+    """What the chosen billboards show in each column; as `sprites.project`."""
+    del kind
+    assert theme.textures is not None
+    cutouts = theme.textures.cutouts
+    camera = camera.at(theme.textures.sampling.thing)
+    # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
+    texels = staged(partial(_texels, theme=theme, camera=camera))
+    column, base = texels(spots, wall_depth, glare)
+    opaque = [jnp.asarray(w).at[column].get(mode="promise_in_bounds") for w in cutouts.opaque]
+    rate = cutouts.height / (cutouts.bottom - cutouts.top)
+    rate = entry(rate.astype(np.float32), spots.picture)
+    top = entry(cutouts.top, spots.picture)
+    top = top if lift is None else top + lift
+    return TexturedLayers(
+        opaque=jnp.stack(opaque),
+        base=base,
+        scale=spots.depth(theme) * rate / jnp.float32(camera.row_focal),
+        offset=-top * rate - 0.5,
+        blend=None if cutouts.blend is None else entry(cutouts.blend, spots.picture),
+    )
+
+
+def _texels(
+    spots: Spots,
+    wall_depth: jax.Array,
+    glare: jax.Array | None,
+    *,
+    theme: Theme,
+    camera: Camera,
+) -> tuple[jax.Array, jax.Array]:
+    """int32[K, W] twice: the column of `Cutouts.opaque` and its topmost texel in the atlas."""
+    textures = theme.textures
+    assert textures is not None
+    cutouts, depth = textures.cutouts, spots.depth(theme)
+    width = entry(cutouts.width, spots.picture)
+    texel, seen = _columns_seen(spots, width, cutouts, textures.sampling, camera)
+    seen = seen & (depth < wall_depth[None])
+    none = cutouts.opaque.shape[1] - 1
+    column = jnp.where(seen, entry(cutouts.column, spots.picture) + texel, none)
+    shade = brightened(shade_of(theme.light.plain(depth)), glare)
+    shade = jnp.where(entry(cutouts.bright, spots.picture), 0, shade)
+    first = shade * textures.size + entry(cutouts.first, spots.picture)
+    return column, first + texel * entry(cutouts.height, spots.picture)
+
+
+def brightened(shade: Any, glare: jax.Array | None) -> Any:
+    """Shades that are brighter by int32[] of them; None for 0."""
+    return shade if glare is None else jnp.maximum(shade - glare, 0)
+
+
+def _columns_seen(
+    spots: Spots, width: jax.Array, cutouts: Cutouts, sampling: Sampling, camera: Camera
+) -> tuple[jax.Array, jax.Array]:
+    """int32[K, W], the column of each picture that an image column sees; bool[K, W], if it does."""
+    slopes = camera.column_slopes()
+    if not sampling.screen:
+        across = spots.stretch * jnp.asarray(slopes)[None] + spots.start
+        texel = (across * (width.astype(jnp.float32) * (1 / WORD))).astype(jnp.int32)
+        return jnp.clip(texel, 0, width - 1), (across >= 0) & (across < WORD)
+    share = sampling.screen / camera.width
+    column = np.floor((np.arange(slopes.size) + 0.5) * share).astype(np.int32)[None]
+    left, right = jnp.zeros_like(width), width
+    if cutouts.left is not None and cutouts.right is not None:
+        left, right = (entry(side, spots.picture) for side in (cutouts.left, cutouts.right))
+    unit = jnp.float32(camera.focal * share) / jnp.maximum(spots.stretch, jnp.float32(1e-6))
+    first, after = (
+        jnp.floor(
+            np.float32(sampling.screen / 2)
+            + (side.astype(jnp.float32) * WORD / width.astype(jnp.float32) - spots.start) * unit
+        )
+        for side in (left, right)
+    )
+    # Such screens step through a picture by 65536ths of a column, rounded down. Floats give the
+    # same whole number as long as a picture has fewer than 512 columns.
+    step = (right - left).astype(jnp.float32) * 65536 / jnp.maximum(after - first, 1)
+    first, after = first.astype(jnp.int32), after.astype(jnp.int32)
+    texel = jnp.clip((column - first) * step.astype(jnp.int32) >> 16, 0, right - left - 1)
+    if cutouts.mirrored is not None:
+        mirrored = entry(cutouts.mirrored, spots.picture)
+        texel = jnp.where(mirrored, right - left - 1 - texel, texel)
+    return texel, (first <= column) & (after > column) & (spots.stretch > 0)
+
+
+def paint_over(layers: TexturedLayers, below: jax.Array, image: Image) -> Image:
+    """The image with layers over it, the farthest first.
+
+    Args:
+        layers: the layers, with an axis of rows after the first.
+        below: float32[height, 1], rows below the horizon.
+        image: what is behind them; it has a second index if `layers.blend` is not None.
+    """
+    for k in reversed(range(layers.scale.shape[0])):
+        texel = whole(layers.scale[k] * below + layers.offset[k])
+        # Bits of another word are past the end of this one, and then not set.
+        words = enumerate(layers.opaque)
+        there = [test_bit(word[k], texel - np.uint32(i * WORD)) for i, word in words]
+        covers = functools.reduce(jnp.logical_or, there)
+        own = layers.base[k] + texel.astype(jnp.int32)
+        if layers.blend is None:
+            image = jnp.where(covers, own, image)
+            continue
+        blend, (behind, over) = layers.blend[k], image
+        mixed = own + jnp.where(blend == MEAN, np.int32(AVERAGED), 0)
+        image = (
+            jnp.where(covers & (blend == COVER), own, behind),
+            jnp.where(covers, jnp.where(blend == COVER, 0, mixed), over),
+        )
+    return image
+
+
+def stamped(image: Image, held: Held, textures: Textures, camera: Camera) -> Image:
+    """The image with pictures over it."""
+    stamps = textures.stamps
+    assert stamps is not None
+    rows, columns = _block(stamps, camera)
+    index, over = image if textures.blends is not None else (image, None)
+    stage = staged(partial(_stamped, textures=textures, camera=camera))
+    block = stage(index[rows, columns], held)
+    index = index.at[rows, columns].set(block)
+    if over is None:
+        return index
+    cleared = jnp.where(block == image[0][rows, columns], over[rows, columns], 0)
+    return index, over.at[rows, columns].set(cleared)
+
+
+def _block(stamps: Stamps, camera: Camera) -> tuple[slice, slice]:
+    """The rows and columns of an image that stamps may cover."""
+    aside, least, most = stamps.sway
+    left = int((-stamps.left).min()) - aside
+    right = int((stamps.width - stamps.left).max()) + aside
+    top = int((-stamps.top).min()) + least
+    bottom = int((stamps.height - stamps.top).max()) + most
+    across, along = camera.width / STAMP_WIDTH, camera.height / STAMP_HEIGHT
+    columns = slice(max(0, int(left * across) - 1), min(camera.width, int(right * across) + 2))
+    return slice(max(0, int(top * along) - 1), min(camera.height, int(bottom * along) + 2)), columns
+
+
+def _stamped(block: jax.Array, held: Held, *, textures: Textures, camera: Camera) -> jax.Array:
+    stamps = textures.stamps
+    assert stamps is not None
+    rows, columns = _block(stamps, camera)
+    picture, place = held.picture[:, None], held.place[:, :, None]
+    screen = textures.sampling.screen or camera.width
+    column = np.floor((np.arange(camera.width) + 0.5) * (screen / camera.width))[None, columns]
+    scale, middle = np.float32(screen / STAMP_WIDTH), np.float32(screen / 2)
+    side = place[:, 0] - entry(stamps.left, picture).astype(jnp.float32) - STAMP_WIDTH // 2
+    width = entry(stamps.width, picture)
+    first = jnp.floor(middle + side * scale)
+    after = jnp.floor(middle + (side + width.astype(jnp.float32)) * scale)
+    texel = jnp.floor((column.astype(np.float32) - first) / scale).astype(jnp.int32)
+    seen = (column >= first) & (column < after) & held.shown[:, None]
+    texel = jnp.clip(texel, 0, width - 1)
+    none = stamps.opaque.shape[1] - 1
+    entries = jnp.where(seen, entry(stamps.column, picture) + texel, none)
+    opaque = [jnp.asarray(w).at[entries].get(mode="promise_in_bounds") for w in stamps.opaque]
+    top = entry(stamps.top, picture).astype(jnp.float32) - place[:, 1]
+    layers = TexturedLayers(
+        opaque=jnp.stack(opaque)[:, :, None],
+        base=(entry(stamps.first, picture) + texel * entry(stamps.height, picture))[:, None],
+        scale=jnp.full(top.shape, np.float32(STAMP_HEIGHT / camera.height))[:, None],
+        offset=(top + (STAMP_HEIGHT / 2 - 0.5))[:, None],
+    )
+    below = camera.at(textures.sampling.thing).row_offsets()[rows, None]
+    return paint_over(layers, jnp.asarray(below), block)
+
+
+def blended(words: jax.Array, over: jax.Array, *, textures: Textures) -> jax.Array:
+    """uint32[height, width]: colours with those of a second index added to them, or averaged."""
+    blends = textures.blends
+    assert blends is not None
+    index = (over & (AVERAGED - 1)).astype(jnp.uint32)
+    colours = jnp.asarray(textures.atlas).at[index].get(mode="promise_in_bounds")
+    cut = jnp.where(over >= AVERAGED, 4, 3).astype(jnp.uint32)
+    mixed = jnp.uint32(0)
+    for channel in (0, 8, 16):
+        both = (words >> channel & 255) + (colours >> channel & 255)
+        mixed = (mixed << 5) | jnp.minimum(both >> cut, 31)
+    near = jnp.asarray(blends).at[mixed].get(mode="promise_in_bounds")
+    return jnp.where(over > 0, near, words)
