@@ -45,7 +45,9 @@ def ours(scenario: str, views: Sequence[View], size: tuple[int, int]) -> list[np
     env: Any
     env, params = jaxenstein.make(name, look="game", width=width, height=height)
     first = env.first_state(jax.random.key(0), params)
-    looks = [(one.sprite, frame.letter) for one in env.animations for frame in one.frames]
+    looks = [
+        (one.sprite, look.letter, look.height * ONE) for one in env.animations for look in one.looks
+    ]
 
     @jax.jit
     def draw(state: Any, lift: jax.Array, sprites: Any, gold: jax.Array) -> jax.Array:
@@ -64,10 +66,7 @@ def ours(scenario: str, views: Sequence[View], size: tuple[int, int]) -> list[np
         for number, seen in enumerate(view.things):
             places[number] = seen.x, seen.y
             sprites.visible[number] = True
-            # Of a thing whose frames we do not tell apart, the first one.
-            which = (seen.look.sprite, seen.look.frame)
-            which = which if which in looks else (seen.look.sprite, "A")
-            sprites.picture[number] = looks.index(which)
+            sprites.picture[number] = looks.index((seen.look.sprite, seen.look.frame, seen.z))
         lift = np.float32((view.pose.z - EYE * ONE) / (ONE * env.unit))
         sprites = sprites.replace(position=places)
         found.append(np.asarray(draw(state, lift, sprites, jnp.bool_(view.gold > 0))))

@@ -35,10 +35,10 @@ from .fixed import FRACTION_BITS, ONE, direction, to_fixed
 from .game_look import (
     ANIMATIONS,
     Animation,
-    frames_at,
     game_textures,
+    rows_at,
     sampling,
-    with_frames,
+    with_looks,
 )
 from .maps import START, DoomMap, TileGrid, load_map, rasterise
 from .monsters import Horde
@@ -310,12 +310,12 @@ class DoomScenario(FirstPerson[S, P]):
 
     @functools.cached_property
     def game_theme(self) -> Theme:
-        """The look of the map in the game, with a row for each frame of each thing."""
+        """The look of the map in the game, with a row for each look of each thing."""
         textures = game_textures(
             str(find_iwad(self.wad)), self.room.map_name, self.animations, self.unit
         )
         textures = textures.replace(sampling=sampling(self.view_height, int(self.width)))
-        return with_frames(self.theme, self.animations).replace(textures=textures)
+        return with_looks(self.theme, self.animations).replace(textures=textures)
 
     def dressed(self, scene: Scene, state: S) -> Scene:
         """The scene of a state with its look."""
@@ -323,7 +323,12 @@ class DoomScenario(FirstPerson[S, P]):
             return super().dressed(scene, state)
         cosine, sine = direction(state.angle)
         heading = jnp.stack([cosine, -sine]).astype(jnp.float32) * np.float32(1 / ONE)
-        picture = frames_at(self.animations, self.game_tic(state), scene.sprites.picture)
+        tic, ages = self.game_tic(state), []
+        for part in self.parts:
+            if shown := part.sprites(state):
+                age = tic if shown.age is None else shown.age
+                ages.append(jnp.broadcast_to(age, shown.visible.shape))
+        picture = rows_at(self.animations, jnp.concatenate(ages), scene.sprites.picture)
         sprites = scene.sprites.replace(picture=picture)
         return scene.replace(heading=heading, sprites=sprites, theme=self.game_theme)
 
