@@ -6,7 +6,6 @@ scalar, which takes three times as long.
 
 from __future__ import annotations
 
-import dataclasses
 from functools import partial
 from typing import Any
 
@@ -35,7 +34,8 @@ from .textured_sprites import (
     project,
     stamped,
 )
-from .textures import Sampling, Textures, entry, shade_of
+from .textured_walls import see_walls
+from .textures import Textures, entry, shade_of
 
 
 class TexturedColumns(PyTreeNode):
@@ -105,92 +105,29 @@ def prepare(
     """
     textures = textures_of(theme)
     walls, places = textures.walls, textures.sampling
-    assert hits.side is not None
-    material = _material(hits, textures)
-    depth, edge_depth, along = hits.depth, hits.depth, hits.along
-    if places.screen:
-        depth, edge_depth, along = _whole_columns(heading, hits, camera, places)
+    seen = see_walls(heading, hits, textures, camera)
+    material = seen.material
     camera = camera.at(places.wall)
-    across = entry(walls.across, material)
-    # Texel columns run from left to right as seen, over all tiles of a wall.
-    column, row = hits.tile[:, 0], hits.tile[:, 1]
-    tile = jnp.where(hits.side < 2, row, column)
-    tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
-    within = along * across.astype(jnp.float32)
-    within = jnp.floor(within) if places.screen else within
-    texel = tile * across + within.astype(jnp.int32)
-    if walls.begin is not None and walls.length is not None:
-        begin = entry(walls.begin, material)
-        texel = jnp.clip(texel, begin, begin + entry(walls.length, material) - 1)
-    texel = (texel + entry(walls.offset, material)) & (entry(walls.width, material) - 1)
     # No seams, for pictures have some of their own: light as in the middle of a tile.
-    light = theme.light.wall(depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
+    light = theme.light.wall(seen.lit_depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
     height = entry(walls.height, material)
     down = entry(walls.down, material)
     above = jnp.float32(camera.wall - camera.eye) - (0 if lift is None else lift)
-    half = half_height(edge_depth, camera)
+    half = half_height(seen.edge_depth, camera)
     return TexturedColumns(
         half=half,
         drop=drop_of(half, lift, camera),
         base=brightened(shade_of(light), glare) * textures.size
         + entry(walls.first, material)
-        + texel * height,
+        + seen.texel * height,
         last=height - 1,
-        scale=depth * down / jnp.float32(camera.row_focal),
+        scale=seen.depth * down / jnp.float32(camera.row_focal),
         offset=above * down - 0.5,
         ray=jnp.stack(rays(heading, camera.at(places.plane))),
         layers=None
         if spots is None
         else project(spots, hits.depth, lift, glare, theme, camera, kind),
     )
-
-
-def of_walls(camera: Camera, places: Sampling) -> Camera:
-    """The camera whose rays find the wall of each column.
-
-    On a screen of whole columns, a wall that begins within a column covers it in the left half of
-    the image, and not in the right half.
-    """
-    camera = camera.at(places.wall)
-    if not places.screen:
-        return camera
-    return dataclasses.replace(camera, shift=camera.width / places.screen)
-
-
-def _whole_columns(
-    heading: jax.Array, hits: Hits, camera: Camera, places: Sampling
-) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """float32[W] three times: where other rays of a column meet the plane of its wall.
-
-    Returns:
-        The depth at the place of `Sampling.wall`; the depth that tells upper and lower edge, which
-        go from end to end of a wall; and, for the first of them, what `Hits.along` is for the hit:
-        it may lie beyond the tile.
-    """
-    assert hits.side is not None
-    finder, half = of_walls(camera, places), camera.width / places.screen / 2
-    edges = dataclasses.replace(finder, column=finder.column - half)
-    found = _towards(hits, rays(heading, finder))
-    own = _towards(hits, rays(heading, camera.at(places.wall)))
-    edge = _towards(hits, rays(heading, edges))
-    depths = [hits.depth / jnp.clip(ray[0] / found[0], 0.5, 2) for ray in (own, edge)]
-    aside = depths[0] * own[1] - hits.depth * found[1]
-    mirrored = (hits.side == 1) | (hits.side == 2)
-    return depths[0], depths[1], hits.along + jnp.where(mirrored, -aside, aside)
-
-
-def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-    """The component of each ray through its wall, and the one along it."""
-    x, y = ray
-    return jnp.where(hits.horizontal, y, x), jnp.where(hits.horizontal, x, y)
-
-
-def _material(hits: Hits, textures: Textures) -> jax.Array:
-    """int32[W]: the row of `Textures.walls` that each ray hit."""
-    if textures.of_face is None:
-        return entry(textures.of_wall, hits.wall.astype(jnp.int32))
-    assert hits.face is not None
-    return entry(textures.of_face.reshape(-1), hits.face)
 
 
 def paint_rows(

@@ -58,10 +58,12 @@ class Materials(PyTreeNode):
         height: int32[M].
         across: int32[M], texels a tile from left to right.
         down: float32[M], texels a tile from top to bottom.
-        offset: int32[M], added to the texel column, which is 0 where x or y is 0 on the map.
+        offset: int32[M], added to the texel column, which is 0 where x or y is 0 on the map, and at
+            the left end of a free wall.
         begin: int32[M], the texel column at which a wall begins, before the offset is added; None
-            if walls have no ends.
-        length: int32[M], texel columns of it; likewise.
+            if walls have no ends, or free walls begin at 0.
+        length: int32[M], texel columns of it; None if walls have no ends, or for free walls as many
+            as `across` gives.
     """
 
     first: np.ndarray
@@ -159,7 +161,8 @@ class Textures(PyTreeNode):
         walls: pictures on walls.
         of_wall: int32[n], row of `walls` for each entry of `Level.walls`.
         of_face: int32[4, R, C], row of `walls` for each face of a level of that size, margin
-            included, in the order west, east, north, south; None to ask `of_wall`.
+            included, in the order west, east, north, south, or int32[L] for each of its free walls;
+            None to ask `of_wall`.
         flats: pictures of ceiling and floor.
         cutouts: pictures of billboards, in the order of `Sprites.picture`.
         sampling: where in a pixel rays look.

@@ -1,0 +1,161 @@
+"""Which column of which picture the image's columns show of walls, and how far away."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .camera import Camera
+from .free_walls import Met
+from .raycast import Hits, rays
+from .textures import Sampling, Textures, entry
+
+
+class WallsSeen(NamedTuple):
+    """What the W columns of an image see of walls.
+
+    Attributes:
+        material: int32[W], the row of `Textures.walls`.
+        depth: float32[W], at the place in a pixel of `Sampling.wall`.
+        edge_depth: float32[W], the depth that tells upper and lower edge.
+        lit_depth: float32[W], the depth that tells the light.
+        texel: int32[W], the column of the picture.
+    """
+
+    material: jax.Array
+    depth: jax.Array
+    edge_depth: jax.Array
+    lit_depth: jax.Array
+    texel: jax.Array
+
+
+def see_walls(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera) -> WallsSeen:
+    """What each column sees of the walls that the rays of `of_walls` hit."""
+    if hits.met is None:
+        return _of_tiles(heading, hits, textures, camera)
+    return _of_free_walls(hits, hits.met, textures, camera)
+
+
+def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera) -> WallsSeen:
+    walls, places = textures.walls, textures.sampling
+    assert hits.side is not None
+    assert hits.tile is not None
+    material = _material(hits, textures)
+    depth, edge_depth, along = hits.depth, hits.depth, hits.along
+    if places.screen:
+        depth, edge_depth, along = _whole_columns(heading, hits, camera, places)
+    across = entry(walls.across, material)
+    # Texel columns run from left to right as seen, over all tiles of a wall.
+    column, row = hits.tile[:, 0], hits.tile[:, 1]
+    tile = jnp.where(hits.side < 2, row, column)
+    tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
+    within = along * across.astype(jnp.float32)
+    within = jnp.floor(within) if places.screen else within
+    texel = tile * across + within.astype(jnp.int32)
+    if walls.begin is not None and walls.length is not None:
+        begin = entry(walls.begin, material)
+        texel = jnp.clip(texel, begin, begin + entry(walls.length, material) - 1)
+    texel = _wrapped(texel, textures, material)
+    return WallsSeen(material, depth, edge_depth, depth, texel)
+
+
+def _of_free_walls(hits: Hits, met: Met, textures: Textures, camera: Camera) -> WallsSeen:
+    walls, places = textures.walls, textures.sampling
+    material = _material(hits, textures)
+    depth, edge_depth, share = hits.depth, hits.depth, hits.along
+    if places.screen:
+        slopes, near = camera.at(places.wall).column_slopes(), 1 / hits.depth
+        depth, edge_depth = (
+            1 / jnp.clip(nearness, near / 2, near * 2)
+            for nearness in (met.nearness(slopes), _nearness_of_edges(met, camera, places))
+        )
+        share = met.share(slopes)
+    if walls.length is None:
+        length = met.length() * entry(walls.across, material).astype(jnp.float32)
+    else:
+        length = entry(walls.length, material).astype(jnp.float32)
+    texel = jnp.minimum(jnp.floor(share * length), jnp.ceil(length) - 1).astype(jnp.int32)
+    if walls.begin is not None:
+        texel = texel + entry(walls.begin, material)
+    return WallsSeen(material, depth, edge_depth, edge_depth, _wrapped(texel, textures, material))
+
+
+def _wrapped(texel: jax.Array, textures: Textures, material: jax.Array) -> jax.Array:
+    walls = textures.walls
+    return (texel + entry(walls.offset, material)) & (entry(walls.width, material) - 1)
+
+
+def _nearness_of_edges(met: Met, camera: Camera, places: Sampling) -> jax.Array:
+    """float32[W]: one over the depth that tells edges and light of walls on a screen.
+
+    It is that of the wall's ends, or of the places where it leaves the view, and goes in equal
+    steps through the whole columns between them.
+    """
+    share, plane = places.screen / camera.width, np.float32(camera.half_plane)
+    focal, middle = np.float32(camera.focal * share), np.float32(places.screen / 2)
+    column = np.floor((np.arange(camera.width + camera.extra) + 0.5) * share).astype(np.float32)
+    ends = []
+    for i, (border, outermost) in enumerate(((-plane, 0), (plane, places.screen))):
+        side, depth = met.side[i], met.depth[i]
+        inside = (side >= border * depth) if i == 0 else (side <= border * depth)
+        inside = inside & (depth > 0)
+        safe = jnp.where(inside, depth, 1)
+        first = jnp.floor(middle + focal * side / safe) + (side >= 0)
+        ends.append((
+            jnp.where(inside, first, outermost),
+            jnp.where(inside, 1 / safe, met.nearness(float(border))),
+        ))  # fmt: skip
+    (first, near), (after, far) = ends
+    return near + (far - near) * (column - first) / jnp.maximum(after - first, 1)
+
+
+def of_walls(camera: Camera, places: Sampling) -> Camera:
+    """The camera whose rays find the wall of each column.
+
+    On a screen of whole columns, a wall that begins within a column covers it in the left half of
+    the image, and not in the right half.
+    """
+    camera = camera.at(places.wall)
+    if not places.screen:
+        return camera
+    return dataclasses.replace(camera, shift=camera.width / places.screen)
+
+
+def _whole_columns(
+    heading: jax.Array, hits: Hits, camera: Camera, places: Sampling
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """float32[W] three times: where other rays of a column meet the plane of its wall.
+
+    Returns:
+        The depth at the place of `Sampling.wall`; the depth that tells upper and lower edge, which
+        go from end to end of a wall; and, for the first of them, what `Hits.along` is for the hit:
+        it may lie beyond the tile.
+    """
+    assert hits.side is not None
+    finder, half = of_walls(camera, places), camera.width / places.screen / 2
+    edges = dataclasses.replace(finder, column=finder.column - half)
+    found = _towards(hits, rays(heading, finder))
+    own = _towards(hits, rays(heading, camera.at(places.wall)))
+    edge = _towards(hits, rays(heading, edges))
+    depths = [hits.depth / jnp.clip(ray[0] / found[0], 0.5, 2) for ray in (own, edge)]
+    aside = depths[0] * own[1] - hits.depth * found[1]
+    mirrored = (hits.side == 1) | (hits.side == 2)
+    return depths[0], depths[1], hits.along + jnp.where(mirrored, -aside, aside)
+
+
+def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    """The component of each ray through its wall, and the one along it."""
+    x, y = ray
+    return jnp.where(hits.horizontal, y, x), jnp.where(hits.horizontal, x, y)
+
+
+def _material(hits: Hits, textures: Textures) -> jax.Array:
+    """int32[W]: the row of `Textures.walls` of what each ray hit."""
+    if textures.of_face is None:
+        return entry(textures.of_wall, hits.wall.astype(jnp.int32))
+    assert hits.face is not None
+    return entry(textures.of_face.reshape(-1), hits.face)
