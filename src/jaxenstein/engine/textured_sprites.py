@@ -75,13 +75,25 @@ def project(
     rate = entry(rate.astype(np.float32), spots.picture)
     top = entry(cutouts.top, spots.picture)
     top = top if lift is None else top + lift
+    scale = spots.depth(theme) * rate / jnp.float32(camera.row_focal)
     return TexturedLayers(
         opaque=jnp.stack(opaque),
         base=base,
-        scale=spots.depth(theme) * rate / jnp.float32(camera.row_focal),
+        scale=_stepped(scale, theme.textures.sampling, camera),
         offset=-top * rate - 0.5,
         blend=None if cutouts.blend is None else entry(cutouts.blend, spots.picture),
     )
+
+
+def _stepped(scale: jax.Array, sampling: Sampling, camera: Camera) -> jax.Array:
+    """Texels a pixel from above, as screens of whole columns know them.
+
+    Such screens have the rows of a texel in 65536ths, rounded down.
+    """
+    if not sampling.screen:
+        return scale
+    share = sampling.screen / camera.width
+    return 65536 * share / jnp.floor(np.float32(65535.83 * share) / jnp.maximum(scale, 1e-6))
 
 
 def _texels(

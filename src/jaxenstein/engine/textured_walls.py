@@ -54,7 +54,7 @@ def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera
     tile = jnp.where(hits.side < 2, row, column)
     tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
     within = along * across.astype(jnp.float32)
-    within = jnp.floor(within) if places.screen else within
+    within = jnp.floor(within + 2.0**-10) if places.screen else within
     texel = tile * across + within.astype(jnp.int32)
     if walls.begin is not None and walls.length is not None:
         begin = entry(walls.begin, material)

@@ -16,7 +16,7 @@ from fidelity.doom_views import drawn
 from jaxenstein.engine.render import render
 from jaxenstein.errors import SettingError, WadError
 from jaxenstein.spec import spec_of
-from jaxenstein.tasks.doom.game_look import ANIMATIONS
+from jaxenstein.tasks.doom.game_things import ANIMATIONS
 from jaxenstein.tasks.doom.wad import Wad, find_iwad
 from tests.reference.doom_picture import GOLD
 from tests.tasks.doom.test_picture_reference import RECORDED, view_of

@@ -80,6 +80,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
     """
 
     params_class: ClassVar[type[Params]] = DoomCorridorParams
+    takes_game_look: ClassVar[bool] = True
     success_event: ClassVar[str] = "reached_goal"
     button_names: ClassVar[tuple[str, ...]] = ALL_MOVES
 
@@ -114,7 +115,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
         """The monsters of the map by their ids: they never move, and react at once."""
         walls = segments(self.doom_map.walls)
         kinds = [standing(_KINDS[thing.kind]) for thing in self._marksmen]
-        return Horde(kinds, walls=walls, opaque=walls, fast=True)
+        return Horde(kinds, walls=walls, opaque=walls, fast=True, pictured=self.look == "game")
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:

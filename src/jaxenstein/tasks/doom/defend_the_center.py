@@ -76,6 +76,8 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     """
 
     params_class: ClassVar[type[Params]] = DoomCenterParams
+    takes_game_look: ClassVar[bool] = True
+    first_tic: ClassVar[int] = 10
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
 
     @property
@@ -87,7 +89,7 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     def horde(self) -> Horde:
         """Three marines and two demons in turn."""
         kinds = [CHAINSAW_MARINE, DEMON, CHAINSAW_MARINE, DEMON, CHAINSAW_MARINE]
-        return Horde(kinds, walls=segments(self.doom_map.walls))
+        return Horde(kinds, walls=segments(self.doom_map.walls), pictured=self.look == "game")
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:
