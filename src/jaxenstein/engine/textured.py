@@ -7,14 +7,12 @@ scalar, which takes three times as long.
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from .._jax.batching import where_few
 from .._jax.staging import staged
 from ..pytree import PyTreeNode
 from .camera import Camera
@@ -25,15 +23,7 @@ from .raycast import Hits, rays
 from .scene import Scene, Theme
 from .shade import ImageKind, luma
 from .sprites import Spots
-from .textured_sprites import (
-    Image,
-    TexturedLayers,
-    blended,
-    brightened,
-    paint_over,
-    project,
-    stamped,
-)
+from .textured_sprites import TexturedLayers, brightened, fetched, mix, paint_over, project, stamped
 from .textured_walls import see_walls
 from .textures import Textures, entry, shade_of
 
@@ -158,11 +148,21 @@ def _plane(camera: Camera) -> np.ndarray:
 
 def paint(
     columns: TexturedColumns, rows: TexturedRows, scene: Scene, camera: Camera, kind: ImageKind
-) -> Image:
-    """int32[height, width + extra]: the index in the atlas of each pixel, or two of them."""
+) -> jax.Array:
+    """int32[height, width + extra]: the index in the atlas of each pixel.
+
+    If some pictures are mixed with what is behind them, uint32[height, width + extra], its colour.
+    """
     del kind
+    textures = textures_of(scene.theme)
     stage = partial(_indices, rows=rows, theme=scene.theme, camera=camera)
-    return staged(stage)(scene.position, columns)
+    index = staged(stage)(scene.position, columns)
+    if textures.blends is None:
+        return index
+    words = fetched(index, textures.atlas)
+    if columns.layers is None:
+        return words
+    return mix(words, columns.layers, camera.at(textures.sampling.thing), textures)
 
 
 def _indices(
@@ -172,7 +172,7 @@ def _indices(
     rows: TexturedRows,
     theme: Theme,
     camera: Camera,
-) -> Image:
+) -> jax.Array:
     textures = textures_of(theme)
     columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
     image = _floor_and_ceiling(position, columns, rows, textures, camera)
@@ -180,8 +180,6 @@ def _indices(
     across = below if columns.drop is None else below - columns.drop
     texel = rounded(below * columns.scale + columns.offset).astype(jnp.int32) & columns.last
     image = jnp.where(jnp.abs(across) < columns.half, columns.base + texel, image)
-    if textures.blends is not None:
-        image = image, jnp.zeros_like(image)
     if columns.layers is None:
         return image
     return paint_over(columns.layers, _below(camera.at(textures.sampling.thing)), image)
@@ -211,18 +209,15 @@ def _floor_and_ceiling(
     return rows.base + texels[0] * height + texels[1]
 
 
-def colours(image: Image, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
-    """The image of the indices: uint8[height, width, 3], or uint8[height, width] of greys."""
+def colours(image: jax.Array, scene: Scene, camera: Camera, kind: ImageKind) -> jax.Array:
+    """uint8[height, width, 3] or, of greys, uint8[height, width]: the image from `paint`."""
     textures = textures_of(scene.theme)
     samples = textures.sampling.samples
+    words = image
+    if textures.blends is None:
+        words = fetched(image, textures.atlas)
     if scene.held is not None and textures.stamps is not None:
-        image = stamped(image, scene.held, textures, camera)
-    index, over = image if textures.blends is not None else (image, None)
-    words = staged(partial(_fetched, atlas=textures.atlas))(index)
-    if over is not None:
-        blend = where_few(partial(blended, textures=textures))
-        some = jnp.any(over > 0)
-        words = jnp.where(some, blend(some, words, over), words)
+        words = stamped(words, scene.held, textures, camera)
     words = words[:, : samples * camera.width]
     if samples == 2:
         left, right = words[:, 0::2], words[:, 1::2]
@@ -231,8 +226,3 @@ def colours(image: Image, scene: Scene, camera: Camera, kind: ImageKind) -> jax.
     if kind == "gray":
         return luma(words).astype(jnp.uint8)
     return lax.bitcast_convert_type(words, jnp.uint8)[..., :3]
-
-
-def _fetched(index: jax.Array, *, atlas: np.ndarray) -> Any:
-    # As numbers without a sign, which need no look whether they count from the end.
-    return jnp.asarray(atlas).at[index.astype(jnp.uint32)].get(mode="promise_in_bounds")

@@ -1,7 +1,7 @@
 """Billboards with textures, and pictures that lie over the image.
 
 Both are layers of columns. Pictures that are added to what is behind them, or averaged with it, are
-collected apart: `paint_over` gives a second index of the atlas for each pixel.
+drawn after the others, into the colours of the few rows in which they are.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._jax.staging import staged
+from .._jax.batching import where_few
+from .._jax.staging import repeat, staged
 from ..pytree import PyTreeNode
 from .camera import Camera
 from .level import WORD
@@ -24,13 +25,10 @@ from .shade import ImageKind
 from .sprites import Spots
 from .textures import COVER, MEAN, Cutouts, Sampling, Stamps, Textures, entry, shade_of
 
-# A second index with this bit is of a picture that is averaged, not added.
-AVERAGED = 1 << 30
+# Into how many bands of rows an image is cut in which mixed pictures are drawn.
+BANDS = 8
 # The screen on which places of `Stamps` are.
 STAMP_WIDTH, STAMP_HEIGHT = 320, 200
-
-Image = Any
-"""int32[height, width], an index for each pixel; or that and the second index, 0 for none."""
 
 
 class TexturedLayers(PyTreeNode):
@@ -44,6 +42,7 @@ class TexturedLayers(PyTreeNode):
         scale: float32[K, W or 1], texels a pixel.
         offset: float32[K, W or 1], less one half.
         blend: int32[K, W or 1], as in `Cutouts`; None if all pictures cover what is behind them.
+        height: int32[K, W or 1], of the pictures in texels; likewise.
     """
 
     opaque: jax.Array
@@ -51,6 +50,7 @@ class TexturedLayers(PyTreeNode):
     scale: jax.Array
     offset: jax.Array
     blend: jax.Array | None = None
+    height: jax.Array | None = None
 
 
 def project(
@@ -82,6 +82,7 @@ def project(
         scale=_stepped(scale, theme.textures.sampling, camera),
         offset=-top * rate - 0.5,
         blend=None if cutouts.blend is None else entry(cutouts.blend, spots.picture),
+        height=None if cutouts.blend is None else entry(cutouts.height, spots.picture),
     )
 
 
@@ -157,46 +158,124 @@ def _columns_seen(
     return texel, (first <= column) & (after > column) & (spots.stretch > 0)
 
 
-def paint_over(layers: TexturedLayers, below: jax.Array, image: Image) -> Image:
-    """The image with layers over it, the farthest first.
+def paint_over(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> jax.Array:
+    """int32[height, width]: the image with layers over it, the farthest first, but for mixed ones.
 
     Args:
         layers: the layers, with an axis of rows after the first.
         below: float32[height, 1], rows below the horizon.
-        image: what is behind them; it has a second index if `layers.blend` is not None.
+        image: int32[height, width], what is behind them.
     """
     for k in reversed(range(layers.scale.shape[0])):
-        texel = whole(layers.scale[k] * below + layers.offset[k])
-        # Bits of another word are past the end of this one, and then not set.
-        words = enumerate(layers.opaque)
-        there = [test_bit(word[k], texel - np.uint32(i * WORD)) for i, word in words]
-        covers = functools.reduce(jnp.logical_or, there)
-        own = layers.base[k] + texel.astype(jnp.int32)
-        if layers.blend is None:
-            image = jnp.where(covers, own, image)
-            continue
-        blend, (behind, over) = layers.blend[k], image
-        mixed = own + jnp.where(blend == MEAN, np.int32(AVERAGED), 0)
-        image = (
-            jnp.where(covers & (blend == COVER), own, behind),
-            jnp.where(covers, jnp.where(blend == COVER, 0, mixed), over),
-        )
+        covers, own = _layer(layers, k, below)
+        if layers.blend is not None:
+            covers = covers & (layers.blend[k] == COVER)
+        image = jnp.where(covers, own, image)
     return image
 
 
-def stamped(image: Image, held: Held, textures: Textures, camera: Camera) -> Image:
-    """The image with pictures over it."""
-    stamps = textures.stamps
-    assert stamps is not None
-    rows, columns = _block(stamps, camera)
-    index, over = image if textures.blends is not None else (image, None)
-    stage = staged(partial(_stamped, textures=textures, camera=camera))
-    block = stage(index[rows, columns], held)
-    index = index.at[rows, columns].set(block)
-    if over is None:
-        return index
-    cleared = jnp.where(block == image[0][rows, columns], over[rows, columns], 0)
-    return index, over.at[rows, columns].set(cleared)
+def _layer(layers: TexturedLayers, k: int, below: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """bool[height, width], where a layer is; int32[height, width], what it shows there."""
+    texel = whole(layers.scale[k] * below + layers.offset[k])
+    # Bits of another word are past the end of this one, and then not set.
+    words = enumerate(layers.opaque)
+    there = [test_bit(word[k], texel - np.uint32(i * WORD)) for i, word in words]
+    return functools.reduce(jnp.logical_or, there), layers.base[k] + texel.astype(jnp.int32)
+
+
+def mix(words: jax.Array, layers: TexturedLayers, camera: Camera, textures: Textures) -> jax.Array:
+    """uint32[height, width]: colours with the mixed pictures of layers, band by band.
+
+    Args:
+        words: uint32[height, width], colours with all other layers.
+        layers: the layers; of several that are mixed one over another, only the nearest is.
+        camera: the camera at the place of `Sampling.thing`.
+        textures: the pictures.
+    """
+    height = words.shape[0]
+    start, end = _rows_mixed(layers, camera)
+    band = -(-height // BANDS)
+    paint = where_few(partial(_mixed, textures=textures))
+    first_row = np.float32(camera.row_offsets()[0])
+
+    def visit(i: jax.Array, words: jax.Array, constants: Any) -> jax.Array:
+        start, end, layers = constants
+        row = i * band
+        needed, place = (start < row + band) & (row < end), jnp.minimum(row, height - band)
+        part = jax.lax.dynamic_slice_in_dim(words, place, band)
+        rows = (place + jnp.arange(band))[:, None]
+        below = rows.astype(jnp.float32) + first_row
+        # The last band may begin with rows of the one before.
+        mixed = jnp.where(needed & (rows >= row), paint(needed, part, below, layers), part)
+        return jax.lax.dynamic_update_slice_in_dim(words, mixed, place, 0)
+
+    return repeat(visit)(-(-end // band), words, (start, end, layers))
+
+
+def _rows_mixed(layers: TexturedLayers, camera: Camera) -> tuple[jax.Array, jax.Array]:
+    """int32[] twice: the first row that a mixed picture may touch, and the one after the last."""
+    assert layers.blend is not None
+    assert layers.height is not None
+    there = functools.reduce(jnp.bitwise_or, layers.opaque) != 0
+    there = there & (layers.blend != COVER)
+    offsets = camera.row_offsets()
+    unit = 1 / jnp.maximum(layers.scale, 1e-6)
+    top = (-0.5 - layers.offset) * unit - offsets[0]
+    bottom = (layers.height.astype(jnp.float32) - layers.offset) * unit - offsets[0]
+    start = jnp.min(jnp.where(there, jnp.clip(top, 0, len(offsets)), len(offsets)))
+    end = jnp.max(jnp.where(there, jnp.clip(bottom + 1, 0, len(offsets)), 0))
+    return start.astype(jnp.int32), end.astype(jnp.int32)
+
+
+def _mixed(
+    words: jax.Array, below: jax.Array, layers: TexturedLayers, *, textures: Textures
+) -> jax.Array:
+    """uint32[rows, width]: colours with the mixed pictures."""
+    assert textures.blends is not None
+    # Fetches are stages of their own, as that of the image.
+    index, cut = staged(_over)(below, layers)
+    mixed = staged(_sums)(words, fetched(index, textures.atlas), cut)
+    return jnp.where(index > 0, fetched(mixed, textures.blends), words)
+
+
+def _over(below: jax.Array, layers: TexturedLayers) -> tuple[jax.Array, jax.Array]:
+    """int32[rows, width]: the nearest mixed picture's index; uint32, the bits to cut of a sum."""
+    layers = jax.tree.map(lambda leaf: leaf[..., None, :], layers)
+    assert layers.blend is not None
+    shape = len(below), layers.base.shape[-1]
+    index, cut = jnp.zeros(shape, jnp.int32), jnp.zeros(shape, jnp.uint32)
+    for k in reversed(range(layers.scale.shape[0])):
+        covers, own = _layer(layers, k, below)
+        index = jnp.where(covers, jnp.where(layers.blend[k] == COVER, 0, own), index)
+        # Three bits, and four if half the sum is meant.
+        cut = jnp.where(covers, 3 + (layers.blend[k] == MEAN).astype(jnp.uint32), cut)
+    return index, cut
+
+
+def _sums(words: jax.Array, colours: jax.Array, cut: jax.Array) -> jax.Array:
+    """uint32[rows, width]: the entry of `Textures.blends` for a sum of two colours."""
+    mixed = jnp.zeros(words.shape, jnp.uint32)
+    for channel in (0, 8, 16):
+        both = (words >> channel & 255) + (colours >> channel & 255)
+        mixed = (mixed << 5) | jnp.minimum(both >> cut, 31)
+    return mixed
+
+
+def stamped(words: jax.Array, held: Held, textures: Textures, camera: Camera) -> jax.Array:
+    """uint32[height, width]: colours with pictures over them."""
+    assert textures.stamps is not None
+    rows, columns = _block(textures.stamps, camera)
+    index = staged(partial(_stamped, textures=textures, camera=camera))(held)
+    colours = fetched(index, textures.atlas)
+    block = jnp.where(index > 0, colours, words[rows, columns])
+    return words.at[rows, columns].set(block)
+
+
+def fetched(index: jax.Array, atlas: np.ndarray) -> jax.Array:
+    """uint32[height, width]: the texels at int32[height, width]."""
+    # As numbers without a sign, which need no look whether they count from the end.
+    index = index.astype(jnp.uint32)
+    return staged(lambda index: jnp.asarray(atlas).at[index].get(mode="promise_in_bounds"))(index)
 
 
 def _block(stamps: Stamps, camera: Camera) -> tuple[slice, slice]:
@@ -211,7 +290,8 @@ def _block(stamps: Stamps, camera: Camera) -> tuple[slice, slice]:
     return slice(max(0, int(top * along) - 1), min(camera.height, int(bottom * along) + 2)), columns
 
 
-def _stamped(block: jax.Array, held: Held, *, textures: Textures, camera: Camera) -> jax.Array:
+def _stamped(held: Held, *, textures: Textures, camera: Camera) -> jax.Array:
+    """int32[rows, columns]: what pictures show in the block, 0 where there are none."""
     stamps = textures.stamps
     assert stamps is not None
     rows, columns = _block(stamps, camera)
@@ -237,19 +317,5 @@ def _stamped(block: jax.Array, held: Held, *, textures: Textures, camera: Camera
         offset=(top + (STAMP_HEIGHT / 2 - 0.5))[:, None],
     )
     below = camera.at(textures.sampling.thing).row_offsets()[rows, None]
-    return paint_over(layers, jnp.asarray(below), block)
-
-
-def blended(words: jax.Array, over: jax.Array, *, textures: Textures) -> jax.Array:
-    """uint32[height, width]: colours with those of a second index added to them, or averaged."""
-    blends = textures.blends
-    assert blends is not None
-    index = (over & (AVERAGED - 1)).astype(jnp.uint32)
-    colours = jnp.asarray(textures.atlas).at[index].get(mode="promise_in_bounds")
-    cut = jnp.where(over >= AVERAGED, 4, 3).astype(jnp.uint32)
-    mixed = jnp.uint32(0)
-    for channel in (0, 8, 16):
-        both = (words >> channel & 255) + (colours >> channel & 255)
-        mixed = (mixed << 5) | jnp.minimum(both >> cut, 31)
-    near = jnp.asarray(blends).at[mixed].get(mode="promise_in_bounds")
-    return jnp.where(over > 0, near, words)
+    nothing = jnp.zeros((len(below), layers.base.shape[-1]), jnp.int32)
+    return paint_over(layers, jnp.asarray(below), nothing)
