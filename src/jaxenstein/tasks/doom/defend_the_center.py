@@ -20,7 +20,7 @@ from .arsenal import Arsenal
 from .collision import Geometry, build_geometry, segments
 from .fight import FightParams, FightState, before_fight, fight
 from .fixed import direction
-from .maps import Line, TileGrid, fill
+from .maps import Line
 from .monster_kinds import CHAINSAW_MARINE, DEMON
 from .monsters import Horde
 from .parts import Health, Part
@@ -76,6 +76,7 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     """
 
     params_class: ClassVar[type[Params]] = DoomCenterParams
+    takes_game_look: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
 
     @property
@@ -98,11 +99,6 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     def parts(self) -> tuple[Part, ...]:
         """Health, weapon, monsters."""
         return Health(FULL_HEALTH), self.arsenal, self.horde
-
-    @functools.cached_property
-    def tiles(self) -> TileGrid:
-        """The round hall in tiles."""
-        return fill(self.doom_map, self.unit)
 
     @functools.cached_property
     def geometry(self) -> Geometry:

@@ -20,7 +20,6 @@ from ...engine.shade import luma, pack_rgb
 from ...engine.textures import (
     Cutouts,
     Flats,
-    Materials,
     Sampling,
     Textures,
     build_atlas,
@@ -28,7 +27,8 @@ from ...engine.textures import (
     sides_of,
 )
 from ...errors import WadError, quoted
-from .maps import DoomMap, Line, TileGrid, ends_of, load_map, rasterise, wall_faces
+from .game_walls import wall_materials, wall_rows
+from .maps import load_map, tiled
 from .view import EYE
 from .wad import Picture, Wad
 
@@ -79,6 +79,9 @@ ANIMATIONS = {
     "Poison": Animation("BON1"),
 }
 """The pictures of things, by the game's names."""
+UNSEEN = Animation("")
+"""Of things that are not shown yet."""
+_NOTHING = Picture(np.full((1, 1), -1, np.int16), 0, 0)
 
 
 def frames_at(animations: Sequence[Animation], time: jax.Array, picture: jax.Array) -> jax.Array:
@@ -149,11 +152,13 @@ def game_textures(
         WadError: the file is no WAD file, is damaged, or lacks a picture.
     """
     wad, doom_map = Wad(path), load_map(map_name)
-    tiles = rasterise(doom_map, unit)
-    papers = {name: _paper(wad, name) for name in tiles.textures}
+    tiles = tiled(doom_map, unit)
+    papers = {name: _paper(wad, name) for name in {wall.texture for wall in doom_map.walls}}
     flats = {name: wad.flat(name) for name in doom_map.flats}
     frames = [(one.sprite, frame) for one in animations for frame in one.frames]
-    things = [wad.sprite(sprite, frame.letter)[0] for sprite, frame in frames]
+    things = [
+        wad.sprite(sprite, frame.letter)[0] if sprite else _NOTHING for sprite, frame in frames
+    ]
     centred = [_centred(picture) for picture in things]
     floor, ceiling = doom_map.flats
     planes = [flats[ceiling], flats[floor]]
@@ -164,23 +169,12 @@ def game_textures(
         lambda picture, shade: colours[shade][picture],
     )
     count = len(doom_map.walls)
-    begin = np.array([_begin(wall, tiles) for wall in doom_map.walls], np.int32)
-    offset = np.array([wall.offset for wall in doom_map.walls], np.int32)
+    sides = sides_of([papers[wall.texture] for wall in doom_map.walls])
     return Textures(
         atlas=atlas,
-        walls=Materials(
-            first[:count],
-            *sides_of([papers[wall.texture] for wall in doom_map.walls]),
-            across=np.full(count, unit, np.int32),
-            down=np.full(count, unit, np.float32),
-            offset=offset - begin,
-            begin=begin,
-            length=np.abs(np.diff(ends_of(doom_map.walls), axis=1)).sum(
-                axis=(1, 2), dtype=np.int32
-            ),
-        ),
+        walls=wall_materials(doom_map, tiles, first[:count], sides),
         of_wall=np.zeros(256, np.int32),
-        of_face=_of_face(doom_map, tiles),
+        of_face=wall_rows(doom_map, tiles),
         flats=Flats(
             first[count : count + 2],
             *sides_of(planes),
@@ -210,22 +204,6 @@ def _paper(wad: Wad, name: str) -> np.ndarray:
             "powers of two"
         )
     return texture
-
-
-def _of_face(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
-    """int32[4, rows, columns]: the number of the wall on each face."""
-    of_face = np.zeros(tiles.faces.shape, np.int32)
-    for number, wall in enumerate(doom_map.walls):
-        of_face[wall_faces(wall, tiles.west, tiles.north, tiles.unit)] = number
-    return of_face
-
-
-def _begin(wall: Line, tiles: TileGrid) -> int:
-    """Where a wall begins, in map units rightwards as seen, from the edge of the map's tiles."""
-    x, y = wall.x0 - tiles.west, tiles.north - wall.y0
-    if wall.x0 == wall.x1:
-        return -y if wall.y1 > wall.y0 else y
-    return x if wall.x1 > wall.x0 else -x
 
 
 def _centred(picture: Picture) -> np.ndarray:

@@ -34,13 +34,15 @@ from .collision import Geometry, load_geometry
 from .fixed import FRACTION_BITS, ONE, direction, to_fixed
 from .game_look import (
     ANIMATIONS,
+    UNSEEN,
     Animation,
     frames_at,
     game_textures,
     sampling,
     with_frames,
 )
-from .maps import START, DoomMap, TileGrid, load_map, rasterise
+from .game_walls import free_walls
+from .maps import START, DoomMap, TileGrid, load_map, tiled
 from .monsters import Horde
 from .parts import Game, Part
 from .physics import (
@@ -234,7 +236,7 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def tiles(self) -> TileGrid:
         """The map as tiles."""
-        return rasterise(self.doom_map, self.unit)
+        return tiled(self.doom_map, self.unit)
 
     @functools.cached_property
     def tilemap(self) -> TileMap:
@@ -306,7 +308,8 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def animations(self) -> tuple[Animation, ...]:
         """The game's pictures of the things, in the order of `Sprites.picture`."""
-        return tuple(ANIMATIONS[thing.name] for part in self.parts for thing in part.objects)
+        things = [thing for part in self.parts for thing in part.objects]
+        return tuple(ANIMATIONS.get(one.name, UNSEEN) for one in things for _ in one.pictures)
 
     @functools.cached_property
     def game_theme(self) -> Theme:
@@ -317,6 +320,11 @@ class DoomScenario(FirstPerson[S, P]):
         textures = textures.replace(sampling=sampling(self.view_height, int(self.width)))
         return with_frames(self.theme, self.animations).replace(textures=textures)
 
+    @functools.cached_property
+    def game_level(self) -> Level:
+        """The map for the renderer, with walls where the game has them."""
+        return self.level.replace(free_walls=free_walls(self.doom_map, self.tiles))
+
     def dressed(self, scene: Scene, state: S) -> Scene:
         """The scene of a state with its look."""
         if self.look != "game":
@@ -325,7 +333,9 @@ class DoomScenario(FirstPerson[S, P]):
         heading = jnp.stack([cosine, -sine]).astype(jnp.float32) * np.float32(1 / ONE)
         picture = frames_at(self.animations, self.game_tic(state), scene.sprites.picture)
         sprites = scene.sprites.replace(picture=picture)
-        return scene.replace(heading=heading, sprites=sprites, theme=self.game_theme)
+        return scene.replace(
+            level=self.game_level, heading=heading, sprites=sprites, theme=self.game_theme
+        )
 
     def sprites(self, state: S) -> SceneSprites:
         """The billboards of all parts."""
