@@ -18,10 +18,11 @@ from jax import lax
 from .._jax.staging import staged
 from ..pytree import PyTreeNode
 from .camera import Camera
+from .hits import Hits
 from .image_columns import drop_of, half_height
 from .level import WORD, Array
 from .pixels import rounded, test_bit, whole
-from .raycast import Hits, rays
+from .raycast import rays
 from .scene import Scene, Theme
 from .shade import ImageKind, luma
 from .sprites import Spots

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from .camera import Camera
-from .free_walls import Met
-from .raycast import Hits, rays
+from .hits import Ends, Hits
+from .raycast import rays
 from .textures import Sampling, Textures, entry
 
 
@@ -35,9 +35,9 @@ class WallsSeen(NamedTuple):
 
 def see_walls(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera) -> WallsSeen:
     """What each column sees of the walls that the rays of `of_walls` hit."""
-    if hits.met is None:
+    if hits.ends is None:
         return _of_tiles(heading, hits, textures, camera)
-    return _of_free_walls(hits, hits.met, textures, camera)
+    return _of_free_walls(hits, hits.ends, textures, camera)
 
 
 def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera) -> WallsSeen:
@@ -63,7 +63,7 @@ def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera
     return WallsSeen(material, depth, edge_depth, depth, texel)
 
 
-def _of_free_walls(hits: Hits, met: Met, textures: Textures, camera: Camera) -> WallsSeen:
+def _of_free_walls(hits: Hits, ends: Ends, textures: Textures, camera: Camera) -> WallsSeen:
     walls, places = textures.walls, textures.sampling
     material = _material(hits, textures)
     depth, edge_depth, share = hits.depth, hits.depth, hits.along
@@ -71,11 +71,11 @@ def _of_free_walls(hits: Hits, met: Met, textures: Textures, camera: Camera) -> 
         slopes, near = camera.at(places.wall).column_slopes(), 1 / hits.depth
         depth, edge_depth = (
             1 / jnp.clip(nearness, near / 2, near * 2)
-            for nearness in (met.nearness(slopes), _nearness_of_edges(met, camera, places))
+            for nearness in (ends.nearness(slopes), _nearness_of_edges(ends, camera, places))
         )
-        share = met.share(slopes)
+        share = ends.share(slopes)
     if walls.length is None:
-        length = met.length() * entry(walls.across, material).astype(jnp.float32)
+        length = ends.length() * entry(walls.across, material).astype(jnp.float32)
     else:
         length = entry(walls.length, material).astype(jnp.float32)
     texel = jnp.minimum(jnp.floor(share * length), jnp.ceil(length) - 1).astype(jnp.int32)
@@ -89,7 +89,7 @@ def _wrapped(texel: jax.Array, textures: Textures, material: jax.Array) -> jax.A
     return (texel + entry(walls.offset, material)) & (entry(walls.width, material) - 1)
 
 
-def _nearness_of_edges(met: Met, camera: Camera, places: Sampling) -> jax.Array:
+def _nearness_of_edges(ends: Ends, camera: Camera, places: Sampling) -> jax.Array:
     """float32[W]: one over the depth that tells edges and light of walls on a screen.
 
     It is that of the wall's ends, or of the places where it leaves the view, and goes in equal
@@ -98,18 +98,18 @@ def _nearness_of_edges(met: Met, camera: Camera, places: Sampling) -> jax.Array:
     share, plane = places.screen / camera.width, np.float32(camera.half_plane)
     focal, middle = np.float32(camera.focal * share), np.float32(places.screen / 2)
     column = np.floor((np.arange(camera.width + camera.extra) + 0.5) * share).astype(np.float32)
-    ends = []
+    steps = []
     for i, (border, outermost) in enumerate(((-plane, 0), (plane, places.screen))):
-        side, depth = met.side[i], met.depth[i]
+        side, depth = ends.side[i], ends.depth[i]
         inside = (side >= border * depth) if i == 0 else (side <= border * depth)
         inside = inside & (depth > 0)
         safe = jnp.where(inside, depth, 1)
         first = jnp.floor(middle + focal * side / safe) + (side >= 0)
-        ends.append((
+        steps.append((
             jnp.where(inside, first, outermost),
-            jnp.where(inside, 1 / safe, met.nearness(float(border))),
+            jnp.where(inside, 1 / safe, ends.nearness(float(border))),
         ))  # fmt: skip
-    (first, near), (after, far) = ends
+    (first, near), (after, far) = steps
     return near + (far - near) * (column - first) / jnp.maximum(after - first, 1)
 
 

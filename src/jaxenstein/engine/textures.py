@@ -213,7 +213,6 @@ def shade_of(light: Any) -> Any:
 
 def entry(table: Array, index: Any) -> Any:
     """Entries of a table [n] without looking up those that are the same in all of it."""
-    values = np.asarray(table)
-    if (values == values[0]).all():
-        return jnp.full(index.shape, values[0])
-    return jnp.asarray(values).at[index].get(mode="promise_in_bounds")
+    if isinstance(table, np.ndarray) and (table == table[0]).all():
+        return jnp.full(index.shape, table[0])
+    return jnp.asarray(table).at[index].get(mode="promise_in_bounds")
