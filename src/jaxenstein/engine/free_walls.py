@@ -25,9 +25,9 @@ from .textures import entry
 
 # More walls than this are looked at in a loop over blocks of this size, to bound the program.
 BLOCK = 32
-# Walls reach this share of an end's distance beyond that end: no ray slips through a corner.
+# Walls reach beyond their ends by this share of the ends' distances: no ray slips through a corner.
 OVERLAP = 1e-6
-# The least nearness, and the least `Ends.area` of a wall that is seen.
+# The least nearness and the least `Ends.area` of a wall that is seen.
 FAR, EDGEWISE = 1e-6, 1e-9
 
 
@@ -82,15 +82,15 @@ def _seen(position: jax.Array, cos: jax.Array, sin: jax.Array, walls: FreeWalls)
     places = [jnp.asarray(end) for end in (walls.left, walls.right)]
     ends = _as_seen(places, position, cos, sin)
     side, depth, area = ends.side, ends.depth, ends.area()
-    front = area > EDGEWISE
-    area = jnp.where(front, area, 1)
+    # From behind, a wall is not near at all.
+    area = jnp.where(area > EDGEWISE, area, jnp.inf)
     beyond = jnp.float32(OVERLAP) * (jnp.abs(side) + jnp.abs(depth))
     return jnp.stack(
         [
             (side[1] - side[0]) / area,
             (depth[0] - depth[1]) / area,
             depth[0],
-            jnp.where(front, side[0] - beyond[0], jnp.inf),
+            side[0] - beyond[0],
             depth[1],
             side[1] + beyond[1],
         ]
