@@ -14,6 +14,9 @@ from .hits import Ends, Hits
 from .raycast import rays
 from .textures import Sampling, Textures, entry
 
+# Screens of whole columns round places along a wall to a fraction of a texel.
+ROUNDING = 2.0**-14
+
 
 class WallsSeen(NamedTuple):
     """What the W columns of an image see of walls.
@@ -78,7 +81,9 @@ def _of_free_walls(hits: Hits, ends: Ends, textures: Textures, camera: Camera) -
         length = ends.length() * entry(walls.across, material).astype(jnp.float32)
     else:
         length = entry(walls.length, material).astype(jnp.float32)
-    texel = jnp.minimum(jnp.floor(share * length), jnp.ceil(length) - 1).astype(jnp.int32)
+    place = share * length
+    place = place + ROUNDING if places.screen else place
+    texel = jnp.minimum(jnp.floor(place), jnp.ceil(length) - 1).astype(jnp.int32)
     if walls.begin is not None:
         texel = texel + entry(walls.begin, material)
     return WallsSeen(material, depth, edge_depth, edge_depth, _wrapped(texel, textures, material))
@@ -104,7 +109,7 @@ def _nearness_of_edges(ends: Ends, camera: Camera, places: Sampling) -> jax.Arra
         inside = (side >= border * depth) if i == 0 else (side <= border * depth)
         inside = inside & (depth > 0)
         safe = jnp.where(inside, depth, 1)
-        first = jnp.floor(middle + focal * side / safe) + (side >= 0)
+        first = jnp.floor(middle + focal * side / safe) + (side >= 0).astype(jnp.float32)
         steps.append((
             jnp.where(inside, first, outermost),
             jnp.where(inside, 1 / safe, ends.nearness(float(border))),
