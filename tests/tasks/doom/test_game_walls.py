@@ -25,9 +25,11 @@ from tests.reference.scenes import no_sprites
 from tests.reference.wads import write_names, write_picture, write_textures, write_wad
 
 MAP = "defend-the-center"
-# From the middle of the hall every wall is seen whole, so that their order does not matter.
+# Far from walls, and beside some of them. From all these places every wall is seen whole, so that
+# their order does not matter.
 POSES = [Pose(0, 0, EYE * ONE, 5 << 27), Pose(9 * ONE + 77, -5 * ONE, 43 * ONE + 99, 3 << 29)]
-POSES += [Pose(-3 * ONE, 8 * ONE + 5, EYE * ONE, turn * 0x11111111) for turn in (4, 7, 11)]
+POSES += [Pose(-700 * ONE, 41 * ONE + 5, EYE * ONE, turn << 28) for turn in (3, 7, 11)]
+POSES += [Pose(610 * ONE + 7, 290 * ONE, EYE * ONE, turn << 27) for turn in (1, 9, 25)]
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +98,7 @@ def test_oblique_walls_are_those_of_the_game(pictures: Wad, size, screen, each) 
     found = ours(pictures, *size)
     assert found.dtype == np.uint8
     shares = [np.mean((a == b).all(axis=-1)) for a, b in zip(found, expected, strict=True)]
-    assert min(shares) > 0.995, shares
+    assert np.mean(shares) > 0.9975, shares
     assert np.mean((found[0] == expected[1]).all(axis=-1)) < 0.2
 
 
