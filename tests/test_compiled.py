@@ -38,7 +38,7 @@ def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def test_what_one_has_compiled_the_others_find(programs: Programs) -> None:
+def test_other_processes_find_compiled_programs(programs: Programs) -> None:
     beside = Programs()
     (programs.own / "add-cache").write_bytes(WHOLE)
     programs.exchange()
@@ -52,7 +52,7 @@ def test_what_one_has_compiled_the_others_find(programs: Programs) -> None:
     assert (programs.shared / "add-cache").read_bytes() == WHOLE
 
 
-def test_what_is_not_whole_is_shared_when_it_is(programs: Programs) -> None:
+def test_incomplete_program_is_shared_once_complete(programs: Programs) -> None:
     path = programs.own / "add-cache"
     for length in (0, 1, len(WHOLE) // 2, len(WHOLE) - 1):
         path.write_bytes(WHOLE[:length])
@@ -63,7 +63,7 @@ def test_what_is_not_whole_is_shared_when_it_is(programs: Programs) -> None:
     assert names(programs.shared) == {"add-cache"}
 
 
-def test_what_others_are_still_writing_is_not_read(programs: Programs) -> None:
+def test_unfinished_programs_are_not_read(programs: Programs) -> None:
     """Nor what they left when they were killed."""
     (programs.shared / "add-cache.123").write_bytes(WHOLE[:9])
     programs.exchange()
@@ -105,7 +105,7 @@ print(told.count("cache_misses"), told.count("cache_hits"))
 """
 
 
-def test_a_process_runs_what_another_has_compiled(tmp_path: Path) -> None:
+def test_process_runs_programs_compiled_by_another(tmp_path: Path) -> None:
     root = Path(__file__).parents[1]
     counts = []
     for _ in range(2):

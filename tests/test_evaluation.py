@@ -71,7 +71,7 @@ def played(
 
 
 @pytest.mark.parametrize(("policy", "carry"), [(plain, None), (recurrent, MEMORY)])
-def test_episodes_are_those_of_a_loop_over_single_environments(
+def test_episodes_match_a_loop_over_single_environments(
     world: tuple[Any, Any], policy: Any, carry: Any
 ) -> None:
     results = evaluate(*world, policy, carry, episodes=12, seed=SEED)
@@ -92,7 +92,7 @@ def test_episodes_are_those_of_a_loop_over_single_environments(
     assert other.lengths.tolist() != results.lengths.tolist()
 
 
-def test_results_say_what_was_played(world: tuple[Any, Any]) -> None:
+def test_results_describe_the_environment(world: tuple[Any, Any]) -> None:
     done: list[float] = []
     env, params = world
     results = evaluate(env, params, plain, episodes=3, seed=SEED, notify=done.append)
@@ -108,7 +108,7 @@ def test_results_say_what_was_played(world: tuple[Any, Any]) -> None:
     assert evaluate(env, params, plain, episodes=1, name="mine").names == ("mine",)
 
 
-def test_a_task_without_an_id_is_told_by_its_class() -> None:
+def test_task_without_an_id_is_named_by_its_class() -> None:
     env = Fruit(height=8, width=12)
     params = env.default_params.replace(max_steps_in_episode=3)
     results = evaluate(env, params, lambda obs, key: 0, episodes=2)
@@ -119,7 +119,7 @@ def test_a_task_without_an_id_is_told_by_its_class() -> None:
     assert (built.height, built.width, int(numbers.max_steps_in_episode)) == (8, 12, 3)
 
 
-def test_weights_of_a_partial_are_no_part_of_the_program(world: tuple[Any, Any]) -> None:
+def test_weights_in_a_partial_are_not_compiled_in(world: tuple[Any, Any]) -> None:
     traced: list[int] = []
 
     def act(weights: jax.Array, obs: jax.Array, key: jax.Array) -> jax.Array:
@@ -137,7 +137,7 @@ def test_weights_of_a_partial_are_no_part_of_the_program(world: tuple[Any, Any])
     assert len(traced) == before + 1
 
 
-def test_callables_that_cannot_be_hashed_are_policies(world: tuple[Any, Any]) -> None:
+def test_unhashable_callables_are_policies(world: tuple[Any, Any]) -> None:
     @dataclasses.dataclass
     class Constant:
         action: Any
@@ -177,13 +177,13 @@ WRONG: dict[str, tuple[Any, Any, str]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_policies_are_told(world: tuple[Any, Any], name: str) -> None:
+def test_wrong_policies_are_refused(world: tuple[Any, Any], name: str) -> None:
     policy, carry, message = WRONG[name]
     with jax.numpy_dtype_promotion("standard"), pytest.raises(SettingError, match=message):
         evaluate(*world, policy, carry)
 
 
-def test_wrong_worlds_and_numbers_are_told(world: tuple[Any, Any]) -> None:
+def test_wrong_environments_and_numbers_are_refused(world: tuple[Any, Any]) -> None:
     env, params = world
     several = params.replace(living_reward=jnp.zeros(3))
     cases: list[tuple[Any, Any, str]] = [

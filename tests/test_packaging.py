@@ -65,7 +65,7 @@ def test_import_writes_no_file(tmp_path: Path) -> None:
     assert sorted(SOURCE.rglob("*")) == before
 
 
-def test_version_is_the_one_installed() -> None:
+def test_version_is_the_installed_one() -> None:
     try:
         installed = importlib.metadata.version("jaxenstein")
     except importlib.metadata.PackageNotFoundError:

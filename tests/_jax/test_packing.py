@@ -36,7 +36,7 @@ def assert_same_bits(one: Any, other: Any) -> None:
         assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
 
 
-def test_all_types_come_back() -> None:
+def test_round_trip_of_all_types() -> None:
     trees = [tree_of(seed) for seed in range(ROWS)]
     packing = Packing(lambda: trees[0])
     rows = jnp.stack([jax.jit(packing.pack)(tree) for tree in trees])
@@ -47,7 +47,7 @@ def test_all_types_come_back() -> None:
         assert_same_bits(jax.tree.map(lambda leaf, i=i: np.array(leaf[i]), read), tree)
 
 
-def test_what_is_read_belongs_to_the_caller() -> None:
+def test_read_returns_a_copy() -> None:
     packing = Packing(lambda: tree_of(0))
     rows = packing.pack(tree_of(0))[None]
     for leaf in jax.tree.leaves(packing.read(rows)):
@@ -55,7 +55,7 @@ def test_what_is_read_belongs_to_the_caller() -> None:
     assert_same_bits(packing.unpack(rows[0]), tree_of(0))
 
 
-def test_wide_numbers_come_back() -> None:
+def test_round_trip_of_wide_numbers() -> None:
     with enable_x64(True):
         tree = {"pi": jnp.float64(np.pi), "far": jnp.array([-(2**40), 7], jnp.int64)}
         packing = Packing(lambda: tree)
@@ -66,7 +66,7 @@ def test_wide_numbers_come_back() -> None:
 
 
 @pytest.mark.parametrize("kind", ["threefry2x32", "rbg"])
-def test_random_keys_come_back(kind: str) -> None:
+def test_round_trip_of_random_keys(kind: str) -> None:
     keys = jax.random.split(jax.random.key(5, impl=kind), 2)
     packing = Packing(lambda: {"keys": keys})
     back = packing.unpack(packing.pack({"keys": keys}))["keys"]

@@ -152,7 +152,7 @@ def compare(out: Any, told: list[dict[str, Any]]) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_each_environment_may_have_its_own_params(mode: Any) -> None:
+def test_each_environment_can_have_its_own_params(mode: Any) -> None:
     env, params = make_crowd(heading=(-10.0, 10.0))
     speeds, limits = np.array([0.3, 0.5, 0.7], np.float32), np.array([4, 9, 6])
     own = params.replace(move_distance=speeds, max_steps_in_episode=limits)
@@ -189,14 +189,14 @@ def test_each_environment_may_have_its_own_params(mode: Any) -> None:
         ({"turn_angle": [0.1] * 3, "goal_radius": [1.0]}, r"goal_radius must have .* not \(1,\)"),
     ],
 )
-def test_params_of_another_number_of_environments(changes: Any, message: str) -> None:
+def test_params_for_wrong_number_of_environments(changes: Any, message: str) -> None:
     env, params = make_crowd()
     wrong = params.replace(**{name: np.array(value) for name, value in changes.items()})
     with pytest.raises(jaxenstein.SettingError, match=message):
         Batch(env, wrong, 3)
 
 
-def test_more_than_a_block_of_episodes_end_at_once(made: Any) -> None:
+def test_more_episodes_than_a_block_end_at_once(made: Any) -> None:
     batch = batch_of(made)
     batch.reset(0)
     idle = np.zeros(COUNT, np.int32)
@@ -208,7 +208,7 @@ def test_more_than_a_block_of_episodes_end_at_once(made: Any) -> None:
     assert not np.asarray(batch.states.done).any()
 
 
-def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_step_draws_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     env, params = jaxenstein.from_ascii(CROWD, height=5, width=6)
     drawn = []
     observe = Navigation.observe
@@ -232,7 +232,7 @@ def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
         assert len(drawn) == 1
 
 
-def test_batches_spread_over_cores() -> None:
+def test_batch_spreads_over_cores() -> None:
     run_with_devices(2, "-m", "tests.adapters.cores_run")
 
 
@@ -264,7 +264,7 @@ gymnasium.make_vec(
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks here")
-def test_a_forked_process_says_what_to_do_and_does_not_hang() -> None:
+def test_forked_process_gives_advice_and_does_not_hang() -> None:
     """Gymnasium makes one environment before it forks, so that JAX has run."""
     pytest.importorskip("gymnasium")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}

@@ -53,7 +53,7 @@ def split(values: tuple[Any, ...]) -> tuple[Any, Any, Any, Any, Any, dict[str, A
     return obs, state, reward, info["terminated"], info["truncated"], info
 
 
-def test_the_contract_is_that_of_the_gymnax_installed(made: tuple[Any, Any]) -> None:
+def test_contract_matches_installed_gymnax(made: tuple[Any, Any]) -> None:
     theirs, their_params = gymnax.make("Catch-bsuite")
     with jax.numpy_dtype_promotion("standard"):
         _, state = theirs.reset(jax.random.key(0), their_params)
@@ -69,7 +69,7 @@ def test_the_contract_is_that_of_the_gymnax_installed(made: tuple[Any, Any]) -> 
     assert missing <= {"rows", "columns", "render"}  # of Catch alone
 
 
-def test_spaces_are_those_of_gymnax() -> None:
+def test_spaces_are_gymnax_spaces() -> None:
     env, params = adapter.make("key-door", **SIZE)
     assert type(env.action_space(params)) is spaces.Discrete
     assert env.action_space(params).n == env.num_actions == 5
@@ -84,7 +84,7 @@ def test_spaces_are_those_of_gymnax() -> None:
     assert all(isinstance(space, spaces.Space) for space in many.spaces.values())
 
 
-def test_params_are_a_dataclass_with_gymnax_name_of_the_horizon(made: tuple[Any, Any]) -> None:
+def test_params_are_a_dataclass_with_max_steps_in_episode(made: tuple[Any, Any]) -> None:
     env, params = made
     names = {field.name for field in dataclasses.fields(env.default_params)}
     assert "max_steps_in_episode" in names
@@ -97,7 +97,7 @@ def test_params_are_a_dataclass_with_gymnax_name_of_the_horizon(made: tuple[Any,
 
 
 @pytest.mark.parametrize("new_key", [jax.random.key, jax.random.PRNGKey])
-def test_a_step_is_that_of_the_environment(made: tuple[Any, Any], new_key: Any) -> None:
+def test_step_matches_the_environment(made: tuple[Any, Any], new_key: Any) -> None:
     env, params = made
     obs, state = env.reset(new_key(3), params)
     expected_obs, _ = env.env.reset(new_key(3), params)
@@ -121,7 +121,7 @@ def walk(env: Any, params: Any, action: int, steps: int) -> list[tuple[Any, ...]
     return out
 
 
-def test_ends_are_told_apart_by_the_discount(made: tuple[Any, Any]) -> None:
+def test_discount_separates_termination_from_truncation(made: tuple[Any, Any]) -> None:
     env, params = made
     steps = walk(env, params, FORWARD, 40)
     first = next(i for i, step in enumerate(steps) if step[3])
@@ -132,7 +132,7 @@ def test_ends_are_told_apart_by_the_discount(made: tuple[Any, Any]) -> None:
     assert (bool(both[3]), bool(both[4]), float(both[5]["discount"])) == (True, True, 0)
 
 
-def test_steps_without_resets_and_the_questions_of_states(made: tuple[Any, Any]) -> None:
+def test_step_env_and_terminal_queries(made: tuple[Any, Any]) -> None:
     env, params = made
     obs, state = env.reset_env(jax.random.key(0), params)
     end, info = False, {}
@@ -182,7 +182,7 @@ def test_equal_environments_compile_once() -> None:
 
 
 @pytest.mark.usefixtures("partner_promotion")
-def test_log_wrapper_counts_what_info_says() -> None:
+def test_log_wrapper_agrees_with_info() -> None:
     """In a scan over a batch with old keys, as in purejaxrl, which keeps all of `info`."""
     env, params = adapter.from_env(*corridor())
     logged = purerl.LogWrapper(env)

@@ -55,7 +55,7 @@ def walk(env: Any, actions: Any, seed: int = 0) -> tuple[Any, Any]:
     return first, jax.jit(lambda c: jax.lax.scan(step, c, jnp.asarray(actions)))((state, first))[1]
 
 
-def test_time_steps_tell_the_ends_apart(env: adapter.StoaEnvironment) -> None:
+def test_time_steps_separate_termination_from_truncation(env: adapter.StoaEnvironment) -> None:
     first, steps = walk(env, np.full(LIMIT + 2, FORWARD))
     assert first.first()
     assert (first.reward, first.discount) == (0, 1)
@@ -85,7 +85,7 @@ def test_time_steps_tell_the_ends_apart(env: adapter.StoaEnvironment) -> None:
 
 
 @pytest.mark.parametrize("new_key", [jax.random.key, jax.random.PRNGKey])
-def test_reset_and_step_agree_in_structure(env: adapter.StoaEnvironment, new_key: Any) -> None:
+def test_reset_and_step_have_the_same_structure(env: adapter.StoaEnvironment, new_key: Any) -> None:
     state, first = env.reset(new_key(0))
     after, step = env.step(state, LEFT)
 
@@ -106,7 +106,7 @@ def test_reset_and_step_agree_in_structure(env: adapter.StoaEnvironment, new_key
         assert env.action_space().contains(env.action_space().sample(new_key(1)))
 
 
-def test_spaces_are_those_of_stoa(env: adapter.StoaEnvironment) -> None:
+def test_spaces_are_stoa_spaces(env: adapter.StoaEnvironment) -> None:
     assert isinstance(env, stoa.Environment)
     assert env.action_space() == stoa.DiscreteSpace(5, jnp.int32, "action")
     box = env.observation_space()
@@ -123,7 +123,7 @@ def test_spaces_are_those_of_stoa(env: adapter.StoaEnvironment) -> None:
 
 @pytest.mark.usefixtures("partner_promotion")
 @pytest.mark.parametrize("wrapper", [stoa.AutoResetWrapper, CachedAutoResetWrapper, None])
-def test_a_loop_as_in_stoix(wrapper: Any) -> None:
+def test_stoix_style_loop(wrapper: Any) -> None:
     """Automatic resets, episode metrics and a batch, inside of a scan."""
     if wrapper is None:
         wrapped: Any = corridor(autoreset="same-step", final_observation=True)
@@ -174,7 +174,7 @@ def test_other_wrappers(env: adapter.StoaEnvironment) -> None:
     assert step.truncated()
 
 
-def test_mistakes_are_named(env: adapter.StoaEnvironment) -> None:
+def test_errors_name_the_mistake(env: adapter.StoaEnvironment) -> None:
     with pytest.raises(SettingError, match="autoreset=None or autoreset='same-step'"):
         adapter.make("simple", autoreset="next-step")
     assert env != corridor()

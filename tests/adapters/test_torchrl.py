@@ -26,7 +26,7 @@ def both(mode):
 
 
 @pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
-def test_vectors_play_what_they_play_without_it(mode):
+def test_rollout_matches_plain_vector_environment(mode):
     plain, wrapped = both(mode)
     told = wrapped.rollout(STEPS, break_when_any_done=False)
     assert told.batch_size == (COUNT, STEPS)
@@ -46,7 +46,7 @@ def test_vectors_play_what_they_play_without_it(mode):
     assert told["next", "done"].sum() == COUNT * (STEPS // 4)
 
 
-def test_it_takes_no_resets_in_the_next_step():
+def test_next_step_autoreset_is_refused():
     with pytest.raises(RuntimeError, match="must be one of SAME_STEP or DISABLED"):
         both("NextStep")
 

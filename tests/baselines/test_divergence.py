@@ -36,7 +36,7 @@ def learner_of(algo: str, **settings: Any) -> Learner:
 
 
 @pytest.mark.parametrize("algo", ["ppo", *BONUSES])
-def test_one_run_stops_and_the_other_goes_on_bit_for_bit(algo: str) -> None:
+def test_one_run_stops_and_the_other_is_unchanged_bit_for_bit(algo: str) -> None:
     many = learner_of(algo).many
     rate = "learning_rate" if algo == "ppo" else "bonus_learning_rate"
 
@@ -72,7 +72,7 @@ def test_one_run_stops_and_the_other_goes_on_bit_for_bit(algo: str) -> None:
 
 
 @pytest.mark.parametrize("learning_rate", [0.1, HUGE])
-def test_with_continue_the_numbers_spread(learning_rate: float) -> None:
+def test_non_finite_numbers_spread_with_continue(learning_rate: float) -> None:
     learner = learner_of("ppo", on_divergence="continue")
     state, metrics = learner.train_chunk(
         learner.init(jax.random.key(0)), HParams(learning_rate=learning_rate), 2
@@ -112,7 +112,7 @@ def state_of(value: float, params: float, bonus: float, diverged: int = 0) -> Tr
         ({"loss": 3.0, "kl": np.nan, "loss_ratio": np.inf}, 1, 1, 0, ""),
     ],
 )
-def test_what_is_not_finite(
+def test_guard_stops_on_non_finite_values(
     learnt: dict[str, float], params: float, bonus: float, code: int, words: str
 ) -> None:
     before, after = state_of(4, 1, 1), state_of(5, params, bonus)
@@ -135,11 +135,11 @@ def test_what_is_not_finite(
 
 
 @pytest.mark.parametrize("code", [8, -1, 2**40])
-def test_a_code_of_a_spoilt_file_has_words_too(code: int) -> None:
+def test_unknown_divergence_code_has_a_description(code: int) -> None:
     assert "seed-0 diverged at update 1: its " in Divergence(1, code).told("seed-0")
 
 
-def test_updates_count_until_all_runs_have_diverged() -> None:
+def test_updates_are_counted_until_all_runs_have_diverged() -> None:
     def count(*codes: list[int]) -> int:
         return updates_that_count({"diverged": np.array(codes), "loss": np.zeros((2, 4))})
 

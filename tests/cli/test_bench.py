@@ -59,7 +59,7 @@ def test_summary_is_median_and_quartiles() -> None:
 
 
 @pytest.mark.slow
-def test_measures_in_a_process_of_its_own() -> None:
+def test_measures_in_a_separate_process() -> None:
     core = min(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
     small = spec_from({"env": "simple", "height": 8, "width": 8, "frame_skip": 3})
     settings = Settings("small", asdict(small), batch=2, steps=4, repeats=3, core=core)
@@ -80,7 +80,7 @@ def test_measures_in_a_process_of_its_own() -> None:
     assert (result["id"], result["height"], result["frame_skip"]) == ("small", 8, 3)
 
 
-def test_failing_process_is_told_in_one_line(
+def test_failing_process_gives_a_one_line_error(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nowhere = Settings("x", asdict(Spec("nowhere", 0, {}, {})), batch=2, steps=4, repeats=3)

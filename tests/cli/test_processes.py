@@ -50,7 +50,7 @@ training.anywhere = lambda *flags: (
         ),
     ],
 )
-def test_refusals(
+def test_invalid_process_flags_are_refused(
     words: str,
     message: str,
     tmp_path: Path,
@@ -99,7 +99,7 @@ ONE = [*FLAGS[:-1], "--seeds=1"]
 # Starts up to five processes: only processes with their own devices show what works across them.
 @pytest.mark.slow
 @pytest.mark.parametrize("share", ["--seeds=2", "--shards=2"])
-def test_two_processes_train_what_one_trains(share: str, tmp_path: Path) -> None:
+def test_two_processes_give_the_training_of_one(share: str, tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     (alone,) = train(one, [*ONE, share], 1, 2)
     both = train(two, [*ONE, share], 2, 1)
@@ -120,7 +120,7 @@ def test_two_processes_train_what_one_trains(share: str, tmp_path: Path) -> None
 
 # Starts ten processes: only a process that dies shows what becomes of the others.
 @pytest.mark.slow
-def test_a_killed_training_goes_on_in_other_numbers(tmp_path: Path) -> None:
+def test_killed_training_resumes_with_other_process_counts(tmp_path: Path) -> None:
     flags = [*ONE, "--num-envs=8", f"--total-steps={UPDATES * 8 * 8}", "--shards=4"]
     (alone,) = train(tmp_path / "alone", flags, 1, 4)
     assert alone.returncode == 0, alone.stderr

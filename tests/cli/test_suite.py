@@ -87,7 +87,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
         (["--budget", "-1"], "--budget"),
     ],
 )
-def test_what_the_suite_fixes_is_refused(
+def test_flags_fixed_by_the_suite_are_refused(
     words: list[str], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["train", "--suite", "--out", "new", *words]) == 2
@@ -96,7 +96,7 @@ def test_what_the_suite_fixes_is_refused(
 
 
 @pytest.mark.usefixtures("two_tasks")
-def test_evaluate_refuses_what_does_not_belong_together(
+def test_evaluate_refuses_conflicting_arguments(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for words, told in (
@@ -116,7 +116,7 @@ def test_evaluate_refuses_what_does_not_belong_together(
 
 
 @pytest.mark.usefixtures("two_tasks")
-def test_a_policy_is_checked_on_all_tasks_before_it_plays(
+def test_policy_is_checked_on_all_tasks_first(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def play(*_: object, **__: object) -> None:
@@ -131,7 +131,7 @@ def test_a_policy_is_checked_on_all_tasks_before_it_plays(
     assert "policy(obs, key) must be one whole number" in capsys.readouterr().err
 
 
-def test_the_list_shows_every_task(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_shows_every_task(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "--suite", "large"]) == 0
     shown = capsys.readouterr().out
     assert all(f"\n{task.id} " in f"\n{shown}" for task in suite.TASKS)

@@ -70,7 +70,7 @@ def test_shapes_and_types(played: Played) -> None:
     assert env.action_space(params).n == env.num_actions == len(env.action_names)
 
 
-def test_behaviour_is_that_of_the_version(played: Played) -> None:
+def test_behaviour_matches_golden_episode_of_the_version(played: Played) -> None:
     """In a batch, the golden episode that was recorded outside of one."""
     if played.name not in EPISODES:
         pytest.skip("a variant has no golden episode")
@@ -78,7 +78,7 @@ def test_behaviour_is_that_of_the_version(played: Played) -> None:
     assert not problem, golden.message(played.name, problem)
 
 
-def test_the_golden_episode_is_worth_keeping(played: Played) -> None:
+def test_golden_episode_is_varied(played: Played) -> None:
     """A player takes several actions and moves, and observations change."""
     if played.name not in EPISODES:
         pytest.skip("a variant has no golden episode")
@@ -183,7 +183,7 @@ def about_to_put(env, state):
 
 @pytest.mark.parametrize("limit", [False, True], ids=["in time", "at the limit"])
 @pytest.mark.parametrize("ending", [False, True], ids=["going on", "ending"])
-def test_truth_table_of_ends(played: Played, ending: bool, limit: bool) -> None:
+def test_truth_table_of_episode_ends(played: Played, ending: bool, limit: bool) -> None:
     """Both flags, each by itself, together, and neither, at the first of the steps."""
     env, states = played.env, played.first[1]
     if ending:
@@ -213,7 +213,7 @@ def test_truth_table_of_ends(played: Played, ending: bool, limit: bool) -> None:
     np.testing.assert_array_equal(after.time[0], 0 if ends or limit else int(states.time[0]) + 1)
 
 
-def test_seeds_decide(played: Played) -> None:
+def test_seeds_determine_episodes(played: Played) -> None:
     """The same keys give the same episodes; other keys give others, if the task is random."""
     again = played.episodes(played.seed)
     jax.tree.map(np.testing.assert_array_equal, again[1:], (played.first, played.steps))

@@ -57,7 +57,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("name", "settings"), CASES)
-def test_its_checks_let_everything_through(name, settings):
+def test_replication_checks_pass(name, settings):
     """They are made when it is traced."""
     spread, spec, keys = apart()
     env, params = jaxenstein.make(name, **SIZE, **settings)
@@ -77,7 +77,7 @@ def test_whole_episodes_and_wide_maps():
     assert played.length.shape == (len(KEYS),)
 
 
-def test_the_same_steps_as_without():
+def test_steps_equal_those_on_one_device():
     spread, spec, keys = apart()
     env, params = jaxenstein.make("key-door", **SIZE)
     run = functools.partial(acting, env, params)

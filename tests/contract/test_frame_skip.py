@@ -67,7 +67,7 @@ CASES = [
 @pytest.mark.parametrize(
     ("name", "autoreset", "skip", "limit", "changes"), CASES, ids=[c[0] for c in CASES]
 )
-def test_a_step_is_so_many_of_the_world(name, autoreset, skip, limit, changes):
+def test_skipped_step_equals_single_steps(name, autoreset, skip, limit, changes):
     env, params = build(name, autoreset, skip, max_steps_in_episode=limit, **changes)
     single = dataclasses.replace(env, frame_skip=1)
     choose = jax.jit(player_of(env)(env, params))
@@ -103,7 +103,7 @@ def test_a_step_is_so_many_of_the_world(name, autoreset, skip, limit, changes):
     assert ends
 
 
-def test_rewards_add_up_and_events_of_any_step_show():
+def test_rewards_add_up_and_events_of_all_steps_show():
     """Two keys are passed in one step, at the end of which there is none."""
     env, params = jaxenstein.from_ascii(
         "########\n#Srn.G.#\n########", heading=0, frame_skip=4, **SIZE
@@ -120,7 +120,7 @@ def test_rewards_add_up_and_events_of_any_step_show():
 
 
 @pytest.mark.parametrize("limit", [1, 4, 5, 6])
-def test_the_time_limit_ends_a_step_between(limit):
+def test_time_limit_ends_a_step_early(limit):
     env, params = build("simple", None, 4, max_steps_in_episode=limit, living_reward=-1.0)
     _, state = env.reset(jax.random.key(0), params)
     assert int(env.most_steps(params)) == -(-limit // 4)
@@ -133,7 +133,7 @@ def test_the_time_limit_ends_a_step_between(limit):
     assert sum(rewards) == -limit
 
 
-def test_without_a_reset_steps_beyond_the_end_are_single():
+def test_steps_after_the_end_are_single_without_reset():
     env, params = build("simple", None, 4, max_steps_in_episode=3)
     _, state = env.reset(jax.random.key(0), params)
     for time in (3, 4, 5):
@@ -141,7 +141,7 @@ def test_without_a_reset_steps_beyond_the_end_are_single():
         assert state.time == time
 
 
-def test_headings_that_a_skip_of_turns_can_reach():
+def test_skipped_turns_reach_right_angles_if_divisible():
     """With 15 degrees a turn 1, 2, 3 and 6 of them divide a right angle, and 4 do not."""
     for skip in (1, 2, 3, 4, 6):
         env, params = build("simple", None, skip)

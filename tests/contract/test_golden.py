@@ -23,14 +23,14 @@ def test_every_id_has_a_golden_episode() -> None:
 
 
 @pytest.mark.parametrize("name", MAIN_IDS)
-def test_version_and_params_are_those_of_the_episode(name: str) -> None:
+def test_version_and_params_match_the_episode(name: str) -> None:
     env, params = jaxenstein.make(name)
     assert env.version == EPISODES[name]["version"], golden.COMMAND
     assert golden.numbers_of(params) == EPISODES[name]["params"], golden.message(name, "params")
 
 
 @pytest.mark.parametrize("name", [name for name in ENTRIES if ENTRIES[name].version > 0])
-def test_a_raised_version_stands_in_the_changelog(name: str) -> None:
+def test_raised_version_is_in_the_changelog(name: str) -> None:
     text = (golden.ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     entries = [" ".join(entry.split()) for entry in re.split(r"^- ", text, flags=re.MULTILINE)]
     wanted = f"version {ENTRIES[name].version}"
@@ -45,7 +45,7 @@ def found() -> golden.Trace:
     return golden.trace(ONE, EPISODES[ONE]["seed"], golden.actions_of(EPISODES[ONE]))
 
 
-def test_an_episode_outside_of_a_batch(found: golden.Trace) -> None:
+def test_episode_outside_a_batch(found: golden.Trace) -> None:
     """The contract compares all of them, in a batch."""
     assert golden.problem(ONE, EPISODES[ONE], found) == ""
 
@@ -63,7 +63,7 @@ def with_row(rows: tuple[np.ndarray, ...], row: int, by: float) -> tuple[np.ndar
     return (*rows[:row], other, *rows[row + 1 :])
 
 
-def test_one_changed_event_is_told_with_its_steps(found: golden.Trace) -> None:
+def test_changed_event_is_reported_with_its_steps(found: golden.Trace) -> None:
     problem = changed(found, whole=lambda rows: with_row(rows, 19, 1))
     assert problem.endswith("differ from some step of 16 to 23 on")
     text = golden.message(ONE, problem)
@@ -73,7 +73,7 @@ def test_one_changed_event_is_told_with_its_steps(found: golden.Trace) -> None:
 
 
 @pytest.mark.parametrize(("by", "same"), [(2e-6, True), (2e-2, False)])
-def test_positions_may_differ_by_rounding_alone(found: golden.Trace, by: float, same: bool) -> None:
+def test_positions_can_differ_only_by_rounding(found: golden.Trace, by: float, same: bool) -> None:
     problem = changed(
         found, real=lambda rows: with_row(rows, 30, by), poses=lambda poses: poses + 10 * by
     )
@@ -81,7 +81,7 @@ def test_positions_may_differ_by_rounding_alone(found: golden.Trace, by: float, 
 
 
 @pytest.mark.parametrize(("pixels", "same"), [(3, True), (6, False)])
-def test_few_pixels_of_a_frame_may_differ(found: golden.Trace, pixels: int, same: bool) -> None:
+def test_few_pixels_of_a_frame_can_differ(found: golden.Trace, pixels: int, same: bool) -> None:
     def spoil(frames: np.ndarray) -> np.ndarray:
         spoiled = frames.copy()
         spoiled[12, 5, :pixels] ^= 255
@@ -92,18 +92,18 @@ def test_few_pixels_of_a_frame_may_differ(found: golden.Trace, pixels: int, same
     assert same or "the frame after step 12 differs" in problem
 
 
-def test_another_param_is_told_by_name() -> None:
+def test_changed_param_is_reported_by_name() -> None:
     episode = EPISODES[ONE]
     wanted = episode | {"params": episode["params"] | {"goal_radius": 0.4}}
     assert golden.problem(ONE, wanted) == "default params are now {'goal_radius': 0.35}"
 
 
-def test_a_raised_version_asks_for_a_new_episode() -> None:
+def test_raised_version_requires_new_episode() -> None:
     problem = golden.problem(ONE, EPISODES[ONE] | {"version": 7})
     assert golden.message(ONE, problem).endswith(f"regenerate with {golden.COMMAND}")
 
 
-def test_the_program_keeps_what_has_not_been_raised(
+def test_program_keeps_episodes_of_unchanged_versions(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """An episode is not written anew before its version has been raised."""

@@ -43,7 +43,7 @@ def played(env, params):
 
 
 @pytest.mark.parametrize(("autoreset", "frame_skip"), [("same-step", 1), ("next-step", 2)])
-def test_rewards_by_params(autoreset, frame_skip):
+def test_gradients_of_rewards_by_params(autoreset, frame_skip):
     env, params = build(autoreset=autoreset, frame_skip=frame_skip)
     play = jax.jit(lambda p: played(env, p)[0])
     value, slope = jax.jit(jax.value_and_grad(play, allow_int=True))(params)
@@ -59,7 +59,7 @@ def test_rewards_by_params(autoreset, frame_skip):
 
 
 @pytest.mark.parametrize("observation", ["depth", "rgb"])
-def test_pictures_and_first_states_are_constants(observation):
+def test_frames_and_initial_states_have_zero_gradients(observation):
     env, params = build(observation)
     _, state = env.reset(jax.random.key(0), params)
 
@@ -76,7 +76,7 @@ def test_pictures_and_first_states_are_constants(observation):
         np.testing.assert_array_equal(reward, np.zeros(2))
 
 
-def test_in_a_batch():
+def test_gradients_in_a_batch():
     env, params = build()
     keys = jax.random.split(jax.random.key(0), 3)
     _, states = jax.vmap(env.reset, (0, None))(keys, params)

@@ -100,7 +100,7 @@ def test_step_renders_once():
 @pytest.mark.parametrize(
     "drawn", ["my-way-home", pytest.param("doom-health-gathering", marks=pytest.mark.slow)]
 )
-def test_a_choice_that_differs_within_the_batch(drawn) -> None:
+def test_cond_with_batched_predicate(drawn) -> None:
     """A user's `lax.cond` around `reset` and `step`, whose arrays it makes a batch of."""
     env, params = jaxenstein.make(drawn, height=6, width=6)
 
@@ -118,7 +118,7 @@ def test_a_choice_that_differs_within_the_batch(drawn) -> None:
         alike(member(got, i, 0), member(reset if anew else step, i, 0))
 
 
-def test_a_batch_of_no_environments():
+def test_empty_batch():
     env, params = jaxenstein.make("key-door", **SIZE)
     obs, states = jax.vmap(env.reset, (0, None))(jax.random.split(jax.random.key(0), 0), params)
     assert obs.shape == (0, 12, 16, 3)
@@ -170,7 +170,7 @@ def test_invalid_actions_do_nothing(action):
 
 
 @pytest.mark.parametrize("action", [0.0, np.zeros(3, np.int32), True])
-def test_wrong_kinds_of_action_are_refused(action):
+def test_actions_of_wrong_type_are_refused(action):
     env, params = jaxenstein.make("simple", **SIZE)
     _, state = env.reset(jax.random.key(0), params)
     with pytest.raises(jaxenstein.SettingError, match="one integer of shape"):
@@ -183,7 +183,7 @@ def test_wrong_params_are_refused():
         env.reset(jax.random.key(0), jaxenstein.Params())
 
 
-def test_x64_changes_no_type():
+def test_x64_changes_no_dtype():
     env, params = jaxenstein.make("health-gathering", **SIZE)
     key = jax.random.key(5)
     narrow = env.step(key, env.reset(key, params)[1], 2, params)

@@ -10,7 +10,7 @@ from examples.custom_task import Fruit
 @pytest.mark.parametrize(
     ("apple", "there", "success"), [(0, True, True), (1, True, False), (0, False, False)]
 )
-def test_an_end_with_a_reward_is_success(apple, there, success):
+def test_termination_with_reward_is_success(apple, there, success):
     """The western place pays +1 where the apple lies there, else -1."""
     env = Fruit(height=8, width=8)
     params = env.check_params()

@@ -65,7 +65,7 @@ def test_cells_run_in_order(path: Path, tmp_path: Path, monkeypatch: pytest.Monk
     assert "episode" in names
 
 
-def test_they_are_notebooks_without_results() -> None:
+def test_notebooks_have_no_outputs() -> None:
     nbformat = pytest.importorskip("nbformat")
     assert [path.stem for path in NOTEBOOKS] == ["start", "task", "train"]
     for path in NOTEBOOKS:
@@ -77,7 +77,7 @@ def test_they_are_notebooks_without_results() -> None:
         nbformat.validate(book)
 
 
-def test_their_links_lead_to_files() -> None:
+def test_notebook_links_lead_to_files() -> None:
     for path in NOTEBOOKS:
         text = "\n".join(cells(path, "markdown"))
         targets = [part.partition(")")[0] for part in text.split("](")[1:]]

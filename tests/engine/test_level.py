@@ -96,7 +96,7 @@ def test_levels_built_in_a_program_equal_compiled_ones(shape: tuple[int, int]) -
     check()
 
 
-def test_a_closed_border_needs_no_margin() -> None:
+def test_closed_border_needs_no_margin() -> None:
     none = np.zeros((0, 2), np.int32)
     walls = np.full((4, 5), 3, np.uint8)
     walls[1:-1, 1:-1] = 0
@@ -110,7 +110,7 @@ def test_a_closed_border_needs_no_margin() -> None:
     assert compile_level(walls, np.array([(2, 0)], np.int32)).margin == 1
 
 
-def test_what_is_outside_looks_like_a_wall() -> None:
+def test_outside_looks_like_a_wall() -> None:
     """Not like the ceiling (0) or the floor (1)."""
     level = compile_level(np.zeros((2, 3), np.uint8), np.zeros((0, 2), np.int32))
     ring = np.asarray(level.walls)[0]

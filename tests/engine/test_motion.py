@@ -43,7 +43,7 @@ def segments(count: int) -> tuple[np.ndarray, np.ndarray]:
     return starts, starts + steps.astype(np.float32)
 
 
-def test_tiles_of_a_step() -> None:
+def test_tiles_entered_by_a_step() -> None:
     starts, ends = segments(4000)
     firsts, lasts = jax.jit(jax.vmap(path_tiles))(starts, ends)
     corners = 0
@@ -59,7 +59,7 @@ def test_tiles_of_a_step() -> None:
     assert corners > 300
 
 
-def test_a_step_is_stopped_by_any_tile_that_it_enters() -> None:
+def test_step_is_stopped_by_any_solid_tile_it_enters() -> None:
     """Around a corner the order counts: one way round is free, the other is not."""
     starts, ends = segments(2000)
     rng = np.random.default_rng(1)
@@ -115,7 +115,7 @@ def contracted(offsets: np.ndarray, side: int | None) -> np.ndarray:
     return values[program.outvars[0]]
 
 
-def test_a_length_is_the_same_whatever_is_rounded_together() -> None:
+def test_length_does_not_depend_on_fusion() -> None:
     rng = np.random.default_rng(2)
     scale = rng.choice([1e-3, 0.3, 5, 60], (4000, 1))
     offsets = (rng.normal(size=(4000, 2)) * scale).astype(np.float32)
@@ -128,7 +128,7 @@ def test_a_length_is_the_same_whatever_is_rounded_together() -> None:
     assert (np.abs(plain - true) <= 1.5 * np.spacing(plain)).all()
 
 
-def test_a_length_has_the_slope_of_a_length() -> None:
+def test_gradient_of_length() -> None:
     offset = jnp.array([-3.0, 4.0]) * 1.1
     np.testing.assert_allclose(jax.grad(length)(offset), [-0.6, 0.8], rtol=1e-6)
 
@@ -172,7 +172,7 @@ def test_24000_turns_end_where_they_began() -> None:
     assert apart(headings[-1], headings[23]).max() <= 2 * DRIFT
 
 
-def test_a_walk_of_turns_never_drifts() -> None:
+def test_walk_with_turns_never_drifts() -> None:
     ways = np.random.default_rng(3).choice([-1, 0, 1], 5000).astype(np.float32)
     angle = np.float32(math.radians(15))
 
@@ -185,7 +185,7 @@ def test_a_walk_of_turns_never_drifts() -> None:
     assert apart(headings, true).max() <= DRIFT + 2.4e-7
 
 
-def test_few_turns_are_plain_sums() -> None:
+def test_few_turns_equal_plain_sums() -> None:
     """So that short episodes are the same bits as before headings were kept from drifting."""
     angle, heading = np.float32(math.radians(15)), np.float32(0)
     for found in turned(0.0, jnp.float32(angle), 24):
@@ -193,19 +193,19 @@ def test_few_turns_are_plain_sums() -> None:
         assert found == heading
 
 
-def test_from_the_axes_all_right_angles_are_exact() -> None:
+def test_right_angles_from_the_axes_are_exact() -> None:
     angles = np.float32(np.radians([90, 180, 270, 0]))
     np.testing.assert_array_equal(turned(0.0, jnp.float32(math.pi / 2), 4), angles)
 
 
 @pytest.mark.parametrize("angle", [0.1, 1.0, -0.3, 0.0, 1e-5])
-def test_other_angles_are_added(angle: float) -> None:
+def test_other_angles_add_up(angle: float) -> None:
     starts = np.random.default_rng(1).uniform(0, 6.28, 500).astype(np.float32)
     wanted = np.mod(starts + np.float32(angle), np.float32(2 * math.pi))
     np.testing.assert_array_equal(jax.jit(turn)(starts, jnp.float32(angle)), wanted)
 
 
-def test_turns_are_the_same_alone_and_in_a_batch() -> None:
+def test_turns_are_equal_alone_and_in_a_batch() -> None:
     starts = np.random.default_rng(2).uniform(0, 6.28, 40).astype(np.float32)
     angle = jnp.float32(math.radians(15))
     batch = jax.jit(jax.vmap(turn, (0, None)))(starts, angle)

@@ -64,7 +64,7 @@ def test_patterns_against_the_reference(camera: Camera, varying: bool) -> None:
     assert compared > 0.6 * len(drawn) * camera.height * camera.width
 
 
-def test_wall_patterns_go_on_beyond_a_tile_and_differ() -> None:
+def test_wall_patterns_continue_over_tiles_and_differ() -> None:
     """Left and right edges fit each other: no more texels change there than between others."""
     words = wall_patterns()
     assert words.shape == (len(WALL_PATTERNS), 2, 32)

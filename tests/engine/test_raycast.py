@@ -108,7 +108,9 @@ def test_random_poses(case: Case, exact: bool) -> None:
     ("rise", "beyond", "excused"),
     [(1.0, 1e-4, True), (1.0, 5e-4, False), (0.01, 1e-3, True), (0.01, 2e-3, False)],
 )
-def test_only_rays_by_a_corner_are_excused(rise: float, beyond: float, excused: bool) -> None:
+def test_only_rays_near_a_corner_may_hit_the_neighbour(
+    rise: float, beyond: float, excused: bool
+) -> None:
     """What is said to meet a tile of a wall, and meets the next one so far from their border."""
     solid = np.zeros((9, 9), bool)
     solid[5] = True
@@ -146,7 +148,7 @@ def test_no_ray_slips_through_a_corner(quarter: int, bordered: bool) -> None:
 
 
 @pytest.mark.parametrize("falling", [True, False])
-def test_nothing_is_seen_between_two_tiles_that_touch_at_a_corner(falling: bool) -> None:
+def test_no_view_between_tiles_that_touch_at_a_corner(falling: bool) -> None:
     """From many places, the middle ray of an odd image goes right through that corner."""
     walls = np.zeros((17, 17), np.uint8)
     corner = 8
@@ -177,7 +179,7 @@ def test_nothing_is_seen_between_two_tiles_that_touch_at_a_corner(falling: bool)
 
 
 @pytest.mark.parametrize("bordered", [True, False])
-def test_an_eye_an_ulp_before_a_wall_is_not_in_it(bordered: bool) -> None:
+def test_eye_one_ulp_before_a_wall_is_outside(bordered: bool) -> None:
     walls = np.full((20, 20), 2, np.uint8)
     walls[int(bordered) : 20 - int(bordered), int(bordered) : 20 - int(bordered)] = 0
     walls[:, 9] = 5
@@ -275,7 +277,7 @@ def test_levels_in_the_state_equal_constants(shape: tuple[int, int]) -> None:
     check()
 
 
-def test_absent_doors_stand_in_the_border() -> None:
+def test_absent_doors_are_in_the_border() -> None:
     walls = jnp.full((5, 5), 3, jnp.uint8).at[1:-1, 1:-1].set(0).at[2, 2].set(31)
     doors = jnp.array([(0, 0), (2, 2), (0, 0)], jnp.int32)
     level = jax.jit(level_from_walls)(walls, doors)
@@ -286,7 +288,7 @@ def test_absent_doors_stand_in_the_border() -> None:
         assert float(hits.depth[0, 0]) == pytest.approx(depth)
 
 
-def test_doors_may_have_their_own_face_ids() -> None:
+def test_doors_can_have_their_own_face_ids() -> None:
     walls = np.zeros((4, 3, 3), np.uint8)
     walls[:, 1, 1] = [11, 12, 13, 14]
     level = compile_level(walls, np.array([(1, 1)], np.int32))

@@ -83,7 +83,7 @@ def test_layers_limit_what_a_column_shows(layers: int) -> None:
     assert in_front == {2.0, 3.0, 4.0, 5.0} & {float(d) for d in range(2, 2 + layers)}
 
 
-def test_a_batch_paints_the_layers_that_its_members_need() -> None:
+def test_batch_paints_the_layers_its_members_need() -> None:
     """Each member as alone, whatever the others see: none to five billboards behind each other."""
     world, camera = hall(), Camera(24, 32, 60)
     depths = [3.0 + 0.3 * i for i in range(5)]
@@ -105,7 +105,7 @@ def test_a_batch_paints_the_layers_that_its_members_need() -> None:
         np.testing.assert_array_equal(images, [wanted[i] for i in chosen])
 
 
-def test_a_sprite_is_cut_by_a_wall_before_it() -> None:
+def test_wall_hides_part_of_a_sprite_behind_it() -> None:
     world = hall()
     world.walls[1:4, 4] = 17
     camera = Camera(32, 64, 60)
@@ -154,7 +154,7 @@ def test_art_is_upright_and_not_mirrored(look: int) -> None:
     assert checked > 20
 
 
-def test_sprites_of_equal_depth_are_ordered_the_same_way_everywhere() -> None:
+def test_sprites_of_equal_depth_have_a_fixed_order() -> None:
     """A tie shows one of the two in all columns of both, not a mixture."""
     world, camera = hall(), Camera(32, 32, 60)
     sprites = billboards((4.0, 3.5, 0), (4.0, 3.5, 3))
@@ -166,7 +166,7 @@ def test_sprites_of_equal_depth_are_ordered_the_same_way_everywhere() -> None:
 
 
 @pytest.mark.parametrize("layers", [1, 4])
-def test_sprites_of_equal_depth_beside_each_other_are_all_drawn(layers: int) -> None:
+def test_adjacent_sprites_of_equal_depth_are_all_drawn(layers: int) -> None:
     world, camera = hall(), Camera(32, 64, 60)
     sprites = billboards((4.0, 2.5, 0), (4.0, 4.5, 3), (4.0, 3.5, 1))
     labels = show(world, sprites, camera, "labels", layers)

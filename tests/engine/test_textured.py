@@ -184,7 +184,7 @@ def test_textures_change_neither_depth_nor_labels(kind: str) -> None:
     assert traced(with_textures, kind) == traced(theme, kind)
 
 
-def test_two_samples_are_the_mean_of_an_image_twice_as_wide() -> None:
+def test_two_samples_average_an_image_twice_as_wide() -> None:
     """Rounded down; square pixels stay as high as they were."""
     camera = Camera(12, 10, 70)
     twice = dataclasses.replace(

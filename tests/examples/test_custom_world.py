@@ -14,7 +14,7 @@ def levels():
     return env, draw(jax.random.split(jax.random.key(0), 256))
 
 
-def test_everything_can_be_had(levels):
+def test_everything_is_reachable(levels):
     _, states = levels
     search = Search(jax.device_get(states), carries=True)
     assert search.had.all()

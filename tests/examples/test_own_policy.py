@@ -7,7 +7,7 @@ import jaxenstein
 from examples import own_policy
 
 
-def test_the_agent_reaches_the_right_end_each_time(capsys: pytest.CaptureFixture[str]) -> None:
+def test_agent_always_reaches_the_right_end(capsys: pytest.CaptureFixture[str]) -> None:
     results = own_policy.main(episodes=12)
     # 33 steps, 6 turns, and 4 tiles less the radius of the goal in steps of 0.15.
     np.testing.assert_array_equal(results.lengths, 33 + 6 + 25)

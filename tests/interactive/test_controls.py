@@ -28,7 +28,7 @@ def played(controls: Controls, start: float, seconds: float) -> list[tuple[float
     return found
 
 
-def test_every_key_of_the_wish_list_acts() -> None:
+def test_every_listed_key_acts() -> None:
     wanted = {
         FORWARD: ("w", "up"),
         BACKWARD: ("s", "down"),
@@ -52,7 +52,7 @@ def test_keys_without_a_meaning_do_nothing() -> None:
     assert controls.take(0.0) is None
 
 
-def test_keys_together_are_the_action_that_takes_both() -> None:
+def test_keys_pressed_together_give_the_combined_action() -> None:
     """As of Doom's tasks with buttons="all"; where there is none, they take turns."""
     names = ("nothing", "attack", "turn left", "turn left + attack", "turn right")
     assert keys_of(names)["turn left + attack"] == ()
@@ -70,7 +70,7 @@ def test_keys_together_are_the_action_that_takes_both() -> None:
     assert {action for _, action in played(controls, 3.01, 0.9)} == {2}
 
 
-def test_taps_that_wait_together_are_one_action() -> None:
+def test_waiting_taps_combine_into_one_action() -> None:
     """As a terminal tells them: released at once."""
     controls = Controls(("attack", "turn left", "turn left + attack"), FPS)
     for key in ("space", "a"):
@@ -93,7 +93,7 @@ def test_two_actions_never_share_a_key() -> None:
     assert keys_of(names) == {"interact": ("space",), "attack": ("f",), "drop": ("1",)}
 
 
-def test_a_tap_is_one_step_however_short_or_long() -> None:
+def test_tap_of_any_length_is_one_step() -> None:
     for length in (0.0, 0.03, 0.9 * HOLD):
         controls = Controls(ACTION_NAMES, FPS)
         controls.press("w", 5.0)
@@ -102,7 +102,7 @@ def test_a_tap_is_one_step_however_short_or_long() -> None:
         assert [action for _, action in before + played(controls, 5.0 + length, 1.0)] == [FORWARD]
 
 
-def test_a_held_key_repeats_at_the_rate() -> None:
+def test_held_key_repeats_at_the_frame_rate() -> None:
     controls = Controls(ACTION_NAMES, FPS)
     controls.press("up", 5.0)
     times = [time for time, _ in played(controls, 5.0, 1.05)]
@@ -114,7 +114,7 @@ def test_a_held_key_repeats_at_the_rate() -> None:
     assert controls.due(7.0) is None
 
 
-def test_a_display_that_looks_rarely_keeps_the_rate() -> None:
+def test_irregular_polling_keeps_the_rate() -> None:
     controls = Controls(ACTION_NAMES, FPS)
     controls.press("w", 0.0)
     looks = np.cumsum(np.random.default_rng(0).uniform(0.001, 0.09, 400))
@@ -143,7 +143,7 @@ def test_keys_held_together_take_turns() -> None:
     assert {action for _, action in played(controls, 6.2, 0.5)} == {LEFT}
 
 
-def test_of_opposite_keys_the_later_one_counts() -> None:
+def test_later_of_two_opposite_keys_counts() -> None:
     controls = Controls(ACTION_NAMES, FPS)
     controls.press("w", 5.0)
     played(controls, 5.0, 0.6)

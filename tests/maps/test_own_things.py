@@ -62,7 +62,7 @@ def planes(cells: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("form", ["text", "indented", "array", "pixels", "file", "file's name"])
-def test_every_form_is_the_same_picture(form: str, tmp_path: Path) -> None:
+def test_every_form_gives_the_same_picture(form: str, tmp_path: Path) -> None:
     cells, file = marks(), tmp_path / "thing.png"
     Image.fromarray(as_image(cells)).save(file)
     indented = "\n    " + as_text(cells).replace("\n", "\n    ") + "\n    "
@@ -82,7 +82,7 @@ def test_every_form_is_the_same_picture(form: str, tmp_path: Path) -> None:
     assert (thing.radius, thing.drop) == (0.25, 0.25)
 
 
-def test_one_in_several_colours_has_a_label_for_each() -> None:
+def test_thing_in_several_colours_has_a_label_per_colour() -> None:
     light = np.where(marks()[..., None] == 1, 220, 30).astype(np.uint8).repeat(3, axis=-1)
     thing = register_thing("gem", 250, light, colour=None)
     assert label_name(252) == "blue gem"
@@ -100,7 +100,7 @@ class Hunt(Navigation):
         return (200,)
 
 
-def test_it_is_seen_in_observations_and_on_maps() -> None:
+def test_thing_appears_in_observations_and_on_maps() -> None:
     full = np.ones((32, 32), int)
     register_thing("slab", 200, full, colour=RED, radius=0.5)
     hall = parse_ascii("#####\n#S.G#\n#####")
@@ -113,7 +113,7 @@ def test_it_is_seen_in_observations_and_on_maps() -> None:
     assert np.asarray(picture.image())[48, 80].tolist() == list(RED)
 
 
-def test_again_with_another_picture() -> None:
+def test_thing_can_be_registered_again_with_another_picture() -> None:
     register_thing("banana", 200, as_text(marks()), colour=RED)
     turned = marks().T
     register_thing("banana", 200, as_text(turned), colour=RED)
@@ -122,7 +122,7 @@ def test_again_with_another_picture() -> None:
     np.testing.assert_array_equal(load_art("apple"), load_art(as_text(decoded("apple"))))
 
 
-def test_again_is_seen_in_programs_that_were_compiled_before() -> None:
+def test_new_picture_appears_in_compiled_programs() -> None:
     hall = parse_ascii("#####\n#S.G#\n#####")
     shares = []
     for rows in (32, 16):
@@ -137,7 +137,7 @@ def test_again_is_seen_in_programs_that_were_compiled_before() -> None:
 
 
 @pytest.mark.parametrize("names", [("red gem", "gem"), ("gem", "red gem")])
-def test_names_of_labels_differ(names: tuple[str, str]) -> None:
+def test_label_names_differ(names: tuple[str, str]) -> None:
     colour_of = {"red gem": RED, "gem": None}
     first, second = names
     register_thing(first, 200, marks(), colour=colour_of[first])
@@ -146,7 +146,7 @@ def test_names_of_labels_differ(names: tuple[str, str]) -> None:
     register_thing(first, 200, marks().T, colour=colour_of[first])
 
 
-def test_sizes_may_be_numbers_of_numpy() -> None:
+def test_sizes_can_be_numpy_numbers() -> None:
     quarter: Any = np.float32(0.25)
     thing = register_thing("banana", 200, TEXT, colour=RED, radius=quarter)
     assert (thing.radius, thing.drop) == (0.25, 0.25)
@@ -196,7 +196,7 @@ TEXT = as_text(np.ones((32, 32), int))
         ({"radius": 0.3, "drop": 0.4}, "must be from -0.2 to 0.2 with a radius of 0.3"),
     ],
 )
-def test_what_is_none(changes: dict[str, Any], message: str) -> None:
+def test_invalid_things_are_refused(changes: dict[str, Any], message: str) -> None:
     register_thing("peel", 201, TEXT, colour=BLUE)
     before = dict(THING_OF)
     row = {"name": "banana", "label": 200, "picture": TEXT, "colour": RED, **changes}
@@ -205,7 +205,7 @@ def test_what_is_none(changes: dict[str, Any], message: str) -> None:
     assert before == THING_OF
 
 
-def test_an_image_of_another_size_is_not_unpacked(
+def test_image_of_wrong_size_is_not_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unpack(*_: object, **__: object) -> None:
@@ -217,7 +217,7 @@ def test_an_image_of_another_size_is_not_unpacked(
         register_thing("large", 200, tmp_path / "large.png", colour=RED)
 
 
-def test_a_label_of_nothing_has_no_picture_and_no_name() -> None:
+def test_unused_label_has_no_picture_and_no_name() -> None:
     with pytest.raises(SettingError, match=r"no thing has the label 222: .*register_thing"):
         build_theme((222,), doors=False)
     with pytest.raises(SettingError, match="there is no label 222"):

@@ -94,7 +94,7 @@ def ideally_stuck(grid: np.ndarray, tilemap: TileMap) -> set[tuple[int, int]]:
 
 @settings(deadline=None, max_examples=200)
 @given(grids("##..SSGGrRbB'"))
-def test_problems_name_exactly_what_cannot_be_reached(grid: np.ndarray) -> None:
+def test_problems_name_exactly_the_unreachable_things(grid: np.ndarray) -> None:
     tilemap = tilemap_of(grid)
     found = problems(tilemap)
     if not tilemap.goals or not tilemap.spawns:

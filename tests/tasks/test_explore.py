@@ -83,7 +83,7 @@ def stand(states, places):
 
 
 @pytest.mark.parametrize("name", TRIED)
-def test_all_that_pays_begins_a_new_round(name):
+def test_new_round_begins_after_all_rewards(name):
     """Thing after thing, in all of 64 levels, against a list kept on the host."""
     step = programs(name)[1]
     states = first_states(name, 64)
@@ -123,7 +123,7 @@ def test_all_that_pays_begins_a_new_round(name):
 
 
 @pytest.mark.parametrize("name", TRIED)
-def test_the_expert_takes_what_pays(name):
+def test_expert_collects_rewards(name):
     env, params = task(name)
     states = programs(name)[0](jax.random.split(jax.random.key(5), 16))
     params = params.replace(max_steps_in_episode=jnp.int32(400))
@@ -170,13 +170,13 @@ def check_doors(name, count):
     assert 0.2 < np.mean(shares) < 0.5
 
 
-def test_doors_leave_a_way():
+def test_doors_leave_a_path():
     check_doors("obstructed-goals", 256)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OBSTRUCTED)
-def test_doors_leave_a_way_in_thousands(name):
+def test_doors_leave_a_path_in_thousands_of_levels(name):
     check_doors(name, 4096)
 
 
@@ -200,7 +200,7 @@ def digger(walkable, start, end, rng):
     raise AssertionError("there is no way")
 
 
-def test_random_paths_are_those_of_a_digger():
+def test_random_paths_match_a_digger():
     walkable = np.pad(np.ones((4, 4), bool), 1)
     walkable[2, 2] = walkable[3, 4] = False
     start, end = (1, 1), (4, 4)
@@ -218,7 +218,7 @@ def test_random_paths_are_those_of_a_digger():
     np.testing.assert_allclose(paths.mean(axis=0), wanted / count, atol=0.04)
 
 
-def test_closed_doors_stop_and_a_new_round_has_others():
+def test_closed_doors_block_and_change_each_round():
     states = first_states("obstructed-goals", 64)
     step = programs("obstructed-goals")[1]
     keys = jax.random.split(jax.random.key(1), 64)
@@ -250,7 +250,7 @@ def test_closed_doors_stop_and_a_new_round_has_others():
     assert seen == {True, False}
 
 
-def test_the_expert_finds_the_way_around_closed_doors():
+def test_expert_walks_around_closed_doors():
     env, params = task("obstructed-goals")
     states = programs("obstructed-goals")[0](jax.random.split(jax.random.key(5), 16))
     params = params.replace(max_steps_in_episode=jnp.int32(400))

@@ -83,7 +83,7 @@ def is_plausible(counts, expected):
 
 
 @pytest.mark.parametrize("number", ["01", "02", "03"])
-def test_random_goals_and_starts_far_away(number):
+def test_random_goals_are_far_from_starts(number):
     name = f"dmlab-random-goal-{number}"
     starts, goals, apples = drawn(name)
     allowed = cells(name, "a@")
@@ -127,7 +127,7 @@ def test_drawn_apples_are_distinct_and_not_on_the_goal(number, count):
 
 @pytest.mark.parametrize("suffix", ["", "-respawn"])
 @pytest.mark.parametrize("number", ["01", "02", "03"])
-def test_static_mazes_are_those_of_the_layout(number, suffix):
+def test_static_mazes_match_the_layout(number, suffix):
     name = f"dmlab-static-{number}"
     env, _ = task(name + suffix)
     (goal,) = cells(name, "G")
@@ -204,7 +204,7 @@ def test_the_goal_moves_the_agent_to_a_new_start():
     assert len(starts) > 30
 
 
-def test_respawning_is_truncated_when_time_is_up():
+def test_respawning_maze_is_truncated_at_the_time_limit():
     _, params = task(NAME + "-respawn")
     assert int(params.max_steps_in_episode) == 1800
     step, state = stepper(NAME + "-respawn")
@@ -214,7 +214,7 @@ def test_respawning_is_truncated_when_time_is_up():
         assert (bool(after.done), bool(terminated)) == (done, False)
 
 
-def test_an_apple_counts_once():
+def test_apple_counts_once():
     env, params = task(NAME + "-respawn")
     step, state = stepper(NAME + "-respawn")
     index, apple = next(
@@ -237,7 +237,7 @@ def test_an_apple_counts_once():
     np.testing.assert_array_equal(np.array(scene.sprites.position)[hidden], [np.add(apple, 0.5)])
 
 
-def test_an_apple_on_a_start_is_eaten_at_once():
+def test_apple_on_the_start_is_eaten_at_once():
     step, state = stepper(NAME + "-respawn")
     column, row = min(cells(NAME, "@"))
     state = state.replace(position=jnp.array([column + 0.5, row + 0.5], jnp.float32))
@@ -245,7 +245,7 @@ def test_an_apple_on_a_start_is_eaten_at_once():
     assert (float(reward), int(info["ate_apple"])) == (1, 1)
 
 
-def test_an_apple_beside_the_goal_counts_in_the_same_step():
+def test_apple_beside_the_goal_counts_in_the_same_step():
     name = "dmlab-random-goal-01-respawn"
     env, params = task(name)
     _, state = stepper(name)

@@ -57,7 +57,7 @@ def test_thousands_of_mazes_keep_the_rules(plan):
     check(plan, 4096)
 
 
-def test_rectangles_are_as_likely_as_in_the_original():
+def test_rectangles_have_the_probabilities_of_the_original():
     """Against the rule in words: draw a short side, then lengthen one of the two."""
     plan = MazePlan(15, 6)
     masks, weights = _rectangles(plan)
@@ -121,7 +121,7 @@ def fits(corridor, wall, place, bend, way):
     return all_of(wall, [*walls, (-2, 1), (bend + 1, 1)]) and all_of(corridor, ways)
 
 
-def test_straightening_is_the_slow_rule():
+def test_straightening_matches_the_slow_rule():
     """On loops, trees and noise, with doorways that are neither way nor wall."""
     rng = np.random.default_rng(1)
     grids, stones = [], []
@@ -149,6 +149,6 @@ def test_straightening_is_the_slow_rule():
         ((11, 4, 3, 5, 5), "fewest must be a whole number from 1 to 4"),
     ],
 )
-def test_plans_without_mazes_are_refused(numbers, message):
+def test_impossible_plans_are_refused(numbers, message):
     with pytest.raises(SettingError, match=message):
         MazePlan(*numbers)

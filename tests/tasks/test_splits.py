@@ -90,7 +90,7 @@ def both_sides(name: str, count: int, **settings: Any) -> list[set[str]]:
 
 
 @pytest.mark.parametrize("name", FEW)
-def test_no_level_is_on_both_sides(name: str) -> None:
+def test_no_level_is_in_both_splits(name: str) -> None:
     """By visible content, over thousands of draws, in which most levels come several times."""
     train, test = both_sides(name, 3000)
     assert not train & test
@@ -99,7 +99,7 @@ def test_no_level_is_on_both_sides(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MANY)
-def test_no_level_of_some_seeds_is_on_both_sides(name: str) -> None:
+def test_no_level_of_given_seeds_is_in_both_splits(name: str) -> None:
     """With few seeds, so that each level repeats; both sides together are all levels."""
     train, test = both_sides(name, 250, levels=(100, 130))
     assert not train & test
@@ -109,13 +109,13 @@ def test_no_level_of_some_seeds_is_on_both_sides(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MANY)
-def test_no_level_of_thousands_is_on_both_sides(name: str) -> None:
+def test_none_of_thousands_of_levels_is_in_both_splits(name: str) -> None:
     train, test = both_sides(name, 2000)
     assert not train & test
     assert min(len(train), len(test)) > 100
 
 
-def test_the_order_of_things_is_no_part_of_a_level() -> None:
+def test_order_of_things_does_not_change_the_level() -> None:
     env = made("minigrid-fetch-8x8-n3")
     state = env.first_state(jax.random.key(0), env.check_params())
     turned = state.replace(things=jax.tree.map(lambda leaf: leaf[::-1], state.things))
@@ -128,7 +128,7 @@ def test_the_order_of_things_is_no_part_of_a_level() -> None:
     "name", [CORRIDOR, pytest.param("memory-maze-9x9", marks=pytest.mark.variant), DOORS]
 )
 @pytest.mark.parametrize("fraction", [0.1, 0.5])
-def test_the_share_of_levels_is_the_fraction(name: str, fraction: float) -> None:
+def test_share_of_test_levels_equals_test_fraction(name: str, fraction: float) -> None:
     env = made(name)
     states = first_states(env, 3000, seed=3)
     draw = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))
@@ -139,7 +139,7 @@ def test_the_share_of_levels_is_the_fraction(name: str, fraction: float) -> None
     assert abs(sum(sides.values()) / count - fraction) < 4 * error
 
 
-def test_a_hash_is_that_of_numbers_of_any_length() -> None:
+def test_hash_matches_its_definition() -> None:
     """Against the definition in Python integers."""
     most = 2**32 - 1
 
@@ -163,7 +163,7 @@ def test_a_hash_is_that_of_numbers_of_any_length() -> None:
     assert splits.fingerprint([jnp.asarray(part) for part in parts]).tolist() == halves
 
 
-def test_sides_grow_with_the_fraction() -> None:
+def test_test_split_grows_with_the_fraction() -> None:
     levels = splits.sample_levels(made(DOORS), 500, 1)
     few, many = (np.asarray(splits.is_of("test", share, levels.T)) for share in (0.1, 0.6))
     assert few.any()
@@ -172,7 +172,7 @@ def test_sides_grow_with_the_fraction() -> None:
 
 
 @pytest.mark.parametrize("name", [CORRIDOR, DOORS])
-def test_a_level_of_the_right_side_is_what_it_is_without_a_split(name: str) -> None:
+def test_split_does_not_change_levels_it_accepts(name: str) -> None:
     """Drawn from the same key; and the same alone as in a batch."""
     env, split = made(name), made(name, split="test", test_fraction=0.5)
     every, right = first_states(env, 200), first_states(split, 200)
@@ -191,7 +191,7 @@ def test_a_level_of_the_right_side_is_what_it_is_without_a_split(name: str) -> N
 
 
 @pytest.mark.usefixtures("plain_frames")
-def test_every_reset_of_a_batch_keeps_to_its_side() -> None:
+def test_every_reset_of_a_batch_stays_in_its_split() -> None:
     """Inside of steps and of a scan, with old keys; and of one environment alone."""
     name, sides = "key-corridor-s3r1", []
     for split in ("train", "test"):
@@ -220,7 +220,7 @@ def test_every_reset_of_a_batch_keeps_to_its_side() -> None:
     assert sum(map(len, sides)) == 6 * 6
 
 
-def test_a_split_of_some_seeds_has_levels_of_these_seeds_alone() -> None:
+def test_split_of_given_seeds_has_only_their_levels() -> None:
     env = made(DOORS, levels=(5, 17))
     chosen = set(sets_of(env, first_states(env, 400)))
     found = []
@@ -231,7 +231,7 @@ def test_a_split_of_some_seeds_has_levels_of_these_seeds_alone() -> None:
     assert not found[0] & found[1]
 
 
-def test_rewards_have_derivatives_beside_resets() -> None:
+def test_rewards_are_differentiable_beside_resets() -> None:
     env, params = jaxenstein.make(DOORS, **SIZE, split="test")
     _, state = env.reset(jax.random.key(0), params)
 
@@ -242,7 +242,7 @@ def test_rewards_have_derivatives_beside_resets() -> None:
     assert jax.grad(paid)(-0.5) == 1
 
 
-def test_a_loop_ends_where_nothing_is_right() -> None:
+def test_search_for_a_level_always_ends() -> None:
     def draw(key: jax.Array, given: Any) -> jax.Array:
         return jax.random.bits(key) + given
 
@@ -254,7 +254,7 @@ def test_a_loop_ends_where_nothing_is_right() -> None:
     assert never(jax.random.key(0)).shape == ()
 
 
-def test_what_cannot_be_held_out_is_told() -> None:
+def test_empty_splits_are_refused() -> None:
     for split, (empty, fraction) in itertools.product(
         ("train", "test"), (("test", 1e-6), ("train", 1 - 1e-6))
     ):
@@ -275,7 +275,7 @@ def test_what_cannot_be_held_out_is_told() -> None:
         made("simple", split="test")
 
 
-def test_few_levels_are_told_where_many_seeds_are_chosen() -> None:
+def test_warns_if_many_seeds_have_few_levels() -> None:
     with pytest.warns(LevelWarning, match="has 1,024 levels, and .* about 18% of them"):
         made(DOORS, levels=(0, 200))
     with warnings.catch_warnings():
@@ -287,7 +287,7 @@ def test_few_levels_are_told_where_many_seeds_are_chosen() -> None:
         spec_from({"env": DOORS, "settings": {"levels": (0, 200)}})
 
 
-def test_a_split_can_be_changed_and_left_by_flags() -> None:
+def test_flags_can_change_and_remove_a_split() -> None:
     given = {"env": DOORS, "settings": {"split": "train", "test_fraction": 0.5}}
     spec = spec_from(given)
     other: Any = changed(spec, {"settings": {"split": "test"}}).build()[0]
@@ -367,13 +367,13 @@ SMALL = {
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_small_worlds_have_as_many_levels_as_are_stored(name: str) -> None:
+def test_stored_level_counts_are_right_for_small_worlds(name: str) -> None:
     count = level_counts.level_counts()[name]
     assert (count.levels, count.exact) == (SMALL[name], True)
 
 
 @pytest.mark.parametrize("name", ["minigrid-lava-gap-s5", "key-corridor-s3r1"])
-def test_counting_finds_as_many(name: str) -> None:
+def test_counting_finds_the_stored_number(name: str) -> None:
     assert counting.count_levels(made(name)) == (SMALL[name], True)
 
 
@@ -387,7 +387,7 @@ def test_every_generated_environment_is_counted() -> None:
     assert stored["key-corridor-s3r1"].short == "36"
 
 
-def test_counting_stops_early_with_many_levels_and_writes_a_line_each(
+def test_counting_stops_early_and_writes_one_line_per_task(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "counts.json"
@@ -401,7 +401,7 @@ def test_counting_stops_early_with_many_levels_and_writes_a_line_each(
     assert counting.main([DOORS, "--check"]) == 1
 
 
-def test_a_task_of_ones_own_says_what_a_level_is() -> None:
+def test_custom_task_defines_its_levels() -> None:
     @dataclasses.dataclass(frozen=True, kw_only=True)
     class Own(type(made(CORRIDOR))):  # type: ignore[misc]
         level_parts = GeneratedTask.level_parts

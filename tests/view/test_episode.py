@@ -91,14 +91,14 @@ def test_notebooks_get_an_animation(steps: int) -> None:
     assert repr(episode) == f"<Episode {episode.summary()}>"
 
 
-def test_a_notebook_stays_small() -> None:
+def test_notebook_stays_small() -> None:
     noisy = walk(2000, 64)
     noisy.frames[:] = np.random.default_rng(0).integers(0, 256, noisy.frames.shape)
     # Noise in all pixels is the worst that there can be.
     assert len(noisy._repr_html_()) < 8_000_000
 
 
-def test_pictures_are_the_same_in_any_order() -> None:
+def test_frames_are_equal_in_any_order() -> None:
     episode = walk(30)
     drawn: list[int] = []
     pictures = Pictures(episode, every=4, notify=drawn.append)
@@ -113,7 +113,7 @@ def test_pictures_are_the_same_in_any_order() -> None:
         Pictures(episode, every=0)
 
 
-def test_files_by_suffix(tmp_path: Path) -> None:
+def test_file_format_follows_the_suffix(tmp_path: Path) -> None:
     episode = walk(5)
     episode.save(tmp_path / "a.gif", fps=10, every=2)
     episode.save(str(tmp_path / "a.PNG"))

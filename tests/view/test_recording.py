@@ -89,7 +89,7 @@ def test_mosaic_places_images_row_by_row() -> None:
     assert (sheet[6:, 15:] == recording.BACKGROUND).all()
 
 
-def test_a_mosaic_is_kept_as_png(tmp_path: Path) -> None:
+def test_mosaic_is_saved_as_png(tmp_path: Path) -> None:
     shots = np.stack(frames(4))
     save_png(mosaic(shots, 2, scale=3), tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as png:
@@ -137,7 +137,7 @@ def episode(rewards: list[float], events: tuple[str, ...], **rest: Any) -> Episo
     )
 
 
-def test_caption_tells_step_return_and_the_latest_event() -> None:
+def test_caption_shows_step_return_and_latest_event() -> None:
     played = episode([0, 0.5, 1], ("", "picked up a key", "reached the goal"))
     assert caption(played, 0) == ["step 0", "return 0", ""]
     assert caption(played, 2) == ["step 2", "return +0.5", "picked up a key"]
@@ -211,7 +211,7 @@ def test_one_small_frame_is_a_video(tmp_path: Path) -> None:
     assert back.shape == (1, 2, 2, 3)
 
 
-def test_missing_extra_is_told_before_anything_is_played(
+def test_missing_extra_is_reported_before_playing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
@@ -220,7 +220,7 @@ def test_missing_extra_is_told_before_anything_is_played(
     check_animation(tmp_path / "a.gif")
 
 
-def test_no_program_for_this_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_ffmpeg_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     package = pytest.importorskip("imageio_ffmpeg")
 
     def nothing() -> str:
@@ -243,7 +243,7 @@ def test_no_program_for_this_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: 
         ("os.close(0); sys.exit(0)", "ffmpeg failed"),
     ],
 )
-def test_a_failing_program_leaves_nothing(
+def test_failing_ffmpeg_leaves_nothing(
     program: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     script = tmp_path / "ffmpeg"

@@ -56,13 +56,13 @@ def act(name, state, action, **changes):
     "name",
     [*(pytest.param(n, marks=pytest.mark.slow) for n in ("pickup-objects", "put-next")), "sign"],
 )
-def test_the_player_solves_it(name) -> None:
+def test_player_solves_levels(name) -> None:
     check_player(name, 32)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["pickup-objects", "put-next", "sign"])
-def test_the_player_solves_hundreds(name) -> None:
+def test_player_solves_hundreds_of_levels(name) -> None:
     check_player(name, 512)
 
 
@@ -78,14 +78,14 @@ def check_player(name, count) -> None:
     np.testing.assert_allclose(out.returned, np.broadcast_to(wanted, count), atol=1e-5)
 
 
-def test_the_collector_lives() -> None:
+def test_collector_survives() -> None:
     env, params = task("collect-health")
     params = params.replace(max_steps_in_episode=jnp.int32(300))
     out = play(env, player_of(env), params, jax.random.key(0), first_states("collect-health", 32))
     assert np.mean(np.asarray(out.returned) == 2 * 300) > 0.9
 
 
-def test_medkits_lie_apart_and_are_in_the_way() -> None:
+def test_medkits_are_apart_and_block_the_way() -> None:
     states = jax.device_get(first_states("collect-health", 64))
     for kits, start in zip(states.medkits, states.position, strict=True):
         apart = np.linalg.norm(kits[:, None] - kits[None], axis=-1) + 9 * np.eye(18)
@@ -106,7 +106,7 @@ def test_medkits_lie_apart_and_are_in_the_way() -> None:
         assert float(after.position[0]) == pytest.approx(8.5 + moved)
 
 
-def test_health_is_lost_and_given_back() -> None:
+def test_health_is_lost_and_restored() -> None:
     far = np.full((18, 2), 3.0)
     far[0] = (9.0, 9.0)
     state = alone(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
@@ -129,7 +129,7 @@ def test_health_is_lost_and_given_back() -> None:
     assert (float(reward), bool(terminated)) == (2, False)
 
 
-def test_what_is_picked_up_pays_and_is_gone() -> None:
+def test_picked_up_object_pays_and_disappears() -> None:
     state = alone(first_states("pickup-objects", 1))
     tiles = np.array([(5, 5), (9, 2), (9, 4), (9, 6), (9, 8)])
     things = state.things.replace(tile=jnp.asarray(tiles, jnp.int32))
@@ -182,7 +182,7 @@ def test_the_red_box_beside_the_yellow_one() -> None:
         assert float(reward) == pytest.approx(1 - 0.2 * 100 / 250 if solved else 0)
 
 
-def test_the_sign_tells_the_colour() -> None:
+def test_sign_shows_the_colour() -> None:
     env, _ = task("sign")
     states = first_states("sign", 128)
     host = jax.device_get(states)
@@ -203,7 +203,7 @@ def test_the_sign_tells_the_colour() -> None:
     assert len({alone(states, i).asked.tobytes() for i in range(16)}) == 2
 
 
-def test_touching_what_is_asked_for_pays() -> None:
+def test_touching_the_right_object_pays() -> None:
     state = alone(first_states("sign", 1))
     target = np.asarray(task("sign")[0].target(state))
     for i, (column, row) in enumerate(np.asarray(state.things.tile).tolist()):
@@ -223,7 +223,7 @@ def test_bad_settings_are_refused() -> None:
         PickupObjects(objects=31)
 
 
-def test_what_lies_open_as_points_along_the_way_say():
+def test_open_lines_match_points_along_the_path():
     """Against points on each path: none may be near a solid tile and approach it."""
     rng = np.random.default_rng(0)
     row, column = np.indices((7, 7))
@@ -268,7 +268,7 @@ def steps(text):
     return np.asarray(out.length)
 
 
-def test_across_a_hall_the_way_is_a_line():
+def test_path_across_a_hall_is_straight():
     hall = ["#" * 14, *["#" + "." * 12 + "#"] * 12, "#" * 14]
     hall[1], hall[12] = "#S" + "." * 11 + "#", "#" + "." * 11 + "G#"
     # 11 tiles across and down, less the goal's radius; at most half a turn before.
@@ -276,7 +276,7 @@ def test_across_a_hall_the_way_is_a_line():
     assert (steps("\n".join(hall)) <= most).all()
 
 
-def test_around_corners_it_arrives_too():
+def test_player_arrives_around_corners():
     text = """
 #########
 #S..#...#
