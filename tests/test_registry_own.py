@@ -52,8 +52,8 @@ def make(id: str, **settings: Any) -> Any:
 
 
 @pytest.fixture(autouse=True)
-def _own_ids(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ids of a test end with it."""
+def _restored_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Removes the ids that a test registers."""
     monkeypatch.setattr(registry, "ENTRIES", dict(registry.ENTRIES))
 
 

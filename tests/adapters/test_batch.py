@@ -38,7 +38,7 @@ def batch_of(made: Any, mode: Any = "same-step") -> Any:
     return Batch(made[0], made[1], COUNT, autoreset=mode)
 
 
-def told_of(observation: Any, reward: Any, ends: Any, info: Any) -> dict[str, Any]:
+def step_record(observation: Any, reward: Any, ends: Any, info: Any) -> dict[str, Any]:
     ends = tuple(map(bool, ends))
     return {"observation": observation, "reward": float(reward), "ends": ends, "info": info}
 
@@ -66,12 +66,12 @@ class Loop:
     def step(self, i: int, action: int) -> dict[str, Any]:
         if self.mode == "next-step" and self.over[i]:
             observation, info = self.reset(i)
-            return told_of(observation, 0.0, (False, False), info)
+            return step_record(observation, 0.0, (False, False), info)
         used = self.draw(i)
         out = self.env.step(used, self.states[i], np.int32(action), self.params)
         observation, self.states[i], reward, terminated, truncated, info = out
         self.over[i] = bool(terminated | truncated)
-        told = told_of(observation, reward, (terminated, truncated), info)
+        told = step_record(observation, reward, (terminated, truncated), info)
         if self.mode == "same-step" and self.over[i]:
             told["last"] = observation, info
             told["observation"], told["info"] = self.reset(i)

@@ -30,7 +30,7 @@ from gymnax.wrappers import purerl  # noqa: E402
 from jaxenstein.adapters import gymnax as adapter  # noqa: E402
 from tests.adapters.corridor import FORWARD, MAP, SIZE  # noqa: E402
 
-SIX = adapter.STEP_VALUES == 6
+SIX_VALUES = adapter.STEP_VALUES == 6
 LEFT = 0
 
 
@@ -46,8 +46,8 @@ def made() -> tuple[Any, Any]:
 def split(values: tuple[Any, ...]) -> tuple[Any, Any, Any, Any, Any, dict[str, Any]]:
     """A step's values as observation, state, reward, terminated, truncated, info."""
     obs, state, reward, *ends, info = values
-    assert len(ends) == (2 if SIX else 1)
-    if SIX:
+    assert len(ends) == (2 if SIX_VALUES else 1)
+    if SIX_VALUES:
         return obs, state, reward, *ends, info
     np.testing.assert_array_equal(ends[0], info["terminated"] | info["truncated"])
     return obs, state, reward, info["terminated"], info["truncated"], info
@@ -151,9 +151,9 @@ def test_step_env_and_terminal_queries(made: tuple[Any, Any]) -> None:
     _, state, _, end, info = env.step_env(jax.random.key(0), state, LEFT, tight)
     assert info["truncated"]
     assert not info["terminated"]
-    assert bool(end) is not SIX
+    assert bool(end) is not SIX_VALUES
     assert env.is_truncated(state, tight)
-    assert bool(env.is_terminal(state, tight)) is not SIX
+    assert bool(env.is_terminal(state, tight)) is not SIX_VALUES
     assert env.discount(state, tight) == 1
 
 
@@ -208,13 +208,13 @@ def test_log_wrapper_agrees_with_info() -> None:
 @pytest.mark.usefixtures("partner_promotion")
 def test_flatten_observation_wrapper() -> None:
     # That of gymnax 1.x flattens the last frame as well, and so needs it.
-    env, params = adapter.from_env(*corridor(final_observation=SIX))
+    env, params = adapter.from_env(*corridor(final_observation=SIX_VALUES))
     flat = purerl.FlattenObservationWrapper(env)
     obs, state = flat.reset(jax.random.key(0), params)
     assert obs.shape == flat.observation_space(params).shape == (12 * 16 * 3,)
     after, *_, info = flat.step(jax.random.key(0), state, LEFT, params)
     assert after.shape == obs.shape
-    if SIX:
+    if SIX_VALUES:
         assert info["final_observation"].shape == obs.shape
         bare = purerl.FlattenObservationWrapper(adapter.from_env(*corridor())[0])
         with pytest.raises(KeyError, match="final_observation"):
@@ -222,7 +222,7 @@ def test_flatten_observation_wrapper() -> None:
 
 
 @pytest.mark.usefixtures("partner_promotion")
-@pytest.mark.skipif(not SIX, reason="of gymnax 1.x")
+@pytest.mark.skipif(not SIX_VALUES, reason="of gymnax 1.x")
 def test_wrappers_of_gymnax_1() -> None:
     wrappers = __import__("gymnax.wrappers", fromlist=["LegacyStepAPIWrapper"])
     env, params = adapter.from_env(*corridor(final_observation=True))

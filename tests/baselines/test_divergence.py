@@ -14,7 +14,7 @@ pytest.importorskip("flax")
 from jaxenstein.baselines import Config, HParams, Learner
 from jaxenstein.baselines.divergence import Divergence, guard, of_state, updates_that_count
 from jaxenstein.baselines.state import TrainState
-from tests.baselines.worlds import OWN, SMALL, Countdown
+from tests.baselines.worlds import BONUS_SIZES, SMALL, Countdown
 
 STEADY = SMALL | {"anneal": False}
 BONUSES = [pytest.param(algo, marks=pytest.mark.variant) for algo in ("rnd", "icm", "e3b")]
@@ -31,7 +31,7 @@ def one_of(tree: Any, run: int) -> Any:
 
 def learner_of(algo: str, **settings: Any) -> Learner:
     env = Countdown()
-    config = Config(**STEADY, algo=algo, bonus=OWN[algo], **settings)
+    config = Config(**STEADY, algo=algo, bonus=BONUS_SIZES[algo], **settings)
     return Learner(env, env.default_params, config)
 
 

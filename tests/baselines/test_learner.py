@@ -16,7 +16,7 @@ from jaxenstein.baselines import Config, HParams, Learner
 from jaxenstein.baselines.rollout import rollout
 from jaxenstein.baselines.simulator import GymnaxSimulator
 from jaxenstein.errors import SettingError
-from tests.baselines.worlds import OWN, SMALL, Countdown, Memory
+from tests.baselines.worlds import BONUS_SIZES, SMALL, Countdown, Memory
 
 KEY = jax.random.key(0)
 # Numbers of two runs.
@@ -30,7 +30,7 @@ def learner_of(env, **settings):
 @functools.cache
 def learner(algo="ppo"):
     """One for all tests."""
-    return learner_of(Countdown(), algo=algo, bonus=OWN[algo])
+    return learner_of(Countdown(), algo=algo, bonus=BONUS_SIZES[algo])
 
 
 def equal(one, other, **tolerance):

@@ -36,7 +36,7 @@ def tiny(**changes: Any) -> Experiment:
     return resolve({**OPTIONS, **changes})
 
 
-def hardly_trained(path: Path, experiment: Experiment) -> RunFolder:
+def untrained_run(path: Path, experiment: Experiment) -> RunFolder:
     """A run before its first update, whose agents act almost at random."""
     folder = RunFolder.create(path, experiment)
     state = experiment.learner.many.init(experiment.keys())

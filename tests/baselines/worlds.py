@@ -19,7 +19,7 @@ SMALL: dict[str, Any] = {
     "num_envs": 4, "rollout": 6, "minibatches": 2, "epochs": 2, "features": 8, "hidden": 8,
     "head": 8, "total_steps": 24 * 10,
 }  # fmt: skip
-OWN: dict[str, Any] = {
+BONUS_SIZES: dict[str, Any] = {
     "ppo": {},
     "rnd": {"rnd_hidden": 8, "rnd_output": 8},
     "icm": {"icm_latent": 8, "icm_hidden": 8},

@@ -17,8 +17,17 @@ from jaxenstein.results import read_results
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
 # 1 / 16,000 of the decisions is 187.
-LITTLE = ["--budget", "0.0000625", "--num-envs", "4", "--rollout", "32", "--minibatches", "2"]
-TINY = ["--features", "8", "--hidden", "8", "--head", "8", "--epochs", "1", "--seeds", "2"]
+SHORT_TRAINING = [
+    "--budget",
+    "0.0000625",
+    "--num-envs",
+    "4",
+    "--rollout",
+    "32",
+    "--minibatches",
+    "2",
+]
+TINY_NETWORK = ["--features", "8", "--hidden", "8", "--head", "8", "--epochs", "1", "--seeds", "2"]
 
 
 @pytest.fixture
@@ -31,7 +40,7 @@ def two_tasks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("two_tasks")
 def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
-    train = ["train", "--suite", "--out", "rnd", "--algo", "ppo", *LITTLE, *TINY]
+    train = ["train", "--suite", "--out", "rnd", "--algo", "ppo", *SHORT_TRAINING, *TINY_NETWORK]
     assert main(train) == 0
     for task in ("t-maze", "simple"):
         about = RunFolder.open(f"rnd/{task}").experiment

@@ -40,7 +40,7 @@ INFO = {
     "success": ((), np.bool_),
 }
 # Environments without randomness.
-CERTAIN = r"simple|key-door|minigrid-(empty-\d+x\d+|dist-shift\d)"
+DETERMINISTIC = r"simple|key-door|minigrid-(empty-\d+x\d+|dist-shift\d)"
 # The game leaves these levels in the tic after the aim was reached.
 ENDS_LATER = (DoomMyWayHome, DoomBasic, DoomDeadlyCorridor, DoomPredictPosition)
 
@@ -131,9 +131,9 @@ def about_to_end(env, state):
     if isinstance(env, MemoryMaze):
         return state.replace(position=state.things[state.wanted])
     if isinstance(env, PutNear):
-        return about_to_put(env, state)
+        return about_to_put_target(env, state)
     if isinstance(env, GoToDoor):
-        return beside_it(env, state)
+        return beside_target(env, state)
     if isinstance(env, Unlock | RedBlueDoors):
         opened = jnp.ones_like(state.doors.opened)
         return state.replace(doors=state.doors.replace(opened=opened))
@@ -146,30 +146,30 @@ def about_to_end(env, state):
         tile = tile.at[1].set(tile[0] + jnp.array([1, 0]))
         return state.replace(things=state.things.replace(tile=tile))
     if isinstance(env, PickUpWorld):
-        return in_hand(env, state)
+        return holding_target(env, state)
     if isinstance(env, GridWorld):
         row, column = np.argwhere(np.asarray(env.subgoal(state).tiles))[0]
         return state.replace(position=jnp.asarray([column + 0.5, row + 0.5], jnp.float32))
     return state.replace(position=jnp.asarray(env.tilemap.goals[state.goal], jnp.float32) + 0.5)
 
 
-def in_hand(env, state):
-    """The state with what is asked for in the hand."""
+def holding_target(env, state):
+    """The state in which the agent holds the target."""
     place = jnp.where(env.asked_for(state), HELD, state.things.place)
     return state.replace(things=state.things.replace(place=place))
 
 
-def beside_it(env, state):
-    """The state with the agent on a free tile beside what it is to go to."""
+def beside_target(env, state):
+    """The state with the agent on a free tile beside its target."""
     free = np.asarray(state.level.walls[0]) == 0
     free[tuple(np.asarray(state.level.doors).T[::-1])] = False
     row, column = np.argwhere(free & np.asarray(beside(env.target(state))))[0]
     return state.replace(position=jnp.asarray([column + 0.5, row + 0.5], jnp.float32))
 
 
-def about_to_put(env, state):
-    """The state with what is asked for in the hand, before a tile beside the other thing."""
-    state = in_hand(env, state)
+def about_to_put_target(env, state):
+    """The state in which the agent holds the target, and faces a tile beside the other object."""
+    state = holding_target(env, state)
     lies = np.asarray(env.tiles_of(state, state.things.lying))
     free = (np.asarray(state.level.walls[0]) == 0) & ~lies
     for row, column in np.argwhere(np.asarray(env.subgoal(state).tiles)).tolist():
@@ -220,7 +220,7 @@ def test_seeds_determine_episodes(played: Played) -> None:
     # Two of a kind may draw the same: one of two arms, say.
     frames = [played.steps[0], *(played.episodes(played.seed + 2 * k)[2][0] for k in range(1, 4))]
     alone = np.concatenate(frames, axis=1)
-    assert (alone[:, :1] != alone[:, 1:]).any() == (not re.fullmatch(CERTAIN, played.name))
+    assert (alone[:, :1] != alone[:, 1:]).any() == (not re.fullmatch(DETERMINISTIC, played.name))
 
 
 def test_equal_settings_make_equal_environments(played: Played) -> None:

@@ -15,7 +15,7 @@ from reliability import golden
 from tests.contract.played import EPISODES
 
 # A small one, for what does not need all.
-ONE = "key-door"
+EXAMPLE_ID = "key-door"
 
 
 def test_every_id_has_a_golden_episode() -> None:
@@ -41,19 +41,21 @@ def test_raised_version_is_in_the_changelog(name: str) -> None:
 
 @pytest.fixture(scope="module")
 def found() -> golden.Trace:
-    """The trace of `ONE`, played outside of a batch."""
-    return golden.trace(ONE, EPISODES[ONE]["seed"], golden.actions_of(EPISODES[ONE]))
+    """The trace of `EXAMPLE_ID`, played outside a batch."""
+    return golden.trace(
+        EXAMPLE_ID, EPISODES[EXAMPLE_ID]["seed"], golden.actions_of(EPISODES[EXAMPLE_ID])
+    )
 
 
 def test_episode_outside_a_batch(found: golden.Trace) -> None:
     """The contract compares all of them, in a batch."""
-    assert golden.problem(ONE, EPISODES[ONE], found) == ""
+    assert golden.problem(EXAMPLE_ID, EPISODES[EXAMPLE_ID], found) == ""
 
 
 def changed(found: golden.Trace, **parts: Any) -> str:
-    """What is said of the episode of `ONE` if its trace has other parts."""
+    """The problem reported for the episode of `EXAMPLE_ID` if parts of its trace change."""
     changes = {name: change(getattr(found, name)) for name, change in parts.items()}
-    return golden.problem(ONE, EPISODES[ONE], dataclasses.replace(found, **changes))
+    return golden.problem(EXAMPLE_ID, EPISODES[EXAMPLE_ID], dataclasses.replace(found, **changes))
 
 
 def with_row(rows: tuple[np.ndarray, ...], row: int, by: float) -> tuple[np.ndarray, ...]:
@@ -66,7 +68,7 @@ def with_row(rows: tuple[np.ndarray, ...], row: int, by: float) -> tuple[np.ndar
 def test_changed_event_is_reported_with_its_steps(found: golden.Trace) -> None:
     problem = changed(found, whole=lambda rows: with_row(rows, 19, 1))
     assert problem.endswith("differ from some step of 16 to 23 on")
-    text = golden.message(ONE, problem)
+    text = golden.message(EXAMPLE_ID, problem)
     assert "behaviour of key-door changed" in text
     assert "raise its version in the catalogue and add a line to CHANGELOG.md" in text
     assert text.endswith(f"regenerate with {golden.COMMAND}")
@@ -93,14 +95,14 @@ def test_few_pixels_of_a_frame_can_differ(found: golden.Trace, pixels: int, same
 
 
 def test_changed_param_is_reported_by_name() -> None:
-    episode = EPISODES[ONE]
+    episode = EPISODES[EXAMPLE_ID]
     wanted = episode | {"params": episode["params"] | {"goal_radius": 0.4}}
-    assert golden.problem(ONE, wanted) == "default params are now {'goal_radius': 0.35}"
+    assert golden.problem(EXAMPLE_ID, wanted) == "default params are now {'goal_radius': 0.35}"
 
 
 def test_raised_version_requires_new_episode() -> None:
-    problem = golden.problem(ONE, EPISODES[ONE] | {"version": 7})
-    assert golden.message(ONE, problem).endswith(f"regenerate with {golden.COMMAND}")
+    problem = golden.problem(EXAMPLE_ID, EPISODES[EXAMPLE_ID] | {"version": 7})
+    assert golden.message(EXAMPLE_ID, problem).endswith(f"regenerate with {golden.COMMAND}")
 
 
 def test_program_keeps_episodes_of_unchanged_versions(
@@ -108,9 +110,9 @@ def test_program_keeps_episodes_of_unchanged_versions(
 ) -> None:
     """An episode is not written anew before its version has been raised."""
     file = tmp_path / "golden.json"
-    other = EPISODES | {ONE: EPISODES[ONE] | {"layout": "0" * 12}}
+    other = EPISODES | {EXAMPLE_ID: EPISODES[EXAMPLE_ID] | {"layout": "0" * 12}}
     file.write_text(golden.to_text(other), encoding="utf-8")
     monkeypatch.setattr(golden, "FILE", file)
-    assert golden.main([ONE]) == 1
+    assert golden.main([EXAMPLE_ID]) == 1
     assert "behaviour of key-door changed" in capsys.readouterr().out
     assert golden.load() == other

@@ -25,12 +25,12 @@ def test_compilation_batches_and_scans_change_nothing(name: str) -> None:
     with jax.disable_jit():
         obs, state = played.env.reset(played.keys[0, 1], played.params)
         step = played.env.step(played.keys[1, 1], state, played.actions[0], played.params)
-    alike((obs, state), first)
-    alike(step, out)
+    assert_alike((obs, state), first)
+    assert_alike(step, out)
 
 
-def alike(one: Any, other: Any) -> None:
-    """Equal but for rounding; of a picture's values few may differ, at the edges of things."""
+def assert_alike(one: Any, other: Any) -> None:
+    """Compare up to rounding; a few values of an image may differ, at edges of objects."""
     for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
         a, b = np.asarray(a), np.asarray(b)
         assert a.dtype == b.dtype
@@ -115,7 +115,7 @@ def test_cond_with_batched_predicate(drawn) -> None:
     chosen = jnp.array([False, True, False])
     got = jax.jit(jax.vmap(either))(chosen, keys, reset[1])
     for i, anew in enumerate(chosen):
-        alike(member(got, i, 0), member(reset if anew else step, i, 0))
+        assert_alike(member(got, i, 0), member(reset if anew else step, i, 0))
 
 
 def test_empty_batch():

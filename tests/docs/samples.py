@@ -16,8 +16,8 @@ PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").glob("*.md")} - {GENERATE
 for folder in ("benchmarks", "originals"):
     PAGES += sorted((ROOT / "docs" / folder).glob("*.md"))
 # What every sample may import: all else is a partner that may not be installed.
-AT_HAND = {*sys.stdlib_module_names, "PIL", "custom_task"}
-AT_HAND |= {"examples", "jax", "jaxenstein", "numpy"}
+ALWAYS_INSTALLED = {*sys.stdlib_module_names, "PIL", "custom_task"}
+ALWAYS_INSTALLED |= {"examples", "jax", "jaxenstein", "numpy"}
 
 
 class Sample(NamedTuple):
@@ -37,7 +37,7 @@ class Sample(NamedTuple):
     def partners(self) -> list[str]:
         """The packages it imports that may not be installed."""
         found = re.findall(r"^(?:import|from) (\w+)", self.code, re.MULTILINE)
-        return sorted({name for name in found if name not in AT_HAND})
+        return sorted({name for name in found if name not in ALWAYS_INSTALLED})
 
     def run(self, names: dict[str, Any]) -> None:
         """Execute it; errors name the page's line."""

@@ -85,7 +85,7 @@ def test_step_is_stopped_by_any_solid_tile_it_enters() -> None:
     assert min(stopped, passed) > 2000
 
 
-def contracted(offsets: np.ndarray, side: int | None) -> np.ndarray:
+def fused_length(offsets: np.ndarray, side: int | None) -> np.ndarray:
     """`length` as a compiler computes it that joins products and sums into one rounding.
 
     Args:
@@ -119,9 +119,9 @@ def test_length_does_not_depend_on_fusion() -> None:
     rng = np.random.default_rng(2)
     scale = rng.choice([1e-3, 0.3, 5, 60], (4000, 1))
     offsets = (rng.normal(size=(4000, 2)) * scale).astype(np.float32)
-    plain = contracted(offsets, None)
+    plain = fused_length(offsets, None)
     for side in (0, 1):
-        np.testing.assert_array_equal(contracted(offsets, side), plain)
+        np.testing.assert_array_equal(fused_length(offsets, side), plain)
     np.testing.assert_array_equal(jax.jit(length)(offsets), plain)
     np.testing.assert_array_equal([jax.jit(length)(one) for one in offsets[:50]], plain[:50])
     true = np.hypot(*offsets.astype(np.float64).T)
@@ -144,7 +144,7 @@ def turned(start: Any, angle: Any, count: int) -> np.ndarray:
     return np.asarray(jax.jit(lambda h: jax.lax.scan(once, h, None, length=count)[1])(start))
 
 
-def apart(headings: np.ndarray, others: np.ndarray) -> np.ndarray:
+def angle_between(headings: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Radians between headings, the short way round."""
     off = np.abs(headings.astype(np.float64) - others)
     return np.minimum(off, 2 * math.pi - off)
@@ -161,15 +161,15 @@ def test_turns_never_drift(degrees: float, way: int) -> None:
     counts = np.arange(1, 3001)[:, None]
     true = np.radians((parts / 4000 + way * counts * degrees) % 360)
     # And half of the last bit.
-    assert apart(headings, true).max() <= DRIFT + 2.4e-7
+    assert angle_between(headings, true).max() <= DRIFT + 2.4e-7
 
 
 def test_24000_turns_end_where_they_began() -> None:
     starts = np.random.default_rng(1).uniform(0, 2 * math.pi, 50).astype(np.float32)
     headings = turned(starts, jnp.float32(math.radians(15)), 24_000)
     # A start between two parts of a degree takes the nearer one, at most 2.2e-6 away.
-    assert apart(headings[-1], starts).max() <= 2.2e-6 + DRIFT
-    assert apart(headings[-1], headings[23]).max() <= 2 * DRIFT
+    assert angle_between(headings[-1], starts).max() <= 2.2e-6 + DRIFT
+    assert angle_between(headings[-1], headings[23]).max() <= 2 * DRIFT
 
 
 def test_walk_with_turns_never_drifts() -> None:
@@ -182,7 +182,7 @@ def test_walk_with_turns_never_drifts() -> None:
 
     headings = np.asarray(jax.lax.scan(once, jnp.float32(0), jnp.asarray(ways))[1])
     true = np.radians((15 * np.cumsum(ways.astype(int))) % 360)
-    assert apart(headings, true).max() <= DRIFT + 2.4e-7
+    assert angle_between(headings, true).max() <= DRIFT + 2.4e-7
 
 
 def test_few_turns_equal_plain_sums() -> None:

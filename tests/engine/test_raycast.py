@@ -14,7 +14,7 @@ from jaxenstein.engine.level import compile_level, level_from_walls
 from jaxenstein.engine.raycast import Hits, cast
 from tests.reference import raycaster
 from tests.reference.comparison import Tally, compare
-from tests.reference.search import SEEDS, several
+from tests.reference.search import SEEDS, search_settings
 from tests.reference.worlds import World, draw_world
 
 EXCUSED_AT_MOST = 0.02
@@ -89,7 +89,7 @@ def test_random_poses(case: Case, exact: bool) -> None:
     """Exact ones lie on grid lines, in corners and centres, and look along axes and diagonals."""
     tally = Tally()
 
-    @several(25)
+    @search_settings(25)
     @given(seed=SEEDS)
     def check(seed: int) -> None:
         world = case.draw(seed, exact)
@@ -252,7 +252,7 @@ def test_levels_in_the_state_equal_constants(shape: tuple[int, int]) -> None:
 
         return jax.vmap(one)(walls, doors, closed, position, heading)
 
-    @several(8)
+    @search_settings(8)
     @given(seed=SEEDS)
     def check(seed: int) -> None:
         worlds = [draw_world(seed + i, shape, bordered=True, poses=1) for i in range(lanes)]

@@ -26,7 +26,7 @@ RED, BLUE = (200, 30, 20), (20, 40, 220)
 
 
 @pytest.fixture(autouse=True)
-def _only_here() -> Iterator[None]:
+def _restored_things() -> Iterator[None]:
     before = dict(THING_OF)
     for label in OWN_LABELS:  # of other tests in this process
         THING_OF.pop(label, None)
@@ -35,8 +35,8 @@ def _only_here() -> Iterator[None]:
     THING_OF.update(before)
 
 
-def marks() -> np.ndarray:
-    """Chance marks: 0 is empty, 1 and 2 have the two colours."""
+def random_cells() -> np.ndarray:
+    """Random cells: 0 is empty, 1 and 2 are the two colours."""
     return np.random.default_rng(3).integers(0, 3, (32, 32))
 
 
@@ -51,7 +51,7 @@ def as_image(cells: np.ndarray) -> np.ndarray:
 
 
 def planes(cells: np.ndarray) -> np.ndarray:
-    """uint32[2, 32], point by point: columns from the left, the upper end is the greatest bit."""
+    """uint32[2, 32], bit by bit: columns from the left, with the top at the highest bit."""
     words = np.zeros((2, 32), np.uint32)
     for row in range(32):
         for column in range(32):
@@ -63,7 +63,7 @@ def planes(cells: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("form", ["text", "indented", "array", "pixels", "file", "file's name"])
 def test_every_form_gives_the_same_picture(form: str, tmp_path: Path) -> None:
-    cells, file = marks(), tmp_path / "thing.png"
+    cells, file = random_cells(), tmp_path / "thing.png"
     Image.fromarray(as_image(cells)).save(file)
     indented = "\n    " + as_text(cells).replace("\n", "\n    ") + "\n    "
     given: dict[str, Any] = {
@@ -83,11 +83,11 @@ def test_every_form_gives_the_same_picture(form: str, tmp_path: Path) -> None:
 
 
 def test_thing_in_several_colours_has_a_label_per_colour() -> None:
-    light = np.where(marks()[..., None] == 1, 220, 30).astype(np.uint8).repeat(3, axis=-1)
+    light = np.where(random_cells()[..., None] == 1, 220, 30).astype(np.uint8).repeat(3, axis=-1)
     thing = register_thing("gem", 250, light, colour=None)
     assert label_name(252) == "blue gem"
     theme = build_theme((thing.labels[2],), doors=False)
-    np.testing.assert_array_equal(theme.sprite_art[0], planes(np.where(marks() == 1, 1, 2)))
+    np.testing.assert_array_equal(theme.sprite_art[0], planes(np.where(random_cells() == 1, 1, 2)))
     np.testing.assert_array_equal(np.asarray(theme.sprite_colours)[0, 0], (52, 96, 236))
 
 
@@ -114,8 +114,8 @@ def test_thing_appears_in_observations_and_on_maps() -> None:
 
 
 def test_thing_can_be_registered_again_with_another_picture() -> None:
-    register_thing("banana", 200, as_text(marks()), colour=RED)
-    turned = marks().T
+    register_thing("banana", 200, as_text(random_cells()), colour=RED)
+    turned = random_cells().T
     register_thing("banana", 200, as_text(turned), colour=RED)
     art = np.asarray(build_theme((200,), doors=False).sprite_art)[0]
     np.testing.assert_array_equal(art, planes(turned))
@@ -140,10 +140,10 @@ def test_new_picture_appears_in_compiled_programs() -> None:
 def test_label_names_differ(names: tuple[str, str]) -> None:
     colour_of = {"red gem": RED, "gem": None}
     first, second = names
-    register_thing(first, 200, marks(), colour=colour_of[first])
+    register_thing(first, 200, random_cells(), colour=colour_of[first])
     with pytest.raises(SettingError, match="'red gem' is already the name of a label"):
-        register_thing(second, 220, marks(), colour=colour_of[second])
-    register_thing(first, 200, marks().T, colour=colour_of[first])
+        register_thing(second, 220, random_cells(), colour=colour_of[second])
+    register_thing(first, 200, random_cells().T, colour=colour_of[first])
 
 
 def test_sizes_can_be_numpy_numbers() -> None:

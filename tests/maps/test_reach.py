@@ -11,7 +11,7 @@ from jaxenstein.maps.symbols import SYMBOLS
 from jaxenstein.maps.tilemap import Door, Key, TileMap
 
 
-def spread(reached: np.ndarray, walkable: np.ndarray) -> np.ndarray:
+def grown_by_one(reached: np.ndarray, walkable: np.ndarray) -> np.ndarray:
     """One step from every reached tile at once."""
     grown = np.pad(reached, 1)
     beside = grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:]
@@ -22,7 +22,7 @@ def brute_flood(walkable: np.ndarray, starts: list[tuple[int, int]]) -> np.ndarr
     reached = np.zeros(walkable.shape, bool)
     for column, row in starts:
         reached[row, column] = walkable[row, column]
-    while (grown := spread(reached, walkable)).sum() > reached.sum():
+    while (grown := grown_by_one(reached, walkable)).sum() > reached.sum():
         reached = grown
     return reached
 
@@ -35,7 +35,7 @@ def brute_explore(grid: np.ndarray, start: tuple[int, int]) -> np.ndarray:
     while True:
         before = reached.sum(), len(held)
         walkable = np.isin(grid, [*".SGrb'", *(key.upper() for key in held)])
-        reached = spread(reached, walkable)
+        reached = grown_by_one(reached, walkable)
         held |= set(grid[reached].tolist()) & {"r", "b"}
         if (reached.sum(), len(held)) == before:
             return reached
@@ -85,7 +85,7 @@ def test_explore(grid: np.ndarray, data: st.DataObject) -> None:
     np.testing.assert_array_equal(explore(tilemap_of(grid), start), brute_explore(grid, start))
 
 
-def ideally_stuck(grid: np.ndarray, tilemap: TileMap) -> set[tuple[int, int]]:
+def stuck_with_open_doors(grid: np.ndarray, tilemap: TileMap) -> set[tuple[int, int]]:
     """Spawns that reach no goal with all doors open, unless no spawn does."""
     masks = {cell: brute_flood(grid != "#", [cell]) for cell in tilemap.spawns}
     stuck = {s for s, mask in masks.items() if not any(mask[g[1], g[0]] for g in tilemap.goals)}
@@ -104,7 +104,7 @@ def test_problems_name_exactly_the_unreachable_things(grid: np.ndarray) -> None:
     lost = {g for g in tilemap.goals if not any(mask[g[1], g[0]] for mask in masks.values())}
     stuck = {s for s, mask in masks.items() if not any(mask[g[1], g[0]] for g in tilemap.goals)}
     if len(lost) == len(tilemap.goals):
-        stuck = ideally_stuck(grid, tilemap)
+        stuck = stuck_with_open_doors(grid, tilemap)
     assert {cell for _, cell in found} == lost | stuck
     assert len(found) == len(lost | stuck)
     ideal = brute_flood(grid != "#", list(tilemap.spawns))

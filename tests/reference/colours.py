@@ -16,12 +16,12 @@ EDGE = 2e-2
 
 
 def light(depth: float) -> float:
-    """What a surface has of its colour at a depth."""
+    """The share of its colour that a surface keeps at a depth."""
     return max(1 / (1 + 0.13 * depth), 0.22)
 
 
 def bit(word: int, place: float) -> bool:
-    """Bit `floor(place)` of a word, counted from the greatest of 32."""
+    """Bit `floor(place)` of a word of 32 bits, counted from the highest."""
     return bool(int(word) >> (31 - int(np.floor(place))) & 1)
 
 

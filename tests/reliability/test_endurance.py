@@ -14,7 +14,7 @@ from reliability import endurance
 
 
 @pytest.fixture(autouse=True)
-def _forget() -> Any:
+def _clear_caches() -> Any:
     yield
     jax.clear_caches()
 

@@ -164,7 +164,7 @@ def run(tmp_path: Path) -> Path:
     return folder.path
 
 
-PLACES = (
+RUN_PATHS = (
     *(".lock", "metrics.jsonl", "timing.jsonl", "checkpoints", "tensorboard", ".probe"),
     *("checkpoints/7.npz", "checkpoints/.0.npz.x.part", "tensorboard/seed-0"),
 )
@@ -190,7 +190,7 @@ def link(path: Path, treasure: Path) -> None:
     path.symlink_to(treasure if "." not in path.name else treasure / "file")
 
 
-@pytest.mark.parametrize("name", PLACES)
+@pytest.mark.parametrize("name", RUN_PATHS)
 def test_links_out_of_a_run_folder_are_not_followed(
     run: Path, treasure: Path, watch: Watch, name: str
 ) -> None:

@@ -17,7 +17,7 @@ from jaxenstein.tasks.maze_ways import sample_path
 
 IDS = ("goal-locations", "object-locations", "object-rewards")
 # Of things to take two kinds: one that pays, and several that pay or cost.
-TRIED = [
+MARKED_IDS = [
     pytest.param(name, marks=[pytest.mark.slow] * (name == "object-locations")) for name in IDS
 ]
 OBSTRUCTED = ("obstructed-goals", "obstructed-goals-large")
@@ -67,7 +67,7 @@ def check_levels(name, count):
         assert set(np.unique(walls)) <= {0, *range(DEFAULT_WALL, DEFAULT_WALL + rooms + 1)}
 
 
-@pytest.mark.parametrize("name", TRIED)
+@pytest.mark.parametrize("name", MARKED_IDS)
 def test_levels(name):
     check_levels(name, 256)
 
@@ -78,11 +78,11 @@ def test_thousands_of_levels(name):
     check_levels(name, 4096)
 
 
-def stand(states, places):
+def placed_at(states, places):
     return states.replace(position=jnp.asarray(places))
 
 
-@pytest.mark.parametrize("name", TRIED)
+@pytest.mark.parametrize("name", MARKED_IDS)
 def test_new_round_begins_after_all_rewards(name):
     """Thing after thing, in all of 64 levels, against a list kept on the host."""
     step = programs(name)[1]
@@ -94,7 +94,7 @@ def test_new_round_begins_after_all_rewards(name):
         # Close enough, and in no wall: things lie in the middle of tiles.
         before, near = states, states.things[:, number] + np.array([0.39, 0], np.float32)
         keys = jax.random.split(jax.random.key(number), 64)
-        after, reward, terminated, info = step(keys, stand(states, near), np.full(64, -1))
+        after, reward, terminated, info = step(keys, placed_at(states, near), np.full(64, -1))
         there = left[:, number] & np.asarray(before.there[:, number])
         good = np.asarray(before.good[:, number])
         np.testing.assert_array_equal(reward, np.where(there, np.where(good, pay, -1), 0))
@@ -122,7 +122,7 @@ def test_new_round_begins_after_all_rewards(name):
     assert over.all()
 
 
-@pytest.mark.parametrize("name", TRIED)
+@pytest.mark.parametrize("name", MARKED_IDS)
 def test_expert_collects_rewards(name):
     env, params = task(name)
     states = programs(name)[0](jax.random.split(jax.random.key(5), 16))
@@ -223,7 +223,7 @@ def test_closed_doors_block_and_change_each_round():
     step = programs("obstructed-goals")[1]
     keys = jax.random.split(jax.random.key(1), 64)
     # At the goal: another round, with doors that leave a way to the new start.
-    after, reward, _, info = step(keys, stand(states, states.things[:, 0]), np.full(64, -1))
+    after, reward, _, info = step(keys, placed_at(states, states.things[:, 0]), np.full(64, -1))
     assert np.asarray(info["respawned"]).all()
     assert (np.asarray(reward) == 10).all()
     after = jax.device_get(after)
@@ -242,7 +242,7 @@ def test_closed_doors_block_and_change_each_round():
         for (column, row), shut in zip(*doors_of(states, i), strict=True):
             if states.level.walls[i, 0, row, column - 1] == 0:
                 place = np.tile(np.array([column - 0.01, row + 0.5], np.float32), (64, 1))
-                east = stand(states, place).replace(heading=np.zeros(64, np.float32))
+                east = placed_at(states, place).replace(heading=np.zeros(64, np.float32))
                 moved = np.asarray(step(keys, east, np.full(64, 2))[0].position)[i, 0]
                 assert (moved > column) == (not shut)
                 seen.add(bool(shut))

@@ -19,7 +19,7 @@ from jaxenstein.tasks.maze import Maze, _subset
 from jaxenstein.tasks.steering import FORWARD, INTERACT
 
 FLOOR = ".aS@G"
-AWAY = 10
+LEAST_STEPS = 10
 EAST = jnp.float32(0)
 
 
@@ -94,7 +94,7 @@ def test_random_goals_are_far_from_starts(number):
     )
     chance = dict.fromkeys(possible, 0.0)
     for goal in possible:
-        far = [cell for cell, steps in distances(name, goal).items() if steps >= AWAY]
+        far = [cell for cell, steps in distances(name, goal).items() if steps >= LEAST_STEPS]
         far = allowed.intersection(far)
         for cell in far:
             chance[cell] += 1 / len(far) / len(possible)
@@ -122,7 +122,7 @@ def test_drawn_apples_are_distinct_and_not_on_the_goal(number, count):
     freedom = len(allowed) - 1
     assert square < freedom + 5 * np.sqrt(2 * freedom)
     for start, goal in set(zip(starts[:200], goals[:200], strict=True)):
-        assert distances(name.removesuffix("-respawn"), goal)[start] >= AWAY
+        assert distances(name.removesuffix("-respawn"), goal)[start] >= LEAST_STEPS
 
 
 @pytest.mark.parametrize("suffix", ["", "-respawn"])
@@ -138,7 +138,7 @@ def test_static_mazes_match_the_layout(number, suffix):
     assert set(goals) == {goal}
     assert all(row == list(env.apple_cells) for row in apples)
     steps = distances(name, goal)
-    far = sorted(cell for cell in cells(name, "S@") if steps[cell] >= AWAY)
+    far = sorted(cell for cell in cells(name, "S@") if steps[cell] >= LEAST_STEPS)
     assert set(starts) <= set(far)
     assert is_plausible([starts.count(cell) for cell in far], [4000 / len(far)] * len(far))
 
@@ -199,7 +199,7 @@ def test_the_goal_moves_the_agent_to_a_new_start():
         assert int(after.goal) == int(before.goal)
         start = tuple(np.floor(np.array(after.position)).astype(int).tolist())
         assert start in cells(NAME, "S@")
-        assert steps[start] >= AWAY
+        assert steps[start] >= LEAST_STEPS
         starts.add((*start, float(after.heading)))
     assert len(starts) > 30
 

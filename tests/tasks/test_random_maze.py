@@ -77,19 +77,19 @@ def test_rectangles_have_the_probabilities_of_the_original():
     assert ((got - expected) ** 2 / expected).sum() < len(masks) + 5 * np.sqrt(2 * len(masks))
 
 
-def slowly_straightened(corridor, wall):
+def straightened_step_by_step(corridor, wall):
     """The rule step by step, one cell after another."""
     corridor, wall = corridor.copy(), wall.copy()
     size, bend = len(corridor), 1
     while bend + 3 < size:
         removed = any(
-            pulled(corridor, wall, (r, c), bend) for r in range(size) for c in range(size)
+            pulled_straight(corridor, wall, (r, c), bend) for r in range(size) for c in range(size)
         )
         bend = 1 if removed and bend != 1 else bend + 1
     return corridor
 
 
-def pulled(corridor, wall, place, bend):
+def pulled_straight(corridor, wall, place, bend):
     """Whether a detour begins at a place; it is pulled as far as it goes."""
     found = False
     while way := next(
@@ -135,7 +135,7 @@ def test_straightening_matches_the_slow_rule():
         grids.append(lattice)
         stones.append(~lattice & ~doors)
     mine = np.asarray(jax.jit(jax.vmap(straighten))(np.stack(grids), np.stack(stones)))
-    slow = np.stack([slowly_straightened(g, s) for g, s in zip(grids, stones, strict=True)])
+    slow = np.stack([straightened_step_by_step(g, s) for g, s in zip(grids, stones, strict=True)])
     np.testing.assert_array_equal(mine, slow)
     assert (slow != np.stack(grids)).any(axis=(1, 2)).sum() > 10
 

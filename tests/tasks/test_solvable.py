@@ -10,7 +10,7 @@ import jaxenstein
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.players import play, player_of
 from jaxenstein.tasks.minigrid.world import GridWorld
-from tests.tasks.minigrid.search import check_laid
+from tests.tasks.minigrid.search import check_placement
 from tests.tasks.solving import solvable
 
 FAMILIES = (
@@ -50,7 +50,7 @@ def test_thousands_of_levels_are_solvable(name) -> None:
     assert good.shape == (LEVELS,)
     assert good.all(), f"{(~good).sum()} of {LEVELS} cannot be solved"
     if isinstance(env, GridWorld):
-        check_laid(env, states)
+        check_placement(env, states)
 
 
 @pytest.mark.slow

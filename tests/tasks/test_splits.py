@@ -51,7 +51,7 @@ def first_states(env: Any, count: int, seed: int = 0) -> Any:
     return jax.device_get(draw(keys))
 
 
-def seen(env: Any, states: Any, i: int) -> str:
+def visible_content(env: Any, states: Any, i: int) -> str:
     """The content of a level as a person sees it, independent of the package's own definition."""
     state = jax.tree.map(lambda leaf: leaf[i], states)
     level = state.level
@@ -76,23 +76,23 @@ def seen(env: Any, states: Any, i: int) -> str:
     return json.dumps(said)
 
 
-def sets_of(env: Any, states: Any) -> list[str]:
-    return [seen(env, states, i) for i in range(len(states.heading))]
+def contents_of(env: Any, states: Any) -> list[str]:
+    return [visible_content(env, states, i) for i in range(len(states.heading))]
 
 
-def both_sides(name: str, count: int, **settings: Any) -> list[set[str]]:
+def levels_of_splits(name: str, count: int, **settings: Any) -> list[set[str]]:
     """The visible content of training and test levels."""
     sides = []
     for split in ("train", "test"):
         env = made(name, split=split, test_fraction=0.4, **settings)
-        sides.append(set(sets_of(env, first_states(env, count, seed=1))))
+        sides.append(set(contents_of(env, first_states(env, count, seed=1))))
     return sides
 
 
 @pytest.mark.parametrize("name", FEW)
 def test_no_level_is_in_both_splits(name: str) -> None:
     """By visible content, over thousands of draws, in which most levels come several times."""
-    train, test = both_sides(name, 3000)
+    train, test = levels_of_splits(name, 3000)
     assert not train & test
     every = level_counts.level_counts()[name].levels
     assert 0.9 * every < len(train | test) <= every
@@ -101,16 +101,16 @@ def test_no_level_is_in_both_splits(name: str) -> None:
 @pytest.mark.parametrize("name", MANY)
 def test_no_level_of_given_seeds_is_in_both_splits(name: str) -> None:
     """With few seeds, so that each level repeats; both sides together are all levels."""
-    train, test = both_sides(name, 250, levels=(100, 130))
+    train, test = levels_of_splits(name, 250, levels=(100, 130))
     assert not train & test
     env = made(name, levels=(100, 130))
-    assert train | test == set(sets_of(env, first_states(env, 250)))
+    assert train | test == set(contents_of(env, first_states(env, 250)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MANY)
 def test_none_of_thousands_of_levels_is_in_both_splits(name: str) -> None:
-    train, test = both_sides(name, 2000)
+    train, test = levels_of_splits(name, 2000)
     assert not train & test
     assert min(len(train), len(test)) > 100
 
@@ -133,7 +133,7 @@ def test_share_of_test_levels_equals_test_fraction(name: str, fraction: float) -
     states = first_states(env, 3000, seed=3)
     draw = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))
     held = jax.jit(jax.vmap(lambda level: splits.is_of("test", fraction, level)))(draw(states))
-    sides = dict(zip(sets_of(env, states), np.asarray(held).tolist(), strict=True))
+    sides = dict(zip(contents_of(env, states), np.asarray(held).tolist(), strict=True))
     count = len(sides)
     error = math.sqrt(fraction * (1 - fraction) / count)
     assert abs(sum(sides.values()) / count - fraction) < 4 * error
@@ -176,7 +176,7 @@ def test_split_does_not_change_levels_it_accepts(name: str) -> None:
     """Drawn from the same key; and the same alone as in a batch."""
     env, split = made(name), made(name, split="test", test_fraction=0.5)
     every, right = first_states(env, 200), first_states(split, 200)
-    same = [a == b for a, b in zip(sets_of(env, every), sets_of(env, right), strict=True)]
+    same = [a == b for a, b in zip(contents_of(env, every), contents_of(env, right), strict=True)]
     levels = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))(every)
     held = np.asarray(splits.is_of("test", 0.5, levels.T))
     assert 60 < held.sum() < 140
@@ -213,7 +213,7 @@ def test_every_reset_of_a_batch_stays_in_its_split() -> None:
         states = jax.device_get(jax.jit(play)(keys))
         firsts = jax.tree.map(lambda leaf, at=states.time == 0: leaf[at], states)
         assert len(firsts.heading) == 400
-        sides.append(set(sets_of(env, firsts)))
+        sides.append(set(contents_of(env, firsts)))
         _, one = env.reset(keys[0], params)
         assert splits.is_of(split, 0.3, splits.fingerprint(env.level_parts(one)))
     assert not sides[0] & sides[1]
@@ -222,11 +222,11 @@ def test_every_reset_of_a_batch_stays_in_its_split() -> None:
 
 def test_split_of_given_seeds_has_only_their_levels() -> None:
     env = made(DOORS, levels=(5, 17))
-    chosen = set(sets_of(env, first_states(env, 400)))
+    chosen = set(contents_of(env, first_states(env, 400)))
     found = []
     for split in ("train", "test"):
         part = made(DOORS, levels=(5, 17), split=split, test_fraction=0.5)
-        found.append(set(sets_of(part, first_states(part, 400))))
+        found.append(set(contents_of(part, first_states(part, 400))))
     assert found[0] | found[1] == chosen
     assert not found[0] & found[1]
 

@@ -160,7 +160,7 @@ def test_evenly_includes_both_ends() -> None:
     assert evenly(1, 8) == [0]
 
 
-def films(count: int, height: int = 97, width: int = 131) -> list[np.ndarray]:
+def moving_squares(count: int, height: int = 97, width: int = 131) -> list[np.ndarray]:
     """A red and a blue square that walk over grey, past one of every corner of the colours."""
     images = []
     for i in range(count):
@@ -185,7 +185,7 @@ def decode(path: Path, width: int, height: int) -> tuple[str, np.ndarray]:
 
 def test_video_holds_every_frame_in_its_colours(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
-    shots = np.stack(films(20))
+    shots = np.stack(moving_squares(20))
     save_animation(shots, tmp_path / "a.mp4", fps=12.5)
     about, back = decode(tmp_path / "a.mp4", 132, 98)
     for fact in ("Video: h264", "yuv420p(tv, bt709", " 132x98", " 12.50 fps"):
@@ -268,7 +268,7 @@ def test_interrupted_videos_leave_nothing(tmp_path: Path) -> None:
 
     (tmp_path / "a.mp4").write_text("old")
     with pytest.raises(KeyboardInterrupt):
-        save_animation(Interrupted(films(2)), tmp_path / "a.mp4")
+        save_animation(Interrupted(moving_squares(2)), tmp_path / "a.mp4")
     assert os.listdir(tmp_path) == ["a.mp4"]
     assert (tmp_path / "a.mp4").read_text() == "old"
 
@@ -276,12 +276,12 @@ def test_interrupted_videos_leave_nothing(tmp_path: Path) -> None:
 def test_wrong_arguments(tmp_path: Path) -> None:
     for path in ("a.avi", "a", "a.gif.txt"):
         with pytest.raises(SettingError, match=r"should end in \.gif or \.mp4"):
-            save_animation(films(1), tmp_path / path)
+            save_animation(moving_squares(1), tmp_path / path)
     for fps in (0, -1, float("nan"), float("inf"), 1e-9):
         with pytest.raises(SettingError, match="fps must be"):
-            save_animation(films(1), tmp_path / "a.gif", fps)
+            save_animation(moving_squares(1), tmp_path / "a.gif", fps)
     with pytest.raises(SettingError, match="at least one frame"):
         save_animation([], tmp_path / "a.gif")
     with pytest.raises(OutputError, match="there is no folder"):
-        save_animation(films(1), tmp_path / "none" / "a.gif")
+        save_animation(moving_squares(1), tmp_path / "none" / "a.gif")
     assert os.listdir(tmp_path) == []

@@ -155,7 +155,7 @@ def test_loop_zeroes_scales_and_weighs_a_bonus(
     loop = loop_of(algo, normalise_bonus=True, bonus_values=own)
     assert loop.parts == parts
     numbers, data = numbers_of(algo, bonus_reward=2.0), experience()
-    state: Any = before_the_first(loop)
+    state: Any = initial_train_state(loop)
     totals, total = [], np.zeros((BATCH, *loop.parts))
     for _ in range(2):
         raw, _, _ = loop.bonus.reward(state.bonus, numbers, data)
@@ -173,8 +173,8 @@ def test_loop_zeroes_scales_and_weighs_a_bonus(
     assert any(jax.tree.leaves(inside.bonus)) == (algo in ("e3b", "visits"))
 
 
-def before_the_first(loop: Any) -> Any:
-    """A state before the first update of which only the bonus' parts are there."""
+def initial_train_state(loop: Any) -> Any:
+    """A state before the first update that has only the parts of the bonus."""
     from jaxenstein.baselines.state import TrainState
 
     nothing: Any = None

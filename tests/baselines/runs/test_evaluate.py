@@ -27,7 +27,7 @@ from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.game import AgentGame
 from jaxenstein.results import read_results
-from tests.baselines.tiny import OPTIONS, hardly_trained
+from tests.baselines.tiny import OPTIONS, untrained_run
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
@@ -137,7 +137,7 @@ def test_command_names_the_split_and_can_play_the_other(
     given = {name: value for name, value in OPTIONS.items() if name != "map"}
     given["env"] = "minigrid-red-blue-doors-6x6"
     given["settings"] = {"split": "train", "test_fraction": 0.5}
-    folder = hardly_trained(tmp_path / "tiny", resolve(given))
+    folder = untrained_run(tmp_path / "tiny", resolve(given))
     arguments = ["evaluate", str(folder.path), "--episodes", "2"]
     for more, line in (
         ([], "levels of the train split (test_fraction 0.5); --set split=test "),

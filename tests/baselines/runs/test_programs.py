@@ -24,7 +24,7 @@ from jaxenstein.files import OutputError
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "exported_agent.py"
 # Runs the program that its first argument names, with the others, where no jaxenstein is found.
-WITHOUT = """
+WITHOUT_PACKAGE = """
 import runpy, sys
 sys.modules["jaxenstein"] = None
 del sys.argv[0]
@@ -68,7 +68,7 @@ def exported(plain_frames: None, folder: RunFolder) -> Path:
 
 
 def test_example_acts_without_this_package(exported: Path) -> None:
-    command = [sys.executable, "-W", "error", "-c", WITHOUT, str(EXAMPLE), str(exported)]
+    command = [sys.executable, "-W", "error", "-c", WITHOUT_PACKAGE, str(EXAMPLE), str(exported)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     agent = load_policy(exported.with_suffix(".npz"))

@@ -42,7 +42,7 @@ def flood(walkable, seen):
         seen = grown
 
 
-def alone(floor, things):
+def only_neighbours(floor, things):
     """bool[B, rows, columns], tiles that are the only free neighbour of something."""
     ways = sum(shifted(floor, *way).astype(np.int8) for way in RING[::2])
     return floor & beside(things & (ways == 1))
@@ -58,18 +58,18 @@ def hangs_together(floor):
     return (pieces == 1) | ((pieces == 0) & beside(floor))
 
 
-def marked(shape, columns, rows, which):
-    """bool[shape], the tiles int[B, K] of those that bool[B, K] names."""
+def mask_of(shape, columns, rows, which):
+    """bool[shape]: the tiles int[B, K] that bool[B, K] selects."""
     mask = np.zeros(shape, bool)
     mask[np.nonzero(which)[0], rows[which], columns[which]] = True
     return mask
 
 
-def starts(states):
+def start_tiles(states):
     """bool[B, rows, columns], the tile where each level begins."""
     cell = np.floor(states.position).astype(int)[:, None]
     shape = len(cell), *states.level.walls.shape[-2:]
-    return marked(shape, cell[..., 0], cell[..., 1], np.ones(cell.shape[:2], bool))
+    return mask_of(shape, cell[..., 0], cell[..., 1], np.ones(cell.shape[:2], bool))
 
 
 class Search:
@@ -102,7 +102,7 @@ class Search:
         self.shade, self.opened = states.doors.colour, ~states.doors.locked
         self.real = (tiles != 0).any(axis=-1)
         self.ground = states.level.walls[:, 0] == 0
-        self.floor = starts(states)
+        self.floor = start_tiles(states)
         self.had, self.moved = (np.zeros(self.kind.shape, kind) for kind in (bool, np.int8))
         known = -1
         # Carrying a thing away frees at least as much floor as it takes, so the sum never shrinks.
@@ -118,11 +118,11 @@ class Search:
 
     def tiles(self, which):
         """bool[B, rows, columns], the tiles of bool[B, N] things."""
-        return marked(self.ground.shape, self.column, self.row, which)
+        return mask_of(self.ground.shape, self.column, self.row, which)
 
     def doors(self, which):
         """bool[B, rows, columns], the tiles of bool[B, D] doors."""
-        return marked(self.ground.shape, self.door_column, self.door_row, which & self.real)
+        return mask_of(self.ground.shape, self.door_column, self.door_row, which & self.real)
 
     def walkable(self):
         """bool[B, rows, columns], where one could walk."""
@@ -162,7 +162,14 @@ class Search:
         # The agent may walk on with it.
         floor = flood(self.walkable()[levels] | here, self.floor[levels] | here)
         needed = self.tiles((self.place == LYING) & (self.kind != BALL) & ~own)[levels]
-        spots = floor & hangs_together(floor) & ~doors & ~litter & ~here & ~alone(floor, needed)
+        spots = (
+            floor
+            & hangs_together(floor)
+            & ~doors
+            & ~litter
+            & ~here
+            & ~only_neighbours(floor, needed)
+        )
         # Prefer tiles that are not the only access to something, at least not to a door or floor.
         for behind in (doors | self.ground[levels] & ~litter, self.ground[levels] | doors):
             apart = spots & ~beside(behind & ~floor)
@@ -227,7 +234,7 @@ def solvable(env, states):
     return (search.floor & goals).any(axis=(1, 2))
 
 
-def check_laid(env, states):
+def check_placement(env, states):
     """Whether things and the start are on free tiles, and are allowed in the world."""
     things, batch = states.things, np.arange(len(states.position))
     walls = states.level.walls[:, 0] != 0

@@ -23,7 +23,7 @@ from tests.tasks.minigrid.search import (
     LYING,
     RING,
     Search,
-    check_laid,
+    check_placement,
     hangs_together,
     solvable,
 )
@@ -70,7 +70,7 @@ def test_levels_are_solvable(name):
     states = levels(name, FEW)
     good = solvable(env, states)
     assert good.all(), f"{(~good).sum()} of {FEW} cannot be solved"
-    check_laid(env, states)
+    check_placement(env, states)
 
 
 def test_search_decides_solvability():

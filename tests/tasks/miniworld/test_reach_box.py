@@ -84,14 +84,14 @@ def test_initial_positions_and_headings(name) -> None:
         assert (states.goal[:, 1] - states.position[:, 1] > 7).all()
 
 
-def alone(states):
+def single(states):
     return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), states)
 
 
 def test_later_box_pays_less() -> None:
     env, params = task("hallway")
     step = jax.jit(lambda state: env.advance(jax.random.key(0), state, jnp.int32(-1), params))
-    state = alone(first_states("hallway"))
+    state = single(first_states("hallway"))
     for time in (0, 99, 249):
         near = state.replace(
             time=jnp.int32(time), position=state.goal - jnp.array([1.15, 0], jnp.float32)
@@ -108,7 +108,7 @@ def test_later_box_pays_less() -> None:
 def test_street_ends_without_a_reward() -> None:
     env, params = task("sidewalk")
     step = jax.jit(lambda state: env.advance(jax.random.key(0), state, jnp.int32(2), params))
-    state = alone(first_states("sidewalk")).replace(heading=jnp.float32(0))
+    state = single(first_states("sidewalk")).replace(heading=jnp.float32(0))
     for x, over in ((3.8, False), (3.9, True)):
         after, reward, terminated, info = step(
             state.replace(position=jnp.array([x, 12.5], jnp.float32))

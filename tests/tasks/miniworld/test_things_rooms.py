@@ -41,7 +41,7 @@ def first_states(name, count):
     return programs(name)[0](jax.random.split(jax.random.key(2), count))
 
 
-def alone(states, i=0):
+def single(states, i=0):
     return jax.tree.map(lambda leaf: leaf[i], states)
 
 
@@ -94,7 +94,7 @@ def test_medkits_are_apart_and_block_the_way() -> None:
         assert ((kits >= 1.25) & (kits <= 16.75)).all()
     far = np.full((18, 2), 3.0)
     far[0] = (9.0, 9.0)
-    state = alone(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
+    state = single(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
     for x, moves in ((8.1, True), (8.3, False)):
         after = act("collect-health", state, FORWARD, position=[x, 9.0], heading=0.0)[0]
         assert float(after.position[0]) == pytest.approx(x + 0.15 * moves)
@@ -109,7 +109,7 @@ def test_medkits_are_apart_and_block_the_way() -> None:
 def test_health_is_lost_and_restored() -> None:
     far = np.full((18, 2), 3.0)
     far[0] = (9.0, 9.0)
-    state = alone(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
+    state = single(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
     # The hand is 0.6 ahead and reaches 0.48 and the medkit's radius, 0.25.
     for x, reached in ((7.6, False), (7.7, True)):
         after, reward, terminated, info = act(
@@ -130,7 +130,7 @@ def test_health_is_lost_and_restored() -> None:
 
 
 def test_picked_up_object_pays_and_disappears() -> None:
-    state = alone(first_states("pickup-objects", 1))
+    state = single(first_states("pickup-objects", 1))
     tiles = np.array([(5, 5), (9, 2), (9, 4), (9, 6), (9, 8)])
     things = state.things.replace(tile=jnp.asarray(tiles, jnp.int32))
     state = state.replace(things=things)
@@ -164,7 +164,7 @@ def test_the_red_box_beside_the_yellow_one() -> None:
         for c in range(6)
     }
     assert (np.abs(where[0] - where[4]).sum(axis=1) > 1).all()
-    state = alone(first_states("put-next", 1))
+    state = single(first_states("put-next", 1))
     order = {int(c): i for i, c in enumerate(state.things.colour)}
     placed = np.array([(12, 1 + 2 * i) for i in range(6)])
     placed[order[4]] = (5, 4)
@@ -193,18 +193,20 @@ def test_sign_shows_the_colour() -> None:
     colour = np.array([0, 2, 1])[seen[:, 0] - 3]
     assert set(colour.tolist()) == {0, 1, 2}
     for i in range(16):
-        target = np.asarray(env.target(alone(states, i)))
+        target = np.asarray(env.target(single(states, i)))
         wanted = (host.things.kind[i] == asked[i]) & (host.things.colour[i] == colour[i])
         assert (target == wanted).all()
         assert target.sum() == 1
         word = "box" if asked[i] == BOX_KIND else "key"
-        assert env.instruction(alone(host, i)) == f"asked for: the {word} in the colour of the sign"
+        assert (
+            env.instruction(single(host, i)) == f"asked for: the {word} in the colour of the sign"
+        )
     # The vector does not reveal the colour.
-    assert len({alone(states, i).asked.tobytes() for i in range(16)}) == 2
+    assert len({single(states, i).asked.tobytes() for i in range(16)}) == 2
 
 
 def test_touching_the_right_object_pays() -> None:
-    state = alone(first_states("sign", 1))
+    state = single(first_states("sign", 1))
     target = np.asarray(task("sign")[0].target(state))
     for i, (column, row) in enumerate(np.asarray(state.things.tile).tolist()):
         inward = np.array((1.0 if column < 5 else -1.0, 0.0)) * (1.72, 0)
@@ -247,7 +249,7 @@ def test_open_lines_match_points_along_the_path():
     assert min(seen.values()) > 50
 
 
-def straight_on(env, params):
+def straight_walker(env, params):
     """A player that walks straight."""
     body = movement_of(env, params)
 
@@ -263,7 +265,7 @@ def steps(text):
     env, params = from_ascii(text.strip(), height=8, width=8)
     keys = jax.random.split(jax.random.key(1), 16)
     states = jax.vmap(lambda key: env.init_state(key, params))(keys)
-    out = play(env, Player("", straight_on), params, jax.random.key(0), states)
+    out = play(env, Player("", straight_walker), params, jax.random.key(0), states)
     assert (np.asarray(out.successes) == 1).all()
     return np.asarray(out.length)
 
