@@ -98,10 +98,14 @@ def compare(scenario: str, frames: int, seed: int) -> Pairs:
 def main(argv: Sequence[str] | None = None) -> int:
     """Play, compare and print; write an image of the worst frames, ours on top."""
     parser = argparse.ArgumentParser(description="Compare look='game' with the running game.")
-    parser.add_argument("--frames", type=int, default=200, help="frames per scenario (default %(default)s)")
+    parser.add_argument(
+        "--frames", type=int, default=200, help="frames per scenario (default %(default)s)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
     parser.add_argument("--only", choices=SCENARIOS, help="compare only this scenario")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="write the worst frames, ours on top")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE", help="write the worst frames, ours on top"
+    )
     options = parser.parse_args(argv)
     if options.picture:
         check_writable(options.picture)

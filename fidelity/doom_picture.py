@@ -3,7 +3,7 @@
     python -m fidelity.doom_picture [--frames N] [--seed N] [--only NAME] [--particles]
     python -m fidelity.doom_picture --record FILE
 
-Needs the extra `vizdoom`. The game plays random buttons, and `tests/reference/doom_picture.py` draws
+Needs the extra `vizdoom`. The game plays random buttons; `tests/reference/doom_picture.py` draws
 the poses and things of its states. Particles and decals are off without `--particles`, because the
 state does not contain them. The table has the share of pixels with three equal bytes, the number of
 frames that are equal as a whole, and the mean absolute error of a byte. The indented lines show the
@@ -122,8 +122,12 @@ def record(path: Path, seen: dict[str, list[tuple[View, ...]]]) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Play, compare, print and record."""
-    parser = argparse.ArgumentParser(description="Compare the game's frames with the reference renderer.")
-    parser.add_argument("--frames", type=int, default=200, help="frames per scenario (default %(default)s)")
+    parser = argparse.ArgumentParser(
+        description="Compare the game's frames with the reference renderer."
+    )
+    parser.add_argument(
+        "--frames", type=int, default=200, help="frames per scenario (default %(default)s)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
     parser.add_argument("--only", choices=SCENARIOS, help="compare only this scenario")
     parser.add_argument("--particles", action="store_true", help="leave particles and decals on")

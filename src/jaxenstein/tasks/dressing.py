@@ -39,8 +39,8 @@ def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
 
     An image on a wall is as high as the wall. Its width in tiles follows from its aspect ratio,
     rounded to a power of two, and it repeats across: a square image covers one tile of a wall that
-    is one tile high. On floor and ceiling an image covers a square of about that size. On a thing it
-    is as high as the thing's usual picture; alpha below 128 is transparent.
+    is one tile high. On floor and ceiling an image covers a square of about that size. On a thing
+    it is as high as the thing's usual picture; alpha below 128 is transparent.
 
     Distant images are smoothed: the texels of each shade are averages over a pixel at the depth
     that has this shade.
