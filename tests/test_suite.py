@@ -117,4 +117,4 @@ def test_scripted_players_play_levels_of_the_split():
     env, params = jaxenstein.make("key-corridor-s3r1", split="test", height=8, width=8)
     first = evaluation._first(env, env.single_params(params), jax.random.key(0), 16)
     levels = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))(first.state)
-    assert all(splits.is_of("test", 0.2, level) for level in np.asarray(levels))
+    assert all(splits.is_in_split("test", 0.2, level) for level in np.asarray(levels))

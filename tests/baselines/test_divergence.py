@@ -126,7 +126,7 @@ def test_guard_stops_on_non_finite_values(
     assert int(measured["episodes"]) == (0 if code else 3)
     np.testing.assert_equal(float(measured["kl"]), np.nan if code else 0.5)
     if code:
-        told = Divergence(5, code).told("seed-3")
+        told = Divergence(5, code).message("seed-3")
         assert told.startswith(f"seed-3 diverged at update 5: its {words}")
         assert told.endswith("It keeps the parameters of update 4, the last finite ones")
     # The first cause is kept.
@@ -136,7 +136,7 @@ def test_guard_stops_on_non_finite_values(
 
 @pytest.mark.parametrize("code", [8, -1, 2**40])
 def test_unknown_divergence_code_has_a_description(code: int) -> None:
-    assert "seed-0 diverged at update 1: its " in Divergence(1, code).told("seed-0")
+    assert "seed-0 diverged at update 1: its " in Divergence(1, code).message("seed-0")
 
 
 def test_updates_are_counted_until_all_runs_have_diverged() -> None:

@@ -54,14 +54,14 @@ def test_second_call_reuses_compiled_programs(home: Path) -> None:
 
 ADD = """
 import resource, sys
-from jaxenstein.cli.opening import telling_warnings
+from jaxenstein.cli.opening import printing_warnings
 from jaxenstein.cli.compile_cache import keep_programs
 if len(sys.argv) > 1:
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
 keep_programs()
 import jax
 print(jax.jit(lambda x: x * 3)(2))
-with telling_warnings():
+with printing_warnings():
     print(jax.jit(lambda x: x * 5)(2))
 """
 
@@ -125,13 +125,13 @@ def test_folder_of_another_user_is_not_used(home: Path) -> None:
     (home / "folder").mkdir(parents=True)
     (home / "folder").chmod(0o700)
     (home / "link").symlink_to(home / "folder")
-    assert compile_cache.is_ours(home / "folder")
-    assert not compile_cache.is_ours(home / "link")
+    assert compile_cache.is_private(home / "folder")
+    assert not compile_cache.is_private(home / "link")
     for mode, safe in ((0o777, False), (0o1777, True)):
         home.chmod(mode)
-        assert compile_cache.is_ours(home / "folder") == safe
+        assert compile_cache.is_private(home / "folder") == safe
     (home / "folder").chmod(0o770)
-    assert not compile_cache.is_ours(home / "folder")
+    assert not compile_cache.is_private(home / "folder")
 
 
 def test_each_processor_type_has_its_own_folder(

@@ -28,8 +28,8 @@ RUN = "import sys; from jaxenstein.cli import main; sys.exit(main({}))"
 SIGNAL = """
 import os, signal
 from jaxenstein.baselines.runs import training
-agree, calls = training.anywhere, iter(range(9))
-training.anywhere = lambda *flags: (
+agree, calls = training.any_process, iter(range(9))
+training.any_process = lambda *flags: (
     next(calls) == {} and os.kill(os.getpid(), signal.{}), agree(*flags)
 )[1]
 """

@@ -132,7 +132,9 @@ def test_share_of_test_levels_equals_test_fraction(name: str, fraction: float) -
     env = made(name)
     states = first_states(env, 3000, seed=3)
     draw = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))
-    held = jax.jit(jax.vmap(lambda level: splits.is_of("test", fraction, level)))(draw(states))
+    held = jax.jit(jax.vmap(lambda level: splits.is_in_split("test", fraction, level)))(
+        draw(states)
+    )
     sides = dict(zip(contents_of(env, states), np.asarray(held).tolist(), strict=True))
     count = len(sides)
     error = math.sqrt(fraction * (1 - fraction) / count)
@@ -165,10 +167,10 @@ def test_hash_matches_its_definition() -> None:
 
 def test_test_split_grows_with_the_fraction() -> None:
     levels = splits.sample_levels(made(DOORS), 500, 1)
-    few, many = (np.asarray(splits.is_of("test", share, levels.T)) for share in (0.1, 0.6))
+    few, many = (np.asarray(splits.is_in_split("test", share, levels.T)) for share in (0.1, 0.6))
     assert few.any()
     assert not (few & ~many).any()
-    np.testing.assert_array_equal(many, ~np.asarray(splits.is_of("train", 0.6, levels.T)))
+    np.testing.assert_array_equal(many, ~np.asarray(splits.is_in_split("train", 0.6, levels.T)))
 
 
 @pytest.mark.parametrize("name", [CORRIDOR, DOORS])
@@ -178,7 +180,7 @@ def test_split_does_not_change_levels_it_accepts(name: str) -> None:
     every, right = first_states(env, 200), first_states(split, 200)
     same = [a == b for a, b in zip(contents_of(env, every), contents_of(env, right), strict=True)]
     levels = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))(every)
-    held = np.asarray(splits.is_of("test", 0.5, levels.T))
+    held = np.asarray(splits.is_in_split("test", 0.5, levels.T))
     assert 60 < held.sum() < 140
     assert all(np.array(same)[held])
     for a, b in zip(jax.tree.leaves(every), jax.tree.leaves(right), strict=True):
@@ -215,7 +217,7 @@ def test_every_reset_of_a_batch_stays_in_its_split() -> None:
         assert len(firsts.heading) == 400
         sides.append(set(contents_of(env, firsts)))
         _, one = env.reset(keys[0], params)
-        assert splits.is_of(split, 0.3, splits.fingerprint(env.level_parts(one)))
+        assert splits.is_in_split(split, 0.3, splits.fingerprint(env.level_parts(one)))
     assert not sides[0] & sides[1]
     assert sum(map(len, sides)) == 6 * 6
 
@@ -247,7 +249,7 @@ def test_search_for_a_level_always_ends() -> None:
         return jax.random.bits(key) + given
 
     never = jax.jit(
-        lambda key: splits.first_right(
+        lambda key: splits.first_accepted(
             draw, lambda _: jnp.bool_(False), jnp.bool_(True), key, jnp.uint32(0)
         )
     )
@@ -261,7 +263,7 @@ def test_empty_splits_are_refused() -> None:
         with pytest.raises(SettingError, match=f"the {empty} split of 'minigrid-lava-gap-s5' has"):
             made("minigrid-lava-gap-s5", split=split, test_fraction=fraction)
     level = np.asarray(splits.sample_levels(made(CORRIDOR, levels=(3, 4)), 1, 0))[0]
-    empty = "train" if splits.is_of("test", 0.2, level) else "test"
+    empty = "train" if splits.is_in_split("test", 0.2, level) else "test"
     with pytest.raises(SettingError, match="with levels=\\(3, 4\\) has no levels: 4096 draws"):
         made(CORRIDOR, levels=(3, 4), split=empty)
     made(CORRIDOR, levels=(3, 4), split="test" if empty == "train" else "train")

@@ -164,21 +164,21 @@ def test_run_can_train_longer(whole: RunFolder, tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "short", tiny(**steady))
     train(folder)
     longer = tiny(**steady, total_steps=2 * OPTIONS["total_steps"])
-    folder.go_on_as(longer)
+    folder.continue_as(longer)
     assert train(folder) == 2 * UPDATES
     alone = RunFolder.create(tmp_path / "long", longer)
     train(alone)
     assert_same_result(RunFolder.open(folder.path), alone)
-    folder.go_on_as(longer)
+    folder.continue_as(longer)
     for steps, reason in (
         (OPTIONS["total_steps"], "total_steps is already 384"),
         (10_000, "another config"),
     ):
         other = tiny(**steady, total_steps=steps, epochs=2 + (steps == 10_000))
         with pytest.raises(SettingError, match=reason):
-            folder.go_on_as(other)
+            folder.continue_as(other)
     with pytest.raises(SettingError, match="cannot continue to 384 steps: its learning rate is"):
-        whole.go_on_as(tiny(total_steps=384))
+        whole.continue_as(tiny(total_steps=384))
 
 
 def test_changed_rules_end_a_run_and_other_versions_warn(whole: RunFolder, tmp_path: Path) -> None:

@@ -236,7 +236,7 @@ def test_open_lines_match_points_along_the_path():
         solid = rng.random(49) < 0.12
         here = rng.uniform(1, 6, 2)
         offsets = jnp.asarray((tiles - here).astype(np.float32))
-        found = np.asarray(objects._lies_open(offsets, jnp.asarray(solid)))
+        found = np.asarray(objects._path_is_clear(offsets, jnp.asarray(solid)))
         for tile, lies_open in zip(tiles, found, strict=True):
             points = here + parts * (tile - here)
             distances = np.linalg.norm(points[:, None] - tiles[solid], axis=-1)
