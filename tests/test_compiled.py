@@ -64,7 +64,7 @@ def test_incomplete_program_is_shared_once_complete(programs: Programs) -> None:
 
 
 def test_unfinished_programs_are_not_read(programs: Programs) -> None:
-    """Nor what they left when they were killed."""
+    """Including the unfinished files of killed processes."""
     (programs.shared / "add-cache.123").write_bytes(COMPLETE[:9])
     programs.exchange()
     assert names(programs.own) == set()

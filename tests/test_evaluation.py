@@ -30,13 +30,13 @@ def world() -> tuple[Any, Any]:
 
 
 def plain(obs: jax.Array, key: jax.Array) -> jax.Array:
-    """Mostly forward; sometimes what the picture says."""
+    """Mostly forward; sometimes an action that depends on the image."""
     seen = jnp.sum(obs.astype(jnp.int32)) % 5
     return jnp.where(jax.random.bernoulli(key, 0.8), 2, seen)
 
 
 def recurrent(carry: Any, obs: jax.Array, key: jax.Array) -> tuple[Any, jax.Array]:
-    """Elman's network of numbers that nobody trained, and the last action."""
+    """An untrained Elman network that also gets the last action."""
     weights = jnp.sin(jnp.arange(24.0, dtype=jnp.float32)).reshape(6, 4)
     seen = obs[0, :2].astype(jnp.float32).ravel() / np.float32(255)
     hidden = jnp.tanh(seen @ weights + carry["hidden"])
@@ -84,7 +84,7 @@ def test_episodes_match_a_loop_over_single_environments(
     # Both ends are among them, in episodes of several lengths.
     assert 0 < sum(successes) < 12
     assert len(set(lengths)) > 2
-    # However many run beside it, an episode is the same.
+    # An episode does not depend on the number of other episodes.
     fewer = evaluate(*world, policy, carry, episodes=5, seed=SEED)
     np.testing.assert_array_equal(fewer.returns, results.returns[:, :5])
     np.testing.assert_array_equal(fewer.lengths, results.lengths[:, :5])
@@ -133,7 +133,7 @@ def test_weights_in_a_partial_are_not_compiled_in(world: tuple[Any, Any]) -> Non
     first = lengths([0, 0, 1, 0, 0])
     before = len(traced)
     assert lengths([1, 0, 0, 0, 0]) != first
-    # Traced to see what it returns, and not to compile it.
+    # Traced only for its output shapes.
     assert len(traced) == before + 1
 
 

@@ -1,4 +1,4 @@
-"""Images for the setting `textures`: reading, names, sizes, and what is refused."""
+"""Images for the setting `textures`: reading, names, sizes, and refused input."""
 
 import dataclasses
 import json

@@ -119,7 +119,7 @@ def test_each_episode_of_a_scripted_player_draws():
     wanted = [4 * float(draw_numbers(ranges, key)[0]["living_reward"]) for key in keys]
     np.testing.assert_allclose(results.returns[0], wanted, rtol=1e-6)
     assert results.environment.params["living_reward"] == (-2, -1)
-    # What a player knows of the params is that of its episode: larger turns take fewer steps.
+    # A player knows the params of its episode: larger turns take fewer steps.
     env, params = jaxenstein.from_ascii("####\n#SG#\n####", **SIZE, heading=180)
     turns = evaluate_player(env, params.replace(turn_angle=(0.1, 0.6)), "expert", episodes=8)
     assert turns.successes.all()

@@ -24,7 +24,7 @@ from jaxenstein.tasks.health_gathering import HealthGathering
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
 SIZE = {"height": 8, "width": 12}
-# A module as a user writes it: a task with a setting of its own, registered and by its class.
+# A module like a user's: a task with its own setting, registered and by its class.
 MODULE = '''
 """Tasks of a user."""
 import dataclasses

@@ -1,4 +1,4 @@
-"""The file of results: what is written comes back, and what is wrong is told."""
+"""The file of results: round trips, and errors for wrong content."""
 
 from __future__ import annotations
 

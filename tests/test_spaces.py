@@ -1,4 +1,4 @@
-"""Spaces contain what they sample, and nothing else."""
+"""Spaces contain their samples, and nothing else."""
 
 import functools
 from typing import Any

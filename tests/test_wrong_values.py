@@ -1,4 +1,4 @@
-"""Whatever a user may set refuses what its declaration excludes, by name.
+"""Everything that a user can set refuses values outside its declaration, by name.
 
 The values come from the declarations: those just beyond a range, and those of other forms. How
 messages are worded is in test_fields.py.
@@ -24,7 +24,7 @@ from jaxenstein.settings import spec_from
 
 EnterValue = Callable[[str, Any], object]
 INT32 = np.iinfo(np.int32)
-# What takes any value, or is told by tests of its own.
+# Forms that accept any value, or have their own tests.
 UNRESTRICTED = {"any", "text", "table"}
 
 

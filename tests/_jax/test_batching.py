@@ -1,4 +1,4 @@
-"""What no member of a batch needs is not computed."""
+"""Computations that no member of a batch needs are skipped."""
 
 import jax
 import jax.numpy as jnp
@@ -42,7 +42,7 @@ def test_function_is_right_where_needed(where, needed, axes) -> None:
 
 
 def test_where_any_skips_unneeded_calls() -> None:
-    """On the CPU: the function would divide by nothing but zeros, and must not be called."""
+    """On the CPU, the function must not be called."""
     called = []
 
     def function(x):
@@ -74,13 +74,13 @@ def test_where_few_gathers_the_needed_members(share: float) -> None:
     chosen = np.asarray(needed)
     np.testing.assert_array_equal(twice[chosen], 2 * x[chosen])
     np.testing.assert_array_equal(total[chosen], y.sum(axis=1)[chosen])
-    # What is not needed is never computed, so it stays as it was made.
+    # Unneeded results are never computed, so they keep their initial values.
     assert not np.asarray(twice)[~chosen].any()
 
 
 @pytest.mark.parametrize("shape", [(), (3,)])
 def test_by_most_runs_as_often_as_the_neediest_member_needs(shape: tuple[int, ...]) -> None:
-    """On the CPU; a branch says by what it adds which one it is."""
+    """On the CPU; each branch adds its own number."""
     offset = jnp.float32(0.5)
     run = by_most([lambda x, i=i: x + offset + 10 * i for i in range(3)])
     x = jnp.arange(8, dtype=jnp.float32).reshape(4, 2)
@@ -130,7 +130,7 @@ def _repeated(needed, x):
     _repeated,
 ], ids=["where_any", "where_few", "by_most", "by_own", "staged", "repeat"])  # fmt: skip
 def test_inside_cond_with_batched_predicate(run, nested: bool) -> None:
-    """`lax.cond` makes a batch of all arrays in its branches, also of those closed over."""
+    """`lax.cond` batches all arrays in its branches, including those they close over."""
 
     def choose(chosen, needed, x):
         return lax.cond(chosen, run, lambda needed, x: x - 1, needed, x)

@@ -1,4 +1,4 @@
-"""Trees in words: what comes back is what went in, bit for bit, on the device and on the host."""
+"""Trees packed into words come back bit for bit, on the device and on the host."""
 
 from __future__ import annotations
 

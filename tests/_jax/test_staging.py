@@ -166,7 +166,7 @@ def add_up(i, carry, constants):
 
 
 def loops(own, weight):
-    """What `add_up` should give, in numpy."""
+    """The expected result of `add_up`, in NumPy."""
     own, weight = np.broadcast_arrays(own, weight)
     return own * (own + 1) // 2 * weight, own
 
@@ -186,7 +186,7 @@ def test_repeat_alone(rounds: int) -> None:
 
 
 def test_repeat_under_nested_vmaps() -> None:
-    """Bounds, carries and constants batched apart from each other, to two depths."""
+    """Bounds, carries and constants batched separately, two levels deep."""
     nested = jax.jit(jax.vmap(jax.vmap(looped), (0, None)))
     np.testing.assert_array_equal(nested(OWN, WEIGHT), loops(OWN, WEIGHT))
     weights = jax.jit(jax.vmap(looped, (None, 0)))

@@ -1,4 +1,4 @@
-"""Run by test_batch.py on two simulated devices: a spread batch beside one on a single device."""
+"""Run by test_batch.py: compare a batch on two simulated devices with one on a single device."""
 
 from typing import Any
 from unittest import mock

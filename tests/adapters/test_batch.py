@@ -1,4 +1,4 @@
-"""The batch beside a loop over single environments, and what callers may rely on."""
+"""The batch compared with a loop over single environments, and its contract."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_equals_a_loop_over_single_environments(made: Any, mode: Any) -> None:
         reached += np.asarray(out.terminated).sum()
     assert reached > 0
     assert mode != "same-step" or len(together) > 3
-    # What was handed out stays as it is.
+    # Returned arrays do not change.
     np.testing.assert_array_equal(views, copies)
 
 
@@ -175,7 +175,7 @@ def test_each_environment_can_have_its_own_params(mode: Any) -> None:
             for i in (0, 2):
                 assert_same(at((observation, info), i), loops[i].reset(0))
     assert (ended > 0).all()
-    # All pictures at once are those of each.
+    # The images of all environments equal those of each one.
     dim = dataclasses.replace(env, observation="gray")
     for i, image in enumerate(np.asarray(batch.observe(dim))):
         np.testing.assert_array_equal(image, dim.observe(at(batch.states, i), params))

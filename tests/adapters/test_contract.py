@@ -56,7 +56,7 @@ class Native:
 
 @pytest.fixture(scope="module")
 def played() -> Any:
-    """What resets show, and forty times actions with what `Native.step` gives for each."""
+    """The observations of resets, and forty actions with the results of `Native.step`."""
     natives = [Native(*make_corridor()) for _ in range(N)]
     first = [native.reset() for native in natives]
     rng, steps = np.random.default_rng(0), []
@@ -97,7 +97,7 @@ def make_chance() -> tuple[Any, Any]:
 
 @functools.cache
 def first_frame(seed: int, calls: int) -> np.ndarray:
-    """What a reset shows after so many steps and resets of a stream: by keys alone."""
+    """The observation of a reset after a number of steps and resets of a stream, from its keys."""
     env, params = make_chance()
     key = jax.random.fold_in(jax.random.key(seed % 2**32), seed // 2**32)
     for _ in range(calls):
@@ -110,7 +110,7 @@ LARGE = 2**32 + 7, 2**33 + 7, 2**64 - N
 
 @pytest.mark.parametrize("player", STREAMS)
 def test_seeds(player: Any) -> None:
-    """Of each environment its own, the number after that of the one before; then streams go on."""
+    """Environments get consecutive seeds; without a seed their streams continue."""
     ours = player(*make_chance(), N)
     for seed in (7, 8, *LARGE, 7):
         for calls, given in enumerate((seed, None, None)):
@@ -130,7 +130,7 @@ def test_reset_without_seed_is_random(player: Any) -> None:
 
 @pytest.mark.parametrize("player", MASKED)
 def test_seeds_and_resets_of_some_environments(player: Any) -> None:
-    """Each one's stream goes on, whatever the others do; seeds of those left alone are ignored."""
+    """Each stream continues independently of the others; seeds of unmasked ones are ignored."""
     ours = player(*make_chance(), N)
     ours.reset(np.array([7, 20, 9]))
     wanted = first_frame(30, 0), first_frame(20, 1), first_frame(9, 0)
@@ -259,7 +259,7 @@ def test_wrong_action_raises_and_changes_nothing(player: Any) -> None:
             np.testing.assert_array_equal(out.obs, first)
             if out.last:
                 np.testing.assert_array_equal([*out.last.values()], first)
-    # Now nothing but the time may have passed.
+    # Only time may have passed.
     for t in range(3):
         out = ours.step(np.full(N, FORWARD))
         assert [float(reward) for reward in out.reward] == [float(t == 2)] * N
@@ -330,7 +330,7 @@ def test_step_draws_one_frame_and_another_for_final_observation(
     monkeypatch: pytest.MonkeyPatch, name: str, last: bool
 ) -> None:
     env, params = make_corridor()
-    # A name of its own, so that nothing traced before is used again.
+    # A unique name, so that no earlier trace is reused.
     env = dataclasses.replace(env, name=f"counted-{name}-{last}", final_observation=last)
     adapted, _ = functional(name)(env, params)
     key = jax.random.key(0)

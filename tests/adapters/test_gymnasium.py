@@ -107,7 +107,7 @@ def test_gymnasium_env_checker_passes(name: str, kind: str) -> None:
 
 @pytest.mark.parametrize("id", list(gymnasium_ids()))
 def test_every_id_is_made_with_its_spaces(id: str) -> None:
-    """Nothing is compiled here: the environments themselves have tests of their own."""
+    """Nothing is compiled here: the environments have their own tests."""
     env = gymnasium.make(id, **SMALL)
     assert env.spec is not None
     assert env.spec.id == id
@@ -225,7 +225,7 @@ def test_human_mode_shows_frames_in_a_window(made: Any, monkeypatch: pytest.Monk
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setattr(adapter, "RENDER_FPS", 1000)
     with warnings.catch_warnings():
-        # pygame itself uses what Python is going to drop.
+        # pygame uses deprecated Python features.
         warnings.simplefilter("ignore", DeprecationWarning)
         env = adapter.GymnasiumEnv(*made, render_mode="human")
         env.reset(seed=1)

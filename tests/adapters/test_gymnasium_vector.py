@@ -1,4 +1,4 @@
-"""The vector environment beside Gymnasium's own vector of single environments."""
+"""The vector environment compared with Gymnasium's vector of single environments."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_equals_gymnasium_vector_of_single_environments(made: Any, mode: Any) ->
 
 
 def test_equals_gymnasium_after_all_episodes_end_together(made: Any) -> None:
-    """Then no environment has events to tell, and Gymnasium leaves their entries out."""
+    """No environment has events then, and Gymnasium leaves out their entries."""
     for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
         ours, theirs = both(made, mode)
         assert_same(ours.reset(seed=1), theirs.reset(seed=1))
@@ -252,7 +252,7 @@ def test_rendering_without_render_mode(made: Any) -> None:
 
 
 def test_step_does_not_unstack_states(monkeypatch: pytest.MonkeyPatch) -> None:
-    """That is for whoever asks for them: outside of compiled code it takes milliseconds."""
+    """Unstacking outside compiled code takes milliseconds, so it happens only on demand."""
     envs = vector.GymnasiumVectorEnv("simple", num_envs=2, height=4, width=4)
     envs.reset(seed=0)
     monkeypatch.setattr(Batch, "_streams", lambda batch: pytest.fail("states were taken apart"))

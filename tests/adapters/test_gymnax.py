@@ -1,4 +1,4 @@
-"""The gymnax adapter beside gymnax itself, of either contract, and its clients."""
+"""The gymnax adapter with gymnax itself, of either contract, and its clients."""
 
 # The partner is an extra, which need not be there to check the types.
 # pyright: reportMissingImports=false
@@ -18,7 +18,7 @@ import jaxenstein
 pytest.importorskip("gymnax")
 pytestmark = [
     pytest.mark.usefixtures("plain_frames"),
-    # Raised inside of gymnax and of what it imports.
+    # Raised inside gymnax and its imports.
     pytest.mark.filterwarnings("ignore::DeprecationWarning:(gymnax|gymnasium|flax|chex|distrax).*"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning:(jaxopt|tensorflow_probability).*"),
 ]
@@ -195,7 +195,7 @@ def test_log_wrapper_agrees_with_info() -> None:
 
     keys = jax.random.split(jax.random.PRNGKey(0), 30)
     first = jax.vmap(logged.reset, (0, None))(keys[:2], params)[1]
-    # gymnax 0.0.9 begins with Python numbers, which are no carry of a scan.
+    # gymnax 0.0.9 starts with Python numbers, which a scan cannot carry.
     info = jax.jit(lambda s: jax.lax.scan(play, jax.tree.map(jnp.asarray, s), keys))(first)[1]
     ends = np.asarray(info["returned_episode"])
     assert (ends.sum(axis=0) >= 2).all()
@@ -244,7 +244,7 @@ def test_wrappers_of_gymnax_1() -> None:
 
 @pytest.mark.usefixtures("partner_promotion")
 def test_gym_wrappers_of_gymnax() -> None:
-    """They make deep copies and put functions of their own on them."""
+    """They make deep copies and replace functions of the copies."""
     from gymnax.wrappers import gym
 
     env, params = adapter.from_env(*corridor())
@@ -263,7 +263,7 @@ def test_gym_wrappers_of_gymnax() -> None:
 
 ROLLOUT = {"num_steps": 8, "num_epochs": 2, "num_minibatches": 2, "normalize_observations": True}
 REPLAY = {"buffer_size": 512, "fill_buffer": 40, "batch_size": 32, "num_epochs": 2, "gamma": 0.5}
-# Of each algorithm: what it sees, its settings, and the networks that it trains.
+# For each algorithm: its observations, its settings, and the networks that it trains.
 REJAX = {
     "PPO": ("rgb", ROLLOUT | {"max_grad_norm": 0.5}, ("actor_ts", "critic_ts")),
     "DQN": ("depth", REPLAY | {"exploration_fraction": 0.5, "polyak": 0.5}, ("q_ts",)),

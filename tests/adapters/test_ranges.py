@@ -1,4 +1,4 @@
-"""Params from ranges in every adapter, beside episodes that are put together by hand."""
+"""Params from ranges in every adapter, compared with episodes assembled by hand."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_each_episode_of_a_batch_draws_its_own_params(mode: Any) -> None:
 
 
 def numbers_of(seed: int, calls: int) -> float:
-    """The living reward of the episode that begins after so many steps and resets of a stream."""
+    """The living reward of the episode after a number of steps and resets of a stream."""
     key = jax.random.fold_in(jax.random.key(seed), 0)
     for _ in range(calls):
         key, _ = jax.random.split(key)
@@ -114,7 +114,7 @@ def test_functional_adapters_draw_from_given_keys(player: Any) -> None:
                 keys, steps = split(keys).T
             np.testing.assert_allclose(ours.step(IDLE).reward, wanted, rtol=1e-6)
         resets = split(steps)[:, 1]
-    # Mapped and plain, the other functions of a state take what its episode drew.
+    # The other functions of a state, mapped or not, use the params its episode drew.
     if player is GymnaxPlayer:
         one = jax.tree.map(lambda leaf: leaf[0], ours.state)
         after, reward, *_ = ours.of.step_env(keys[0], one, 0, ours.params)[1:]

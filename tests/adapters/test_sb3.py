@@ -1,4 +1,4 @@
-"""Stable-Baselines3's `VecEnv`, beside the native environment and under its own algorithms."""
+"""Stable-Baselines3's `VecEnv`, compared with the native environment, and its algorithms."""
 
 import warnings
 from typing import Any

@@ -1,4 +1,4 @@
-"""The Stoa adapter beside Stoa: time steps, spaces, and the wrappers that Stoix puts around it."""
+"""The Stoa adapter with Stoa: time steps, spaces, and the wrappers that Stoix uses."""
 
 # The partner is an extra, which need not be there to check the types.
 # pyright: reportMissingImports=false
@@ -16,7 +16,7 @@ import jaxenstein
 from jaxenstein.errors import SettingError
 
 pytest.importorskip("stoa")
-# Raised inside of Stoa and of what it imports.
+# Raised inside Stoa and its imports.
 pytestmark = [
     pytest.mark.usefixtures("plain_frames"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning:(stoa|chex|flax).*"),
@@ -45,7 +45,7 @@ def env() -> adapter.StoaEnvironment:
 
 
 def walk(env: Any, actions: Any, seed: int = 0) -> tuple[Any, Any]:
-    """First time step, and those of a scan [T, ...], which needs them of one structure."""
+    """The first time step, and the steps of a scan [T, ...], which must have one structure."""
     state, first = env.reset(jax.random.key(seed))
 
     def step(carry: Any, action: jax.Array) -> Any:
@@ -153,7 +153,7 @@ def test_stoix_style_loop(wrapper: Any) -> None:
     for name in ("episode_return", "episode_length"):
         np.testing.assert_array_equal(metrics[name][done], after.extras[name][done])
     assert (np.asarray(metrics["episode_length"]) <= LIMIT).all()
-    # The observation to act on is the new episode's, the last one is kept beside it.
+    # The observation to act on is from the new episode; the last one is in `extras`.
     last, fresh = np.asarray(after.extras["next_obs"]), np.asarray(after.observation)
     np.testing.assert_array_equal(last[~done], fresh[~done])
     assert (last[done] != fresh[done]).any(axis=(1, 2, 3)).mean() > 0.8

@@ -28,14 +28,14 @@ def batch(made):
 
 
 def plain(value):
-    """What `jax.tree` knows: tuples and dictionaries."""
+    """Containers of `jax.tree`: tuples and dictionaries."""
     if isinstance(value, Mapping):
         return {name: plain(entry) for name, entry in value.items()}
     return tuple(map(plain, value)) if isinstance(value, tuple) else value
 
 
 def test_info_becomes_tensors_on_access(batch):
-    """An entry that nobody reads is not handed over; one that is read twice is, once."""
+    """An entry that is never read is not converted; one that is read twice is converted once."""
     handed = []
     batch._tensor = lambda value, under=batch._tensor: handed.append(value) or under(value)
     batch.reset(0)
@@ -55,7 +55,7 @@ def test_info_becomes_tensors_on_access(batch):
 def test_observations_share_memory_with_jax(kind):
     env, params = jaxenstein.from_ascii(MAP, heading=0.0, observation=kind, **SIZE)
     batch = TorchBatch(env, params, N)
-    # What the batch underneath gives is caught on its way.
+    # Record the results of the batch underneath.
     caught = []
     under = batch.batch.step
     batch.batch.step = lambda actions: caught.append(under(actions)) or caught[-1]  # type: ignore[method-assign]

@@ -53,7 +53,7 @@ def test_next_step_autoreset_is_refused():
 
 @pytest.mark.parametrize("skip", [1, 3])
 def test_by_id(skip):
-    """Its own name for the setting reaches the environment, which draws one frame a step."""
+    """TorchRL's name for the setting reaches the environment, which draws one frame per step."""
     env = envs.GymEnv("jaxenstein/key-door-v0", frame_skip=skip, **SMALL)
     assert env.unwrapped.env.frame_skip == skip
     told = env.rollout(STEPS, break_when_any_done=False)

@@ -259,7 +259,7 @@ def test_unsupported_scenarios_seeds_and_sizes_are_refused(
 
 @pytest.fixture
 def real_frames() -> Iterator[None]:
-    """The engine's own, for the tests of what is seen; these come last, and compile anew."""
+    """Frames of the engine, for tests of their content; these tests come last and recompile."""
     jax.clear_caches()
     with mock.patch("jaxenstein.tasks.first_person.render", render):
         yield
@@ -296,7 +296,7 @@ def test_game_frames_match_our_frames(id: str, kind: str, alike: float) -> None:
 @pytest.mark.usefixtures("real_frames")
 @pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
 def test_game_frames_include_weapon_and_hud() -> None:
-    """The weapon stands in the lower middle, in the strip there is what its variables say."""
+    """The weapon is in the lower middle, and the strip shows the variables."""
     pictures = {}
     for shown in (False, True):
         env, params = jaxenstein.make(

@@ -1,4 +1,4 @@
-"""A run that diverges stays as it was before, and the runs beside it do not notice."""
+"""A run that diverges keeps its last state, and other runs are not affected."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_one_run_stops_and_the_other_is_unchanged_bit_for_bit(algo: str) -> None
     assert not np.asarray(early["diverged"]).any()
     fine, expected = train(good, 1e-3)
     state, metrics = train(good, HUGE)
-    # It has what it had before, but for the record of what happened.
+    # Its state is unchanged except for the record of the divergence.
     assert state.diverged is not None
     code = int(state.diverged[0])
     assert 1 <= code <= 7

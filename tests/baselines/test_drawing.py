@@ -1,4 +1,4 @@
-"""Episodes of a training with params of their own, against the environment's own steps."""
+"""Training episodes with drawn params, compared with steps of the environment."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_training_with_ranges_resumes_and_evaluates(tmp_path: Path) -> None:
     other = resolve({**OPTIONS, "seeds": 1, "params": {**ranges, "turn_angle": 0.1}})
     assert experiment.differences(other) == ["environment.params.turn_angle ([0.1, 0.4], not 0.1)"]
     results = evaluate(load_trained(whole.path), episodes=32)
-    # Every episode has a living reward of its own, but for the goal's 1 in the last step.
+    # Every episode has its own living reward, plus 1 for the goal in the last step.
     rewards = (results.returns - results.successes) / np.maximum(results.lengths, 1)
     assert len(np.unique(rewards)) > 16
     assert results.environment.params == {"max_steps_in_episode": 10, **RANGES}

@@ -39,7 +39,7 @@ def equal(one, other, **tolerance):
 
 
 def one_of(tree, index):
-    """One of many runs; scalars are those of all."""
+    """One of many runs; all runs share scalars."""
     return jax.tree.map(lambda leaf: leaf[index] if np.ndim(leaf) else leaf, tree)
 
 
@@ -133,7 +133,7 @@ def test_learning_rates_fall_linearly_and_nothing_compiles_between_chunks():
 
 
 def test_advantages_bootstrap_at_truncations():
-    """Values that are all one tell each target: the next value counts unless the task ended."""
+    """If all values are 1, targets are known: the next value counts unless the task ended."""
     numbers = HParams(gamma=0.9, gae_lambda=0.0, learning_rate=0.0)
     run = learner()
     state = run.init(KEY)
@@ -267,7 +267,7 @@ def test_run_stops_learning_at_target_success():
 
 
 class Foreign:
-    """gymnax' contract, told by nothing but its functions."""
+    """An environment that follows the contract of gymnax only by its functions."""
 
     def __init__(self, final=True, values=6, frame_skip=1):
         self.env = Countdown(final_observation=True, frame_skip=frame_skip)

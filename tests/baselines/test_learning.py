@@ -63,7 +63,7 @@ def test_all_seeds_learn_to_turn_to_a_goal_beside_them():
 
 @pytest.mark.slow
 def test_agent_learns_to_look():
-    """Four start cells, told apart by a colour alone: not looking is right in a quarter."""
+    """Four start cells that differ only in colour: a blind agent is right in a quarter."""
     env = bandit()
     result = train(env, env.default_params, updates=30, total=40, seeds=4)
     assert result["success"].min() >= 0.95, result

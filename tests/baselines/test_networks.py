@@ -122,7 +122,7 @@ def test_contrast_changes_images_but_not_labels():
     params = network.init(KEY)
     obs, *rest = random_inputs(network, (12, 16, 3))
     assert obs.dtype == jnp.uint8
-    # Images whose pixels are what the contrast makes of these.
+    # Images with the contrast already applied.
     spec = ObservationSpec((Part((12, 16, 3), True, "bounds", 0, 1),))
     plain = dataclasses.replace(network, spec=spec)
     given = 4 * (obs.astype(jnp.float32) / 255 - 0.3)

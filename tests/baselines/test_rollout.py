@@ -100,7 +100,7 @@ def test_most_truncations():
     limit = Countdown().default_params
     assert [most_truncations(limit, n) for n in (1, 5, 6, 11)] == [1, 1, 2, 3]
     assert most_truncations(object(), 7) == 7
-    # Two of the world in a step: an episode of 5 has 3.
+    # With two world steps per step, an episode of 5 has 3.
     assert [most_truncations(limit, n, 2) for n in (1, 3, 4, 7)] == [1, 1, 2, 3]
 
 

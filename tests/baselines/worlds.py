@@ -14,7 +14,7 @@ from jaxenstein.environment import Environment, Info, Params, State
 from jaxenstein.spaces import Box
 from jaxenstein.tasks.navigation import Navigation, NavigationState
 
-# Settings of small trainings, and those of each algorithm.
+# Settings of small trainings, and sizes for each algorithm.
 SMALL: dict[str, Any] = {
     "num_envs": 4, "rollout": 6, "minibatches": 2, "epochs": 2, "features": 8, "hidden": 8,
     "head": 8, "total_steps": 24 * 10,

@@ -1,4 +1,4 @@
-"""What is measured does what it says, and the commands beside the suite run, with tiny sizes."""
+"""Subjects do what their names say, and the other commands run at tiny sizes."""
 
 import json
 import os
@@ -58,7 +58,7 @@ def test_convolutions(layer):
 
 
 def run(module, *words):
-    """Run a command in an interpreter of its own; returns what it printed."""
+    """Run a command in a separate interpreter; return its output."""
     paths = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     environment = {**os.environ, "PYTHONPATH": paths, "JAX_PLATFORMS": "cpu"}
     command = [sys.executable, "-W", "error", "-m", module, *map(str, words)]

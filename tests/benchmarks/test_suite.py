@@ -38,7 +38,7 @@ def test_groups_are_complete(plan):
         for subject in group:
             assert set(subject.references.values()) <= set(names)
             assert subject.peer in ("", *PEERS)
-            # What does without this project runs under the interpreter of a peer.
+            # A subject that does not need this project runs under the interpreter of a peer.
             assert subject.flags is not None or subject.peer
         kinds |= {re.sub(r"-\d+$", "", name.split()[0]) for name in names}
     assert len(kinds) > 6

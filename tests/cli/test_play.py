@@ -117,7 +117,7 @@ def test_game_runs_from_notice_to_goal(
         wanted = np.kron(frame, np.ones((scale, scale, 1), np.uint8))
         if not look["overlay"]:
             np.testing.assert_array_equal(cut(look, look["view_box"]), wanted)
-    # The map stands beside the view from M on, to the next M, and changes with each move.
+    # The map is beside the view from one M to the next, and changes with each move.
     assert first["beside_box"] is None
     maps = [cut(look, look["beside_box"]) for look in (mapped, *moves[: len(FINISHED)])]
     for before, after in itertools.pairwise(maps):

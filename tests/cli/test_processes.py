@@ -66,7 +66,7 @@ def test_invalid_process_flags_are_refused(
 def train(
     out: Path, flags: list[str], number: int, devices: int, before: str = ""
 ) -> list[subprocess.CompletedProcess[str]]:
-    """Train in so many processes with so many devices each; process 1 runs `before` first."""
+    """Train in several processes with several devices each; process 1 runs `before` first."""
     port, begun = free_port(), []
     for process in range(number):
         page = COMMAND[: None if number > 1 else COMMAND.index("--coordinator")]
@@ -118,7 +118,7 @@ def test_two_processes_give_the_training_of_one(share: str, tmp_path: Path) -> N
     assert "another" in second.stderr
 
 
-# Starts ten processes: only a process that dies shows what becomes of the others.
+# Starts ten processes: only a killed process shows how the others react.
 @pytest.mark.slow
 def test_killed_training_resumes_with_other_process_counts(tmp_path: Path) -> None:
     flags = [*ONE, "--num-envs=8", f"--total-steps={UPDATES * 8 * 8}", "--shards=4"]

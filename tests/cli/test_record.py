@@ -1,4 +1,4 @@
-"""`jaxenstein record`: one episode beside its map."""
+"""`jaxenstein record`: one episode with its map."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ FIELD = parse_ascii("########\n#S.....#\n########", "field", goal_required=False
 
 
 def moving_things() -> Episode:
-    """An agent that is put elsewhere after two steps, and a medkit and an apple that come and go.
+    """An agent that respawns after two steps, and a medkit and an apple that come and go.
 
     The medkit lies at (2.5, 1.5) in frame 1 alone, the apple at (4.5, 1.5) but in frame 2.
     """
@@ -137,7 +137,7 @@ def test_respawn_is_not_drawn_as_path() -> None:
     *_, last = Pictures(played, with_map=True, scale=96)
     played.visible[:] = False
     *_, bare = Pictures(played, with_map=True, scale=96)
-    # The map is the right part, 56 pixels a tile; between old and new start there is floor.
+    # The map is on the right, 56 pixels per tile; there is floor between the old and new start.
     left = last.shape[1] - 6 - 8 * 56
     top = (last.shape[0] - CAPTION_HEIGHT - 3 * 56) // 2
     middle = bare[top + 84, left + 3 * 56 : left + 6 * 56]

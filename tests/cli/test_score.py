@@ -1,4 +1,4 @@
-"""`jaxenstein score`: tables, files, plots, and what it refuses."""
+"""`jaxenstein score`: tables, files, plots, and refused input."""
 
 from __future__ import annotations
 

@@ -69,10 +69,10 @@ class Played:
         return scan
 
     def member(self, i: int) -> tuple[Any, Any]:
-        """What the reset and the steps of one member gave."""
+        """The results of the reset and the steps of one member."""
         return member(self.first, i, 0), member(self.steps, i, 1)
 
 
 def member(tree: Any, i: int, axis: int) -> Any:
-    """One environment's part of what a batch returned, as numpy."""
+    """The results of one environment of a batch, in NumPy."""
     return jax.tree.map(lambda leaf: np.take(np.asarray(leaf), i, axis), tree)

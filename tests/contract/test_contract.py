@@ -196,7 +196,7 @@ def test_truth_table_of_episode_ends(played: Played, ending: bool, limit: bool) 
             *single,
         )
     at = int(states.time[0]) + (1 if limit else 2)
-    # Only an action can drop something, or say that the task is done.
+    # Only an action can drop something or declare the task done.
     acts = [deed for kind, deed in ((PutNear, DROP), (GoToDoor, DONE)) if isinstance(env, kind)]
     standing = np.full_like(played.actions, acts[0] if ending and acts else -1)
     params = played.params.replace(max_steps_in_episode=jnp.int32(at))
@@ -204,7 +204,7 @@ def test_truth_table_of_episode_ends(played: Played, ending: bool, limit: bool) 
     ends = ending and env.about().ends != ""
     np.testing.assert_array_equal(terminated[0], [ends, ends])
     np.testing.assert_array_equal(truncated[0], [limit, limit])
-    # If only survival counts, the time limit is the aim; elsewhere, the aim ends the task.
+    # If only survival counts, the time limit is the goal; otherwise, the goal ends the task.
     survives = isinstance(env, HealthTask | DoomScenario) and not env.success_event
     aim = limit and not ending if survives else ending
     aim = aim and not isinstance(env, ENDS_LATER)
@@ -217,7 +217,7 @@ def test_seeds_determine_episodes(played: Played) -> None:
     """The same keys give the same episodes; other keys give others, if the task is random."""
     again = played.episodes(played.seed)
     jax.tree.map(np.testing.assert_array_equal, again[1:], (played.first, played.steps))
-    # Two of a kind may draw the same: one of two arms, say.
+    # Two draws can be equal, for example one of two arms.
     frames = [played.steps[0], *(played.episodes(played.seed + 2 * k)[2][0] for k in range(1, 4))]
     alone = np.concatenate(frames, axis=1)
     assert (alone[:, :1] != alone[:, 1:]).any() == (not re.fullmatch(DETERMINISTIC, played.name))

@@ -14,7 +14,7 @@ from jaxenstein.players import player_of
 pytestmark = pytest.mark.usefixtures("plain_frames")
 SIZE = {"height": 8, "width": 8}
 STEPS = 60
-# The entries of `info` that tell of a state; the others are events.
+# The entries of `info` that describe a state; the others are events.
 STATE = (
     *("position", "heading", "cell", "episode_return", "episode_length"),
     *("distance_to_goal", "health"),
@@ -27,7 +27,7 @@ def build(name, autoreset, skip, **changes):
 
 
 def slow_loop(single, key, state, action, params, skip):
-    """`skip` steps of the world at most, one call each: what a step must come to."""
+    """Up to `skip` steps of the world, one call each: the expected result of a step."""
     total, ended, told = np.float32(0), False, {}
     for one in jax.random.split(key, skip):
         state, reward, ended, info = jax.device_get(single.advance(one, state, action, params))
@@ -59,7 +59,7 @@ CASES = [
     ("health-gathering", "next-step", 5, 23, {"damage": 40, "damage_period": 4, "medkits": 32}),
     ("dmlab-random-goal-01-respawn", "same-step", 4, 50, {"goal_radius": 3.0}),
     ("simple", None, 6, 100, {"goal_radius": 4.0}),
-    # Chance moves what is there in each of them.
+    # Random movements happen in each of them.
     ("minigrid-dynamic-obstacles-6x6", "same-step", 3, 20, {}),
 ]
 

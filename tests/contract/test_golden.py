@@ -1,4 +1,4 @@
-"""The file of golden episodes, and what is said where an environment differs from its own."""
+"""The file of golden episodes, and the messages if an environment differs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from reliability import golden
 from tests.contract.played import EPISODES
 
-# A small one, for what does not need all.
+# A small environment, for tests that do not need all.
 EXAMPLE_ID = "key-door"
 
 
@@ -108,7 +108,7 @@ def test_raised_version_requires_new_episode() -> None:
 def test_program_keeps_episodes_of_unchanged_versions(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """An episode is not written anew before its version has been raised."""
+    """An episode is only rewritten once the version has been raised."""
     file = tmp_path / "golden.json"
     other = EPISODES | {EXAMPLE_ID: EPISODES[EXAMPLE_ID] | {"layout": "0" * 12}}
     file.write_text(golden.to_text(other), encoding="utf-8")

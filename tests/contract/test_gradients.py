@@ -48,7 +48,7 @@ def test_gradients_of_rewards_by_params(autoreset, frame_skip):
     play = jax.jit(lambda p: played(env, p)[0])
     value, slope = jax.jit(jax.value_and_grad(play, allow_int=True))(params)
     assert np.isfinite(value)
-    # What is right, by two plays whose rewards differ: they are sums of both numbers.
+    # The right gradients, from two rollouts: returns are sums of both numbers.
     for name in ("living_reward", "goal_reward"):
         more = params.replace(**{name: getattr(params, name) + 1})
         expected = play(more) - value

@@ -1,4 +1,4 @@
-"""What steps keep whatever the environment is, tried on one or two of them."""
+"""Properties of steps in any environment, tested on one or two of them."""
 
 import dataclasses
 import importlib
@@ -41,7 +41,7 @@ def assert_alike(one: Any, other: Any) -> None:
 
 
 def test_old_and_typed_keys_agree() -> None:
-    """Where chance has a say: the start is drawn, and so is where the next medkit appears."""
+    """With random starts and random medkits."""
     env, params = jaxenstein.make("health-gathering", **SIZE)
     start = env.init_state(jax.random.key(3), params)
     due = start.replace(time=jnp.int32(int(params.medkit_period) - 1))

@@ -1,4 +1,4 @@
-"""What can be checked of a Markdown page: its Python, its commands, its links."""
+"""The checkable parts of a Markdown page: its Python, its commands, its links."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GENERATED = ROOT / "docs" / "commands.md"
 PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").glob("*.md")} - {GENERATED})]
 for folder in ("benchmarks", "originals"):
     PAGES += sorted((ROOT / "docs" / folder).glob("*.md"))
-# What every sample may import: all else is a partner that may not be installed.
+# Modules that every sample can import; others are partners that may be missing.
 ALWAYS_INSTALLED = {*sys.stdlib_module_names, "PIL", "custom_task"}
 ALWAYS_INSTALLED |= {"examples", "jax", "jaxenstein", "numpy"}
 

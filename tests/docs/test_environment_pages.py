@@ -1,4 +1,4 @@
-"""The generated pages have a section for each environment, and say of it what is true."""
+"""The generated pages have a section for each environment with correct facts."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_command_line_page_has_every_command(monkeypatch) -> None:
     told = re.findall(r"^## `jaxenstein (.+)`$", text, re.M)
     assert {"list", "play", "record", "train", "evaluate"} <= set(told)
     assert text.count("\nusage: jaxenstein ") == len(told)
-    # As wide as on a page, whatever the terminal is.
+    # As wide as on a page, independent of the terminal.
     assert max(map(len, text.splitlines())) > 80
 
 

@@ -13,7 +13,7 @@ from jaxenstein.baselines.runs.options import read_file, resolve
 from tests.docs.samples import ROOT
 
 MEAN = "{mean:.1f} +- {error:.1f}"
-# Of docs/returns.json: a page, an environment, and what the page says of a player.
+# From docs/returns.json: a page, an environment, and the text on the page about a player.
 REPEATED = (
     ("originals/health-gathering", "health-gathering", "random", f"| {MEAN} |"),
     ("originals/health-gathering", "health-gathering", "greedy_medkits", "{mean:.0f} ({episodes} "),
@@ -33,7 +33,7 @@ def test_pages_match_stored_measurements(page: str, name: str, player: str, text
     assert said in (ROOT / "docs" / f"{page}.md").read_text("utf-8")
 
 
-# Of docs/results.json: an environment, and what docs/results.md says of a random player in it.
+# From docs/results.json: an environment, and the text in docs/results.md about a random player.
 RANDOM = {"dmlab-static-01-respawn": "| random | {mean:.1f} |"}
 
 

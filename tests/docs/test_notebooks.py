@@ -14,7 +14,7 @@ from jaxenstein import registry
 from tests.docs.samples import ROOT
 
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
-# What takes minutes is made small.
+# Shorten parts that take minutes.
 SHORTENED = {
     "NUM_ENVS, STEPS = 256, 200": "NUM_ENVS, STEPS = 4, 5",
     "NUM_ENVS, STEPS = 256, 100": "NUM_ENVS, STEPS = 4, 5",

@@ -91,13 +91,13 @@ def test_defaults_of_settings_match_the_table() -> None:
 
 
 def _defaults(text: str, count: int) -> list[str]:
-    """The default of each setting of a row, without those of other tasks."""
+    """The default of each setting in a row of the table."""
     parts = [part for part in text.split(",") if " in " not in part]
     return parts if len(parts) == count else parts * count
 
 
 def place(path: str) -> Path:
-    """Of the package's sources where they are imported from: beside the tests, or from a wheel."""
+    """The path of a source file of the package, in the repository or in an installed wheel."""
     inside = path.removeprefix("src/jaxenstein/")
     return ROOT / path if inside == path else Path(jaxenstein.__file__).parent / inside
 

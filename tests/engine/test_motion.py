@@ -1,4 +1,4 @@
-"""Which tiles a step enters, and what stops it, against exact arithmetic."""
+"""The tiles that a step enters and the walls that stop it, in exact arithmetic."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def entered(start: np.ndarray, end: np.ndarray) -> list[Tile]:
 
 
 def segments(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Starts in the tile (3, 3) and ends less than a tile away, float32[count, 2]."""
+    """Starts in tile (3, 3), and ends less than a tile away, float32[count, 2]."""
     rng = np.random.default_rng(0)
     starts = rng.uniform(3, 4, (count, 2)).astype(np.float32)
     angle, length = rng.uniform(0, 2 * np.pi, count), rng.uniform(0, 0.999, count)

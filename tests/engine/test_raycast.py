@@ -111,7 +111,7 @@ def test_random_poses(case: Case, exact: bool) -> None:
 def test_only_rays_near_a_corner_may_hit_the_neighbour(
     rise: float, beyond: float, excused: bool
 ) -> None:
-    """What is said to meet a tile of a wall, and meets the next one so far from their border."""
+    """A ray is said to hit a tile, but hits the next one this far from their border."""
     solid = np.zeros((9, 9), bool)
     solid[5] = True
     eye, ray = np.array([3 + beyond, 5 - rise]), np.array([1.0, rise])
@@ -154,7 +154,7 @@ def test_no_view_between_tiles_that_touch_at_a_corner(falling: bool) -> None:
     corner = 8
     walls[corner, corner - falling] = walls[corner - 1, corner - 1 + falling] = 5
     rng = np.random.default_rng(1)
-    # Grid points and centres hit it exactly; what lies anywhere does but for rounding.
+    # Rays from grid points and centres hit it exactly; others up to rounding.
     places = np.stack(np.meshgrid(*[np.arange(0.5, 17, 0.5)] * 2), -1).reshape(-1, 2)
     places = np.concatenate([places, rng.uniform(0.3, 16.7, (800, 2))]).astype(np.float32)
     offsets = corner - places.astype(np.float64)
@@ -165,7 +165,7 @@ def test_no_view_between_tiles_that_touch_at_a_corner(falling: bool) -> None:
     camera = Camera(4, 7, 60)
     hits = caster(camera)(level, np.zeros(0, bool), places, headings)
 
-    # Rays of the slow renderer to either side of it say how far the two tiles are.
+    # Rays of the reference to either side give the distances of the two tiles.
     forward = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
     aside = 1e-3 * forward[:, ::-1] * [-1, 1]
     solid = np.pad(walls != 0, 1, constant_values=True)

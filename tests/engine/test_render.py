@@ -179,7 +179,7 @@ def test_gray_is_the_luma_of_the_colours() -> None:
 
 
 def test_walls_get_darker_with_depth() -> None:
-    """The same wall from near to far, and its two kinds of faces apart."""
+    """The same wall from near to far, for each of its two kinds of faces."""
     camera = Camera(8, 9, 60)
     world = hall(30)
     level = compile_level(world.walls, NO_DOORS)
@@ -270,7 +270,7 @@ def test_panels_are_upright_and_not_mirrored() -> None:
 
 
 def test_walls_have_darker_seams_that_fade_with_depth() -> None:
-    """Facing a wall: columns near a tile's edge are darker near by and the same far away."""
+    """Facing a wall: columns at the edge of a tile are darker nearby and equal far away."""
     walls = np.zeros((20, 41), np.uint8)
     theme = scenes.plain_theme()
     camera = Camera(1, 64, 60)

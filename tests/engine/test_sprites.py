@@ -84,7 +84,7 @@ def test_layers_limit_what_a_column_shows(layers: int) -> None:
 
 
 def test_batch_paints_the_layers_its_members_need() -> None:
-    """Each member as alone, whatever the others see: none to five billboards behind each other."""
+    """Each member equals a single image: none to five billboards behind each other."""
     world, camera = hall(), Camera(24, 32, 60)
     depths = [3.0 + 0.3 * i for i in range(5)]
     row = billboards(*((1.5 + d, 3.5 + 0.05 * i * d, 3) for i, d in enumerate(depths)))

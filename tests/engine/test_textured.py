@@ -29,7 +29,7 @@ LABELS = 256
 
 
 def draw_looks(seed: int, wall: float, *, of_face: bool) -> tuple[Looks, np.ndarray]:
-    """Random pictures of many sizes, and the material int32[256] or [4, 9, 12] of what shows it."""
+    """Random pictures of many sizes, and the materials int32[256] or int32[4, 9, 12]."""
     rng = np.random.default_rng(seed)
 
     def picture(height: int, width: int, channels: int = 3) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What `record` takes, what it refuses, and the doors that it tells of."""
+"""`record`: accepted and refused arguments, and recorded doors."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_function_policy_can_have_memory(world: World) -> None:
 
 
 def test_opened_door_is_in_front_of_the_agent() -> None:
-    """Of a corridor drawn anew, whose level has room for doors that are not there."""
+    """In a generated corridor, whose level has room for absent doors."""
     env, params = jaxenstein.make("key-corridor-s3r3", height=8, width=8)
     played = jaxenstein.record(env, params, "expert", seed=0)
     assert played.tilemap is not None

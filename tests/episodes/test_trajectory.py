@@ -119,7 +119,7 @@ def test_run_length_encoding() -> None:
     assert runs([]) == []
 
 
-# What an environment is built from.
+# Specs of environments.
 
 
 @pytest.mark.parametrize("id", jaxenstein.environment_ids())
@@ -218,6 +218,6 @@ def test_report_names_changed_behaviour_and_versions(walk: Trajectory) -> None:
     assert "environment had version 3, now 0" in report
     assert "made by  jaxenstein 0.0.1, jax" in report
     assert f"running  jaxenstein {jaxenstein.__version__}, jax {jax.__version__}" in report
-    # What was played now can be replayed in its turn.
+    # The replayed episode can be replayed again.
     assert played.episode.trajectory is not None
     assert replay(played.episode.trajectory).identical

@@ -178,7 +178,7 @@ VALUES = st.recursive(
 def test_damage_is_reported_or_harmless(
     table: dict[str, Any], tmp_path: Path, data: st.DataObject
 ) -> None:
-    """Whatever stands in a place of the file, nothing but a TrajectoryError comes of it."""
+    """Any value in the file gives a TrajectoryError or nothing."""
     damaged = copy.deepcopy(table)
     place: Any = damaged
     while True:

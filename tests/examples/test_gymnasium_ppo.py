@@ -1,4 +1,4 @@
-"""The PPO example on Gymnasium's interface: what it collects, and that it learns."""
+"""The PPO example on Gymnasium's interface: its rollouts and its learning."""
 
 from __future__ import annotations
 

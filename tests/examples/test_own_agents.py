@@ -1,4 +1,4 @@
-"""The agents in flax and in equinox: what they collect, log, save and write; they learn."""
+"""The agents in flax and in equinox: rollouts, logs, saved files, and learning."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SMALL += ["--episodes=3"]
 
 @pytest.fixture
 def loggers(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
-    """What TensorBoard and Weights & Biases, which need not be installed, are told."""
+    """Fakes of TensorBoard and Weights & Biases that record what they get."""
     told: list[tuple[str, Any]] = []
 
     class Writer:

@@ -25,7 +25,7 @@ from fidelity import doom_players
 
 
 def trace(tics: int, **fields: Any) -> Seen:
-    """A player in the middle, who looks north, and one monster 100 units east."""
+    """A player in the middle who faces north, and a monster 100 units to the east."""
     nothing = {
         "health": np.full(tics, 100),
         "ammo": np.full(tics, 9),

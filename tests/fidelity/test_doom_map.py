@@ -11,7 +11,7 @@ from jaxenstein.errors import MapError
 from jaxenstein.tasks.doom.maps import MAP_SPOT, Line, MapThing, load_map
 from jaxenstein.tasks.doom.wad import Wad
 
-# Clockwise, as Doom's walls go around what they enclose.
+# Clockwise, like Doom's walls around a room.
 CORNERS = [(0, 64), (32, 64), (32, 0), (0, 0)]
 
 
@@ -67,7 +67,7 @@ def test_unsupported_maps_are_refused(text: str, message: str) -> None:
 
 
 def test_packaged_maps_equal_maps_of_the_game() -> None:
-    """The maps of the package equal those of the game, if it is installed."""
+    """The packaged maps equal the maps of the game, if it is installed."""
     vizdoom = pytest.importorskip("vizdoom")
     path = Path(vizdoom.scenarios_path) / "my_way_home.wad"
     assert read_map(Wad(path).lump("TEXTMAP").decode()) == load_map("my-way-home")

@@ -21,7 +21,7 @@ def played(controls: Controls, start: float, seconds: float) -> list[tuple[float
         now = start + tick / 1000
         due = controls.due(now)
         action = controls.take(now)
-        # What is due is taken, and nothing else is.
+        # Only due actions are taken.
         assert (due == 0.0) == (action is not None)
         if action is not None:
             found.append((round(now, 3), action))
@@ -62,7 +62,7 @@ def test_keys_pressed_together_give_the_combined_action() -> None:
     assert {action for _, action in played(controls, 0.0, 0.95)} == {3}
     controls.release("a")
     assert {action for _, action in played(controls, 1.0, 0.95)} == {1}
-    # There is no action for turning right and shooting, and the two directions exclude each other.
+    # There is no action for turning right and shooting, and opposite directions exclude each other.
     controls.press("d", 2.0)
     assert {action for _, action in played(controls, 2.0, 0.95)} == {1, 4}
     controls.release("space")
@@ -71,7 +71,7 @@ def test_keys_pressed_together_give_the_combined_action() -> None:
 
 
 def test_waiting_taps_combine_into_one_action() -> None:
-    """As a terminal tells them: released at once."""
+    """As in a terminal: released at once."""
     controls = Controls(("attack", "turn left", "turn left + attack"), FPS)
     for key in ("space", "a"):
         controls.press(key, 0.0)
@@ -119,7 +119,7 @@ def test_irregular_polling_keeps_the_rate() -> None:
     controls.press("w", 0.0)
     looks = np.cumsum(np.random.default_rng(0).uniform(0.001, 0.09, 400))
     steps = sum(controls.take(float(now)) is not None for now in looks)
-    # One at once, and from then on ten a second.
+    # One at once, and then ten per second.
     assert abs(steps - 1 - FPS * (looks[-1] - HOLD)) < 2
 
 
@@ -128,7 +128,7 @@ def test_taps_between_steps_wait_for_their_turn() -> None:
     for key in ("w", "w", "d", "space", "d"):
         controls.press(key, 5.0)
         controls.release(key)
-    # The second press of a key that still waits is no step more.
+    # A second press of a waiting key adds no step.
     assert [action for _, action in played(controls, 5.0, 1.0)] == [FORWARD, RIGHT, INTERACT]
 
 

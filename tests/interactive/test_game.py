@@ -78,7 +78,7 @@ def test_game_runs_from_key_to_goal(game: Game) -> None:
     assert game.overlay()[:2] == ["reached the goal", f"return +1 after {steps} steps"]
     assert "seed 6" in game.overlay()[2]
     assert "reward +1   return +1" in game.status()[0]
-    # Nothing is played after the end, and held keys do not go on in the next episode.
+    # Nothing is played after the end, and held keys do not carry over to the next episode.
     game.handle(Event("press", "w"), float(next(TIMES)))
     assert game.due(float(next(TIMES))) is None
     finished = game.session
@@ -211,7 +211,7 @@ def test_every_action_of_every_environment_has_a_key(id: str) -> None:
     keys = keys_of(env.action_names)
     assert tuple(keys) == env.action_names
     assert all(keys.values())
-    # None is left to the keys of actions that nobody foresaw.
+    # No action falls back to the keys for unknown actions.
     unforeseen = keys.keys() - ACTION_KEYS.keys()
     assert not any(key.isdigit() for name in unforeseen for key in keys[name])
 

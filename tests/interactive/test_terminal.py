@@ -46,7 +46,7 @@ def test_half_blocks_show_the_frame(emulator: Emulator, terminal: Terminal) -> N
     np.testing.assert_array_equal(cut(emulator.picture(), terminal.view), FRAME)
     assert emulator.line(10) == "step 1"
     assert emulator.line(11) == "help"
-    # Another frame replaces only what differs.
+    # Another frame replaces only the cells that differ.
     received = emulator.received
     terminal.show(FRAME, ["step 1", "help"])
     emulator.settle()
@@ -168,7 +168,7 @@ def test_decoding_keys(data: bytes, keys: list[str]) -> None:
     whole = Keys()
     assert whole.feed(data) + whole.flush() == keys
     assert not whole.unfinished
-    # The same in pieces, apart from what waits for its rest.
+    # The same in pieces, except for incomplete sequences.
     pieces = Keys()
     found = [key for i in range(len(data)) for key in pieces.feed(data[i : i + 1])]
     assert found + pieces.flush() == keys

@@ -1,4 +1,4 @@
-"""The window, under SDL's dummy driver, and where pictures go on any display."""
+"""The window under SDL's dummy driver, and the layout of images on any display."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[Window]:
 
 
 def cut(window: Window, box: Rectangle | None) -> np.ndarray:
-    """What a window shows in a box."""
+    """The pixels of a window in a box."""
     assert box is not None
     return window.pixels()[box.top : box.top + box.height, box.left : box.left + box.width]
 

@@ -222,7 +222,7 @@ def test_errors_in_regions(
 
 
 def test_indented_closing_quotes_are_not_a_row() -> None:
-    """Blanks after the last line end are dropped; a line of blanks elsewhere is floor."""
+    """Blanks after the last line end are dropped; a line of blanks before it is floor."""
     text = """
 ###
 #SG

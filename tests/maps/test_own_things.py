@@ -1,4 +1,4 @@
-"""Registered things: pictures of every form, what shows them, and what is refused."""
+"""Registered things: pictures in every form, observations and maps, and refused input."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_thing_appears_in_observations_and_on_maps() -> None:
     hall = parse_ascii("#####\n#S.G#\n#####")
     env = Hunt(tilemap=hall, heading=0.0, height=8, width=8, observation="labels")
     labels = np.asarray(env.reset(jax.random.key(0))[0])
-    # Two tiles ahead it is half a tile to each side: more than the middle half of the image.
+    # Two tiles ahead, half a tile to each side covers more than the middle half of the image.
     assert (labels[3:5, 3:5] == 200).all()
     np.testing.assert_array_equal(show(labels, "labels").image[3, 3], RED)
     picture = draw_map(hall, scale=32).sprites(np.array([[2.5, 1.5]]), np.array([200]))

@@ -42,7 +42,7 @@ def brute_explore(grid: np.ndarray, start: tuple[int, int]) -> np.ndarray:
 
 
 def tilemap_of(grid: np.ndarray) -> TileMap:
-    """Built here, apart from the parser."""
+    """Built without the parser."""
     cells = [((int(c), int(r)), SYMBOLS[str(grid[r, c])]) for r, c in np.ndindex(grid.shape)]
     return TileMap(
         "random",

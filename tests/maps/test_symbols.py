@@ -1,4 +1,4 @@
-"""The vocabulary: ids without gaps, symbols without doubles, colours that can be told apart."""
+"""Symbols: ids without gaps, unique characters, and distinguishable colours."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_characters_lists_the_decals_as_a_range() -> None:
 
 
 def oklab(rgb: np.ndarray) -> np.ndarray:
-    """Björn Ottosson's OKLab, in which distances follow what eyes see."""
+    """Björn Ottosson's OKLab, in which distances match perceived differences."""
     share = rgb / 255
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     cones = np.array(
@@ -171,7 +171,7 @@ def closest(labels: list[int], light: float) -> float:
 
 
 def test_wall_colours_can_be_told_apart_near_and_far() -> None:
-    # A distance of 0.02 is about what one just sees side by side.
+    # A distance of 0.02 is just visible side by side.
     assert closest(list(range(2, 29)), 1.0) > 0.06
     assert closest(list(range(2, 29)), 0.25) > 0.02
     assert closest(list(range(2, 12)), 1.0) > 0.1

@@ -50,7 +50,7 @@ BENDS = """
 
 @pytest.mark.parametrize(("skip", "turn", "least"), [(1, 90, 64), (6, 15, 58)])
 def test_wide_turns_and_strides_arrive_from_any_heading(skip, turn, least):
-    """Aligned to less than half a turn, a step may lead into the wall of the corridor.
+    """Aligned to less than half a turn, a step can lead into the wall of the corridor.
 
     Six steps are 0.9 tiles: one start in twenty can only pass the goal, whose radius is 0.35,
     until a wall has put it onto other tracks.

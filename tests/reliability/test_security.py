@@ -30,7 +30,7 @@ MAP = "#####\n#S.G#\n#####"
 
 
 def dangers(tree: ast.AST) -> Iterator[str]:
-    """What of it a source uses."""
+    """The dangerous calls in a source."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names if name.name.split(".")[0] in MODULES)
@@ -85,7 +85,7 @@ class Watch:
         if event == "open" and isinstance(arguments[0], str | bytes | os.PathLike):
             path, mode, flags = os.fsdecode(arguments[0]), arguments[1], arguments[2]
             writes = (mode and set(mode) & set("wax+")) or (flags or 0) & (os.O_WRONLY | os.O_RDWR)
-            # What is compiled in tests is kept for other files.
+            # Programs compiled in tests are kept for other files.
             if writes and not Path(path).is_relative_to(os.environ["JAX_COMPILATION_CACHE_DIR"]):
                 self.seen.append(f"wrote {path}")
 

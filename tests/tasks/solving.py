@@ -14,7 +14,7 @@ from jaxenstein.tasks.miniworld.sign import Sign
 from tests.tasks.minigrid import search
 from tests.tasks.minigrid.search import flood, mask_of
 
-# Parts of a tile's side, where distances count; half the diagonal of one.
+# Parts per tile side for distances, and half the diagonal of a part.
 FINE, HALF = 4, 0.18
 
 
@@ -71,7 +71,7 @@ def box_rooms(env, states):
 def key_corridor(states):
     """bool[B]: without the locked door to the key, and with it to the goal."""
     walls = states.level.walls[:, 0] == 0
-    # An absent door stands on the corner, where nobody gets.
+    # An absent door is in the corner of the map, which is unreachable.
     every = mask_at(walls.shape, states.level.doors, np.ones(states.locked.shape, bool))
     shut = mask_at(walls.shape, states.level.doors, states.locked)
     to_key = all_reached(walls | (every & ~shut), states, states.key[:, None])
@@ -79,7 +79,7 @@ def key_corridor(states):
 
 
 def sign(states, radius):
-    """bool[B]: whether what is meant can be touched without touching anything else before.
+    """bool[B]: whether the target can be touched without touching anything else before.
 
     On a grid of quarters of tiles, whose size all distances are off by.
     """

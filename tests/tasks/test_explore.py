@@ -111,7 +111,7 @@ def test_new_round_begins_after_all_rewards(name):
             assert (after.left[i] == before.there[i]).all()
         states = states.replace(left=np.where(over[:, None], False, after.left))
         if name == "object-rewards":
-            # They lie elsewhere now, on places of the level.
+            # They are at other places of the level now.
             moved = [
                 cells(after.things[i]) != cells(before.things[i]) for i in np.flatnonzero(over)
             ]

@@ -1,4 +1,4 @@
-"""What a task that defines only what it must gets from `FirstPerson`."""
+"""What `FirstPerson` gives a task that defines only the required methods."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def pick(tree, *index):
 
 
 class Oracle:
-    """The rules in Python numbers. It is told where new medkits appear."""
+    """The rules in Python numbers, given the positions of new medkits."""
 
     def __init__(self, state):
         self.position = np.array(state.position, np.float64)
@@ -177,9 +177,9 @@ def first_state():
 
 
 def pile(count, offset=(0.0, 0.0), places=None, **fields):
-    """A state with medkits on one spot, given from where a step ahead leads, and no others."""
+    """A state with medkits at one point, relative to the end of a step forward, and no others."""
     spot = np.array([20.15, 20]) + offset
-    # Every other place, so that the order is not that of the places in use.
+    # Every other slot, so that the order differs from that of the used slots.
     present = np.zeros(CAPACITY, bool)
     present[range(1, 2 * count, 2) if places is None else places] = True
     medkits = np.where(present[:, None], spot, 30).astype(np.float32)
@@ -245,7 +245,7 @@ def test_forward_against_a_wall_takes_medkits():
 @pytest.mark.parametrize("axis", [0, 1])
 def test_pickup_range_is_a_box(axis, sign):
     for distance, taken in ((REACH - 0.001, 1), (REACH + 0.001, 0)):
-        # In a corner of the box, to tell it from a disc.
+        # In a corner of the box, to distinguish it from a disc.
         offset = np.full(2, REACH - 0.01)
         offset[axis] = sign * distance
         *_, info = step(pile(1, offset, health=28), AHEAD)

@@ -168,7 +168,7 @@ def test_locked_door_needs_the_key():
     np.testing.assert_array_equal(after.opened, state.locked)
     assert bool(info["opened_door"])
     assert float(reward) == 0
-    # What is open stays so, and lets the agent through.
+    # An open door stays open and lets the agent through.
     for _ in range(12):
         after, _, _, info = step(after, jnp.int32(2))
         assert not bool(info["opened_door"])

@@ -1,4 +1,4 @@
-"""Looks of a world: what differs between them, and what does not."""
+"""Looks of a world: their differences and what they share."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def test_key_door_needs_the_key():
     ends = [t for t, (_, _, terminated, _) in enumerate(trace) if terminated]
     picked = [t for t, (*_, info) in enumerate(trace) if info["picked_key"]]
     opened = [t for t, (*_, info) in enumerate(trace) if info["opened_door"]]
-    # The key is two tiles away less the radius, the goal eight: 0.15 tile a step.
+    # The key is two tiles minus the radius away, and the goal eight, at 0.15 tiles per step.
     assert picked == [math.ceil((2 - 0.35) / 0.15) - 1]
     assert opened == [20]
     assert len(ends) > 0

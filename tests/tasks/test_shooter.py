@@ -1,4 +1,4 @@
-"""Shooters of one's own: their maps, what may be taken, and how they are won and lost."""
+"""Custom shooters: maps, pickups, wins and losses."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_outline_encloses_the_open_tiles(seed: int) -> None:
     padded = np.pad(~solid, 1).astype(int)
     borders = np.abs(np.diff(padded, axis=0)).sum() + np.abs(np.diff(padded, axis=1)).sum()
     assert sum(abs(w.x1 - w.x0) + abs(w.y1 - w.y0) for w in walls) == 64 * borders
-    # Each is as long as it goes: no other one goes on where it ends.
+    # Each is as long as possible: no other one continues at its end.
     starts, ends = ({p[i : i + 2] for p in map(_points, walls)} for i in (0, 2))
     straight = [
         (one, other)

@@ -355,7 +355,7 @@ SMALL = {
     "minigrid-door-key-6x6": _key_door(6),
     # Three places of a wall in either direction, with a gap of seven tiles.
     "minigrid-lava-crossing-s9n1": 2 * 3 * 7,
-    # Two balls that are alike, on the tiles without the goal and the start.
+    # Two equal balls, on the tiles without the goal and the start.
     "minigrid-dynamic-obstacles-5x5": math.comb(7, 2),
     "minigrid-dynamic-obstacles-random-5x5": 8 * 4 * math.comb(7, 2),
     # The cell of the box, in all mazes.

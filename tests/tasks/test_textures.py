@@ -1,4 +1,4 @@
-"""Environments with images of the user's own: each pixel shows what the labels say."""
+"""Environments with custom images: each pixel matches its label."""
 
 from typing import Any
 

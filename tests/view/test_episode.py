@@ -43,7 +43,7 @@ def walk(steps: int, side: int = 16) -> Episode:
 
 
 class Page(html.parser.HTMLParser):
-    """The picture and the text of what a notebook shows."""
+    """The image and the text that a notebook shows."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -76,7 +76,7 @@ def test_notebooks_get_an_animation(steps: int) -> None:
     with Image.open(io.BytesIO(page.picture)) as gif:
         assert getattr(gif, "n_frames", 1) == wanted
         assert max(gif.size) < 600
-        # What the agent saw stands there in squares, first and last.
+        # The first and the last observation are there, with square pixels.
         scale = 192 // 16
         for number, frame in ((0, episode.frames[0]), (wanted - 1, episode.frames[-1])):
             gif.seek(number)

@@ -174,7 +174,7 @@ def moving_squares(count: int, height: int = 97, width: int = 131) -> list[np.nd
 
 
 def decode(path: Path, width: int, height: int) -> tuple[str, np.ndarray]:
-    """What ffmpeg says of the stream in a file, and its frames."""
+    """ffmpeg's description of the stream in a file, and its frames."""
     program = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()
     raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
     done = subprocess.run([program, "-i", str(path), *raw], capture_output=True, check=True)

@@ -104,7 +104,7 @@ def test_sprites_are_drawn_in_their_place(tilemap: TileMap, scale: int) -> None:
     assert pixel(there, 6.25, 4.75) == glyphs.CROSS
     assert pixel(there, 6.0, 4.55) == pixel(there, 6.45, 4.95) == glyphs.BOX
     assert pixel(there, 8.5, 4.5) == paint(5)
-    # Floor half a tile beside each: nothing is larger than its tile or lies elsewhere.
+    # Half a tile beside each is floor: nothing exceeds its tile or is misplaced.
     for x in (1.6, 3.5, 5.5, 7.5, 9.5):
         assert pixel(there, x, 4.5) == ground.FLOOR
 

@@ -231,7 +231,7 @@ def test_options_of_other_bonuses_are_left_out() -> None:
 def test_commands_find_a_bonus_in_an_imported_module(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Also where the flag that names the module stands behind those of the bonus."""
+    """Even if the flag that names the module comes after the flags of the bonus."""
     monkeypatch.setattr(table, "_ALGORITHMS", dict(table.algorithms()))
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "my_visits.py").write_text(

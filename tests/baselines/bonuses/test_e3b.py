@@ -1,4 +1,4 @@
-"""E3B against inverses of the whole matrix, computed anew for every step."""
+"""E3B against inverses of the whole matrix, recomputed for every step."""
 
 import jax
 import jax.numpy as jnp
@@ -38,7 +38,7 @@ def test_e3b_is_the_quadratic_form_of_the_inverse_covariance(ridge):
     numbers = numbers_of("e3b", e3b_lambda=ridge)
     start = ridge * np.eye(6)
     matrices, counted = [start] * BATCH, 0
-    # Episodes go on from one rollout to the next.
+    # Episodes continue from one rollout to the next.
     for seed in range(3):
         data = experience(seed)
         phi, ended = embeddings(bonus, state, data), np.asarray(data.ended)
@@ -46,7 +46,7 @@ def test_e3b_is_the_quadratic_form_of_the_inverse_covariance(ridge):
         for t in range(STEPS):
             for n in range(BATCH):
                 if ended[t, n]:
-                    # What it led to begins the next episode.
+                    # The next observation begins the next episode.
                     matrices[n] = start + np.outer(phi[t, n], phi[t, n])
                     continue
                 expected = phi[t, n] @ np.linalg.inv(matrices[n]) @ phi[t, n]
@@ -122,7 +122,7 @@ def test_sampled_offsets_cover_one_to_the_reach():
 
 @pytest.mark.slow
 def test_training_pulls_together_only_frames_near_in_time():
-    # Each environment sees one frame of its own, with a little noise. The eight hidden units of the
+    # Each environment sees its own frame with a little noise. The eight hidden units of the
     # other tests may all die here, by chance of rounding: then all frames are one to them.
     rng = np.random.default_rng(1)
     bonus = bonus_of("e3b", e3b_embedding="temporal", e3b_hidden=64, e3b_latent=16)

@@ -1,4 +1,4 @@
-"""ICM: what it rewards, what it learns."""
+"""ICM: its rewards and its training."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""RND: what it rewards, what it learns, what it leaves alone."""
+"""RND: its rewards, its training, and what it does not change."""
 
 import jax
 import jax.numpy as jnp

@@ -132,7 +132,7 @@ def test_every_single_damaged_byte_is_noticed_or_harmless(store: Checkpoints) ->
 
 
 def test_damaged_name_is_not_mistaken_for_another_state(store: Checkpoints) -> None:
-    """The directory at the end of the file has every name a second time."""
+    """The directory at the end of the file repeats every name."""
     like = {"kernel": np.zeros(5, np.int32)}
     for update in (1, 2):
         store.save(update, like)
@@ -183,7 +183,7 @@ def test_oversized_header_allocates_nothing(store: Checkpoints) -> None:
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
 def test_only_stored_or_deflated_entries_are_read(store: Checkpoints, method: int) -> None:
-    """Four hundred bytes of bzip2 are four megabytes, whatever is read of them."""
+    """Four hundred bytes of bzip2 expand to four megabytes even for a short read."""
     store.folder.mkdir()
     swollen = io.BytesIO()
     np.save(swollen, np.zeros(5, np.int32))

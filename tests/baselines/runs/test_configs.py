@@ -26,7 +26,7 @@ def test_config_files_resolve_to_experiments(config: str, algo: str) -> None:
     experiment = resolve(given_training(build_parser().parse_args(flags)))
     assert experiment.config.algo == algo
     if config.startswith("figure3/"):
-        # What the paper says.
+        # The values of the paper.
         found = experiment.config
         assert len(experiment.runs) == 5
         assert experiment.environment.settings == {"height": 64, "width": 64}

@@ -156,7 +156,7 @@ def test_record_plays_agent_in_its_training_environment(
     assert "tiny seed-0" in capsys.readouterr().out
     assert main(["replay", str(saved)]) == 0
     assert "the same bit for bit" in capsys.readouterr().out
-    # Elsewhere it sees pictures of its own size, and its own environment may be changed.
+    # In other environments it gets images of its own size; its own environment can be changed.
     assert main([*common, "simple", "--steps", "3", "--run", "1", "--greedy"]) == 0
     assert "simple: 3 steps" in capsys.readouterr().out
     assert main([*common, "--param", "max_steps_in_episode=2", "--run", "1"]) == 0
@@ -200,7 +200,7 @@ def test_best_run_acts_by_default(folder: RunFolder, tmp_path: Path) -> None:
 
 
 def test_batch_policy_drives_gymnasium_environments(folder: RunFolder) -> None:
-    """Against the policy for one environment, with a memory that begins anew by hand."""
+    """Compare with the policy for one environment, whose memory is reset by hand."""
     gymnasium = pytest.importorskip("gymnasium")
     from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
 

@@ -1,4 +1,4 @@
-"""Run directories: resuming exactly, refusing what does not fit, metrics files."""
+"""Run directories: exact resuming, refused configs, metrics files."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_stopped_and_resumed_run_is_identical(
         stop=lambda: bool(done) and done[-1] >= stop_after,
     )
     assert done == list(range(stop_after + 1))
-    # What came after the checkpoint is cut off: whole rows, and half of one.
+    # Rows after the checkpoint are cut off: whole rows, and half of one.
     with (folder.path / METRICS).open("a") as file:
         file.write('{"update": 8}\n{"upd')
     assert train(RunFolder.open(folder.path)) == UPDATES
@@ -283,7 +283,7 @@ def test_full_disk_stops_the_run_and_harms_nothing(
     monkeypatch: pytest.MonkeyPatch,
     room: int,
 ) -> None:
-    """Every file is brought to the disk as it is written; there is room for so many."""
+    """Every file is synced as it is written; the disk has room for this many."""
     folder = RunFolder.create(tmp_path / "run", experiment)
     calls: list[int] = []
     real = os.fsync

@@ -33,7 +33,7 @@ def test_rows_are_in_order_and_have_no_infinite_numbers() -> None:
     assert [row["length"] for row in rows] == [None, 10, 4, 5]
     assert [row["success"] for row in rows] == [None, 0.5, 0.5, 1]
     assert [row["loss"] for row in rows] == [0.1, None, None, -1]
-    # A number of the grid with the name of a metric is kept beside it.
+    # A grid value with the name of a metric does not replace the metric.
     row = rows_of(values, [{"loss": 0.01, "gamma": 0.9}, {}], first=0, steps=32)[0]
     assert (row["loss"], row["grid_loss"], row["gamma"]) == (0.1, 0.01, 0.9)
 
@@ -82,7 +82,7 @@ def test_wandb_gets_every_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def rows(updates: int, entropy: float, episodes: int, successes: int = 0) -> list[Row]:
-    """Updates of two runs; all successes are those of the second one."""
+    """Updates of two runs; all successes belong to the second one."""
     one: Row = {"episodes": episodes, "successes": 0, "entropy": entropy}
     return [one, {**one, "successes": successes}] * updates
 

@@ -1,4 +1,4 @@
-"""Learning curves: what is pooled, the bootstrap band, files."""
+"""Learning curves: pooling, the bootstrap band, files."""
 
 from __future__ import annotations
 
@@ -228,7 +228,7 @@ def test_figure_shows_measured_values(folder: Path) -> None:
 
 
 def test_labels_are_not_parsed_as_math(tmp_path: Path) -> None:
-    """Matplotlib would read what stands between dollars, and hide labels that begin with `_`."""
+    """Matplotlib would parse text between dollar signs, and hide labels that begin with `_`."""
     labels = ["$\\frac{$", "_hidden", "a\x1b[2J\ud800"]
     curves = [Curve(label, np.array([1.0, 2.0]), np.array([[1.0, 2.0]])) for label in labels]
     save_plot(curves, [tmp_path / "a.png"], labels[0], title=labels[0])

@@ -58,7 +58,7 @@ def test_agent_is_a_policy_for_evaluate(folder: RunFolder, greedy: bool) -> None
 
 @pytest.fixture(scope="module")
 def exported(plain_frames: None, folder: RunFolder) -> Path:
-    """The first run of the folder as a program, by the command; beside it is the .npz file."""
+    """The first run of the folder, exported as a program with its .npz file."""
     pytest.importorskip("flatbuffers")
     path = folder.path.parent / "agent.jaxexport"
     out = str(path.with_suffix(".npz"))

@@ -72,7 +72,7 @@ class Grid:
 
 
 class MiniGridEnv:
-    """What `convert` uses of an environment."""
+    """The parts of an environment that `convert` uses."""
 
     def __init__(self, text: str, direction: int = 0) -> None:
         lines = text.split()
@@ -329,7 +329,7 @@ def test_environments_of_other_packages_are_refused(gymnasium: Any) -> None:
 
 
 def test_nothing_is_printed(gymnasium: Any, capfd: pytest.CaptureFixture[str]) -> None:
-    """Some ids are old versions, which gymnasium says; some levels are drawn again, and say so."""
+    """Gymnasium warns of old versions, and MiniGrid of levels that it draws again."""
     convert_id("MiniGrid-MultiRoom-N4-S5-v0", 0)
     with pytest.raises(SettingError):
         convert_id("BabyAI-GoToSeqS5R2-v0", 0)

@@ -29,7 +29,7 @@ def shifted(mask, rows, columns):
 
 
 def beside(mask):
-    """bool[B, rows, columns], the tiles that share an edge with a tile of a mask."""
+    """bool[B, rows, columns]: the tiles that share an edge with a tile of a mask."""
     return np.logical_or.reduce([shifted(mask, *way) for way in RING[::2]])
 
 
@@ -73,7 +73,7 @@ def start_tiles(states):
 
 
 class Search:
-    """What can be reached in B levels of N things and D doors.
+    """The reachable tiles and things in B levels with N things and D doors.
 
     Attributes:
         floor: bool[B, rows, columns], where one gets to.
@@ -130,7 +130,7 @@ class Search:
         return (self.ground | self.doors(self.opened)) & ~stops
 
     def near(self):
-        """bool[B, rows, columns], the floor and what is beside it."""
+        """bool[B, rows, columns]: the floor and its neighbours."""
         return self.floor | beside(self.floor)
 
     def touch(self):

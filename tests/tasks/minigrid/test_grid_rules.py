@@ -31,7 +31,7 @@ def plaza():
 
 
 def put(state, x, y, quarter):
-    """The state with the agent elsewhere."""
+    """The state with the agent at another pose."""
     place = jnp.array([x, y], jnp.float32)
     return state.replace(position=place, heading=jnp.float32(quarter * math.pi / 2))
 
